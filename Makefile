@@ -1,0 +1,87 @@
+# Everything here needs only Python (>= 3.10) and make: the first target that wants them builds .venv.
+
+PYTHON ?= python3
+PIP_ARGS ?=
+ARGS ?=
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP_INSTALL := $(BIN)/python -m pip install --no-input --disable-pip-version-check -c constraints.txt $(PIP_ARGS)
+
+.DEFAULT_GOAL := help
+.NOTPARALLEL:
+.PHONY: help train test lint format bench hooks clean distclean
+
+help:
+	@echo "make train    train a policy, compare it with the rules, write runs/   (ARGS='--help' lists its options)"
+	@echo "make test     run the tests                                            (ARGS='-m slow' the slow ones)"
+	@echo "make lint     check style, types and layers"
+	@echo "make format   format the code and mend what can be mended by machine"
+	@echo "make bench    measure the speed                                        (ARGS='--json' for a program)"
+	@echo "make hooks    run the checks at every git commit"
+	@echo "make clean    remove caches and build outputs (make distclean: .venv too; runs/ stays)"
+	@echo "Variables: PYTHON=$(PYTHON) (3.10 or newer), ARGS, PIP_ARGS (options for pip, such as another index)"
+
+train: $(VENV)/.train
+	$(BIN)/python train.py $(ARGS)
+
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest -n 2 --dist worksteal --durations 10 --durations-min 1 $(ARGS)
+
+lint: $(VENV)/.dev
+	$(BIN)/python -m ruff check
+	$(BIN)/python -m ruff format --check
+	$(BIN)/python -m mypy
+	$(BIN)/lint-imports --no-logo --no-cache
+
+format: $(VENV)/.dev
+	$(BIN)/python -m ruff check --fix
+	$(BIN)/python -m ruff format
+
+bench: $(VENV)/.train
+	$(BIN)/python -m benchmarks $(ARGS)
+
+hooks: $(VENV)/.dev
+	$(BIN)/python -m pre_commit install
+
+clean:
+	rm -rf build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache
+	find . -path ./$(VENV) -prune -o -path ./runs -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf $(VENV)
+
+# Each stamp says "these extras are installed as pyproject.toml and constraints.txt want them". It goes before the
+# installation starts and comes back only when all of it has succeeded. .dev contains .train.
+
+define check_python
+@command -v $(PYTHON) >/dev/null 2>&1 && $(PYTHON) -c "" 2>/dev/null || \
+  { echo "crowd_env needs Python 3.10 or newer, and '$(PYTHON)' does not run: install it, or name one with 'make PYTHON=...'." >&2; exit 1; }
+@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+  { echo "crowd_env needs Python 3.10 or newer, and '$(PYTHON)' is $$($(PYTHON) -V 2>&1): name a newer one with 'make PYTHON=...'." >&2; exit 1; }
+@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+  { echo "'$(PYTHON)' lacks the venv module: install it (Debian, Ubuntu: apt install python3-venv), or name another with 'make PYTHON=...'." >&2; exit 1; }
+endef
+
+# A half-made or broken .venv (interrupted, or its Python gone) is made again from scratch.
+define make_venv
+@rm -f $(VENV)/.train $(VENV)/.dev
+@$(BIN)/python -c 'import pip, sys; sys.exit(sys.prefix == sys.base_prefix)' 2>/dev/null || \
+  { echo "Building $(VENV), a few minutes the first time ..."; \
+    $(PYTHON) -m venv --clear $(VENV); }
+endef
+
+# scikit-fmm comes as source on Linux.
+install_failed = { echo "Installing failed, see above. If it was scikit-fmm: it is compiled here and wants a C++ compiler (Debian, Ubuntu: apt install g++ python3-dev)." >&2; exit 1; }
+
+$(VENV)/.train: pyproject.toml constraints.txt
+	$(check_python)
+	$(make_venv)
+	@$(PIP_INSTALL) -e '.[train,render]' || $(install_failed)
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml constraints.txt
+	$(check_python)
+	$(make_venv)
+	@$(PIP_INSTALL) -e '.[train,render,dev]' || $(install_failed)
+	@touch $(VENV)/.train $@

@@ -1,0 +1,67 @@
+"""PPO with parameter sharing: one network for everybody, started as the rule it has to beat."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from stable_baselines3 import PPO
+
+from crowd_env import CrowdEnv
+from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
+
+
+@dataclass(frozen=True)
+class PPOSettings:
+    """Hyperparameters, a line each; the defaults are tuned for room-v0."""
+
+    learning_rate: float = 3e-4  # falls linearly to zero
+    n_steps: int = 64  # decision steps per rollout
+    batch_size: int = 4096  # samples of people who were inside
+    n_epochs: int = 5
+    gamma: float = 0.99  # per decision step of 0.1 s
+    gae_lambda: float = 0.95
+    clip_range: float = 0.2
+    ent_coef: float = 0.0
+    hidden: int = 64  # units in each of two layers
+    log_std_init: float = -1.0
+    target_kl: float = 0.03
+
+
+def _falling(initial: float) -> Any:
+    def rate(remaining: float) -> float:
+        return initial * remaining
+
+    return rate
+
+
+def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path | None = None) -> PPO:
+    """Return an untrained PPO model on ``env`` (made with ``autoreset=True``).
+
+    The mean action starts at (1, 0), walk the shortest path: learning begins at the rule, not at a random walk through the
+    room, and looks for what is better.
+    """
+    venv = CrowdVecEnv(env)
+    model = PPO(
+        "MlpPolicy",
+        venv,
+        learning_rate=_falling(settings.learning_rate),
+        n_steps=settings.n_steps,
+        batch_size=settings.batch_size,
+        n_epochs=settings.n_epochs,
+        gamma=settings.gamma,
+        gae_lambda=settings.gae_lambda,
+        clip_range=settings.clip_range,
+        ent_coef=settings.ent_coef,
+        target_kl=settings.target_kl,
+        rollout_buffer_class=MaskedRolloutBuffer,
+        rollout_buffer_kwargs={"venv": venv},
+        policy_kwargs={"net_arch": [settings.hidden] * 2, "log_std_init": settings.log_std_init},
+        tensorboard_log=None if log_folder is None else str(log_folder),
+        seed=seed,
+        device="cpu",
+    )
+    if env.action_kind == "continuous" and env.frame == "path":
+        with torch.no_grad():
+            model.policy.action_net.bias.copy_(torch.tensor([1.0, 0.0]))
+    return model

@@ -1,0 +1,28 @@
+"""The door by which every policy enters, rule or network."""
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from crowd_env import ObservationLayout
+
+
+class Policy(Protocol):
+    """Decides for all people of a batch at once.
+
+    Attributes
+    ----------
+    name : what tables and plots call it.
+    env_options : options of `CrowdEnv` the policy was made for (frame, action, observation); empty if any will do.
+    """
+
+    name: str
+    env_options: dict[str, Any]
+
+    def reset(self, env_mask: np.ndarray) -> None:
+        """Forget what belongs to the environments (E,) that start anew."""
+        ...
+
+    def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
+        """Return actions (P, A) in [-1, 1] for observations (P, D); None leaves everyone to the rule of the environment."""
+        ...

@@ -1,0 +1,49 @@
+"""Policies that need no learning: what a learned one has to beat."""
+
+from typing import Any
+
+import numpy as np
+
+from crowd_env import ObservationLayout
+
+
+class _Rule:
+    """A policy without memory, for any continuous environment."""
+
+    name = ""
+
+    def __init__(self) -> None:
+        self.env_options: dict[str, Any] = {}
+
+    def reset(self, env_mask: np.ndarray) -> None:
+        """Nothing to forget."""
+
+
+class ShortestPath(_Rule):
+    """Walk the shortest path at full desired speed."""
+
+    name = "shortest"
+
+    def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
+        """Leave everyone to the rule of the environment, which is this one."""
+        return None
+
+
+class StandStill(_Rule):
+    """Want to stay where one is."""
+
+    name = "stand-still"
+
+    def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
+        """Return zero desired velocity."""
+        return np.zeros((len(observation), 2))
+
+
+class RandomWalk(_Rule):
+    """Draw every desired velocity uniformly from the action space."""
+
+    name = "random"
+
+    def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
+        """Return uniform actions."""
+        return rng.uniform(-1.0, 1.0, (len(observation), 2))

@@ -1,0 +1,75 @@
+"""crowd_env: reinforcement learning in crowds that really touch each other.
+
+Pedestrians leave buildings under granular contact physics, as PettingZoo, Gymnasium and plain-array environments.
+"""
+
+import gymnasium
+import pettingzoo
+
+from crowd_env.env import CrowdEnv, Step
+from crowd_env.geometry import Geometry
+from crowd_env.gymnasium_env import CrowdGymEnv, CrowdVectorEnv, make_vec
+from crowd_env.metrics import EpisodeMetrics
+from crowd_env.observation import ObservationLayout
+from crowd_env.parallel_env import CrowdParallelEnv, parallel_env
+from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, make_scheme
+from crowd_env.population import Normal, Population, Uniform
+from crowd_env.reward import RewardWeights
+from crowd_env.scenario import Scenario, read_starts, scenario_from_wkt
+from crowd_env.scenarios import SCENARIOS, make_scenario
+from crowd_env.simulation import Simulation
+from crowd_env.state import Bodies, CrowdState, make_bodies, make_state
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "DEM",
+    "NSM1",
+    "NSM2",
+    "SCENARIOS",
+    "SCHEMES",
+    "Bodies",
+    "CrowdEnv",
+    "CrowdGymEnv",
+    "CrowdParallelEnv",
+    "CrowdState",
+    "CrowdVectorEnv",
+    "EpisodeMetrics",
+    "Geometry",
+    "Normal",
+    "ObservationLayout",
+    "Population",
+    "RewardWeights",
+    "Scenario",
+    "Simulation",
+    "Step",
+    "Uniform",
+    "make_bodies",
+    "make_scenario",
+    "make_scheme",
+    "make_state",
+    "make_vec",
+    "parallel_env",
+    "read_starts",
+    "register",
+    "scenario_from_wkt",
+]
+
+
+def register() -> None:
+    """Register every scenario as ``crowd_env/<name>`` with PettingZoo (parallel) and Gymnasium (one room and batch)."""
+    for name in SCENARIOS:
+        options = {"scenario": name}
+        identity = f"crowd_env/{name}"
+        if identity not in gymnasium.registry:
+            gymnasium.register(
+                identity,
+                entry_point="crowd_env.gymnasium_env:CrowdGymEnv",
+                vector_entry_point="crowd_env.gymnasium_env:CrowdVectorEnv",
+                kwargs=options,
+            )
+        if identity not in pettingzoo.parallel_registry:
+            pettingzoo.register("parallel", identity, "crowd_env.parallel_env:parallel_env", kwargs=options)
+
+
+register()

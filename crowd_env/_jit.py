@@ -1,0 +1,90 @@
+"""How crowd_env compiles: one decorator, one cache folder.
+
+numba's on-disk cache looks at the file of the kernel itself, not at the files of the kernels it calls: after an edit to a
+helper it would silently run the OLD helper.  The cache folder therefore carries a stamp: the hash of every source file of
+the package that holds kernels.  Any edit opens a new folder; folders unused for a month are removed.
+"""
+
+import hashlib
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import config
+
+_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+_KEEP_SECONDS = 30 * 24 * 3600.0
+
+
+def kernel_stamp() -> str:
+    """Return a hash of all kernel sources of the package and of the numba version."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        text = path.read_bytes()
+        if b"kernel" in text:
+            digest.update(path.name.encode())
+            digest.update(text)
+    return digest.hexdigest()[:16]
+
+
+def _usable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
+
+
+def _cache_folder() -> Path:
+    """Return the stamped cache folder: $NUMBA_CACHE_DIR, else the user's cache, else a temporary folder."""
+    own = os.environ.get("NUMBA_CACHE_DIR")
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    root = Path(own) if own else Path(home) / "crowd_env"
+    folder = root / f"kernels-{kernel_stamp()}"
+    if not _usable(folder):
+        folder = Path(tempfile.gettempdir()) / f"crowd_env-{os.getuid() if hasattr(os, 'getuid') else 0}" / folder.name
+        _usable(folder)
+    _remove_stale(folder)
+    return folder
+
+
+def _remove_stale(folder: Path) -> None:
+    """Delete sibling stamps that nothing has opened for a month."""
+    for other in folder.parent.glob("kernels-*"):
+        try:
+            if other != folder and time.time() - other.stat().st_mtime > _KEEP_SECONDS:
+                shutil.rmtree(other, ignore_errors=True)
+        except OSError:  # another process removed it first
+            continue
+
+
+CACHE_FOLDER = _cache_folder()
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile ``function`` for one thread, cached in the stamped folder.
+
+    No fast-math: the order of every sum is the order written, so the same build gives the same bits.
+    """
+    return _compile(function, {})
+
+
+def parallel_kernel(function: Callable[..., Any]) -> Any:
+    """Compile ``function`` with ``numba.prange`` spread over threads; its body must write disjoint memory."""
+    return _compile(function, {"parallel": True})
+
+
+def _compile(function: Callable[..., Any], extra: dict[str, Any]) -> Any:
+    # numba picks the cache folder when the decorator runs; other users of numba in the process keep their own.
+    before = config.CACHE_DIR  # type: ignore[attr-defined]
+    config.CACHE_DIR = str(CACHE_FOLDER)  # type: ignore[attr-defined]
+    try:
+        return numba.njit(**_OPTIONS, **extra)(function)
+    finally:
+        config.CACHE_DIR = before  # type: ignore[attr-defined]

@@ -1,0 +1,294 @@
+"""CrowdEnv: a batch of evacuations over arrays; the only place where learning meets physics."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike
+
+from crowd_env.action import ActionKind, Frame, action_space, check_frame, to_command
+from crowd_env.metrics import EpisodeMetrics, flow_slope
+from crowd_env.observation import ObservationLayout, View, look_ahead
+from crowd_env.physics import ContactScheme
+from crowd_env.reward import RewardWeights, Transition
+from crowd_env.scenario import Scenario
+from crowd_env.scenarios import make_scenario
+from crowd_env.simulation import Simulation
+from crowd_env.state import Bodies, Bools, Floats, make_state
+
+
+class Step(NamedTuple):
+    """What a decision step returns; P people, E environments, in slots that never move."""
+
+    observation: np.ndarray  # (P, D) float32; zero for those who are out
+    reward: Floats  # (P,)
+    terminated: Bools  # (P,)   got out during this step: true exactly once an episode
+    truncated: Bools  # (P,)   still inside when the time limit was reached
+    info: dict[str, Any]
+
+
+class CrowdEnv:
+    """A batch of evacuations.
+
+    Observation
+        (P, D) float32 in [-1, 1], columns as ``layout`` says.  The row of someone who got out is his last one in the step
+        in which he got out, zero afterwards.
+    Action
+        (P, 2) in [-1, 1]: the desired velocity as a multiple of the own desired speed, in ``frame``; or (P,) 0..8.  Where
+        ``rule`` is true, or if the action is None, the pedestrian walks the shortest path instead.
+    Reward
+        (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.
+    Termination
+        A pedestrian terminates when its centre crosses an exit line, and is truncated at the scenario's time limit.  An
+        environment is finished when nobody is left inside or at its time limit; ``info["finished"]`` (E,).
+    Randomness
+        Environment ``e`` has its own generator, made of (seed, e); a list of seeds gives environment ``e`` what a batch of
+        one gets from that seed.  Physics and observations draw nothing.
+
+    Parameters
+    ----------
+    scenario : name in ``SCENARIOS``, a Scenario, or a sequence of them, dealt out to the environments in turn.
+    num_envs : number of environments E.
+    scheme : name in ``SCHEMES`` or a scheme.
+    dt, decision_dt : s, physics step and decision step; the second must be a whole multiple of the first.
+    frame, action : see `crowd_env.action`.
+    observation, reward : layout and weights.
+    time_limit : s, replaces the scenario's.
+    autoreset : start a new episode in the step in which an environment finishes; the last observations of the finished one
+        are then in ``info["final_observation"]``.
+    threads : spread environments over threads; results do not depend on it.
+    scenario_options : options of the scenario if it is given by name.
+
+    Raises
+    ------
+    ValueError
+        If any of these is unknown, out of range, or does not fit together.
+
+    Examples
+    --------
+    >>> env = CrowdEnv("room-v0", num_envs=4)
+    >>> observation, info = env.reset(seed=0)
+    >>> step = env.step(None)   # everyone walks the shortest path
+    >>> step.reward.shape
+    (80,)
+    """
+
+    def __init__(
+        self,
+        scenario: str | Scenario | Sequence[str | Scenario] = "room-v0",
+        *,
+        num_envs: int = 1,
+        scheme: str | ContactScheme = "nsm2",
+        dt: float = 0.01,
+        decision_dt: float = 0.1,
+        frame: Frame = "path",
+        action: ActionKind = "continuous",
+        observation: ObservationLayout | None = None,
+        reward: RewardWeights | None = None,
+        time_limit: float | None = None,
+        autoreset: bool = False,
+        threads: int = 1,
+        **scenario_options: Any,
+    ) -> None:
+        if num_envs < 1:
+            raise ValueError(f"num_envs is {num_envs}; it must be at least 1")
+        check_frame(frame)
+        self.n_substeps = _whole_number(decision_dt, dt)
+        kinds = [scenario] if isinstance(scenario, str | Scenario) else list(scenario)
+        self.scenarios = [make_scenario(kind, **scenario_options) for kind in kinds]
+        self.num_envs = num_envs
+        self.decision_dt = decision_dt
+        self.frame: Frame = frame
+        self.action_kind: ActionKind = action
+        self.layout = observation or ObservationLayout()
+        self.reward_weights = reward or RewardWeights()
+        self.autoreset = autoreset
+        self.single_action_space = action_space(action)
+        self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
+        which = np.arange(num_envs) % len(self.scenarios)
+        if time_limit is not None and not time_limit > 0:
+            raise ValueError(f"time_limit is {time_limit!r} s; it must be > 0")
+        self.time_limit = np.array([time_limit or self.scenarios[k].time_limit for k in which])
+        self.scenario_of_env = [self.scenarios[k] for k in which]
+        self._generators = [np.random.default_rng() for _ in range(num_envs)]
+        draws = [
+            s.population.draw(rng, s.geometry) for s, rng in zip(self.scenario_of_env, self._generators, strict=True)
+        ]
+        self.env_start = np.concatenate([[0], np.cumsum([len(position) for _, position in draws])]).astype(np.int64)
+        columns = [np.concatenate(column) for column in zip(*(bodies[:-1] for bodies, _ in draws), strict=True)]
+        self.simulation = Simulation(
+            [s.geometry for s in self.scenarios],
+            Bodies(*columns, env_start=self.env_start),
+            make_state(np.concatenate([position for _, position in draws]), environments=num_envs),
+            scheme=scheme,
+            dt=dt,
+            fields=[s.field() for s in self.scenarios],
+            geometry_of_env=which,
+            threads=threads,
+        )
+        people = int(self.env_start[-1])
+        self.env_of_person = np.repeat(np.arange(num_envs), np.diff(self.env_start))
+        self._travel_time = np.zeros(people)
+        self._impulse = np.zeros(people)
+        self._view_arrays = (np.zeros((people, 2)), np.zeros((people, 2)), np.zeros(people))
+        self.finished = np.ones(num_envs, dtype=np.bool_)  # until the first reset
+
+    @property
+    def num_people(self) -> int:
+        """Number of slots P."""
+        return int(self.env_start[-1])
+
+    @property
+    def active(self) -> Bools:
+        """Who is still inside (P,)."""
+        return self.simulation.state.active
+
+    def people(self, e: int) -> slice:
+        """Return the slots of environment ``e``."""
+        return slice(int(self.env_start[e]), int(self.env_start[e + 1]))
+
+    def reset(
+        self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start a new episode everywhere, or where ``mask`` (E,) is true.
+
+        Parameters
+        ----------
+        seed : an int gives environment ``e`` the generator of (seed, e); a sequence gives each what a batch of one would
+            get from its seed; None goes on drawing from the generators as they are.
+
+        Raises
+        ------
+        ValueError
+            If a seed is negative or there are not as many as environments.
+        """
+        chosen = np.ones(self.num_envs, dtype=np.bool_) if mask is None else np.asarray(mask, dtype=np.bool_)
+        for e, words in enumerate(_seed_words(seed, self.num_envs)):
+            if chosen[e] and words is not None:
+                self._generators[e] = np.random.default_rng(words)
+        for e in np.flatnonzero(chosen):
+            self._restart(int(e))
+        return self._observe(self.active), {}
+
+    def step(self, action: ArrayLike | None = None, rule: ArrayLike | None = None) -> Step:
+        """Advance every unfinished environment by one decision step.
+
+        Parameters
+        ----------
+        action : (P, 2) or, if discrete, (P,); rows of people who are out are ignored.  None: everyone follows the rule.
+        rule : (P,), true for those who follow the rule whatever their action.
+
+        Raises
+        ------
+        ValueError
+            If an action is malformed or not finite.
+        """
+        simulation, state = self.simulation, self.simulation.state
+        command, relative = self._command(action, rule)
+        inside = state.active.copy()
+        started = state.time.copy()
+        simulation.advance(command, relative=relative, n_substeps=self.n_substeps)
+        left = inside & ~state.active
+        before = self._travel_time.copy()
+        observation = self._observe(inside)
+        self._impulse += simulation.memory.crush
+        clock = np.where(left, state.exit_time, state.time[self.env_of_person])
+        reward, terms = self.reward_weights.evaluate(
+            Transition(
+                inside=inside,
+                left=left,
+                travel_time_before=before,
+                travel_time_after=self._travel_time,
+                duration=clock - started[self.env_of_person],
+                crush=simulation.memory.crush,
+                mass=simulation.bodies.mass,
+            ),
+            self.env_start,
+        )
+        over_time = state.time > self.time_limit - 0.5 * simulation.dt
+        truncated = state.active & over_time[self.env_of_person]
+        ended = (over_time | (simulation.inside == 0)) & ~self.finished
+        self.finished = self.finished | ended
+        info: dict[str, Any] = {f"reward/{name}": values for name, values in terms.items()}
+        info["finished"] = ended
+        info["metrics"] = {int(e): self.metrics(int(e)) for e in np.flatnonzero(ended)}
+        state.active[truncated] = False  # at the time limit the episode is over for those inside too
+        if self.autoreset and ended.any():
+            info["final_observation"] = observation.copy()
+            for e in np.flatnonzero(ended):
+                self._restart(int(e))
+            fresh = ended[self.env_of_person]
+            observation[fresh] = self._observe(fresh)[fresh]
+        return Step(observation, reward, left, truncated, info)
+
+    def metrics(self, e: int) -> EpisodeMetrics:
+        """Return the metrics of the episode of environment ``e`` so far."""
+        people, sums = self.people(e), self.simulation.diagnostics
+        exit_time = self.simulation.state.exit_time[people]
+        out = np.isfinite(exit_time)
+        nan = float("nan")
+        return EpisodeMetrics(
+            evacuation_time=float(exit_time.max()) if out.all() else nan,
+            mean_exit_time=float(exit_time[out].mean()) if out.any() else nan,
+            unfinished=int((~out).sum()),
+            flow=flow_slope(exit_time),
+            contact_impulse=float(self._impulse[people].mean()),
+            max_overlap=float(sums.max_overlap[e]),
+            mean_overlap=float(sums.overlap_sum[e] / max(sums.overlap_count[e], 1)),
+            max_outside=float(sums.max_outside[e]),
+            residual=float(sums.residual[e]),
+            unconverged=int(sums.unconverged[e]),
+        )
+
+    def _restart(self, e: int) -> None:
+        scenario = self.scenario_of_env[e]
+        self.simulation.restart(e, *scenario.population.draw(self._generators[e], scenario.geometry))
+        self._impulse[self.people(e)] = 0.0
+        self.finished[e] = False
+
+    def _command(self, action: ArrayLike | None, rule: ArrayLike | None) -> tuple[Floats | None, Bools | None]:
+        if action is None:
+            return None, None
+        asked = self.active if rule is None else self.active & ~np.asarray(rule, dtype=np.bool_)
+        action = np.atleast_1d(np.array(action))
+        if len(action) == len(asked):  # else to_command says what is wrong
+            action[~asked] = 0
+        command = to_command(action, self.action_kind, self.num_people)
+        command[~asked] = (1.0, 0.0)
+        return command, (~asked if self.frame == "world" else None)
+
+    def _observe(self, seen: Bools) -> np.ndarray:
+        """Return the observation of those ``seen``, and remember their travel times."""
+        simulation = self.simulation
+        axis, direction, travel_time = self._view_arrays
+        view = View(
+            simulation.world, simulation.bodies, simulation.state, simulation.memory, seen, axis, direction, travel_time
+        )
+        look_ahead(view, self.frame == "path")
+        self._travel_time[seen] = travel_time[seen]
+        return self.layout.observe(view)
+
+
+def _whole_number(decision_dt: float, dt: float) -> int:
+    if not (dt > 0 and decision_dt > 0):
+        raise ValueError(f"dt is {dt!r} s and decision_dt {decision_dt!r} s; both must be > 0")
+    ratio = decision_dt / dt
+    if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
+        raise ValueError(f"decision_dt = {decision_dt:g} s is not a whole number of physics steps of dt = {dt:g} s")
+    return round(ratio)
+
+
+def _seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[int] | None]:
+    """Return what each environment's generator is made of."""
+    if seed is None:
+        return [None] * num_envs
+    if np.ndim(seed) == 0:
+        words = [[int(seed), e] for e in range(num_envs)]  # type: ignore[arg-type]
+    else:
+        words = [[int(word), 0] for word in seed]  # type: ignore[union-attr]
+    if len(words) != num_envs:
+        raise ValueError(f"{len(words)} seeds for {num_envs} environments; give one each, or a single int")
+    if min(min(pair) for pair in words) < 0:
+        raise ValueError("seeds must be >= 0")
+    return words

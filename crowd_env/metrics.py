@@ -1,0 +1,58 @@
+"""What a finished evacuation is judged by, and the mean of many with its interval."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crowd_env.state import Floats
+
+
+class EpisodeMetrics(NamedTuple):
+    """One evacuation of one crowd."""
+
+    evacuation_time: float  # s    when the last person got out; nan if someone did not
+    mean_exit_time: float  # s    over those who got out
+    unfinished: int  # people still inside at the time limit
+    flow: float  # 1/s  least-squares slope of the number out against time; nan with fewer than 3 exits
+    contact_impulse: float  # N s  contact impulse magnitudes per person, summed over the episode
+    max_overlap: float  # m
+    mean_overlap: float  # m    over all overlapping contacts of all steps
+    max_outside: float  # m    furthest reach of a body beyond a wall
+    residual: float  # m/s  worst solver residual
+    unconverged: int  # physics steps that ended above the solver's tolerance
+
+
+def flow_slope(exit_time: Floats) -> float:
+    """Return the least-squares slope [1/s] of the count of people out against time (Pécol et al. 2011, Fig 3).
+
+    ``exit_time`` may hold nan for people still inside; with fewer than 3 exits, or all at once, the slope is nan.
+    """
+    times = np.sort(exit_time[np.isfinite(exit_time)])
+    if len(times) < 3 or times[-1] <= times[0]:
+        return float("nan")
+    count = np.arange(1, len(times) + 1)
+    centred = times - times.mean()
+    return float((centred * (count - count.mean())).sum() / (centred**2).sum())
+
+
+class Summary(NamedTuple):
+    """Mean of a sample with its spread and the 95 % bootstrap interval of the mean."""
+
+    mean: float
+    sd: float
+    ci95: tuple[float, float]
+
+
+def summarise(values: Floats | list[float], resamples: int = 2000) -> Summary:
+    """Return mean, sample standard deviation and percentile-bootstrap interval of the finite ``values``; nan if none."""
+    sample = np.asarray(values, dtype=np.float64)
+    sample = sample[np.isfinite(sample)]
+    nan = float("nan")
+    if len(sample) == 0:
+        return Summary(nan, nan, (nan, nan))
+    if len(sample) == 1:
+        return Summary(float(sample[0]), nan, (nan, nan))
+    rng = np.random.default_rng(0)  # the interval of the same sample is always the same
+    means = rng.choice(sample, (resamples, len(sample))).mean(axis=1)
+    low, high = np.percentile(means, [2.5, 97.5])
+    return Summary(float(sample.mean()), float(sample.std(ddof=1)), (float(low), float(high)))

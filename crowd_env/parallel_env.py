@@ -1,0 +1,207 @@
+"""PettingZoo ParallelEnv: one evacuation as dictionaries, one agent per pedestrian."""
+
+import functools
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+from pettingzoo import ParallelEnv
+from pettingzoo.utils.conversions import parallel_to_aec
+
+from crowd_env.action import action_space
+from crowd_env.env import CrowdEnv
+from crowd_env.scenario import Scenario
+
+RENDER_MODES = ("rgb_array", "human")
+
+
+class CrowdParallelEnv(ParallelEnv):
+    """One evacuation; every pedestrian is an agent, ``pedestrian_0`` to ``pedestrian_{N-1}``.
+
+    Observation, action and reward of an agent are the rows of `CrowdEnv`, which see.  An action of None, or none at all for an
+    agent, lets the rule decide: the pedestrian walks the shortest path.  Learned and ruled pedestrians can share a room.
+
+    Who gets out leaves ``agents`` in the step in which he gets out, with his last observation and reward and
+    ``terminated = True``.  At the time limit all who are left are truncated.  After the end, ``step({})`` returns five empty
+    dictionaries.  ``reset`` ignores options it does not know.
+
+    Parameters
+    ----------
+    scenario : name in ``SCENARIOS`` or a Scenario.
+    render_mode : None, "rgb_array" or "human".
+    max_cycles : decision steps after which the episode is truncated; replaces ``time_limit``.
+    options : everything else `CrowdEnv` takes: scheme, dt, decision_dt, frame, action, observation, reward ...
+
+    Examples
+    --------
+    >>> import crowd_env
+    >>> env = crowd_env.parallel_env("room-v0", scheme="nsm2")
+    >>> observations, infos = env.reset(seed=0)
+    >>> while env.agents:
+    ...     actions = {agent: env.action_space(agent).sample() for agent in env.agents}
+    ...     observations, rewards, terminations, truncations, infos = env.step(actions)
+    """
+
+    metadata = {"name": "crowd_env", "render_modes": list(RENDER_MODES), "render_fps": 10, "is_parallelizable": True}
+
+    def __init__(
+        self,
+        scenario: str | Scenario = "room-v0",
+        *,
+        render_mode: str | None = None,
+        max_cycles: int | None = None,
+        **options: Any,
+    ) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise ValueError(f"unknown render_mode {render_mode!r}; known: None, {', '.join(RENDER_MODES)}")
+        for name in ("num_envs", "autoreset"):
+            if name in options:
+                raise ValueError(f"a ParallelEnv is one evacuation; {name} belongs to CrowdEnv or crowd_env.make_vec")
+        self.env = CrowdEnv(scenario, num_envs=1, **options)
+        if max_cycles is not None:
+            self.max_cycles = max_cycles
+        self.render_mode = render_mode
+        self.possible_agents = [f"pedestrian_{i}" for i in range(self.env.num_people)]
+        self.agents: list[str] = []
+        self._slot = {agent: i for i, agent in enumerate(self.possible_agents)}
+        people = self.env.num_people
+        self.state_space = gymnasium.spaces.Box(-np.inf, np.inf, (people * 5 + 1,), np.float32)
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.env.decision_dt)}
+        self._canvas: Any = None
+        self._window: Any = None
+
+    @property
+    def max_cycles(self) -> int:
+        """Decision steps until the time limit."""
+        return round(float(self.env.time_limit[0]) / self.env.decision_dt)
+
+    @max_cycles.setter
+    def max_cycles(self, cycles: int) -> None:
+        if cycles < 1:
+            raise ValueError(f"max_cycles is {cycles}; it must be at least 1")
+        self.env.time_limit[:] = cycles * self.env.decision_dt
+
+    # Every agent has its own space, made once: seeding one must not seed another.
+    @functools.cache  # noqa: B019 - lives as long as the environment
+    def observation_space(self, agent: str) -> gymnasium.spaces.Box:
+        """Return the observation space of an agent."""
+        space = self.env.single_observation_space
+        return gymnasium.spaces.Box(space.low, space.high, space.shape, np.float32)
+
+    @functools.cache  # noqa: B019
+    def action_space(self, agent: str) -> gymnasium.Space:
+        """Return the action space of an agent."""
+        return action_space(self.env.action_kind)
+
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
+        """Start an evacuation; the same seed gives the same people in the same places."""
+        observation, _ = self.env.reset(None if seed is None else [seed])
+        self.agents = list(self.possible_agents)
+        if self.render_mode == "human":
+            self.render()
+        return dict(zip(self.agents, observation, strict=True)), {agent: {} for agent in self.agents}
+
+    def step(
+        self, actions: Mapping[str, Any]
+    ) -> tuple[
+        dict[str, np.ndarray], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+    ]:
+        """Advance by one decision step.
+
+        Raises
+        ------
+        ValueError
+            If an action is malformed or not finite, or belongs to someone who is not inside.
+        """
+        if not self.agents:
+            return {}, {}, {}, {}, {}
+        action, rule = self._gather(actions)
+        step = self.env.step(action, rule)
+        slots = [self._slot[agent] for agent in self.agents]
+        names = [name for name in step.info if name.startswith("reward/")]
+        observations = {agent: step.observation[i] for agent, i in zip(self.agents, slots, strict=True)}
+        rewards = dict(zip(self.agents, step.reward[slots].tolist(), strict=True))
+        terminations = dict(zip(self.agents, step.terminated[slots].tolist(), strict=True))
+        truncations = dict(zip(self.agents, step.truncated[slots].tolist(), strict=True))
+        columns = [step.info[name][slots].tolist() for name in names]
+        infos: dict[str, dict[str, Any]] = {
+            agent: dict(zip(names, row, strict=True)) for agent, *row in zip(self.agents, *columns, strict=True)
+        }
+        if step.info["metrics"]:
+            for agent in self.agents:
+                infos[agent]["metrics"] = step.info["metrics"][0]._asdict()
+        self.agents = [agent for agent in self.agents if not (terminations[agent] or truncations[agent])]
+        if self.render_mode == "human":
+            self.render()
+        return observations, rewards, terminations, truncations, infos
+
+    def _gather(self, actions: Mapping[str, Any]) -> tuple[np.ndarray | None, np.ndarray]:
+        """Return actions by slot, and who follows the rule."""
+        known = set(self.agents)
+        for agent in actions:
+            if agent not in known:
+                known_text = f"{len(known)} agents are inside" if agent in self._slot else "there is no such agent"
+                raise ValueError(f"action for {agent!r}, who is not inside: {known_text}")
+        rule = np.ones(self.env.num_people, dtype=np.bool_)
+        chosen = [(self._slot[agent], action) for agent, action in actions.items() if action is not None]
+        if self.env.action_kind == "discrete":
+            gathered = np.zeros(self.env.num_people)
+        else:
+            gathered = np.zeros((self.env.num_people, 2))
+        for i, action in chosen:
+            shape = np.shape(action)
+            if shape != gathered.shape[1:] and np.size(action) != 1:
+                raise ValueError(
+                    f"action of {self.possible_agents[i]} has the shape {shape}; it must be {gathered.shape[1:]}"
+                )
+            gathered[i] = action
+            rule[i] = False
+        return gathered, rule
+
+    def state(self) -> np.ndarray:
+        """Return the whole crowd (5 N + 1,) float32 for a centralised critic.
+
+        Position [m], velocity [m/s] and whether still inside, for everyone in turn (zeros for those who are out); then the
+        time left [s].
+        """
+        crowd = self.env.simulation.state
+        inside = crowd.active[:, None]
+        rows = np.concatenate([crowd.position * inside, crowd.velocity * inside, inside], axis=1)
+        left = self.env.time_limit[0] - crowd.time[0]
+        return np.append(rows.ravel(), left).astype(np.float32)
+
+    def render(self) -> np.ndarray | None:
+        """Return a frame (H, W, 3) uint8, or show it in a window; None without a render mode."""
+        if self.render_mode is None:
+            return None
+        from crowd_env.rendering import Window, draw_env
+
+        frame, self._canvas = draw_env(self.env, self._canvas)
+        if self.render_mode == "rgb_array":
+            return frame
+        if self._window is None:
+            self._window = Window(self.metadata["render_fps"])
+        self._window.show(frame)
+        return None
+
+    def close(self) -> None:
+        """Close the window, if any."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+
+def parallel_env(scenario: str | Scenario = "room-v0", **options: Any) -> CrowdParallelEnv:
+    """Return one evacuation as a PettingZoo ParallelEnv; see `CrowdParallelEnv`."""
+    return CrowdParallelEnv(scenario, **options)
+
+
+def env(scenario: str | Scenario = "room-v0", **options: Any) -> Any:
+    """Return the same as a PettingZoo AEC environment (agents act in turn, physics moves when all have)."""
+    return parallel_to_aec(parallel_env(scenario, **options))
+
+
+raw_env = parallel_env

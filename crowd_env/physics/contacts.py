@@ -1,0 +1,144 @@
+"""The waist of the hourglass: every touch, disc on disc, disc on wall and disc on corner, as one struct of arrays.
+
+Sign conventions: ``gap`` is the distance between the surfaces (negative = overlap); the unit ``normal`` points from ``j`` to
+``i``, so a positive normal impulse pushes ``i`` along ``+normal`` and ``j`` along ``-normal``; the tangent is the normal turned
+left by 90 degrees.  ``j < 0`` is a wall feature: it does not move.
+
+A wall is a set of segments and of end points.  A disc touches the inside of a segment only where its centre projects on it,
+and an end point only where every segment that ends there projects beyond it: each touch is found exactly once, at a door
+jamb, around the corner of an obstacle, and along a straight wall made of pieces.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crowd_env._jit import kernel
+from crowd_env.geometry import Boundary
+from crowd_env.physics.neighbors import NeighbourList
+from crowd_env.state import Bodies, CrowdState, Floats, Ints
+
+
+class Contacts(NamedTuple):
+    """Contacts of all environments; ``e`` owns ``NeighbourList.entry_start[e]`` onwards, ``count[e]`` of them."""
+
+    count: Ints  # (E,)
+    i: Ints  # (M,)    global person
+    j: Ints  # (M,)    global person > i, or -1 - k: wall feature k
+    gap: Floats  # (M,)    m     < 0 is overlap
+    normal: Floats  # (M, 2)        unit, from j to i
+    impulse: Floats  # (M, 2)  N s   normal, tangential, of the current step
+    entry: Ints  # (M,)          where the pair stands in the neighbour list
+
+
+def allocate_contacts(near: NeighbourList) -> Contacts:
+    """Return contacts with as much room as the neighbour list."""
+    entries = len(near.partner)
+    return Contacts(
+        count=np.zeros(len(near.reach), dtype=np.int64),
+        i=np.zeros(entries, dtype=np.int64),
+        j=np.zeros(entries, dtype=np.int64),
+        gap=np.zeros(entries),
+        normal=np.zeros((entries, 2)),
+        impulse=np.zeros((entries, 2)),
+        entry=np.zeros(entries, dtype=np.int64),
+    )
+
+
+@kernel
+def find_contacts(
+    e: int,
+    g: int,
+    boundary: Boundary,
+    bodies: Bodies,
+    state: CrowdState,
+    near: NeighbourList,
+    contacts: Contacts,
+    margin: float,
+) -> None:
+    """Narrow phase: write the contacts of environment ``e`` with a gap below ``margin``, sorted by (i, j), walls last.
+
+    The starting impulse is that of the previous step for a pair that was in contact then, else zero.
+    """
+    position, radius = state.position, bodies.radius
+    walls = boundary.wall_start[g + 1] - boundary.wall_start[g]
+    c = near.entry_start[e]
+    for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
+        if not state.active[i]:
+            continue
+        x, y = position[i, 0], position[i, 1]
+        for entry in range(near.row_begin[i], near.row_end[i]):
+            j = near.partner[entry]
+            if j >= 0:
+                gap, nx, ny = np.inf, 0.0, 0.0
+                if state.active[j]:
+                    gap, nx, ny = _disc_on_point(x, y, radius[i] + radius[j], position[j, 0], position[j, 1], margin)
+            elif -1 - j < walls:
+                gap, nx, ny = _disc_on_wall(x, y, radius[i], boundary, boundary.wall_start[g] - 1 - j)
+            else:
+                gap, nx, ny = _disc_on_corner(x, y, radius[i], boundary, boundary.corner_start[g] - 1 - j - walls)
+            if gap < margin:
+                contacts.i[c], contacts.j[c], contacts.gap[c] = i, j, gap
+                contacts.normal[c, 0], contacts.normal[c, 1] = nx, ny
+                contacts.impulse[c, 0], contacts.impulse[c, 1] = near.impulse[entry, 0], near.impulse[entry, 1]
+                contacts.entry[c] = entry
+                c += 1
+            else:
+                near.impulse[entry, 0] = 0.0
+                near.impulse[entry, 1] = 0.0
+    contacts.count[e] = c - near.entry_start[e]
+
+
+@kernel
+def _disc_on_point(
+    x: float, y: float, radius: float, px: float, py: float, margin: float
+) -> tuple[float, float, float]:
+    """Gap and normal between a disc and a point (or, with ``radius`` the sum of two, between two discs)."""
+    dx, dy = x - px, y - py
+    limit = radius + margin
+    square = dx * dx + dy * dy
+    if square >= limit * limit:
+        return np.inf, 0.0, 0.0
+    distance = np.sqrt(square)
+    if distance == 0.0:  # coincident centres: any direction will do, but always the same
+        return -radius, 1.0, 0.0
+    return distance - radius, dx / distance, dy / distance
+
+
+@kernel
+def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int) -> tuple[float, float, float]:
+    ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
+    tx, ty = boundary.wall[k, 1, 0] - ax, boundary.wall[k, 1, 1] - ay
+    square = tx * tx + ty * ty
+    along = (x - ax) * tx + (y - ay) * ty
+    if along <= 0.0 or along >= square:
+        return np.inf, 0.0, 0.0
+    length = np.sqrt(square)
+    height = (tx * (y - ay) - ty * (x - ax)) / length  # > 0: the centre is left of the wall, on the walkable side
+    nx, ny = -ty / length, tx / length
+    if height >= 0.0:
+        return height - radius, nx, ny
+    # A centre that was pressed a little through the wall is pushed back in, not out: the gap stays continuous.
+    if not boundary.two_sided[k] and -height < 0.5 * radius:
+        return height - radius, nx, ny
+    return -height - radius, -nx, -ny
+
+
+@kernel
+def _disc_on_corner(x: float, y: float, radius: float, boundary: Boundary, v: int) -> tuple[float, float, float]:
+    px, py = boundary.corner[v, 0], boundary.corner[v, 1]
+    for m in range(boundary.corner_wall_start[v], boundary.corner_wall_start[v + 1]):
+        k = boundary.corner_wall[m]
+        ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
+        bx, by = boundary.wall[k, 1, 0], boundary.wall[k, 1, 1]
+        if abs(ax - px) + abs(ay - py) > abs(bx - px) + abs(by - py):  # the far end
+            ox, oy = ax, ay
+        else:
+            ox, oy = bx, by
+        if (x - px) * (ox - px) + (y - py) * (oy - py) > 0.0:  # the segment itself is nearer
+            return np.inf, 0.0, 0.0
+    dx, dy = x - px, y - py
+    distance = np.sqrt(dx * dx + dy * dy)
+    if distance == 0.0:
+        return -radius, 1.0, 0.0
+    return distance - radius, dx / distance, dy / distance

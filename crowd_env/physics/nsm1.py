@@ -1,0 +1,163 @@
+"""NSM1: no overlap, by projection of a trial velocity (Maury and Venel), as Pécol et al. 2011 write it (eqs 6, 7).
+
+    u(n+1) = argmin 1/2 |v - V_trial|_M^2   subject to   D_c(q(n)) + h n_c . (v_i - v_j) >= 0 for every contact c
+    q(n+1) = q(n) + h u(n+1)
+
+The trial velocity is either V_trial = u(n) + (h/m) f (inertial: grains, and section 3 of the paper) or V_trial = v_d e_d
+(spontaneous: Venel's crowd, without inertia).  Only the second gives the paper's flow of Table 5.  The law is perfectly
+inelastic.  The linearised gap bounds the true one from below, so what overlap there is comes from the solver: h * tolerance.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numba import prange
+
+from crowd_env._jit import kernel, parallel_kernel
+from crowd_env.physics.forces import desired_velocities, regular_forces
+from crowd_env.physics.scheme import SchemeInfo, require_positive
+from crowd_env.physics.solvers import fastest_speed, solve_no_overlap
+from crowd_env.physics.step import detect, leave, record_contacts, record_solver, unfinished
+from crowd_env.physics.world import Batch
+from crowd_env.state import Bodies
+
+INFO = SchemeInfo(
+    name="nsm1",
+    title="no overlap: projection of a trial velocity",
+    reference="Pécol, Dal Pont, Erlicher, Argoul 2011, eqs 6-7; Maury 2006; Venel 2008",
+    order=1,
+    conserves_energy_at_contact=False,
+    overlap="solver tolerance times time step, 0.1 mm with the defaults; it does not accumulate",
+)
+
+
+class Law(NamedTuple):
+    """The parameters as kernels read them."""
+
+    spontaneous: bool
+    tolerance: float
+    max_sweeps: int
+
+
+@dataclass(frozen=True)
+class NSM1:
+    """Discs that never overlap.
+
+    Parameters
+    ----------
+    trial : "spontaneous" (Venel: the desired velocity itself) or "inertial" (velocity, driving and external force).
+    tolerance : m/s, complementarity residual at which the solver stops.
+    max_sweeps : sweeps after which a step is given up and counted in ``Diagnostics.unconverged``.
+    """
+
+    trial: Literal["spontaneous", "inertial"] = "spontaneous"
+    tolerance: float = 1e-2
+    max_sweeps: int = 20_000
+
+    def __post_init__(self) -> None:
+        require_positive("nsm1", tolerance=self.tolerance, max_sweeps=self.max_sweeps)
+        if self.trial not in ("spontaneous", "inertial"):
+            raise ValueError(f"nsm1: trial is {self.trial!r}; it must be 'spontaneous' or 'inertial'")
+
+    @property
+    def info(self) -> SchemeInfo:
+        """Facts about the scheme."""
+        return INFO
+
+    def stable_dt(self, bodies: Bodies) -> float:
+        """Unconditional for the contact; the explicit driving force of the inertial form needs h < 2 tau."""
+        return np.inf if self.trial == "spontaneous" else 2.0 * float(bodies.relaxation_time.min())
+
+    def overlap_bound(self, bodies: Bodies, dt: float) -> float:
+        """Return 2 h tolerance: h times the residual, twice for safety against rounding."""
+        return 2.0 * dt * self.tolerance
+
+    def check(self, driving: bool) -> None:
+        """Refuse passive grains without inertia."""
+        if not driving and self.trial == "spontaneous":
+            raise ValueError("nsm1: passive grains have no spontaneous velocity; use NSM1(trial='inertial')")
+
+    def advance(self, batch: Batch, dt: float, n_substeps: int, parallel: bool) -> None:
+        """Advance the batch in place."""
+        run = _advance_parallel if parallel else _advance_serial
+        run(batch, dt, n_substeps, Law(self.trial == "spontaneous", self.tolerance, self.max_sweeps))
+
+
+@kernel
+def _try_velocities(e: int, batch: Batch, dt: float, law: Law) -> None:
+    """Write V_trial into `Memory.before`.
+
+    An external force shifts a spontaneous velocity by tau f / m, the speed at which the drive would balance it.
+    """
+    bodies, memory, force = batch.bodies, batch.memory, batch.control.external_force
+    for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
+        if batch.state.active[i]:
+            for k in range(2):
+                if law.spontaneous:
+                    shift = bodies.relaxation_time[i] * force[i, k] / bodies.mass[i]
+                    memory.before[i, k] = memory.desired[i, k] + shift
+                else:
+                    memory.before[i, k] = batch.state.velocity[i, k] + dt * memory.force[i, k] / bodies.mass[i]
+
+
+@kernel
+def _project(e: int, batch: Batch, dt: float, law: Law) -> bool:
+    """Project the trial velocity on the admissible ones; False if the contacts could not be found.
+
+    Contacts are gathered up to the gap that two people could close in this step.  The projection can make someone faster
+    than anyone was in the trial; then the gap is widened and the step solved anew, so no contact is ever missed.
+    """
+    bodies, state, memory = batch.bodies, batch.state, batch.memory
+    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
+    _try_velocities(e, batch, dt, law)
+    margin = 2.2 * dt * fastest_speed(begin, end, state.active, memory.before) + 1e-3
+    while True:
+        if not detect(e, batch, margin):
+            return False
+        first = memory.near.entry_start[e]
+        last = first + memory.contacts.count[e]
+        sweeps, residual = solve_no_overlap(
+            first, last, memory.contacts, bodies, memory.before, dt, law.tolerance, law.max_sweeps
+        )
+        needed = 2.0 * dt * fastest_speed(begin, end, state.active, memory.before)
+        if not needed > margin:
+            record_solver(e, batch, sweeps, residual, law.tolerance)
+            return True
+        margin = 1.2 * needed
+        _try_velocities(e, batch, dt, law)
+
+
+@kernel
+def _move(e: int, batch: Batch, dt: float) -> None:
+    state, memory = batch.state, batch.memory
+    for i in range(batch.bodies.env_start[e], batch.bodies.env_start[e + 1]):
+        if state.active[i]:
+            for k in range(2):
+                memory.previous[i, k] = state.position[i, k]
+                state.velocity[i, k] = memory.before[i, k]
+                state.position[i, k] += dt * state.velocity[i, k]
+
+
+@kernel
+def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: Law) -> None:
+    while unfinished(e, batch, n_substeps):
+        desired_velocities(e, batch)
+        regular_forces(e, batch)
+        if not _project(e, batch, dt, law):
+            return
+        record_contacts(e, batch)
+        _move(e, batch, dt)
+        leave(e, batch, dt)
+
+
+@kernel
+def _advance_serial(batch: Batch, dt: float, n_substeps: int, law: Law) -> None:
+    for e in range(len(batch.state.time)):
+        _advance_one(e, batch, dt, n_substeps, law)
+
+
+@parallel_kernel
+def _advance_parallel(batch: Batch, dt: float, n_substeps: int, law: Law) -> None:
+    for e in prange(len(batch.state.time)):
+        _advance_one(e, batch, dt, n_substeps, law)

@@ -1,0 +1,110 @@
+"""What a step reads and what it remembers: the world around the crowd, what is asked of it, and the working memory."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crowd_env.geometry import Boundary
+from crowd_env.navigation import FieldArrays
+from crowd_env.physics.contacts import Contacts, allocate_contacts
+from crowd_env.physics.neighbors import NeighbourList, allocate_neighbours, grow_neighbours
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+
+
+class World(NamedTuple):
+    """Everything that stands still."""
+
+    boundary: Boundary  # walls, corners and exits of all geometries
+    field: FieldArrays  # directions and travel times of all geometries
+    geometry_of_env: Ints  # (E,)
+
+
+class Control(NamedTuple):
+    """What is asked of everyone during one call."""
+
+    command: Floats  # (P, 2)  desired velocity as a multiple of the own desired speed
+    relative: Bools  # (P,)    command turns with the direction of the shortest path; else along the world axes
+    external_force: Floats  # (P, 2)  N
+    driving: bool  # pedestrians (eq 11) or passive grains
+
+
+class Diagnostics(NamedTuple):
+    """What went on, accumulated over steps, per environment."""
+
+    steps: Ints  # (E,)
+    max_overlap: Floats  # (E,)  m    deepest overlap of two bodies or of a body and a wall
+    overlap_sum: Floats  # (E,)  m    over all overlapping contacts of all steps
+    overlap_count: Ints  # (E,)
+    max_outside: Floats  # (E,)  m    furthest that a body reached beyond a wall
+    residual: Floats  # (E,)  m/s  worst complementarity residual left by the solver
+    iterations: Ints  # (E,)       solver sweeps in all
+    unconverged: Ints  # (E,)       steps that ended above the tolerance
+
+
+class Memory(NamedTuple):
+    """Working memory of a batch, allocated once; nothing is allocated inside a step."""
+
+    near: NeighbourList
+    contacts: Contacts
+    desired: Floats  # (P, 2) m/s
+    force: Floats  # (P, 2) N
+    previous: Floats  # (P, 2) position at the start of the step
+    before: Floats  # (P, 2) velocity at the start of the step
+    push: Floats  # (P, 2) N s  sum of contact impulses on each person during the call
+    crush: Floats  # (P,)   N s  sum of their magnitudes
+    progress: Ints  # (E,)   steps done in the current call
+    status: Ints  # (E,)   OK, FULL or DIVERGED
+    diagnostics: Diagnostics
+
+
+class Batch(NamedTuple):
+    """All a step works on; kernels take it as one argument."""
+
+    world: World
+    bodies: Bodies
+    state: CrowdState
+    control: Control
+    memory: Memory
+
+
+def allocate_memory(bodies: Bodies, per_person: int = 12) -> Memory:
+    """Return working memory with ``per_person`` neighbour entries a pedestrian."""
+    people, environments = len(bodies.radius), len(bodies.env_start) - 1
+    near = allocate_neighbours(bodies, per_person)
+
+    def reals(*shape: int) -> Floats:
+        return np.zeros(shape)
+
+    def counts() -> Ints:
+        return np.zeros(environments, dtype=np.int64)
+
+    return Memory(
+        near=near,
+        contacts=allocate_contacts(near),
+        desired=reals(people, 2),
+        force=reals(people, 2),
+        previous=reals(people, 2),
+        before=reals(people, 2),
+        push=reals(people, 2),
+        crush=reals(people),
+        progress=counts(),
+        status=counts(),
+        diagnostics=Diagnostics(
+            steps=counts(),
+            max_overlap=reals(environments),
+            overlap_sum=reals(environments),
+            overlap_count=counts(),
+            max_outside=reals(environments),
+            residual=reals(environments),
+            iterations=counts(),
+            unconverged=counts(),
+        ),
+    )
+
+
+def grow_memory(memory: Memory, bodies: Bodies) -> Memory:
+    """Return the same memory with twice the room for neighbours; impulses of the last step are kept."""
+    people = len(bodies.radius)
+    now = (int(memory.near.entry_start[-1]) - 16 * (len(bodies.env_start) - 1)) // max(people, 1)
+    near = grow_neighbours(memory.near, bodies, 2 * now)
+    return memory._replace(near=near, contacts=allocate_contacts(near))

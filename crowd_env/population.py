@@ -1,0 +1,298 @@
+"""Who is in the building: how many, the distributions of their bodies, and where they stand at the start."""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from crowd_env._jit import kernel
+from crowd_env.geometry import Boundary, Geometry
+from crowd_env.state import Bodies, Floats, Ints, make_bodies
+
+# Equal discs cannot cover more of the plane than a hexagonal packing does.
+_CLOSEST_PACKING = np.pi / np.sqrt(12.0)
+# Random placement one by one jams near 0.547; above this share people are set on a hexagonal lattice instead.
+_RANDOM_LIMIT = 0.45
+_ROUNDS = 400
+
+
+class Distribution(Protocol):
+    """Something to draw a body parameter from; ``low`` and ``high`` bound every draw."""
+
+    @property
+    def low(self) -> float:
+        """Smallest possible value."""
+        ...
+
+    @property
+    def high(self) -> float:
+        """Largest possible value."""
+        ...
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw ``count`` values."""
+        ...
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Uniform on [low, high]; equal bounds give a constant."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not self.low <= self.high:
+            raise ValueError(f"uniform distribution from {self.low:g} to {self.high:g}: the first must not be larger")
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw ``count`` values."""
+        return rng.uniform(self.low, self.high, count)
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal with ``mean`` and ``sd``, drawn again wherever it falls outside [low, high]."""
+
+    mean: float
+    sd: float
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not (self.sd >= 0 and self.low <= self.mean <= self.high and self.low < self.high):
+            raise ValueError(
+                f"normal distribution with mean {self.mean:g}, sd {self.sd:g}: the mean must lie in "
+                f"[{self.low:g}, {self.high:g}] and the sd must be >= 0"
+            )
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw ``count`` values."""
+        values = rng.normal(self.mean, self.sd, count)
+        while (bad := (values < self.low) | (values > self.high)).any():
+            values[bad] = rng.normal(self.mean, self.sd, int(bad.sum()))
+        return values
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """How many people, of which kind, starting where.
+
+    Defaults are Table 4 of Pécol et al. 2011 (uniform within the ranges); nobody hesitates.
+    """
+
+    count: int
+    radius: Distribution = field(default_factory=lambda: Uniform(0.2, 0.25))  # m
+    mass: Distribution = field(default_factory=lambda: Uniform(60.0, 100.0))  # kg
+    desired_speed: Distribution = field(default_factory=lambda: Uniform(1.2, 2.0))  # m/s
+    relaxation_time: Distribution = field(default_factory=lambda: Uniform(0.1, 0.5))  # s
+    response_time: Distribution = field(default_factory=lambda: Uniform(0.0, 0.0))  # s
+    start_region: str | None = None  # name of a region of the geometry; None = anywhere inside
+    starts: Floats | None = None  # (count, 2) m, recorded positions instead of random ones
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise ValueError(f"a population needs at least 1 person, not {self.count}")
+        for name, least in (("radius", 0.0), ("mass", 0.0), ("relaxation_time", 0.0)):
+            if not getattr(self, name).low > least:
+                raise ValueError(f"population: {name} must be > 0, but can be as low as {getattr(self, name).low:g}")
+        for name in ("desired_speed", "response_time"):
+            if getattr(self, name).low < 0:
+                raise ValueError(f"population: {name} must be >= 0, but can be as low as {getattr(self, name).low:g}")
+        if self.starts is not None and np.shape(self.starts) != (self.count, 2):
+            raise ValueError(f"starts must have the shape ({self.count}, 2), not {np.shape(self.starts)}")
+
+    def draw(self, rng: np.random.Generator, geometry: Geometry) -> tuple[Bodies, Floats]:
+        """Draw one crowd: its bodies, and positions (count, 2) without overlap.
+
+        Raises
+        ------
+        ValueError
+            If the people do not fit.
+        """
+        radius = self.radius.sample(rng, self.count)
+        bodies = make_bodies(
+            radius,
+            self.mass.sample(rng, self.count),
+            desired_speed=self.desired_speed.sample(rng, self.count),
+            relaxation_time=self.relaxation_time.sample(rng, self.count),
+            response_time=self.response_time.sample(rng, self.count),
+        )
+        if self.starts is not None:
+            check_starts(geometry, self.starts, radius)
+            return bodies, np.array(self.starts, dtype=np.float64)
+        return bodies, place(geometry, radius, rng, self.start_region)
+
+
+def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:
+    """Raise ValueError unless recorded positions lie inside, clear of walls and of each other."""
+    outside = np.flatnonzero(~geometry.contains(starts))
+    if len(outside):
+        k = outside[0]
+        raise ValueError(f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is outside the walkable area")
+    clearance = geometry.clearance(starts)
+    k = int(np.argmin(clearance - radius))
+    if clearance[k] < radius[k] - 1e-9:
+        raise ValueError(
+            f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is {clearance[k]:.3f} m from a wall; "
+            f"its body of radius {radius[k]:.3f} m does not fit"
+        )
+    i, j, gap = closest_pair(np.ascontiguousarray(starts, dtype=np.float64), radius)
+    if gap < -1e-9:
+        raise ValueError(
+            f"starts {i} and {j} overlap by {-gap:.3f} m: their radii add up to {radius[i] + radius[j]:.3f} m; "
+            "take smaller bodies"
+        )
+
+
+def place(geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None = None) -> Floats:
+    """Return random positions (N, 2) of discs that overlap neither walls nor each other.
+
+    One after the other, each uniform over what is free (Pécol et al. 2011, section 4.2: random initial positions); a crowd
+    too dense for that stands on a hexagonal lattice with random holes.
+
+    Raises
+    ------
+    ValueError
+        If they do not fit, or the region is unknown.
+    """
+    if region is not None and region not in geometry.regions:
+        raise ValueError(f"unknown start region {region!r}; known: {', '.join(geometry.regions) or 'none'}")
+    area = geometry.area if region is None else float(geometry.regions[region].area)
+    cover = float((np.pi * radius**2).sum())
+    if cover > _CLOSEST_PACKING * area:
+        raise ValueError(_too_many(len(radius), area, radius))
+    if cover < _RANDOM_LIMIT * area:
+        placed = _place_randomly(geometry, radius, rng, region)
+        if placed is not None:
+            return placed
+    return _place_on_lattice(geometry, radius, rng, region, area)
+
+
+def _too_many(count: int, area: float, radius: Floats) -> str:
+    most = int(_CLOSEST_PACKING * area / (np.pi * float((radius**2).mean())))
+    return (
+        f"{count} people do not fit without overlap into {area:.1f} m2: bodies of radius "
+        f"{radius.min():.2f} to {radius.max():.2f} m leave room for fewer than {most}"
+    )
+
+
+@kernel
+def _clearances(points: Floats, boundary: Boundary, clearance: Floats) -> None:
+    """Write the distance (K,) of points to the nearest wall, -1 outside (even-odd rule over walls and exits)."""
+    for k in range(len(points)):
+        x, y = points[k, 0], points[k, 1]
+        nearest, inside = np.inf, False
+        for w in range(len(boundary.wall)):
+            ax, ay = boundary.wall[w, 0, 0], boundary.wall[w, 0, 1]
+            bx, by = boundary.wall[w, 1, 0], boundary.wall[w, 1, 1]
+            if not boundary.two_sided[w] and (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+                inside = not inside
+            square = (bx - ax) ** 2 + (by - ay) ** 2
+            along = min(max(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square, 0.0), 1.0)
+            nearest = min(nearest, np.hypot(ax + along * (bx - ax) - x, ay + along * (by - ay) - y))
+        for w in range(len(boundary.exit)):
+            ax, ay = boundary.exit[w, 0, 0], boundary.exit[w, 0, 1]
+            bx, by = boundary.exit[w, 1, 0], boundary.exit[w, 1, 1]
+            if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+                inside = not inside
+        clearance[k] = nearest if inside else -1.0
+
+
+def _usable(geometry: Geometry, points: Floats, region: str | None) -> Floats:
+    """Wall clearance (K,) of points in the area and region, -1 elsewhere."""
+    clearance = np.empty(len(points))
+    _clearances(points, geometry.boundary, clearance)
+    if region is not None:
+        clearance[~geometry.contains(points, region)] = -1.0
+    return clearance
+
+
+def _place_randomly(
+    geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None
+) -> Floats | None:
+    low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
+    size = 2.0 * float(radius.max())
+    columns, rows = int((high_x - low_x) / size) + 1, int((high_y - low_y) / size) + 1
+    head = np.full(columns * rows, -1, dtype=np.int64)
+    following = np.full(len(radius), -1, dtype=np.int64)
+    placed = np.zeros((len(radius), 2))
+    done = 0
+    for _ in range(_ROUNDS):
+        points = rng.uniform((low_x, low_y), (high_x, high_y), (16 + 3 * len(radius), 2))
+        clearance = _usable(geometry, points, region)
+        done = _accept(points, clearance, radius, placed, done, head, following, columns, rows, low_x, low_y, size)
+        if done == len(radius):
+            return placed
+    return None
+
+
+@kernel
+def _accept(
+    points: Floats,
+    clearance: Floats,
+    radius: Floats,
+    placed: Floats,
+    done: int,
+    head: Ints,
+    following: Ints,
+    columns: int,
+    rows: int,
+    low_x: float,
+    low_y: float,
+    size: float,
+) -> int:
+    """Give each next person the first candidate point where it fits; returns how many stand."""
+    for k in range(len(points)):
+        if done == len(radius):
+            break
+        if clearance[k] < radius[done]:
+            continue
+        x, y = points[k, 0], points[k, 1]
+        column, row = int((x - low_x) / size), int((y - low_y) / size)
+        free = True
+        for r in range(max(row - 1, 0), min(row + 2, rows)):
+            for c in range(max(column - 1, 0), min(column + 2, columns)):
+                j = head[r * columns + c]
+                while j >= 0 and free:
+                    limit = radius[j] + radius[done]
+                    free = (x - placed[j, 0]) ** 2 + (y - placed[j, 1]) ** 2 >= limit * limit
+                    j = following[j]
+        if free:
+            placed[done, 0], placed[done, 1] = x, y
+            following[done] = head[row * columns + column]
+            head[row * columns + column] = done
+            done += 1
+    return done
+
+
+def _place_on_lattice(
+    geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None, area: float
+) -> Floats:
+    low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
+    step = 2.0 * float(radius.max()) * (1.0 + 1e-9)
+    height = step * np.sqrt(0.75)
+    shift = rng.uniform(0.0, 1.0, 2) * (step, height)
+    for offset in ((0.0, 0.0), tuple(shift)):  # flush with the walls first: nothing holds more
+        x, y = np.meshgrid(
+            np.arange(low_x + radius.max() + offset[0], high_x, step), np.arange(low_y + radius.max() + offset[1], high_y, height)
+        )
+        x[1::2] += 0.5 * step
+        points = np.column_stack([x.ravel(), y.ravel()])
+        points = points[_usable(geometry, points, region) >= radius.max() - 1e-12]
+        if len(points) >= len(radius):
+            return points[rng.permutation(len(points))[: len(radius)]]
+    raise ValueError(_too_many(len(radius), area, radius))
+
+
+@kernel
+def closest_pair(position: Floats, radius: Floats) -> tuple[int, int, float]:
+    """Return the two discs with the smallest gap, and that gap [m]; all pairs, for checks of the input only."""
+    best_i, best_j, best = 0, 0, np.inf
+    for i in range(len(radius)):
+        for j in range(i + 1, len(radius)):
+            distance = np.hypot(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1])
+            gap = distance - radius[i] - radius[j]
+            if gap < best:
+                best_i, best_j, best = i, j, gap
+    return best_i, best_j, best

@@ -1,0 +1,32 @@
+"""Files that appear whole or not at all."""
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def check_suffix(path: str | Path, allowed: Sequence[str]) -> Path:
+    """Return ``path`` as a Path.
+
+    Raises
+    ------
+    ValueError
+        If its suffix is not one of ``allowed``.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in allowed:
+        raise ValueError(f"{path.name!r} ends in {path.suffix or 'no suffix'!r}; it must end in {', '.join(allowed)}")
+    return path
+
+
+@contextmanager
+def written(path: Path) -> Iterator[Path]:
+    """Give a temporary path in the same folder; move it to ``path`` when the block ends well, else delete it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.stem}-{os.getpid()}.part{path.suffix}")
+    try:
+        yield part
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,106 @@
+"""A scenario is pure data: a plan, a population, a time limit and where the numbers come from."""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from crowd_env.geometry import Geometry, parse_exit
+from crowd_env.navigation import NavigationField, travel_time_field
+from crowd_env.population import Population
+from crowd_env.state import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """What is evacuated; knows neither physics nor rewards.
+
+    Raises
+    ------
+    ValueError
+        If the geometry has no exit, no exit can be reached by the smallest body, or the time limit is not positive.
+    """
+
+    name: str
+    geometry: Geometry
+    population: Population
+    time_limit: float  # s
+    reference: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.time_limit > 0:
+            raise ValueError(f"scenario {self.name!r}: the time limit is {self.time_limit!r} s; it must be > 0")
+        if len(self.geometry.exits) == 0:
+            raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
+
+    def field(self) -> NavigationField:
+        """Return the travel-time field for the largest body of the population."""
+        radius = self.population.radius
+        return travel_time_field(self.geometry, radius.high, min_radius=radius.low)
+
+
+def scenario_from_wkt(
+    path: str | Path,
+    exits: Sequence[str],
+    population: Population,
+    *,
+    time_limit: float = 300.0,
+) -> Scenario:
+    """Return a scenario on a floor plan in well-known text (WKT): polygons with holes, metres.
+
+    Parameters
+    ----------
+    path : text file with a POLYGON, MULTIPOLYGON or GEOMETRYCOLLECTION.
+    exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read or the plan cannot be used; the message names the file.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"cannot read the floor plan {path}: {error}") from None
+    if not exits:
+        raise ValueError(f"{path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
+    try:
+        geometry = Geometry.from_wkt(text, exits=[parse_exit(text) for text in exits])
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return Scenario(path.stem, geometry, population, time_limit, reference=f"floor plan {path.name}")
+
+
+def read_starts(path: str | Path) -> Floats:
+    """Return recorded starting positions (K, 2) [m] from a CSV file with the columns ``x`` and ``y``.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, lacks a column, or holds something that is not a number; file and line are named.
+    """
+    path = Path(path)
+    try:
+        with path.open(newline="") as file:
+            rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"cannot read the starting positions {path}: {error}") from None
+    if not rows:
+        raise ValueError(f"{path}: no positions; the file needs a header line 'x,y' and one line a person")
+    missing = {"x", "y"} - set(rows[0])
+    if missing:
+        raise ValueError(f"{path}: column {min(missing)!r} is missing; the header line must name x and y (metres)")
+    starts = np.empty((len(rows), 2))
+    for k, row in enumerate(rows):
+        for m, name in enumerate(("x", "y")):
+            try:
+                starts[k, m] = float(row[name])
+            except (TypeError, ValueError):
+                raise ValueError(f"{path}: person {k + 1}: {name} is {row[name]!r}, not a number") from None
+    if not np.isfinite(starts).all():
+        bad = int(np.argmax(~np.isfinite(starts).all(axis=1)))
+        raise ValueError(f"{path}: person {bad + 1} has a position that is not finite")
+    return starts

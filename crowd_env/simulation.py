@@ -1,0 +1,208 @@
+"""A batch of crowds that walk, touch and leave.  No rewards, no agents: give it commands, advance it, read its arrays."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from crowd_env.geometry import Geometry, join_boundaries
+from crowd_env.navigation import NavigationField, join_fields, travel_time_field
+from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.physics.neighbors import DIVERGED, FULL
+from crowd_env.physics.world import Batch, Control, Diagnostics, World, allocate_memory, grow_memory
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+
+
+class ContactList(NamedTuple):
+    """Contacts of one environment at the start of its last physics step, with the impulses of that step."""
+
+    i: Ints  # (C,)    person, counted within the environment
+    j: Ints  # (C,)    other person > i, or -1 - k: wall feature k
+    gap: Floats  # (C,)    m, < 0 is overlap
+    normal: Floats  # (C, 2)  unit vector from j to i
+    impulse: Floats  # (C, 2)  N s, normal and tangential
+
+
+class Simulation:
+    """A batch of crowds under one contact scheme.
+
+    Parameters
+    ----------
+    geometry : one for all environments, or several together with ``geometry_of_env``.
+    bodies, state : arrays of all environments; the simulation works on them in place.
+    scheme : name in ``SCHEMES`` or a scheme with its own parameters.
+    dt : s, physics step.
+    fields : travel-time fields, one a geometry; made here for geometries with exits if not given.
+    driving : True for pedestrians (driving force, eq 11), False for passive grains.
+    threads : spread environments over this many threads; the result does not depend on it.
+    allow_unstable : accept a ``dt`` above the scheme's stable step (to show what happens).
+
+    Raises
+    ------
+    ValueError
+        If ``dt`` is not positive or above the stable step, a position is not finite, or the scheme refuses the use.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry | Sequence[Geometry],
+        bodies: Bodies,
+        state: CrowdState,
+        *,
+        scheme: str | ContactScheme = "nsm2",
+        dt: float = 0.01,
+        fields: Sequence[NavigationField | None] | None = None,
+        geometry_of_env: Ints | None = None,
+        driving: bool = True,
+        threads: int = 1,
+        allow_unstable: bool = False,
+    ) -> None:
+        self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
+        self.bodies, self.state = bodies, state
+        self.scheme = make_scheme(scheme)
+        self.dt = dt
+        self.driving = driving
+        self.threads = threads
+        self.scheme.check(driving)
+        _check_step(self.scheme, bodies, dt, allow_unstable)
+        _check_people(bodies, state)
+        if fields is None:
+            radius = bodies.radius
+            fields = [
+                travel_time_field(g, float(radius.max()), min_radius=float(radius.min())) if len(g.exits) else None
+                for g in self.geometries
+            ]
+        self.fields = list(fields)
+        boundary = join_boundaries(self.geometries)
+        environments = len(state.time)
+        which = np.zeros(environments, dtype=np.int64) if geometry_of_env is None else geometry_of_env
+        self.world = World(boundary, join_fields(self.fields, boundary), np.asarray(which, dtype=np.int64))
+        self.memory = allocate_memory(bodies)
+        self._no_force = np.zeros((len(bodies.radius), 2))
+        self._forward = np.tile([1.0, 0.0], (len(bodies.radius), 1))
+        self._all_relative = np.ones(len(bodies.radius), dtype=np.bool_)
+
+    @property
+    def diagnostics(self) -> Diagnostics:
+        """Overlaps, residuals and solver effort since the start of each environment."""
+        return self.memory.diagnostics
+
+    @property
+    def inside(self) -> Ints:
+        """Number of people still inside, per environment (E,)."""
+        return np.add.reduceat(self.state.active.astype(np.int64), self.bodies.env_start[:-1])
+
+    def advance(
+        self,
+        command: Floats | None = None,
+        *,
+        relative: Bools | None = None,
+        n_substeps: int = 1,
+        external_force: Floats | None = None,
+    ) -> None:
+        """Advance every environment by ``n_substeps`` physics steps in one compiled call.
+
+        Parameters
+        ----------
+        command : (P, 2), desired velocity as a multiple of the own desired speed; default (1, 0), straight to the exit.
+        relative : (P,), True where the command turns with the direction of the shortest path (default), False where its
+            axes are those of the world.
+        external_force : (P, 2) N.
+
+        Raises
+        ------
+        FloatingPointError
+            If a position is no longer finite.
+        """
+        memory = self.memory
+        memory.push[:] = 0.0
+        memory.crush[:] = 0.0
+        memory.progress[:] = 0
+        control = Control(
+            self._forward if command is None else np.ascontiguousarray(command, dtype=np.float64),
+            self._all_relative if relative is None else np.ascontiguousarray(relative, dtype=np.bool_),
+            self._no_force if external_force is None else np.ascontiguousarray(external_force, dtype=np.float64),
+            self.driving,
+        )
+        parallel = self.threads > 1 and len(self.state.time) > 1
+        if parallel:
+            numba.set_num_threads(min(self.threads, numba.config.NUMBA_NUM_THREADS))
+        while True:
+            batch = Batch(self.world, self.bodies, self.state, control, self.memory)
+            self.scheme.advance(batch, self.dt, n_substeps, parallel)
+            status = self.memory.status
+            if (status == DIVERGED).any():
+                e = int(np.argmax(status == DIVERGED))
+                raise FloatingPointError(
+                    f"{self.scheme.info.name}: positions of environment {e} are no longer finite at t = "
+                    f"{self.state.time[e]:g} s with dt = {self.dt:g} s; take a smaller dt"
+                )
+            if not (status == FULL).any():
+                return
+            self.memory = grow_memory(self.memory, self.bodies)  # the environments that were full go on where they were
+
+    def restart(self, e: int, bodies: Bodies, position: Floats, velocity: Floats | None = None) -> None:
+        """Begin a new episode in environment ``e`` with other people, as many as before; the others are not touched.
+
+        Raises
+        ------
+        ValueError
+            If the number of people differs.
+        """
+        people = slice(int(self.bodies.env_start[e]), int(self.bodies.env_start[e + 1]))
+        if len(bodies.radius) != people.stop - people.start:
+            raise ValueError(f"environment {e} holds {people.stop - people.start} people, not {len(bodies.radius)}")
+        for name in Bodies._fields[:-1]:
+            getattr(self.bodies, name)[people] = getattr(bodies, name)
+        state = self.state
+        state.position[people] = position
+        state.velocity[people] = 0.0 if velocity is None else velocity
+        state.angle[people] = 0.0
+        state.spin[people] = 0.0
+        state.active[people] = True
+        state.exit_time[people] = np.nan
+        state.exit_index[people] = -1
+        state.time[e] = 0.0
+        near = self.memory.near
+        near.reach[e] = -1.0
+        near.row_begin[people] = near.entry_start[e]
+        near.row_end[people] = near.entry_start[e]
+        self.memory.contacts.count[e] = 0
+        self.memory.push[people] = 0.0
+        self.memory.crush[people] = 0.0
+        for total in self.memory.diagnostics:
+            total[e] = 0
+
+    def contacts(self, e: int = 0) -> ContactList:
+        """Return a copy of the contacts of environment ``e``."""
+        contacts, begin = self.memory.contacts, int(self.memory.near.entry_start[e])
+        rows = slice(begin, begin + int(contacts.count[e]))
+        first = self.bodies.env_start[e]
+        j = contacts.j[rows]
+        return ContactList(
+            contacts.i[rows] - first,
+            np.where(j >= 0, j - first, j),
+            contacts.gap[rows].copy(),
+            contacts.normal[rows].copy(),
+            contacts.impulse[rows].copy(),
+        )
+
+
+def _check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable: bool) -> None:
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"dt is {dt!r} s; it must be finite and > 0")
+    limit = scheme.stable_dt(bodies)
+    if dt > limit and not allow_unstable:
+        raise ValueError(f"dt = {dt:g} s is above the stable step of {scheme.info.name}, {limit:.4g} s for these people")
+
+
+def _check_people(bodies: Bodies, state: CrowdState) -> None:
+    if len(bodies.radius) != len(state.position):
+        raise ValueError(f"{len(bodies.radius)} bodies but {len(state.position)} positions")
+    if int(bodies.env_start[-1]) != len(bodies.radius) or len(bodies.env_start) != len(state.time) + 1:
+        raise ValueError("env_start must run from 0 to the number of people, with one entry more than state.time")
+    for name in ("position", "velocity"):
+        bad = np.flatnonzero(~np.isfinite(getattr(state, name)).all(axis=1))
+        if len(bad):
+            raise ValueError(f"{name} of pedestrian {bad[0]} is not finite")

@@ -1,0 +1,12 @@
+"""What every test process needs before a library is imported: no window, and no fight over the cores.
+
+The workers of pytest-xdist and the programs that tests start inherit these settings.
+"""
+
+import os
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
+os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # torch's own threads; numba's are set where a test is about them

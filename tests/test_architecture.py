@@ -1,0 +1,88 @@
+"""The rules of the house that no linter knows: what an import loads, how long a file may be, what the wheel ships."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+from packaging.version import Version
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # pytest brings it
+
+ROOT = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+SOURCES = sorted(path for folder in ("crowd_env", "agents") for path in (ROOT / folder).rglob("*.py"))
+
+HEAVY = {"torch", "stable_baselines3", "matplotlib", "pygame", "ray"}
+MAX_LINES = 400
+EMPTY_WORDS = {"helper", "helpers", "manager", "managers", "util", "utils", "utilities", "handler", "handlers"}
+
+
+def constraints() -> dict[str, Requirement]:
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = [Requirement(line) for line in lines if line.strip() and not line.startswith("#")]
+    return {canonicalize_name(pin.name): pin for pin in pins}
+
+
+def requirements() -> list[Requirement]:
+    project = PROJECT["project"]
+    groups = [project["dependencies"], *project["optional-dependencies"].values()]
+    return [Requirement(line) for group in groups for line in group]
+
+
+def pinned_version(pin: Requirement) -> Version:
+    (specifier,) = pin.specifier
+    assert specifier.operator == "==", f"constraints.txt pins exact versions, not {pin}"
+    return Version(specifier.version)
+
+
+def test_import_of_crowd_env_loads_no_learning_or_drawing_library():
+    program = "import crowd_env, sys; print(*sorted({name.partition('.')[0] for name in sys.modules}))"
+    result = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    loaded = set(result.stdout.split())
+    assert "crowd_env" in loaded
+    assert not loaded & HEAVY
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_files_are_short_and_named_for_what_they_hold(path):
+    lines = len(path.read_text(encoding="utf-8").splitlines())
+    assert lines <= MAX_LINES, f"{lines} lines, split it by meaning at {MAX_LINES}"
+    assert not EMPTY_WORDS & set(path.stem.lower().split("_"))
+
+
+def test_there_are_sources_to_check():
+    assert {path.relative_to(ROOT).parts[0] for path in SOURCES} == {"crowd_env", "agents"}
+
+
+def test_the_wheel_ships_crowd_env_alone():
+    assert PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"] == {"packages": ["crowd_env"]}
+
+
+def test_torch_stays_in_the_series_with_a_small_build():
+    ranges = [requirement for requirement in requirements() if requirement.name == "torch"]
+    assert ranges
+    for requirement in ranges:
+        assert not requirement.specifier.contains("2.14.0")
+    assert pinned_version(constraints()["torch"]) < Version("2.14")
+
+
+def test_every_requirement_has_a_pin_inside_its_range():
+    pins = constraints()
+    for requirement in requirements():
+        pin = pins.get(canonicalize_name(requirement.name))
+        assert pin is not None, f"constraints.txt has no pin for {requirement.name}"
+        assert requirement.specifier.contains(pinned_version(pin)), f"{pin} is outside {requirement}"
+
+
+def test_constraints_hold_on_any_machine():
+    text = (ROOT / "constraints.txt").read_text(encoding="utf-8")
+    pins = [line for line in text.splitlines() if not line.startswith("#")]
+    assert not [line for line in pins if re.search(r"[/\\@+]|://", line)]
