@@ -97,5 +97,3 @@ def evaluate(
             episodes.append(env.metrics(e))
             exit_times.append(env.simulation.state.exit_time[env.people(e)].copy())
     return Evaluation(policy.name, make_scheme(scheme).info.name, episodes, exit_times)
-
-

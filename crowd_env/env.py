@@ -131,7 +131,8 @@ class CrowdEnv:
         self.env_of_person = np.repeat(np.arange(num_envs), np.diff(self.env_start))
         self._travel_time = np.zeros(people)
         self._impulse = np.zeros(people)
-        self._view_arrays = (np.zeros((people, 2)), np.zeros((people, 2)), np.zeros(people))
+        self._direction = np.zeros((people, 2))
+        self._east = np.tile([1.0, 0.0], (people, 1))
         self.finished = np.ones(num_envs, dtype=np.bool_)  # until the first reset
 
     @property
@@ -261,12 +262,22 @@ class CrowdEnv:
     def _observe(self, seen: Bools) -> np.ndarray:
         """Return the observation of those ``seen``, and remember their travel times."""
         simulation = self.simulation
-        axis, direction, travel_time = self._view_arrays
+        world, bodies, state, memory = simulation.world, simulation.bodies, simulation.state, simulation.memory
+        direction, travel_time = self._direction, self._travel_time
+        look_ahead(world.field, world.boundary, world.geometry_of_env, bodies, state, seen, direction, travel_time)
         view = View(
-            simulation.world, simulation.bodies, simulation.state, simulation.memory, seen, axis, direction, travel_time
+            boundary=world.boundary,
+            geometry_of_env=world.geometry_of_env,
+            bodies=bodies,
+            state=state,
+            near=memory.near,
+            push=memory.push,
+            crush=memory.crush,
+            seen=seen,
+            axis=direction if self.frame == "path" else self._east,
+            direction=direction,
+            travel_time=travel_time,
         )
-        look_ahead(view, self.frame == "path")
-        self._travel_time[seen] = travel_time[seen]
         return self.layout.observe(view)
 
 

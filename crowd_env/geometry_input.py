@@ -4,7 +4,7 @@ Areas are polygons with holes, several of them, well-known text (WKT) or corner 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import shapely
@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-Area = Polygon | MultiPolygon
-Shape = BaseGeometry | str | ArrayLike
+Area: TypeAlias = Polygon | MultiPolygon
+Shape: TypeAlias = BaseGeometry | str | ArrayLike
 """A shapely geometry, its WKT, or (K, 2) coordinates [m]."""
 
 _MIN_AREA = 1e-9  # m^2

@@ -52,9 +52,7 @@ class CrowdGymEnv(gymnasium.Env):
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
 
-    def __init__(
-        self, scenario: str | Scenario = "room-v0", *, render_mode: str | None = None, **options: Any
-    ) -> None:
+    def __init__(self, scenario: str | Scenario = "room-v0", *, render_mode: str | None = None, **options: Any) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"unknown render_mode {render_mode!r}; known: None, rgb_array")
         self.env = CrowdEnv(scenario, num_envs=1, **options)

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env._jit import kernel
-from crowd_env.navigation import direction_at, travel_time_at
-from crowd_env.physics.neighbors import sort_into_cells
-from crowd_env.physics.world import Memory, World
+from crowd_env.geometry import Boundary
+from crowd_env.navigation import FieldArrays, direction_at, travel_time_at
+from crowd_env.physics.neighbors import NeighbourList, sort_into_cells
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 SIGHT = 3.0  # m     how far neighbours and walls are seen
@@ -28,10 +28,13 @@ MOST_NEIGHBOURS = 32
 class View(NamedTuple):
     """What an observation is made from."""
 
-    world: World
+    boundary: Boundary
+    geometry_of_env: Ints  # (E,)
     bodies: Bodies
     state: CrowdState
-    memory: Memory
+    near: NeighbourList  # only its cells, as scratch
+    push: Floats  # (P, 2) N s  contact impulse since the last decision
+    crush: Floats  # (P,)   N s  sum of its magnitudes
     seen: Bools  # (P,)    whose observation is wanted; the rest stays zero
     axis: Floats  # (P, 2)  first axis of the frame
     direction: Floats  # (P, 2)  of the shortest path
@@ -39,155 +42,83 @@ class View(NamedTuple):
 
 
 @kernel
-def look_ahead(view: View, relative: bool) -> None:
-    """Write direction, travel time and axis of everyone who is seen."""
-    bodies, state = view.bodies, view.state
+def look_ahead(
+    field: FieldArrays,
+    boundary: Boundary,
+    geometry_of_env: Ints,
+    bodies: Bodies,
+    state: CrowdState,
+    seen: Bools,
+    direction: Floats,
+    travel_time: Floats,
+) -> None:
+    """Write direction (P, 2) and travel time (P,) of everyone who is seen."""
     for e in range(len(state.time)):
-        g = view.world.geometry_of_env[e]
+        g = geometry_of_env[e]
         for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-            if not view.seen[i]:
+            if not seen[i]:
                 continue
             x, y, r = state.position[i, 0], state.position[i, 1], bodies.radius[i]
-            view.direction[i, 0], view.direction[i, 1] = direction_at(view.world.field, view.world.boundary, g, x, y, r)
-            view.travel_time[i] = 0.0
+            direction[i, 0], direction[i, 1] = direction_at(field, boundary, g, x, y, r)
+            travel_time[i] = 0.0
             if state.active[i]:
-                # Someone who does not want to move would need for ever: the scale of a slow walker stands in.
-                speed = max(bodies.desired_speed[i], 0.1)
-                view.travel_time[i] = travel_time_at(view.world.field, view.world.boundary, g, x, y, r) / speed
-            if relative:
-                view.axis[i, 0], view.axis[i, 1] = view.direction[i, 0], view.direction[i, 1]
-            else:
-                view.axis[i, 0], view.axis[i, 1] = 1.0, 0.0
+                # Someone who does not want to move would need for ever: the time at a slow walk stands in.
+                travel_time[i] = travel_time_at(field, boundary, g, x, y, r) / max(bodies.desired_speed[i], 0.1)
 
 
-@kernel
-def _clip(x: float) -> float:
-    return min(1.0, max(-1.0, x))
+def _in_frame(view: View, vectors: Floats) -> Floats:
+    """Return the components (P, 2) along and to the left of everyone's axis."""
+    along = (vectors * view.axis).sum(axis=1)
+    across = vectors[:, 1] * view.axis[:, 0] - vectors[:, 0] * view.axis[:, 1]
+    return np.column_stack([along, across])
 
 
-@kernel
-def _turned(view: View, i: int, x: float, y: float) -> tuple[float, float]:
-    """Components of (x, y) along and to the left of the axis of ``i``."""
-    ax, ay = view.axis[i, 0], view.axis[i, 1]
-    return x * ax + y * ay, y * ax - x * ay
-
-
-@kernel
 def velocity(view: View, out: Floats) -> None:
     """Own velocity / 2 m/s, in the frame."""
-    for i in range(len(out)):
-        if view.seen[i]:
-            a, b = _turned(view, i, view.state.velocity[i, 0], view.state.velocity[i, 1])
-            out[i, 0], out[i, 1] = _clip(a / SPEED_SCALE), _clip(b / SPEED_SCALE)
+    out[:] = _in_frame(view, view.state.velocity) / SPEED_SCALE
 
 
-@kernel
 def desired_speed(view: View, out: Floats) -> None:
     """Own desired speed / 2 m/s."""
-    for i in range(len(out)):
-        if view.seen[i]:
-            out[i, 0] = _clip(view.bodies.desired_speed[i] / SPEED_SCALE)
+    out[:, 0] = view.bodies.desired_speed / SPEED_SCALE
 
 
-@kernel
 def direction(view: View, out: Floats) -> None:
     """Direction of the shortest path to an exit, along x and y."""
-    for i in range(len(out)):
-        if view.seen[i]:
-            out[i, 0], out[i, 1] = view.direction[i, 0], view.direction[i, 1]
+    out[:] = view.direction
 
 
-@kernel
 def travel_time(view: View, out: Floats) -> None:
     """Time t the rest of the shortest path takes at the own desired speed, as t / (t + 5 s)."""
-    for i in range(len(out)):
-        if view.seen[i]:
-            out[i, 0] = view.travel_time[i] / (view.travel_time[i] + TIME_SCALE)
+    out[:, 0] = view.travel_time / (view.travel_time + TIME_SCALE)
 
 
-@kernel
 def push(view: View, out: Floats) -> None:
     """Sum of the contact impulses since the last decision / (own mass * 1 m/s), in the frame."""
-    for i in range(len(out)):
-        if view.seen[i]:
-            a, b = _turned(view, i, view.memory.push[i, 0], view.memory.push[i, 1])
-            scale = view.bodies.mass[i] * KICK_SCALE
-            out[i, 0], out[i, 1] = _clip(a / scale), _clip(b / scale)
+    out[:] = _in_frame(view, view.push) / (view.bodies.mass[:, None] * KICK_SCALE)
 
 
-@kernel
 def crush(view: View, out: Floats) -> None:
     """Sum of the magnitudes of these impulses / (own mass * 1 m/s): large between two who push from both sides."""
-    for i in range(len(out)):
-        if view.seen[i]:
-            out[i, 0] = _clip(view.memory.crush[i] / (view.bodies.mass[i] * KICK_SCALE))
+    out[:, 0] = view.crush / (view.bodies.mass * KICK_SCALE)
 
 
-@kernel
-def _nearest(view: View, i: int, begin: int, end: int, grid: tuple[int, int, int], found: Ints, gaps: Floats) -> int:
-    """Write up to len(found) nearest active people, nearest first (ties by slot); returns how many."""
-    near, position, radius = view.memory.near, view.state.position, view.bodies.radius
-    head, columns, rows = grid
-    count = 0
-    cell = near.cell_of[i]
-    column, row = cell % columns, cell // columns
-    for r in range(max(row - 1, 0), min(row + 2, rows)):
-        first = head + r * columns + max(column - 1, 0)
-        stop = head + r * columns + min(column + 1, columns - 1)
-        for item in range(begin + near.cell_start[first], begin + near.cell_start[stop + 1]):
-            j = near.cell_item[item]
-            if j == i:
-                continue
-            distance = np.hypot(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1])
-            if distance >= SIGHT:
-                continue
-            gap = distance - radius[i] - radius[j]
-            if count == len(found) and gap >= gaps[count - 1]:
-                continue
-            k = min(count, len(found) - 1)
-            while k > 0 and (gaps[k - 1] > gap or (gaps[k - 1] == gap and found[k - 1] > j)):
-                found[k], gaps[k] = found[k - 1], gaps[k - 1]
-                k -= 1
-            found[k], gaps[k] = j, gap
-            count = min(count + 1, len(found))
-    return count
-
-
-@kernel
-def neighbours(view: View, out: Floats) -> None:
-    """The k nearest people within 3 m, five values each: offset / 3 m (2), relative velocity / 4 m/s (2), closeness.
-
-    Closeness is 1 - gap / 3 m, 1 at contact; all five are 0 where there is nobody.
-    """
-    bodies, state, near = view.bodies, view.state, view.memory.near
-    wanted = out.shape[1] // 5
-    found, gaps = np.empty(wanted, dtype=np.int64), np.empty(wanted)
-    for e in range(len(state.time)):
-        begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-        grid = sort_into_cells(e, begin, end, state.active, state.position, near, SIGHT)
-        for i in range(begin, end):
-            if not (view.seen[i] and state.active[i]):
-                continue
-            for k in range(_nearest(view, i, begin, end, grid, found, gaps)):
-                j = found[k]
-                x, y = state.position[j, 0] - state.position[i, 0], state.position[j, 1] - state.position[i, 1]
-                u, v = state.velocity[j, 0] - state.velocity[i, 0], state.velocity[j, 1] - state.velocity[i, 1]
-                a, b = _turned(view, i, x, y)
-                c, d = _turned(view, i, u, v)
-                out[i, 5 * k], out[i, 5 * k + 1] = _clip(a / SIGHT), _clip(b / SIGHT)
-                out[i, 5 * k + 2], out[i, 5 * k + 3] = _clip(c / (2 * SPEED_SCALE)), _clip(d / (2 * SPEED_SCALE))
-                out[i, 5 * k + 4] = _clip(1.0 - max(gaps[k], 0.0) / SIGHT)
-
-
-@kernel
 def density(view: View, out: Floats) -> None:
     """People within 1 m of the own centre, oneself included, / (pi m2 * 8 /m2)."""
-    bodies, state, near = view.bodies, view.state, view.memory.near
+    _count_within(view.bodies.env_start, view.state, view.near, view.seen, DENSITY_RADIUS, out[:, 0])
+    out /= np.pi * DENSITY_RADIUS**2 * DENSITY_SCALE
+
+
+@kernel
+def _count_within(
+    env_start: Ints, state: CrowdState, near: NeighbourList, seen: Bools, radius: float, out: Floats
+) -> None:
+    position = state.position
     for e in range(len(state.time)):
-        begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-        head, columns, rows = sort_into_cells(e, begin, end, state.active, state.position, near, DENSITY_RADIUS)
+        begin, end = env_start[e], env_start[e + 1]
+        head, columns, rows = sort_into_cells(e, begin, end, state.active, position, near, radius)
         for i in range(begin, end):
-            if not (view.seen[i] and state.active[i]):
+            if not (seen[i] and state.active[i]):
                 continue
             column, row = near.cell_of[i] % columns, near.cell_of[i] // columns
             count = 0
@@ -196,28 +127,50 @@ def density(view: View, out: Floats) -> None:
                 stop = head + r * columns + min(column + 1, columns - 1)
                 for item in range(begin + near.cell_start[first], begin + near.cell_start[stop + 1]):
                     j = near.cell_item[item]
-                    dx, dy = state.position[i, 0] - state.position[j, 0], state.position[i, 1] - state.position[j, 1]
-                    count += dx * dx + dy * dy < DENSITY_RADIUS * DENSITY_RADIUS
-            out[i, 0] = _clip(count / (np.pi * DENSITY_RADIUS * DENSITY_RADIUS * DENSITY_SCALE))
+                    dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+                    count += dx * dx + dy * dy < radius * radius
+            out[i] = count
+
+
+def walls(view: View, out: Floats) -> None:
+    """Free distance from the own surface to the nearest wall along rays / 3 m; ray k at k / n of a turn to the left."""
+    bodies = view.bodies
+    _cast_rays(
+        view.boundary,
+        view.geometry_of_env,
+        bodies.env_start,
+        bodies.radius,
+        view.state.position,
+        view.seen,
+        view.axis,
+        out,
+    )
+    out /= SIGHT
 
 
 @kernel
-def walls(view: View, out: Floats) -> None:
-    """Free distance from the own surface to the nearest wall along rays / 3 m; ray k at k / n of a turn to the left."""
-    bodies, state, boundary = view.bodies, view.state, view.world.boundary
+def _cast_rays(
+    boundary: Boundary,
+    geometry_of_env: Ints,
+    env_start: Ints,
+    radius: Floats,
+    position: Floats,
+    seen: Bools,
+    axis: Floats,
+    out: Floats,
+) -> None:
     rays = out.shape[1]
-    for e in range(len(state.time)):
-        g = view.world.geometry_of_env[e]
-        for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-            if not view.seen[i]:
+    for e in range(len(geometry_of_env)):
+        g = geometry_of_env[e]
+        for i in range(env_start[e], env_start[e + 1]):
+            if not seen[i]:
                 continue
-            x, y = state.position[i, 0], state.position[i, 1]
+            x, y = position[i, 0], position[i, 1]
             for k in range(rays):
                 turn = 2.0 * np.pi * k / rays
                 c, s = np.cos(turn), np.sin(turn)
-                dx = c * view.axis[i, 0] - s * view.axis[i, 1]
-                dy = s * view.axis[i, 0] + c * view.axis[i, 1]
-                free = SIGHT + bodies.radius[i]
+                dx, dy = c * axis[i, 0] - s * axis[i, 1], s * axis[i, 0] + c * axis[i, 1]
+                free = SIGHT + radius[i]
                 for w in range(boundary.wall_start[g], boundary.wall_start[g + 1]):
                     ax, ay = boundary.wall[w, 0, 0] - x, boundary.wall[w, 0, 1] - y
                     tx, ty = boundary.wall[w, 1, 0] - x - ax, boundary.wall[w, 1, 1] - y - ay
@@ -227,7 +180,74 @@ def walls(view: View, out: Floats) -> None:
                     distance, along = (ax * ty - ay * tx) / cross, (ax * dy - ay * dx) / cross
                     if distance >= 0.0 and 0.0 <= along <= 1.0:
                         free = min(free, distance)
-                out[i, k] = _clip(max(free - bodies.radius[i], 0.0) / SIGHT)
+                out[i, k] = max(free - radius[i], 0.0)
+
+
+def neighbours(view: View, out: Floats) -> None:
+    """The k nearest people within 3 m, five values each: offset / 3 m (2), relative velocity / 4 m/s (2), closeness.
+
+    Closeness is 1 - gap / 3 m, 1 at contact; all five are 0 where there is nobody.
+    """
+    _look_around(view.bodies.env_start, view.bodies.radius, view.state, view.near, view.seen, view.axis, out)
+
+
+@kernel
+def _look_around(
+    env_start: Ints, radius: Floats, state: CrowdState, near: NeighbourList, seen: Bools, axis: Floats, out: Floats
+) -> None:
+    wanted = out.shape[1] // 5
+    found, gaps = np.empty(wanted, dtype=np.int64), np.empty(wanted)
+    for e in range(len(state.time)):
+        begin, end = env_start[e], env_start[e + 1]
+        grid = sort_into_cells(e, begin, end, state.active, state.position, near, SIGHT)
+        for i in range(begin, end):
+            if not (seen[i] and state.active[i]):
+                continue
+            ax, ay = axis[i, 0], axis[i, 1]
+            for k in range(_nearest(i, begin, radius, state.position, near, grid, found, gaps)):
+                j = found[k]
+                x, y = state.position[j, 0] - state.position[i, 0], state.position[j, 1] - state.position[i, 1]
+                u, v = state.velocity[j, 0] - state.velocity[i, 0], state.velocity[j, 1] - state.velocity[i, 1]
+                out[i, 5 * k], out[i, 5 * k + 1] = (x * ax + y * ay) / SIGHT, (y * ax - x * ay) / SIGHT
+                out[i, 5 * k + 2] = (u * ax + v * ay) / (2 * SPEED_SCALE)
+                out[i, 5 * k + 3] = (v * ax - u * ay) / (2 * SPEED_SCALE)
+                out[i, 5 * k + 4] = 1.0 - max(gaps[k], 0.0) / SIGHT
+
+
+@kernel
+def _nearest(
+    i: int,
+    begin: int,
+    radius: Floats,
+    position: Floats,
+    near: NeighbourList,
+    grid: tuple[int, int, int],
+    found: Ints,
+    gaps: Floats,
+) -> int:
+    """Write up to len(found) nearest active people, nearest first (ties by slot); returns how many."""
+    head, columns, rows = grid
+    count = 0
+    column, row = near.cell_of[i] % columns, near.cell_of[i] // columns
+    for r in range(max(row - 1, 0), min(row + 2, rows)):
+        first = head + r * columns + max(column - 1, 0)
+        stop = head + r * columns + min(column + 1, columns - 1)
+        for item in range(begin + near.cell_start[first], begin + near.cell_start[stop + 1]):
+            j = near.cell_item[item]
+            dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+            square = dx * dx + dy * dy
+            if j == i or square >= SIGHT * SIGHT:
+                continue
+            gap = np.sqrt(square) - radius[i] - radius[j]
+            if count == len(found) and gap >= gaps[count - 1]:
+                continue
+            k = min(count, len(found) - 1)
+            while k > 0 and (gaps[k - 1] > gap or (gaps[k - 1] == gap and found[k - 1] > j)):
+                found[k], gaps[k] = found[k - 1], gaps[k - 1]
+                k -= 1
+            found[k], gaps[k] = j, gap
+            count = min(count + 1, len(found))
+    return count
 
 
 # Name -> (function, width); "neighbours" and "walls" multiply the width by how many are asked for.
@@ -297,4 +317,5 @@ class ObservationLayout:
         out = np.zeros((len(view.seen), self.size))
         for term in self.terms:
             TERMS[term][0](view, out[:, self[term]])
-        return out.astype(np.float32)
+        out[~view.seen] = 0.0
+        return np.clip(out, -1.0, 1.0, out=out).astype(np.float32)

@@ -208,9 +208,7 @@ def _usable(geometry: Geometry, points: Floats, region: str | None) -> Floats:
     return clearance
 
 
-def _place_randomly(
-    geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None
-) -> Floats | None:
+def _place_randomly(geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None) -> Floats | None:
     low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
     size = 2.0 * float(radius.max())
     columns, rows = int((high_x - low_x) / size) + 1, int((high_y - low_y) / size) + 1
@@ -275,7 +273,8 @@ def _place_on_lattice(
     shift = rng.uniform(0.0, 1.0, 2) * (step, height)
     for offset in ((0.0, 0.0), tuple(shift)):  # flush with the walls first: nothing holds more
         x, y = np.meshgrid(
-            np.arange(low_x + radius.max() + offset[0], high_x, step), np.arange(low_y + radius.max() + offset[1], high_y, height)
+            np.arange(low_x + radius.max() + offset[0], high_x, step),
+            np.arange(low_y + radius.max() + offset[1], high_y, height),
         )
         x[1::2] += 0.5 * step
         points = np.column_stack([x.ravel(), y.ravel()])

@@ -168,7 +168,7 @@ class Simulation:
         near.reach[e] = -1.0
         near.row_begin[people] = near.entry_start[e]
         near.row_end[people] = near.entry_start[e]
-        self.memory.contacts.count[e] = 0
+        self.memory.contacts.number[e] = 0
         self.memory.push[people] = 0.0
         self.memory.crush[people] = 0.0
         for total in self.memory.diagnostics:
@@ -177,7 +177,7 @@ class Simulation:
     def contacts(self, e: int = 0) -> ContactList:
         """Return a copy of the contacts of environment ``e``."""
         contacts, begin = self.memory.contacts, int(self.memory.near.entry_start[e])
-        rows = slice(begin, begin + int(contacts.count[e]))
+        rows = slice(begin, begin + int(contacts.number[e]))
         first = self.bodies.env_start[e]
         j = contacts.j[rows]
         return ContactList(
@@ -194,7 +194,9 @@ def _check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable
         raise ValueError(f"dt is {dt!r} s; it must be finite and > 0")
     limit = scheme.stable_dt(bodies)
     if dt > limit and not allow_unstable:
-        raise ValueError(f"dt = {dt:g} s is above the stable step of {scheme.info.name}, {limit:.4g} s for these people")
+        raise ValueError(
+            f"dt = {dt:g} s is above the stable step of {scheme.info.name}, {limit:.4g} s for these people"
+        )
 
 
 def _check_people(bodies: Bodies, state: CrowdState) -> None:

@@ -43,7 +43,9 @@ class LearnedPolicy:
             If the observations are not laid out as in training.
         """
         if layout != self.env_options["observation"]:
-            raise ValueError(f"policy {self.name!r} was trained on other observations: {self.env_options['observation']}")
+            raise ValueError(
+                f"policy {self.name!r} was trained on other observations: {self.env_options['observation']}"
+            )
         action, _ = self.model.predict(observation, deterministic=True)
         return action
 

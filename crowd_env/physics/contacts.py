@@ -20,9 +20,9 @@ from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 
 class Contacts(NamedTuple):
-    """Contacts of all environments; ``e`` owns ``NeighbourList.entry_start[e]`` onwards, ``count[e]`` of them."""
+    """Contacts of all environments; ``e`` owns ``NeighbourList.entry_start[e]`` onwards, ``number[e]`` of them."""
 
-    count: Ints  # (E,)
+    number: Ints  # (E,)
     i: Ints  # (M,)    global person
     j: Ints  # (M,)    global person > i, or -1 - k: wall feature k
     gap: Floats  # (M,)    m     < 0 is overlap
@@ -35,7 +35,7 @@ def allocate_contacts(near: NeighbourList) -> Contacts:
     """Return contacts with as much room as the neighbour list."""
     entries = len(near.partner)
     return Contacts(
-        count=np.zeros(len(near.reach), dtype=np.int64),
+        number=np.zeros(len(near.reach), dtype=np.int64),
         i=np.zeros(entries, dtype=np.int64),
         j=np.zeros(entries, dtype=np.int64),
         gap=np.zeros(entries),
@@ -86,7 +86,7 @@ def find_contacts(
             else:
                 near.impulse[entry, 0] = 0.0
                 near.impulse[entry, 1] = 0.0
-    contacts.count[e] = c - near.entry_start[e]
+    contacts.number[e] = c - near.entry_start[e]
 
 
 @kernel

@@ -13,11 +13,12 @@ import numpy as np
 from numba import prange
 
 from crowd_env._jit import kernel, parallel_kernel
+from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.scheme import SchemeInfo, require_positive
 from crowd_env.physics.step import detect, leave, record_contacts, unfinished
 from crowd_env.physics.world import Batch
-from crowd_env.state import Bodies
+from crowd_env.state import Bodies, CrowdState, Floats
 
 INFO = SchemeInfo(
     name="dem",
@@ -70,11 +71,9 @@ class DEM:
 
 
 @kernel
-def _springs(e: int, batch: Batch, dt: float, stiffness: float) -> None:
-    """Add the contact forces (eqs 4, 5) to `Memory.force`."""
-    contacts, force = batch.memory.contacts, batch.memory.force
-    begin = batch.memory.near.entry_start[e]
-    for c in range(begin, begin + contacts.count[e]):
+def _springs(begin: int, end: int, contacts: Contacts, force: Floats, dt: float, stiffness: float) -> None:
+    """Add the forces (eqs 4, 5) of the contacts ``begin:end`` to ``force``."""
+    for c in range(begin, end):
         size = -stiffness * min(0.0, contacts.gap[c])
         contacts.impulse[c, 0] = size * dt
         contacts.impulse[c, 1] = 0.0
@@ -87,28 +86,30 @@ def _springs(e: int, batch: Batch, dt: float, stiffness: float) -> None:
 
 
 @kernel
-def _integrate(e: int, batch: Batch, dt: float) -> None:
+def _integrate(e: int, bodies: Bodies, state: CrowdState, force: Floats, previous: Floats, dt: float) -> None:
     """Symplectic Euler (eq 3)."""
-    bodies, state, memory = batch.bodies, batch.state, batch.memory
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
         if state.active[i]:
             for k in range(2):
-                memory.previous[i, k] = state.position[i, k]
-                state.velocity[i, k] += dt * memory.force[i, k] / bodies.mass[i]
+                previous[i, k] = state.position[i, k]
+                state.velocity[i, k] += dt * force[i, k] / bodies.mass[i]
                 state.position[i, k] += dt * state.velocity[i, k]
 
 
 @kernel
 def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, stiffness: float) -> None:
-    while unfinished(e, batch, n_substeps):
-        if not detect(e, batch, 0.0):
+    world, bodies, state, control, memory = batch
+    near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
+    while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
+        if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, 0.0):
             return
-        desired_velocities(e, batch)
-        regular_forces(e, batch)
-        _springs(e, batch, dt, stiffness)
-        record_contacts(e, batch)
-        _integrate(e, batch, dt)
-        leave(e, batch, dt)
+        desired_velocities(e, world, bodies, state, control, memory.desired)
+        regular_forces(e, bodies, state, control, memory.desired, memory.force)
+        first = near.entry_start[e]
+        _springs(first, first + contacts.number[e], contacts, memory.force, dt, stiffness)
+        record_contacts(e, near, contacts, memory.push, memory.crush, memory.diagnostics)
+        _integrate(e, bodies, state, memory.force, memory.previous, dt)
+        leave(e, g, world.boundary, bodies, state, memory.previous, memory.progress, dt)
 
 
 @kernel

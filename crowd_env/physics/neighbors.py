@@ -241,12 +241,7 @@ def _add_walls(
     for k in range(first, stop):
         ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
         bx, by = boundary.wall[k, 1, 0], boundary.wall[k, 1, 1]
-        if (
-            x < min(ax, bx) - limit
-            or x > max(ax, bx) + limit
-            or y < min(ay, by) - limit
-            or y > max(ay, by) + limit
-        ):
+        if x < min(ax, bx) - limit or x > max(ax, bx) + limit or y < min(ay, by) - limit or y > max(ay, by) + limit:
             continue
         length = np.hypot(bx - ax, by - ay)
         if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) < limit * length:

@@ -15,12 +15,13 @@ import numpy as np
 from numba import prange
 
 from crowd_env._jit import kernel, parallel_kernel
+from crowd_env.geometry import Boundary
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.scheme import SchemeInfo, require_positive
 from crowd_env.physics.solvers import fastest_speed, solve_no_overlap
 from crowd_env.physics.step import detect, leave, record_contacts, record_solver, unfinished
-from crowd_env.physics.world import Batch
-from crowd_env.state import Bodies
+from crowd_env.physics.world import Batch, Memory
+from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 INFO = SchemeInfo(
     name="nsm1",
@@ -85,70 +86,85 @@ class NSM1:
 
 
 @kernel
-def _try_velocities(e: int, batch: Batch, dt: float, law: Law) -> None:
-    """Write V_trial into `Memory.before`.
-
-    An external force shifts a spontaneous velocity by tau f / m, the speed at which the drive would balance it.
-    """
-    bodies, memory, force = batch.bodies, batch.memory, batch.control.external_force
+def _try_velocities(
+    e: int,
+    bodies: Bodies,
+    state: CrowdState,
+    external_force: Floats,
+    force: Floats,
+    desired: Floats,
+    trial: Floats,
+    dt: float,
+    spontaneous: bool,
+) -> None:
+    """Write V_trial.  An external force shifts a spontaneous velocity by tau f / m, where the drive would balance it."""
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-        if batch.state.active[i]:
+        if state.active[i]:
             for k in range(2):
-                if law.spontaneous:
-                    shift = bodies.relaxation_time[i] * force[i, k] / bodies.mass[i]
-                    memory.before[i, k] = memory.desired[i, k] + shift
+                if spontaneous:
+                    trial[i, k] = desired[i, k] + bodies.relaxation_time[i] * external_force[i, k] / bodies.mass[i]
                 else:
-                    memory.before[i, k] = batch.state.velocity[i, k] + dt * memory.force[i, k] / bodies.mass[i]
+                    trial[i, k] = state.velocity[i, k] + dt * force[i, k] / bodies.mass[i]
 
 
 @kernel
-def _project(e: int, batch: Batch, dt: float, law: Law) -> bool:
-    """Project the trial velocity on the admissible ones; False if the contacts could not be found.
+def _project(
+    e: int,
+    g: int,
+    boundary: Boundary,
+    bodies: Bodies,
+    state: CrowdState,
+    external_force: Floats,
+    memory: Memory,
+    dt: float,
+    law: Law,
+) -> bool:
+    """Leave the projection of the trial velocity in `Memory.before`; False if the contacts could not be found.
 
     Contacts are gathered up to the gap that two people could close in this step.  The projection can make someone faster
     than anyone was in the trial; then the gap is widened and the step solved anew, so no contact is ever missed.
     """
-    bodies, state, memory = batch.bodies, batch.state, batch.memory
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    _try_velocities(e, batch, dt, law)
-    margin = 2.2 * dt * fastest_speed(begin, end, state.active, memory.before) + 1e-3
+    near, contacts, v = memory.near, memory.contacts, memory.before
+    margin = -1.0
     while True:
-        if not detect(e, batch, margin):
+        _try_velocities(e, bodies, state, external_force, memory.force, memory.desired, v, dt, law.spontaneous)
+        if margin < 0.0:
+            margin = 2.2 * dt * fastest_speed(begin, end, state.active, v) + 1e-3
+        if not detect(e, g, boundary, bodies, state, near, contacts, memory.status, margin):
             return False
-        first = memory.near.entry_start[e]
-        last = first + memory.contacts.count[e]
-        sweeps, residual = solve_no_overlap(
-            first, last, memory.contacts, bodies, memory.before, dt, law.tolerance, law.max_sweeps
-        )
-        needed = 2.0 * dt * fastest_speed(begin, end, state.active, memory.before)
+        first = near.entry_start[e]
+        last = first + contacts.number[e]
+        sweeps, residual = solve_no_overlap(first, last, contacts, bodies.mass, v, dt, law.tolerance, law.max_sweeps)
+        needed = 2.0 * dt * fastest_speed(begin, end, state.active, v)
         if not needed > margin:
-            record_solver(e, batch, sweeps, residual, law.tolerance)
+            record_solver(e, memory.diagnostics, sweeps, residual, law.tolerance)
             return True
         margin = 1.2 * needed
-        _try_velocities(e, batch, dt, law)
 
 
 @kernel
-def _move(e: int, batch: Batch, dt: float) -> None:
-    state, memory = batch.state, batch.memory
-    for i in range(batch.bodies.env_start[e], batch.bodies.env_start[e + 1]):
+def _move(e: int, env_start: Ints, state: CrowdState, after: Floats, previous: Floats, dt: float) -> None:
+    for i in range(env_start[e], env_start[e + 1]):
         if state.active[i]:
             for k in range(2):
-                memory.previous[i, k] = state.position[i, k]
-                state.velocity[i, k] = memory.before[i, k]
-                state.position[i, k] += dt * state.velocity[i, k]
+                previous[i, k] = state.position[i, k]
+                state.velocity[i, k] = after[i, k]
+                state.position[i, k] += dt * after[i, k]
 
 
 @kernel
 def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: Law) -> None:
-    while unfinished(e, batch, n_substeps):
-        desired_velocities(e, batch)
-        regular_forces(e, batch)
-        if not _project(e, batch, dt, law):
+    world, bodies, state, control, memory = batch
+    g = world.geometry_of_env[e]
+    while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
+        desired_velocities(e, world, bodies, state, control, memory.desired)
+        regular_forces(e, bodies, state, control, memory.desired, memory.force)
+        if not _project(e, g, world.boundary, bodies, state, control.external_force, memory, dt, law):
             return
-        record_contacts(e, batch)
-        _move(e, batch, dt)
-        leave(e, batch, dt)
+        record_contacts(e, memory.near, memory.contacts, memory.push, memory.crush, memory.diagnostics)
+        _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
+        leave(e, g, world.boundary, bodies, state, memory.previous, memory.progress, dt)
 
 
 @kernel

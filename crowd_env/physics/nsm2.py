@@ -11,17 +11,16 @@ order of h times the closing speed remains, and is the scheme's, not the solver'
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from numba import prange
 
 from crowd_env._jit import kernel, parallel_kernel
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.scheme import SchemeInfo, require_not_negative, require_positive
-from crowd_env.physics.solvers import solve_percussions
+from crowd_env.physics.solvers import PercussionLaw, solve_percussions
 from crowd_env.physics.step import detect, leave, record_contacts, record_solver, unfinished
 from crowd_env.physics.world import Batch
-from crowd_env.state import Bodies
+from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 INFO = SchemeInfo(
     name="nsm2",
@@ -34,15 +33,6 @@ INFO = SchemeInfo(
 
 # A contact has D <= 0; the narrow phase keeps what lies strictly below its margin.
 _TOUCHING = 1e-12  # m
-
-
-class Law(NamedTuple):
-    """The parameters as kernels read them."""
-
-    k_normal: float
-    k_tangent: float
-    tolerance: float
-    max_sweeps: int
 
 
 @dataclass(frozen=True)
@@ -89,73 +79,55 @@ class NSM2:
     def advance(self, batch: Batch, dt: float, n_substeps: int, parallel: bool) -> None:
         """Advance the batch in place."""
         run = _advance_parallel if parallel else _advance_serial
-        law = Law(self.normal_dissipation, self.tangential_dissipation, self.tolerance, self.max_sweeps)
+        law = PercussionLaw(self.normal_dissipation, self.tangential_dissipation, self.tolerance, self.max_sweeps)
         run(batch, dt, n_substeps, law)
 
 
 @kernel
-def _accelerate(e: int, batch: Batch, dt: float) -> None:
+def _accelerate(e: int, bodies: Bodies, state: CrowdState, force: Floats, before: Floats, dt: float) -> None:
     """Keep u(n) and add the regular forces: u(n) + M^-1 p_ext."""
-    bodies, state, memory = batch.bodies, batch.state, batch.memory
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
         if state.active[i]:
             for k in range(2):
-                memory.before[i, k] = state.velocity[i, k]
-                state.velocity[i, k] += dt * memory.force[i, k] / bodies.mass[i]
+                before[i, k] = state.velocity[i, k]
+                state.velocity[i, k] += dt * force[i, k] / bodies.mass[i]
 
 
 @kernel
-def _collide(e: int, batch: Batch, law: Law) -> None:
-    """Solve eqs 8-10 for the percussions of all contacts at once."""
-    memory = batch.memory
-    first = memory.near.entry_start[e]
-    last = first + memory.contacts.count[e]
-    sweeps, residual = solve_percussions(
-        first,
-        last,
-        memory.contacts,
-        batch.bodies,
-        memory.before,
-        batch.state.velocity,
-        law.k_normal,
-        law.k_tangent,
-        law.tolerance,
-        law.max_sweeps,
-    )
-    record_solver(e, batch, sweeps, residual, law.tolerance)
-
-
-@kernel
-def _move(e: int, batch: Batch, dt: float) -> None:
-    state, memory = batch.state, batch.memory
-    for i in range(batch.bodies.env_start[e], batch.bodies.env_start[e + 1]):
+def _move(e: int, env_start: Ints, state: CrowdState, before: Floats, previous: Floats, dt: float) -> None:
+    for i in range(env_start[e], env_start[e + 1]):
         if state.active[i]:
             for k in range(2):
-                memory.previous[i, k] = state.position[i, k]
-                state.position[i, k] += 0.5 * dt * (memory.before[i, k] + state.velocity[i, k])
+                previous[i, k] = state.position[i, k]
+                state.position[i, k] += 0.5 * dt * (before[i, k] + state.velocity[i, k])
 
 
 @kernel
-def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: Law) -> None:
-    while unfinished(e, batch, n_substeps):
-        if not detect(e, batch, _TOUCHING):
+def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: PercussionLaw) -> None:
+    world, bodies, state, control, memory = batch
+    near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
+    while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
+        if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, _TOUCHING):
             return
-        desired_velocities(e, batch)
-        regular_forces(e, batch)
-        _accelerate(e, batch, dt)
-        _collide(e, batch, law)
-        record_contacts(e, batch)
-        _move(e, batch, dt)
-        leave(e, batch, dt)
+        desired_velocities(e, world, bodies, state, control, memory.desired)
+        regular_forces(e, bodies, state, control, memory.desired, memory.force)
+        _accelerate(e, bodies, state, memory.force, memory.before, dt)
+        first = near.entry_start[e]
+        last = first + contacts.number[e]
+        sweeps, residual = solve_percussions(first, last, contacts, bodies.mass, memory.before, state.velocity, law)
+        record_solver(e, memory.diagnostics, sweeps, residual, law.tolerance)
+        record_contacts(e, near, contacts, memory.push, memory.crush, memory.diagnostics)
+        _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
+        leave(e, g, world.boundary, bodies, state, memory.previous, memory.progress, dt)
 
 
 @kernel
-def _advance_serial(batch: Batch, dt: float, n_substeps: int, law: Law) -> None:
+def _advance_serial(batch: Batch, dt: float, n_substeps: int, law: PercussionLaw) -> None:
     for e in range(len(batch.state.time)):
         _advance_one(e, batch, dt, n_substeps, law)
 
 
 @parallel_kernel
-def _advance_parallel(batch: Batch, dt: float, n_substeps: int, law: Law) -> None:
+def _advance_parallel(batch: Batch, dt: float, n_substeps: int, law: PercussionLaw) -> None:
     for e in prange(len(batch.state.time)):
         _advance_one(e, batch, dt, n_substeps, law)

@@ -6,11 +6,13 @@ contact right with all others frozen.  A sweep that changes little is no proof o
 violation of the laws themselves, all measured at the same velocities and in m/s.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from crowd_env._jit import kernel
 from crowd_env.physics.contacts import Contacts
-from crowd_env.state import Bodies, Floats
+from crowd_env.state import Bools, Floats
 
 
 @kernel
@@ -26,23 +28,23 @@ def _relative(contacts: Contacts, c: int, v: Floats) -> tuple[float, float]:
 
 
 @kernel
-def _mobility(contacts: Contacts, c: int, bodies: Bodies) -> float:
+def _mobility(contacts: Contacts, c: int, mass: Floats) -> float:
     """Inverse effective mass a_c [1/kg]."""
     j = contacts.j[c]
-    return 1.0 / bodies.mass[contacts.i[c]] + (1.0 / bodies.mass[j] if j >= 0 else 0.0)
+    return 1.0 / mass[contacts.i[c]] + (1.0 / mass[j] if j >= 0 else 0.0)
 
 
 @kernel
-def _apply(contacts: Contacts, c: int, bodies: Bodies, v: Floats, normal: float, tangent: float) -> None:
+def _apply(contacts: Contacts, c: int, mass: Floats, v: Floats, normal: float, tangent: float) -> None:
     """Change the velocities by an impulse (normal, tangent) at contact ``c``."""
     i, j = contacts.i[c], contacts.j[c]
     nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
     px, py = normal * nx - tangent * ny, normal * ny + tangent * nx
-    v[i, 0] += px / bodies.mass[i]
-    v[i, 1] += py / bodies.mass[i]
+    v[i, 0] += px / mass[i]
+    v[i, 1] += py / mass[i]
     if j >= 0:
-        v[j, 0] -= px / bodies.mass[j]
-        v[j, 1] -= py / bodies.mass[j]
+        v[j, 0] -= px / mass[j]
+        v[j, 1] -= py / mass[j]
 
 
 @kernel
@@ -50,7 +52,7 @@ def solve_no_overlap(
     begin: int,
     end: int,
     contacts: Contacts,
-    bodies: Bodies,
+    mass: Floats,
     v: Floats,
     dt: float,
     tolerance: float,
@@ -63,34 +65,43 @@ def solve_no_overlap(
     """
     for c in range(begin, end):
         contacts.impulse[c, 1] = 0.0
-        _apply(contacts, c, bodies, v, contacts.impulse[c, 0], 0.0)
-    residual = _overlap_residual(begin, end, contacts, bodies, v, dt)
+        _apply(contacts, c, mass, v, contacts.impulse[c, 0], 0.0)
+    residual = _overlap_residual(begin, end, contacts, mass, v, dt)
     sweeps = 0
     while residual > tolerance and sweeps < max_sweeps:
         moved = 0.0
         for c in range(begin, end):
-            a = _mobility(contacts, c, bodies)
+            a = _mobility(contacts, c, mass)
             w, _ = _relative(contacts, c, v)
             old = contacts.impulse[c, 0]
             new = max(0.0, old - (contacts.gap[c] / dt + w) / a)
             if new != old:
                 contacts.impulse[c, 0] = new
-                _apply(contacts, c, bodies, v, new - old, 0.0)
+                _apply(contacts, c, mass, v, new - old, 0.0)
                 moved = max(moved, a * abs(new - old))
         sweeps += 1
         if moved <= tolerance or sweeps == max_sweeps:
-            residual = _overlap_residual(begin, end, contacts, bodies, v, dt)
+            residual = _overlap_residual(begin, end, contacts, mass, v, dt)
     return sweeps, residual
 
 
 @kernel
-def _overlap_residual(begin: int, end: int, contacts: Contacts, bodies: Bodies, v: Floats, dt: float) -> float:
+def _overlap_residual(begin: int, end: int, contacts: Contacts, mass: Floats, v: Floats, dt: float) -> float:
     worst = 0.0
     for c in range(begin, end):
         w, _ = _relative(contacts, c, v)
-        a = _mobility(contacts, c, bodies)
+        a = _mobility(contacts, c, mass)
         worst = max(worst, abs(min(a * contacts.impulse[c, 0], contacts.gap[c] / dt + w)))
     return worst
+
+
+class PercussionLaw(NamedTuple):
+    """The parameters of NSM2 as kernels read them."""
+
+    k_normal: float
+    k_tangent: float
+    tolerance: float
+    max_sweeps: int
 
 
 @kernel
@@ -114,13 +125,10 @@ def solve_percussions(
     begin: int,
     end: int,
     contacts: Contacts,
-    bodies: Bodies,
+    mass: Floats,
     before: Floats,
     v: Floats,
-    k_normal: float,
-    k_tangent: float,
-    tolerance: float,
-    max_sweeps: int,
+    law: PercussionLaw,
 ) -> tuple[int, float]:
     """NSM2: percussions of the overlapping contacts ``begin:end`` (Pécol et al. 2011, eqs 8-10).
 
@@ -132,34 +140,34 @@ def solve_percussions(
         contacts.impulse[c, 0] = 0.0
         contacts.impulse[c, 1] = 0.0
     sweeps = 0
-    residual = _percussion_residual(begin, end, contacts, bodies, before, v, k_normal, k_tangent)
-    while residual > tolerance and sweeps < max_sweeps:
+    residual = _percussion_residual(begin, end, contacts, mass, before, v, law)
+    while residual > law.tolerance and sweeps < law.max_sweeps:
         moved = 0.0
         for c in range(begin, end):
-            normal, tangent, a = _percussion_law(contacts, c, bodies, before, v, k_normal, k_tangent)
+            normal, tangent, a = _percussion_law(contacts, c, mass, before, v, law)
             dn, dt = normal - contacts.impulse[c, 0], tangent - contacts.impulse[c, 1]
             if dn != 0.0 or dt != 0.0:
                 contacts.impulse[c, 0] = normal
                 contacts.impulse[c, 1] = tangent
-                _apply(contacts, c, bodies, v, dn, dt)
+                _apply(contacts, c, mass, v, dn, dt)
                 moved = max(moved, a * abs(dn), a * abs(dt))
         sweeps += 1
-        if moved <= tolerance or sweeps == max_sweeps:
-            residual = _percussion_residual(begin, end, contacts, bodies, before, v, k_normal, k_tangent)
+        if moved <= law.tolerance or sweeps == law.max_sweeps:
+            residual = _percussion_residual(begin, end, contacts, mass, before, v, law)
     return sweeps, residual
 
 
 @kernel
 def _percussion_law(
-    contacts: Contacts, c: int, bodies: Bodies, before: Floats, v: Floats, k_normal: float, k_tangent: float
+    contacts: Contacts, c: int, mass: Floats, before: Floats, v: Floats, law: PercussionLaw
 ) -> tuple[float, float, float]:
     """What the percussion of contact ``c`` should be, given the velocities ``v``; and its a_c."""
-    a = _mobility(contacts, c, bodies)
+    a = _mobility(contacts, c, mass)
     n_minus, t_minus = _relative(contacts, c, before)
     n_plus, t_plus = _relative(contacts, c, v)
     approaching = n_minus < 0.0
-    normal = _percussion(n_minus, n_plus - a * contacts.impulse[c, 0], a, approaching, k_normal)
-    tangent = _tangential_percussion(t_minus, t_plus - a * contacts.impulse[c, 1], a, approaching, k_tangent)
+    normal = _percussion(n_minus, n_plus - a * contacts.impulse[c, 0], a, approaching, law.k_normal)
+    tangent = _tangential_percussion(t_minus, t_plus - a * contacts.impulse[c, 1], a, approaching, law.k_tangent)
     return normal, tangent, a
 
 
@@ -168,21 +176,20 @@ def _percussion_residual(
     begin: int,
     end: int,
     contacts: Contacts,
-    bodies: Bodies,
+    mass: Floats,
     before: Floats,
     v: Floats,
-    k_normal: float,
-    k_tangent: float,
+    law: PercussionLaw,
 ) -> float:
     worst = 0.0
     for c in range(begin, end):
-        normal, tangent, a = _percussion_law(contacts, c, bodies, before, v, k_normal, k_tangent)
+        normal, tangent, a = _percussion_law(contacts, c, mass, before, v, law)
         worst = max(worst, a * abs(normal - contacts.impulse[c, 0]), a * abs(tangent - contacts.impulse[c, 1]))
     return worst
 
 
 @kernel
-def fastest_speed(begin: int, end: int, active: np.ndarray, v: Floats) -> float:
+def fastest_speed(begin: int, end: int, active: Bools, v: Floats) -> float:
     """Largest speed [m/s] among the active people ``begin:end``."""
     square = 0.0
     for i in range(begin, end):

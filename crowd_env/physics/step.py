@@ -1,55 +1,68 @@
-"""What every scheme does before and after its own law: contacts at the start of a step, exits and sums at its end."""
+"""What every scheme does before and after its own law: contacts at the start of a step, exits and sums at its end.
+
+Kernels take the arrays they use, not the whole batch: numba spends about 10 ms of compiling on every array of every argument.
+"""
 
 import numpy as np
 
 from crowd_env._jit import kernel
-from crowd_env.physics.contacts import find_contacts
-from crowd_env.physics.neighbors import OK, update_neighbours
-from crowd_env.physics.world import Batch
+from crowd_env.geometry import Boundary
+from crowd_env.physics.contacts import Contacts, find_contacts
+from crowd_env.physics.neighbors import OK, NeighbourList, update_neighbours
+from crowd_env.physics.world import Diagnostics
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
 @kernel
-def unfinished(e: int, batch: Batch, n_substeps: int) -> bool:
+def unfinished(e: int, env_start: Ints, active: Bools, progress: Ints, n_substeps: int) -> bool:
     """Whether environment ``e`` has steps of this call left and someone still inside."""
-    if batch.memory.progress[e] >= n_substeps:
+    if progress[e] >= n_substeps:
         return False
-    for i in range(batch.bodies.env_start[e], batch.bodies.env_start[e + 1]):
-        if batch.state.active[i]:
+    for i in range(env_start[e], env_start[e + 1]):
+        if active[i]:
             return True
     return False
 
 
 @kernel
-def detect(e: int, batch: Batch, margin: float) -> bool:
+def detect(
+    e: int,
+    g: int,
+    boundary: Boundary,
+    bodies: Bodies,
+    state: CrowdState,
+    near: NeighbourList,
+    contacts: Contacts,
+    status: Ints,
+    margin: float,
+) -> bool:
     """Bring neighbours and contacts of environment ``e`` up to date; False (with the reason in `status`) if it cannot."""
-    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
-    g = world.geometry_of_env[e]
-    memory.status[e] = update_neighbours(e, g, world.boundary, bodies, state, memory.near, margin)
-    if memory.status[e] != OK:
+    status[e] = update_neighbours(e, g, boundary, bodies, state, near, margin)
+    if status[e] != OK:
         return False
-    find_contacts(e, g, world.boundary, bodies, state, memory.near, memory.contacts, margin)
+    find_contacts(e, g, boundary, bodies, state, near, contacts, margin)
     return True
 
 
 @kernel
-def record_contacts(e: int, batch: Batch) -> None:
+def record_contacts(
+    e: int, near: NeighbourList, contacts: Contacts, push: Floats, crush: Floats, sums: Diagnostics
+) -> None:
     """Add this step's impulses and overlaps to the sums, and leave the impulses with their pairs for the next step."""
-    memory = batch.memory
-    contacts, near, sums = memory.contacts, memory.near, memory.diagnostics
     begin = near.entry_start[e]
-    for c in range(begin, begin + contacts.count[e]):
+    for c in range(begin, begin + contacts.number[e]):
         i, j = contacts.i[c], contacts.j[c]
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
         normal, tangent = contacts.impulse[c, 0], contacts.impulse[c, 1]
         px, py = normal * nx - tangent * ny, normal * ny + tangent * nx
         size = np.sqrt(px * px + py * py)
-        memory.push[i, 0] += px
-        memory.push[i, 1] += py
-        memory.crush[i] += size
+        push[i, 0] += px
+        push[i, 1] += py
+        crush[i] += size
         if j >= 0:
-            memory.push[j, 0] -= px
-            memory.push[j, 1] -= py
-            memory.crush[j] += size
+            push[j, 0] -= px
+            push[j, 1] -= py
+            crush[j] += size
         near.impulse[contacts.entry[c], 0] = normal
         near.impulse[contacts.entry[c], 1] = tangent
         overlap = -contacts.gap[c]
@@ -62,19 +75,27 @@ def record_contacts(e: int, batch: Batch) -> None:
 
 
 @kernel
-def leave(e: int, batch: Batch, dt: float) -> None:
+def record_solver(e: int, sums: Diagnostics, sweeps: int, residual: float, tolerance: float) -> None:
+    """Add one solve to the sums."""
+    sums.iterations[e] += sweeps
+    sums.residual[e] = max(sums.residual[e], residual)
+    sums.unconverged[e] += residual > tolerance
+
+
+@kernel
+def leave(
+    e: int, g: int, boundary: Boundary, bodies: Bodies, state: CrowdState, previous: Floats, progress: Ints, dt: float
+) -> None:
     """Take out whoever's centre crossed an exit line outwards during this step; advance the clock."""
-    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
-    g = world.geometry_of_env[e]
-    first, stop = world.boundary.exit_start[g], world.boundary.exit_start[g + 1]
+    first, stop = boundary.exit_start[g], boundary.exit_start[g + 1]
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
         if not state.active[i]:
             continue
-        x0, y0 = memory.previous[i, 0], memory.previous[i, 1]
+        x0, y0 = previous[i, 0], previous[i, 1]
         x1, y1 = state.position[i, 0], state.position[i, 1]
         for k in range(first, stop):
-            ax, ay = world.boundary.exit[k, 0, 0], world.boundary.exit[k, 0, 1]
-            tx, ty = world.boundary.exit[k, 1, 0] - ax, world.boundary.exit[k, 1, 1] - ay
+            ax, ay = boundary.exit[k, 0, 0], boundary.exit[k, 0, 1]
+            tx, ty = boundary.exit[k, 1, 0] - ax, boundary.exit[k, 1, 1] - ay
             side0 = tx * (y0 - ay) - ty * (x0 - ax)  # > 0: inside
             side1 = tx * (y1 - ay) - ty * (x1 - ax)
             if side0 < 0.0 or side1 >= 0.0:
@@ -87,14 +108,4 @@ def leave(e: int, batch: Batch, dt: float) -> None:
                 state.exit_index[i] = k - first
                 break
     state.time[e] += dt
-    memory.diagnostics.steps[e] += 1
-    memory.progress[e] += 1
-
-
-@kernel
-def record_solver(e: int, batch: Batch, sweeps: int, residual: float, tolerance: float) -> None:
-    """Add one solve to the sums."""
-    sums = batch.memory.diagnostics
-    sums.iterations[e] += sweeps
-    sums.residual[e] = max(sums.residual[e], residual)
-    sums.unconverged[e] += residual > tolerance
+    progress[e] += 1

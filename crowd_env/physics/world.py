@@ -31,7 +31,6 @@ class Control(NamedTuple):
 class Diagnostics(NamedTuple):
     """What went on, accumulated over steps, per environment."""
 
-    steps: Ints  # (E,)
     max_overlap: Floats  # (E,)  m    deepest overlap of two bodies or of a body and a wall
     overlap_sum: Floats  # (E,)  m    over all overlapping contacts of all steps
     overlap_count: Ints  # (E,)
@@ -90,7 +89,6 @@ def allocate_memory(bodies: Bodies, per_person: int = 12) -> Memory:
         progress=counts(),
         status=counts(),
         diagnostics=Diagnostics(
-            steps=counts(),
             max_overlap=reals(environments),
             overlap_sum=reals(environments),
             overlap_count=counts(),

@@ -1,0 +1,30 @@
+"""Record an evacuation under a policy, to be drawn."""
+
+import numpy as np
+
+from agents.evaluation import HELD_OUT_SEED
+from agents.policy import Policy
+from crowd_env import CrowdEnv, Scenario
+from crowd_env.physics import ContactScheme
+from crowd_env.rendering import Recording, snapshot
+
+
+def record(
+    policy: Policy,
+    scenario: str | Scenario = "room-v0",
+    *,
+    scheme: str | ContactScheme = "nsm2",
+    seed: int = HELD_OUT_SEED,
+    title: str = "",
+    **options: object,
+) -> Recording:
+    """Return one evacuation under ``policy``, a snapshot a decision step."""
+    env = CrowdEnv(scenario, scheme=scheme, **{**options, **policy.env_options})  # type: ignore[arg-type]
+    observation, _ = env.reset([seed])
+    policy.reset(np.ones(1, dtype=np.bool_))
+    rng = np.random.default_rng(seed)
+    snapshots = [snapshot(env)]
+    while not env.finished.all():
+        observation = env.step(policy.act(observation, env.layout, rng)).observation
+        snapshots.append(snapshot(env))
+    return Recording.of(env, snapshots, title or policy.name)

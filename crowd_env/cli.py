@@ -1,0 +1,224 @@
+"""The command ``crowd-env``."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from crowd_env.experiment import report, run_rule
+from crowd_env.physics import SCHEMES, make_scheme
+from crowd_env.population import Population, Uniform
+from crowd_env.scenario import Scenario, read_starts, scenario_from_wkt
+from crowd_env.scenarios import SCENARIOS, make_scenario
+
+app = typer.Typer(
+    help="Crowds that really touch each other: run evacuations from the command line.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+_notes = Console(stderr=True, highlight=False)
+_JSON = typer.Option("--json", help="Print one JSON object instead of a table.")
+
+
+@contextmanager
+def _said_plainly() -> Iterator[None]:
+    """Turn a user's mistake into one line and exit code 2."""
+    try:
+        yield
+    except (ValueError, FloatingPointError) as error:
+        _notes.print(f"error: {error}", style="red", markup=False)
+        raise typer.Exit(2) from None
+
+
+@contextmanager
+def _progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Show a bar on the standard error stream while it is a terminal."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=_notes, transient=True) as bar:
+        task = bar.add_task(title, total=total)
+        yield lambda count: bar.advance(task, count)
+
+
+def _range(text: str, option: str) -> Uniform:
+    """Read "0.2,0.25" or "0.2"."""
+    try:
+        bounds = [float(part) for part in text.split(",")]
+    except ValueError:
+        bounds = []
+    if len(bounds) not in (1, 2):
+        raise ValueError(f"{option} is {text!r}; it must be one number or two separated by a comma, such as 0.2,0.25")
+    return Uniform(bounds[0], bounds[-1])
+
+
+def _read_scenario(
+    name: str,
+    exits: list[str],
+    count: int | None,
+    radius: str | None,
+    speed: str | None,
+    starts: Path | None,
+    limit: float | None,
+) -> Scenario:
+    """Return the scenario of the command line: a built-in name, or a floor plan in a file."""
+    recorded = None if starts is None else read_starts(starts)
+    if recorded is not None and count not in (None, len(recorded)):
+        raise ValueError(f"--n is {count}, but {starts} holds {len(recorded)} positions")
+    people: dict[str, Any] = {"starts": recorded}
+    if radius is not None:
+        people["radius"] = _range(radius, "--radius")
+    if speed is not None:
+        people["desired_speed"] = _range(speed, "--speed")
+    number = count if recorded is None else len(recorded)
+    population = Population(20 if number is None else number, **people)
+    timing = {} if limit is None else {"time_limit": limit}
+    if name in SCENARIOS:
+        if exits:
+            raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
+        return make_scenario(name, population=population, **timing)
+    if not Path(name).suffix and not Path(name).exists():
+        raise ValueError(
+            f"unknown scenario {name!r}; known: {', '.join(SCENARIOS)}, or the path of a floor plan (.wkt)"
+        )
+    return scenario_from_wkt(name, exits, population, **timing)
+
+
+@app.command()
+def run(
+    scenario: Annotated[str, typer.Argument(help="Name of a scenario, or a floor plan in WKT (metres).")] = "room-v0",
+    scheme: Annotated[str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".")] = "nsm2",
+    runs: Annotated[int, typer.Option(help="Number of evacuations, each with other people in other places.")] = 50,
+    exit: Annotated[
+        list[str] | None,
+        typer.Option(help='Exit of a floor plan: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be repeated.'),
+    ] = None,
+    n: Annotated[int | None, typer.Option(help="Number of people; default 20.", min=1)] = None,
+    radius: Annotated[
+        str | None, typer.Option(help="Body radius in m, one number or a range; default 0.2,0.25.")
+    ] = None,
+    speed: Annotated[
+        str | None, typer.Option(help="Desired speed in m/s, one number or a range; default 1.2,2.")
+    ] = None,
+    starts: Annotated[Path | None, typer.Option(help="CSV file with columns x,y: recorded starting positions.")] = None,
+    time_limit: Annotated[
+        float | None, typer.Option(help="Whoever is inside after so many seconds is unfinished.")
+    ] = None,
+    dt: Annotated[float, typer.Option(help="Physics step in s.")] = 0.01,
+    seed: Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0)] = 0,
+    film: Annotated[Path | None, typer.Option(help="Also film the first run: .gif or .mp4.")] = None,
+    as_json: Annotated[bool, _JSON] = False,
+) -> None:
+    """Evacuate a place many times, everyone walking the shortest path, and report how it went.
+
+    Examples: crowd-env run room-v0 --scheme nsm2 --runs 50 --json
+
+    crowd-env run my_room.wkt --exit 5,2,5,3 --n 40 --film out.gif
+    """
+    with _said_plainly():
+        place = _read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit)
+        make_scheme(scheme)
+        if film is not None:
+            _check_film(film)
+        begin = time.monotonic()
+        with _progress(f"{place.name}, {scheme}", runs) as progress:
+            episodes = run_rule(place, scheme, runs, seed=seed, dt=dt, progress=progress)
+        figures = report(place, scheme, episodes)
+        if film is not None:
+            _film(place, scheme, seed, dt, film)
+    if as_json:
+        typer.echo(json.dumps(figures))
+        return
+    Console().print(_table(figures, time.monotonic() - begin))
+
+
+def _check_film(path: Path) -> None:
+    from crowd_env.rendering import check_film_path
+
+    check_film_path(path)
+
+
+def _film(place: Scenario, scheme: str, seed: int, dt: float, path: Path) -> None:
+    from crowd_env.env import CrowdEnv
+    from crowd_env.rendering import Recording, snapshot, write_film
+
+    env = CrowdEnv(place, scheme=scheme, dt=dt)
+    env.reset([seed])
+    shots = [snapshot(env)]
+    while not env.finished.all():
+        env.step(None)
+        shots.append(snapshot(env))
+    write_film(path, [Recording.of(env, shots, f"{place.name}, {scheme}")])
+    _notes.print(f"film: {path}", markup=False)
+
+
+def _table(figures: dict[str, Any], seconds: float) -> Table:
+    def number(value: float | None, digits: int = 2) -> str:
+        return "-" if value is None else f"{value:.{digits}f}"
+
+    evacuation, flow = figures["evacuation_time"], figures["flow"]
+    title = f"{figures['scenario']}: {figures['people']} people, {figures['scheme']}, {figures['runs']} runs"
+    table = Table(title=title, show_header=False, caption=f"{seconds:.1f} s of computing")
+    table.add_row("evacuation time", f"{number(evacuation['mean'])} ± {number(evacuation['sd'])} s")
+    table.add_row("  95 % interval of the mean", " to ".join(number(bound) for bound in evacuation["ci95"]) + " s")
+    table.add_row("flow", f"{number(flow['mean'])} ± {number(flow['sd'])} 1/s")
+    table.add_row("unfinished", f"{figures['unfinished']} people in {figures['unfinished_runs']} runs")
+    overlap = figures["overlap_mm"]
+    table.add_row("overlap of bodies", f"mean {number(overlap['mean'])}, at most {number(overlap['max'])} mm")
+    table.add_row("reach beyond a wall", f"at most {number(figures['outside_mm'])} mm")
+    table.add_row("solver residual", f"at most {figures['residual']:.1e} m/s")
+    return table
+
+
+@app.command("list")
+def list_names(as_json: Annotated[bool, _JSON] = False) -> None:
+    """List the scenarios and contact schemes."""
+    scenarios = {name: (make.__doc__ or "").strip().splitlines()[0] for name, make in SCENARIOS.items()}
+    schemes = {name: f"{scheme.info.title} ({scheme.info.reference})" for name, scheme in SCHEMES.items()}
+    if as_json:
+        typer.echo(json.dumps({"scenarios": scenarios, "schemes": schemes}))
+        return
+    for title, names in (("scenarios", scenarios), ("contact schemes", schemes)):
+        table = Table(title=title, show_header=False, title_justify="left")
+        for name, text in names.items():
+            table.add_row(name, text)
+        Console().print(table)
+
+
+@app.command()
+def warmup(
+    scheme: Annotated[list[str] | None, typer.Option(help="Contact scheme; may be repeated; default all.")] = None,
+    as_json: Annotated[bool, _JSON] = False,
+) -> None:
+    """Compile the kernels now, so that the first step of every later program starts at once."""
+    from crowd_env.env import CrowdEnv
+
+    seconds = {}
+    with _said_plainly():
+        chosen = scheme or list(SCHEMES)
+        for name in chosen:
+            make_scheme(name)
+        with _progress("compiling", len(chosen)) as progress:
+            for name in chosen:
+                begin = time.monotonic()
+                env = CrowdEnv("room-v0", scheme=name)
+                env.reset(seed=0)
+                env.step(None)
+                seconds[name] = round(time.monotonic() - begin, 2)
+                progress(1)
+    if as_json:
+        typer.echo(json.dumps({"seconds": seconds}))
+        return
+    for name, spent in seconds.items():
+        typer.echo(f"{name:14s} {spent:6.2f} s")
+
+
+def main() -> None:
+    """Run the command line."""
+    app()

@@ -1,0 +1,1 @@
+"""Frames, films and figures of evacuations; the drawing libraries are loaded when something is drawn."""

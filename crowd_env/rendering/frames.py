@@ -1,0 +1,164 @@
+"""One moment of an evacuation as an image."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from crowd_env.geometry import Geometry
+from crowd_env.rendering.discs import put_discs
+from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, pressure_colour
+from crowd_env.rendering.plan import Layout, draw_plan, fit
+from crowd_env.rendering.text import Image, put_text, text_width
+from crowd_env.state import Floats
+
+_STANDING = 0.1  # m/s, slower than this nobody has a heading
+
+
+class Renderer:
+    """Draws frames of one place; the place itself is drawn once and kept.
+
+    Parameters
+    ----------
+    geometry : the place.
+    width : px of a frame; the height follows from the place.
+    supersample : the place is drawn so many times larger and averaged.
+    full_pressure : N/m, what the legend calls a colour value of 1.
+
+    Raises
+    ------
+    ValueError
+        If ``width`` or ``supersample`` is not positive.
+
+    Examples
+    --------
+    >>> renderer = Renderer(geometry)
+    >>> image = renderer.frame(state.position, bodies.radius, active=state.active, clock=3.0)
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        *,
+        width: int = 640,
+        supersample: int = 2,
+        full_pressure: float = FULL_PRESSURE,
+        text: float | None = None,
+    ) -> None:
+        if not width > 0 or not supersample >= 1:
+            raise ValueError(f"width is {width} px and supersample {supersample}; both must be at least 1")
+        self.geometry = geometry
+        self.full_pressure = full_pressure
+        self.layout: Layout = fit(geometry, width, text=text)
+        self._empty: Image = draw_plan(geometry, self.layout, supersample)
+        _put_scale_bar(self._empty, self.layout)
+        self._with_legend = self._empty.copy()
+        _put_legend(self._with_legend, self.layout, full_pressure)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of a frame [px], both even."""
+        return self.layout.width, self.layout.height
+
+    def frame(
+        self,
+        position: ArrayLike,
+        radius: ArrayLike,
+        *,
+        active: ArrayLike | None = None,
+        colour_value: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        title: str = "",
+        clock: float | None = None,
+        inside: int | None = None,
+        status: str | None = None,
+        legend: bool = True,
+    ) -> Image:
+        """Return an image (H, W, 3) uint8.
+
+        Parameters
+        ----------
+        position, radius : (N, 2), (N,) m.
+        active : (N,), only these are drawn; default everyone.
+        colour_value : (N,), how hard everyone is pressed, 0..1; see `contact_pressure`.  Without it all are calm.
+        velocity : (N, 2) m/s, gives everyone who moves a heading.
+        title : what is seen.
+        clock : s.
+        inside : number of people inside; default the number of active ones.
+        status : replaces "17 of 20 inside".
+        legend : explain the colours, if there are any.
+        """
+        position = np.asarray(position, dtype=np.float64).reshape(-1, 2)
+        count = len(position)
+        shown = np.ones(count, dtype=bool) if active is None else np.asarray(active, dtype=bool)
+        drawn = np.flatnonzero(shown & np.isfinite(position).all(axis=1))
+        value = np.zeros(count) if colour_value is None else np.asarray(colour_value, dtype=np.float64)
+        image = (self._empty if colour_value is None or not legend else self._with_legend).copy()
+        put_discs(
+            image,
+            self.layout.pixels(position[drawn]),
+            np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,))[drawn] * self.layout.scale,
+            pressure_colour(value[drawn]),
+            None if velocity is None else _headings(np.asarray(velocity, dtype=np.float64)[drawn]),
+        )
+        left = int(shown.sum()) if inside is None else inside
+        self._put_header(image, title, clock, status or f"{left} of {count} inside", finished=left == 0)
+        return image
+
+    def _put_header(self, image: Image, title: str, clock: float | None, status: str, *, finished: bool) -> None:
+        layout = self.layout
+        x, end, y, size = float(layout.margin), float(layout.width - layout.margin), 0.5 * layout.header, layout.text
+        if clock is not None:
+            text = f"{clock:.1f} s"
+            put_text(image, text, (end, y), size, INK, side="right", bold=True)
+            end -= text_width(text, size, bold=True) + size
+        small = 0.86 * size
+        if title:
+            room = end - x - size - text_width(status, small)
+            text = _shortened(title, room, size)
+            put_text(image, text, (x, y), size, INK, bold=True)
+            x += text_width(text, size, bold=True) + 0.8 * size if text else 0.0
+        put_text(image, status, (x, y), small, EXIT if finished else QUIET)
+
+
+def _headings(velocity: Floats) -> Floats:
+    speed = np.linalg.norm(velocity, axis=1)
+    moving = speed > _STANDING
+    unit = velocity / np.where(moving, speed, 1.0)[:, None]
+    return np.where(moving[:, None], unit, 0.0) * (1.0, -1.0)
+
+
+def _shortened(text: str, room: float, size: float) -> str:
+    if text_width(text, size, bold=True) <= room:
+        return text
+    while text and text_width(text + "…", size, bold=True) > room:
+        text = text[:-1]
+    return text.rstrip() + "…" if text else ""
+
+
+def _put_legend(image: Image, layout: Layout, full_pressure: float) -> None:
+    size, y = 0.78 * layout.text, layout.height - 0.5 * layout.footer
+    x = float(layout.margin)
+    for text in ("contact pressure", "0"):
+        put_text(image, text, (x, y), size, QUIET)
+        x += text_width(text, size) + 0.7 * size
+    length, thick = round(0.15 * layout.width), max(round(0.5 * size), 4)
+    left, top = round(x), round(y - 0.5 * thick)
+    columns = np.rint(np.linspace(0.0, len(RAMP) - 1.0, length)).astype(int)
+    image[top : top + thick, left : left + length] = RAMP[columns]
+    put_text(image, f"{full_pressure:g} N/m", (left + length + 0.7 * size, y), size, QUIET)
+
+
+def _put_scale_bar(image: Image, layout: Layout) -> None:
+    """Draw a bar of 1, 2 or 5 times a power of ten metres, at most a fifth of the width."""
+    goal = 0.2 * layout.width / layout.scale
+    power = 10.0 ** np.floor(np.log10(goal))
+    metres = power * max(step for step in (1, 2, 5) if step * power <= goal)
+    size, y = 0.78 * layout.text, layout.height - 0.5 * layout.footer
+    text = f"{metres:g} m"
+    right = layout.width - layout.margin
+    put_text(image, text, (right, y), size, QUIET, side="right")
+    right -= round(text_width(text, size) + 0.6 * size)
+    left, thick, row = right - round(metres * layout.scale), max(round(0.09 * size), 1), round(y)
+    image[row : row + thick, left:right] = QUIET
+    tall = round(0.3 * size)
+    for column in (left, right - thick):
+        image[row - tall : row + thick + tall, column : column + thick] = QUIET
