@@ -1,9 +1,8 @@
 """Train a policy to lead a crowd out, and compare it with the rules: the main job, also ``make train``."""
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 from rich.console import Console
@@ -77,7 +76,7 @@ def train(folder: Path, config: dict[str, Any]) -> bool:
     if checkpoint.exists():
         LearnedPolicy.load(checkpoint)  # a clear error if the file is broken
         loaded = PPO.load(checkpoint, device="cpu")
-        model.set_parameters(loaded.get_parameters())
+        model.set_parameters(cast(Any, loaded.get_parameters()))
         model.num_timesteps = loaded.num_timesteps
         env.reset(seed=config["seed"] + loaded.num_timesteps)  # do not train on the same draws again
         console.print(f"going on at {model.num_timesteps} steps")
@@ -189,4 +188,4 @@ def main(
 
 
 if __name__ == "__main__":
-    sys.exit(typer.run(main))
+    typer.run(main)

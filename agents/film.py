@@ -1,5 +1,7 @@
 """Record an evacuation under a policy, to be drawn."""
 
+from typing import Any
+
 import numpy as np
 
 from agents.evaluation import HELD_OUT_SEED
@@ -16,10 +18,10 @@ def record(
     scheme: str | ContactScheme = "nsm2",
     seed: int = HELD_OUT_SEED,
     title: str = "",
-    **options: object,
+    **options: Any,
 ) -> Recording:
     """Return one evacuation under ``policy``, a snapshot a decision step."""
-    env = CrowdEnv(scenario, scheme=scheme, **{**options, **policy.env_options})  # type: ignore[arg-type]
+    env = CrowdEnv(scenario, scheme=scheme, **{**options, **policy.env_options})
     observation, _ = env.reset([seed])
     policy.reset(np.ones(1, dtype=np.bool_))
     rng = np.random.default_rng(seed)

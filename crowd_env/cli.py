@@ -34,7 +34,7 @@ def _said_plainly() -> Iterator[None]:
     try:
         yield
     except (ValueError, FloatingPointError) as error:
-        _notes.print(f"error: {error}", style="red", markup=False)
+        _notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         raise typer.Exit(2) from None
 
 
@@ -42,7 +42,7 @@ def _said_plainly() -> Iterator[None]:
 def _progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
     """Show a bar on the standard error stream while it is a terminal."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=_notes, transient=True) as bar:
+    with Progress(*columns, console=_notes, transient=True, disable=not _notes.is_terminal) as bar:
         task = bar.add_task(title, total=total)
         yield lambda count: bar.advance(task, count)
 
@@ -179,7 +179,7 @@ def _table(figures: dict[str, Any], seconds: float) -> Table:
 @app.command("list")
 def list_names(as_json: Annotated[bool, _JSON] = False) -> None:
     """List the scenarios and contact schemes."""
-    scenarios = {name: (make.__doc__ or "").strip().splitlines()[0] for name, make in SCENARIOS.items()}
+    scenarios = {name: f"{place.title} ({place.reference})" for name, place in ((n, m()) for n, m in SCENARIOS.items())}
     schemes = {name: f"{scheme.info.title} ({scheme.info.reference})" for name, scheme in SCHEMES.items()}
     if as_json:
         typer.echo(json.dumps({"scenarios": scenarios, "schemes": schemes}))

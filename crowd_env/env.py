@@ -119,7 +119,7 @@ class CrowdEnv:
         columns = [np.concatenate(column) for column in zip(*(bodies[:-1] for bodies, _ in draws), strict=True)]
         self.simulation = Simulation(
             [s.geometry for s in self.scenarios],
-            Bodies(*columns, env_start=self.env_start),
+            Bodies._make([*columns, self.env_start]),
             make_state(np.concatenate([position for _, position in draws]), environments=num_envs),
             scheme=scheme,
             dt=dt,
@@ -168,8 +168,8 @@ class CrowdEnv:
         for e, words in enumerate(_seed_words(seed, self.num_envs)):
             if chosen[e] and words is not None:
                 self._generators[e] = np.random.default_rng(words)
-        for e in np.flatnonzero(chosen):
-            self._restart(int(e))
+        for k in np.flatnonzero(chosen):
+            self._restart(int(k))
         return self._observe(self.active), {}
 
     def step(self, action: ArrayLike | None = None, rule: ArrayLike | None = None) -> Step:
@@ -294,12 +294,15 @@ def _seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[in
     """Return what each environment's generator is made of."""
     if seed is None:
         return [None] * num_envs
-    if np.ndim(seed) == 0:
-        words = [[int(seed), e] for e in range(num_envs)]  # type: ignore[arg-type]
+    words: list[list[int] | None]
+    if isinstance(seed, Sequence | np.ndarray):
+        words = [[int(word), 0] for word in seed]
+        lowest = min((int(word) for word in seed), default=0)
     else:
-        words = [[int(word), 0] for word in seed]  # type: ignore[union-attr]
+        words = [[int(seed), e] for e in range(num_envs)]
+        lowest = int(seed)
     if len(words) != num_envs:
         raise ValueError(f"{len(words)} seeds for {num_envs} environments; give one each, or a single int")
-    if min(min(pair) for pair in words) < 0:
-        raise ValueError("seeds must be >= 0")
+    if lowest < 0:
+        raise ValueError(f"seed {lowest} is negative; seeds must be >= 0")
     return words

@@ -33,7 +33,7 @@ def _per_room(env: CrowdEnv, step: Step) -> tuple[np.ndarray, np.ndarray, np.nda
     """Return the mean reward, terminated (all out) and truncated of each room (E,)."""
     reward = as_grid(step.reward, env.num_envs).mean(axis=1)
     truncated = as_grid(step.truncated, env.num_envs).any(axis=1)
-    return reward, step.info["finished"] & ~truncated, truncated
+    return reward, np.logical_and(step.info["finished"], ~truncated), np.asarray(truncated)
 
 
 class CrowdGymEnv(gymnasium.Env):
@@ -77,7 +77,7 @@ class CrowdGymEnv(gymnasium.Env):
         info = {**step.info, "active": self.env.active.copy()}
         return step.observation, float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
 
-    def render(self) -> np.ndarray | None:  # type: ignore[override]
+    def render(self) -> np.ndarray | None:
         """Return a frame (H, W, 3) uint8, None without a render mode."""
         if self.render_mode is None:
             return None

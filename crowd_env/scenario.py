@@ -27,7 +27,8 @@ class Scenario:
     geometry: Geometry
     population: Population
     time_limit: float  # s
-    reference: str = ""
+    title: str = ""  # a line for people
+    reference: str = ""  # where the numbers come from
 
     def __post_init__(self) -> None:
         if not self.time_limit > 0:
@@ -71,7 +72,7 @@ def scenario_from_wkt(
         geometry = Geometry.from_wkt(text, exits=[parse_exit(text) for text in exits])
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    return Scenario(path.stem, geometry, population, time_limit, reference=f"floor plan {path.name}")
+    return Scenario(path.stem, geometry, population, time_limit, title=f"floor plan {path.name}")
 
 
 def read_starts(path: str | Path) -> Floats:

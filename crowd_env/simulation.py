@@ -127,7 +127,8 @@ class Simulation:
         )
         parallel = self.threads > 1 and len(self.state.time) > 1
         if parallel:
-            numba.set_num_threads(min(self.threads, numba.config.NUMBA_NUM_THREADS))
+            most: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+            numba.set_num_threads(min(self.threads, most))
         while True:
             batch = Batch(self.world, self.bodies, self.state, control, self.memory)
             self.scheme.advance(batch, self.dt, n_substeps, parallel)

@@ -40,7 +40,7 @@ class CrowdState(NamedTuple):
 
     def copy(self) -> "CrowdState":
         """Return an independent copy."""
-        return CrowdState(*(array.copy() for array in self))
+        return CrowdState._make(array.copy() for array in self)
 
 
 def make_bodies(

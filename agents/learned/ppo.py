@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 from stable_baselines3 import PPO
@@ -63,5 +63,6 @@ def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path |
     )
     if env.action_kind == "continuous" and env.frame == "path":
         with torch.no_grad():
-            model.policy.action_net.bias.copy_(torch.tensor([1.0, 0.0]))
+            mean = cast(torch.nn.Linear, model.policy.action_net)
+            mean.bias.copy_(torch.tensor([1.0, 0.0]))
     return model

@@ -10,7 +10,8 @@ from collections.abc import Generator, Sequence
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.buffers import RolloutBuffer, RolloutBufferSamples
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.type_aliases import RolloutBufferSamples
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
@@ -106,7 +107,9 @@ class CrowdVecEnv(VecEnv):
         """Set an attribute of the whole batch; it cannot differ between slots."""
         setattr(self.env, attr_name, value)
 
-    def env_method(self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **kwargs: Any
+    ) -> list[Any]:
         """Call a method of the batch once and return its result for each slot asked for."""
         result = getattr(self.env, method_name)(*method_args, **kwargs)
         return [result for _ in self._get_indices(indices)]
@@ -150,7 +153,7 @@ class MaskedRolloutBuffer(RolloutBuffer):
                 setattr(self, name, self.swap_and_flatten(getattr(self, name)))
             self._valid = np.flatnonzero(self.swap_and_flatten(self.mask)[:, 0])
             self.generator_ready = True
-        order = np.random.permutation(self._valid)
+        order = np.random.permutation(self._valid)  # noqa: NPY002 - the generator that stable-baselines3 seeds
         size = batch_size or len(order)
         count = max(1, int(np.floor(len(order) / size + 0.5)))
         for part in np.array_split(order, count):

@@ -14,6 +14,9 @@ SCHEMES: dict[str, ContactScheme] = {
 }
 
 
+__all__ = ["DEM", "NSM1", "NSM2", "SCHEMES", "ContactScheme", "make_scheme"]
+
+
 def make_scheme(scheme: str | ContactScheme) -> ContactScheme:
     """Return a scheme by name, or the scheme itself.
 

@@ -8,7 +8,7 @@ The trial velocity is either V_trial = u(n) + (h/m) f (inertial: grains, and sec
 inelastic.  The linearised gap bounds the true one from below, so what overlap there is comes from the solver: h * tolerance.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 INFO = SchemeInfo(
     name="nsm1",
-    title="no overlap: projection of a trial velocity",
+    title="no overlap: projection of the desired (spontaneous) velocity",
     reference="Pécol, Dal Pont, Erlicher, Argoul 2011, eqs 6-7; Maury 2006; Venel 2008",
     order=1,
     conserves_energy_at_contact=False,
@@ -64,7 +64,9 @@ class NSM1:
     @property
     def info(self) -> SchemeInfo:
         """Facts about the scheme."""
-        return INFO
+        if self.trial == "spontaneous":
+            return INFO
+        return replace(INFO, name="nsm1-inertial", title="no overlap: projection of the inertial velocity")
 
     def stable_dt(self, bodies: Bodies) -> float:
         """Unconditional for the contact; the explicit driving force of the inertial form needs h < 2 tau."""

@@ -10,7 +10,12 @@ REFERENCE = "Pécol, Dal Pont, Erlicher, Argoul 2011, section 4.2 and Table 4"
 
 
 def room(
-    *, side: float = 5.0, door_width: float = 0.82, count: int = 20, time_limit: float = 60.0, population: Population | None = None
+    *,
+    side: float = 5.0,
+    door_width: float = 0.82,
+    count: int = 20,
+    time_limit: float = 60.0,
+    population: Population | None = None,
 ) -> Scenario:
     """Return a square room with one door centred in the wall x = ``side``.
 
@@ -34,4 +39,6 @@ def room(
         [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)],
         exits={"door": [(side, low), (side, high)]},
     )
-    return Scenario("room-v0", geometry, population or Population(count), time_limit, REFERENCE)
+    people = population or Population(count)
+    title = f"square room of {side:g} m, one door of {door_width:g} m, {people.count} people in a hurry"
+    return Scenario("room-v0", geometry, people, time_limit, title, REFERENCE)
