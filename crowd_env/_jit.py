@@ -71,7 +71,15 @@ def kernel(function: Callable[..., Any]) -> Any:
     """Compile ``function`` for one thread, cached in the stamped folder.
 
     No fast-math: the order of every sum is the order written, so the same build gives the same bits.
+
+    Nothing may be allocated inside (use `allocating_kernel` for that): without numba's reference counting, which touches
+    every array of a NamedTuple at every use, a physics step was measured to run three times as fast.
     """
+    return _compile(function, {"_nrt": False})
+
+
+def allocating_kernel(function: Callable[..., Any]) -> Any:
+    """Compile ``function`` like `kernel`, but let it allocate and return arrays: for work done once, not at every step."""
     return _compile(function, {})
 
 

@@ -6,7 +6,7 @@ Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacin
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import kernel
+from crowd_env._jit import allocating_kernel, kernel
 from crowd_env.navigation_grid import ANTIDIAGONAL, DIAGONAL, RIGHT, UP, distance_to_segment
 from crowd_env.navigation_lookup import ALONE, BLEND, crosses, nearest_on_exit, towards_exit
 
@@ -73,7 +73,7 @@ def _slope(time: Floats, i: int, j: int, di: int, dj: int, spacing: float, upwin
     return 0.0
 
 
-@kernel
+@allocating_kernel
 def descend(time: Floats, spacing: float) -> Floats:
     """Return the unit vector (rows, cols, 2) of steepest descent of ``time`` at all known nodes; 0 elsewhere.
 
@@ -97,7 +97,7 @@ def descend(time: Floats, spacing: float) -> Floats:
     return direction
 
 
-@kernel
+@allocating_kernel
 def _push(walls: Floats, two_sided: Bools, near: Ints, x: float, y: float, radius: float) -> tuple[float, float]:
     """Return the vector away from the walls nearer than ``radius``, as long as the depth in that band [radii].
 
@@ -126,7 +126,7 @@ def _push(walls: Floats, two_sided: Bools, near: Ints, x: float, y: float, radiu
     return px, py
 
 
-@kernel
+@allocating_kernel
 def extend_once(
     time: Floats, direction: Floats, inside: Bools, walls: Floats, two_sided: Bools, origin: Floats, spacing: float,
     reach: float, radius: float,
@@ -239,7 +239,7 @@ def passes(walls: Floats, x: float, y: float, tx: float, ty: float, radius: floa
     return True
 
 
-@kernel
+@allocating_kernel
 def straight_lines(
     time: Floats, direction: Floats, walls: Floats, exits: Floats, rows_of_exits: Ints, origin: Floats,
     spacing: float, radius: float,
@@ -271,7 +271,7 @@ def straight_lines(
     return direct
 
 
-@kernel
+@allocating_kernel
 def cell_kinds(time: Floats, direct: Ints, blocked: NDArray[np.uint8]) -> Ints:
     """Return for the cell right of and above every node how to look up in it: an exit, `BLEND` or `ALONE`.
 

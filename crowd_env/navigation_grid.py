@@ -6,7 +6,7 @@ Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacin
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import kernel
+from crowd_env._jit import allocating_kernel, kernel
 from crowd_env.navigation_lookup import crosses
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ def distance_to_segment(x: float, y: float, ax: float, ay: float, bx: float, by:
     return np.sqrt((ax + s * ux - x) ** 2 + (ay + s * uy - y) ** 2)
 
 
-@kernel
+@allocating_kernel
 def capped_distance(segments: Floats, rows: int, cols: int, origin: Floats, spacing: float, cap: float) -> Floats:
     """Return the distance of every node to the nearest of ``segments`` (W, 2, 2), or ``cap`` if that is nearer [m]."""
     nearest = np.full((rows, cols), cap)
@@ -44,7 +44,7 @@ def capped_distance(segments: Floats, rows: int, cols: int, origin: Floats, spac
     return nearest
 
 
-@kernel
+@allocating_kernel
 def blocked_lines(walls: Floats, rows: int, cols: int, origin: Floats, spacing: float) -> NDArray[np.uint8]:
     """Return for every node which of the four lines of its cell (bits `RIGHT` ... `ANTIDIAGONAL`) a wall crosses."""
     blocked = np.zeros((rows, cols), dtype=np.uint8)
@@ -71,7 +71,7 @@ def blocked_lines(walls: Floats, rows: int, cols: int, origin: Floats, spacing: 
     return blocked
 
 
-@kernel
+@allocating_kernel
 def with_fringe(free: Bools, allowed: Bools) -> Bools:
     """Return ``free`` and its side-by-side neighbours that are ``allowed``."""
     rows, cols = free.shape
@@ -84,7 +84,7 @@ def with_fringe(free: Bools, allowed: Bools) -> Bools:
     return wider
 
 
-@kernel
+@allocating_kernel
 def connected_parts(free: Bools, seeds: Bools) -> Ints:
     """Return a label per node: 1 = connected to a seed (side by side), 2, 3 ... other parts, 0 = not free."""
     rows, cols = free.shape

@@ -188,15 +188,23 @@ def neighbours(view: View, out: Floats) -> None:
 
     Closeness is 1 - gap / 3 m, 1 at contact; all five are 0 where there is nobody.
     """
-    _look_around(view.bodies.env_start, view.bodies.radius, view.state, view.near, view.seen, view.axis, out)
+    bodies, wanted = view.bodies, out.shape[1] // 5
+    found, gaps = np.empty(wanted, dtype=np.int64), np.empty(wanted)
+    _look_around(bodies.env_start, bodies.radius, view.state, view.near, view.seen, view.axis, found, gaps, out)
 
 
 @kernel
 def _look_around(
-    env_start: Ints, radius: Floats, state: CrowdState, near: NeighbourList, seen: Bools, axis: Floats, out: Floats
+    env_start: Ints,
+    radius: Floats,
+    state: CrowdState,
+    near: NeighbourList,
+    seen: Bools,
+    axis: Floats,
+    found: Ints,
+    gaps: Floats,
+    out: Floats,
 ) -> None:
-    wanted = out.shape[1] // 5
-    found, gaps = np.empty(wanted, dtype=np.int64), np.empty(wanted)
     for e in range(len(state.time)):
         begin, end = env_start[e], env_start[e + 1]
         grid = sort_into_cells(e, begin, end, state.active, state.position, near, SIGHT)

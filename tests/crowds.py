@@ -59,7 +59,18 @@ def cluttered() -> Geometry:
     )
 
 
-PLANS = {"room": lambda: Geometry.from_polygon(box(0, 0, 5, 5)), "l-shape": l_shape, "cluttered": cluttered}
+def rounded() -> Geometry:
+    """Return a closed plan with shallow corners of both kinds and a round pillar."""
+    outline = [(0, 0), (3, 0.13), (6, 0), (6.2, 2.5), (6, 5), (2, 5.05), (0, 5)]
+    return Geometry.from_polygon(outline, obstacles=[shapely.Point(3, 2.5).buffer(0.8)])
+
+
+PLANS = {
+    "room": lambda: Geometry.from_polygon(box(0, 0, 5, 5)),
+    "l-shape": l_shape,
+    "cluttered": cluttered,
+    "rounded": rounded,
+}
 
 
 # ------------------------------------------------------------------------------------------------------------ crowds

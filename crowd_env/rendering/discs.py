@@ -12,7 +12,13 @@ _CHUNK = 2_000_000  # pixels of patches worked on at once
 
 
 def put_discs(
-    image: Image, centre: Floats, radius: Floats, colour: NDArray[np.uint8], heading: Floats | None = None
+    image: Image,
+    centre: Floats,
+    radius: Floats,
+    colour: NDArray[np.uint8],
+    heading: Floats | None = None,
+    *,
+    rim: bool = True,
 ) -> None:
     """Draw discs into ``image`` in place.
 
@@ -21,6 +27,7 @@ def put_discs(
     centre, radius : (K, 2), (K,) px; a pixel's middle lies at (column + 0.5, row + 0.5).
     colour : (K, 3).
     heading : (K, 2), unit vectors on the image of a tick; zero for none.
+    rim : draw rims, in a darker tone, around discs that are large enough.
     """
     height, width = image.shape[:2]
     half = np.ceil(radius) + 1
@@ -33,11 +40,17 @@ def put_discs(
     for start in range(0, len(rows), per_chunk):
         some = rows[start : start + per_chunk]
         ticks = None if heading is None else heading[some]
-        _put_some(image, centre[some], radius[some], colour[some], ticks, size)
+        _put_some(image, centre[some], radius[some], colour[some], ticks, size, rim)
 
 
 def _put_some(
-    image: Image, centre: Floats, radius: Floats, colour: NDArray[np.uint8], heading: Floats | None, size: int
+    image: Image,
+    centre: Floats,
+    radius: Floats,
+    colour: NDArray[np.uint8],
+    heading: Floats | None,
+    size: int,
+    rim: bool,
 ) -> None:
     corner = np.floor(centre).astype(np.int64) - size // 2  # (K, 2) px, of the patch around each
     middle = np.arange(size) + 0.5
@@ -48,12 +61,12 @@ def _put_some(
     cover = np.clip(r - distance + 0.5, 0.0, 1.0)
     fill = colour.astype(np.float32)[:, None, None, :]
     paint = np.broadcast_to(fill, (*cover.shape, 3))
-    if float(r.max()) >= _DOT:
+    if rim and float(r.max()) >= _DOT:
         dark = darker(colour).astype(np.float32)[:, None, None, :]
         edge = np.clip(0.075 * r, 0.8, 3.0) * (r >= _DOT)
         ink = np.clip(distance - (r - edge) + 0.5, 0.0, 1.0) * (r >= _DOT)
         if heading is not None:
-            ink = np.maximum(ink, _tick(dx, dy, r, edge, heading.astype(np.float32)))
+            ink = np.maximum(ink, _tick(dx, dy, r, edge, heading.astype(np.float32)) * (r >= _DOT))
         paint = fill + (dark - fill) * ink[..., None]
     height, width = image.shape[:2]
     for k, (x, y) in enumerate(corner):

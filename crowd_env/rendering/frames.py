@@ -22,6 +22,8 @@ class Renderer:
     width : px of a frame; the height follows from the place.
     supersample : the place is drawn so many times larger and averaged.
     full_pressure : N/m, what the legend calls a colour value of 1.
+    text : px, size of letters; default by the width.
+    scale_bar : show how long a metre is.
 
     Raises
     ------
@@ -42,6 +44,7 @@ class Renderer:
         supersample: int = 2,
         full_pressure: float = FULL_PRESSURE,
         text: float | None = None,
+        scale_bar: bool = True,
     ) -> None:
         if not width > 0 or not supersample >= 1:
             raise ValueError(f"width is {width} px and supersample {supersample}; both must be at least 1")
@@ -49,7 +52,8 @@ class Renderer:
         self.full_pressure = full_pressure
         self.layout: Layout = fit(geometry, width, text=text)
         self._empty: Image = draw_plan(geometry, self.layout, supersample)
-        _put_scale_bar(self._empty, self.layout)
+        if scale_bar:
+            _put_scale_bar(self._empty, self.layout)
         self._with_legend = self._empty.copy()
         _put_legend(self._with_legend, self.layout, full_pressure)
 

@@ -46,7 +46,7 @@ class Window:
         with drawing_library():
             import pygame
         size = (frame.shape[1], frame.shape[0])
-        if size != self._size:
+        if size != self._size or pygame.display.get_surface() is None:
             if not pygame.display.get_init():
                 pygame.display.init()
             pygame.display.set_mode(size)

@@ -1,0 +1,241 @@
+"""Figures of results: egress curves, learning curves, and simulated beside recorded; one quiet style for all.
+
+They are made of matplotlib's objects without ``pyplot``: no backend is chosen, no global setting is changed and nothing
+stays open.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.palette import INK, QUIET, SERIES, Colour
+from crowd_env.rendering.saving import check_suffix, written
+from crowd_env.state import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_SIZE = (6.4, 4.0)  # inch
+_DPI = 150
+
+
+def egress_curves(path: str | Path, curves: Mapping[str, Iterable[ArrayLike]], *, title: str = "") -> Path:
+    """Draw how many people are inside against time and return the path.
+
+    Each evacuation is a light line, the mean of those with one label a bold one.
+
+    Parameters
+    ----------
+    path : ends in .png.
+    curves : label -> exit times (N,) [s] of each evacuation; nan for those who did not get out.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another or a label has no evacuation.
+    """
+    path = check_suffix(path, (".png",))
+    runs = {label: _exit_times(label, times) for label, times in curves.items()}
+    if not runs:
+        raise ValueError("egress curves need at least one label with evacuations")
+    axes = _axes(title, "time [s]", "people inside")
+    end = 1.03 * max(_last(times) for times in runs.values())
+    for k, (label, times) in enumerate(runs.items()):
+        _draw_egress(axes, times, end, SERIES[k % len(SERIES)])
+        _name_curve(axes, k, _egress_label(label, times), SERIES[k % len(SERIES)])
+    _frame_egress(axes, end, max(len(run) for times in runs.values() for run in times))
+    return _save(axes, path)
+
+
+def egress_comparison(
+    path: str | Path,
+    recorded: ArrayLike,
+    simulated: Iterable[ArrayLike],
+    *,
+    title: str = "",
+    recorded_label: str = "recorded",
+    simulated_label: str = "simulated",
+) -> Path:
+    """Draw N(t) of a recorded evacuation over simulated ones and return the path.
+
+    Parameters
+    ----------
+    path : ends in .png.
+    recorded : (N,) s, exit times of the experiment; nan for those who did not get out.
+    simulated : exit times of each simulation.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another or there is no simulation.
+    """
+    path = check_suffix(path, (".png",))
+    times, real = _exit_times(simulated_label, simulated), [np.sort(np.asarray(recorded, dtype=np.float64))]
+    axes = _axes(title, "time [s]", "people inside")
+    end = 1.03 * max(_last(times), _last(real))
+    _draw_egress(axes, times, end, SERIES[0])
+    axes.step(*_steps(real[0], end), where="post", color=_hex(INK), linewidth=2.2, zorder=4)
+    _name_curve(axes, 0, recorded_label, INK)
+    _name_curve(axes, 1, _egress_label(simulated_label, times), SERIES[0])
+    _frame_egress(axes, end, max(len(run) for run in [*times, *real]))
+    return _save(axes, path)
+
+
+def learning_curve(
+    path: str | Path,
+    steps: ArrayLike,
+    series: Mapping[str, ArrayLike],
+    *,
+    reference: Mapping[str, float] | None = None,
+    title: str = "",
+    xlabel: str = "decisions of one pedestrian",
+    ylabel: str = "evacuation time [s]",
+) -> Path:
+    """Draw how something changes while a policy learns and return the path.
+
+    Parameters
+    ----------
+    path : ends in .png.
+    steps : (T,), where ``series`` were measured.
+    series : label -> (T,) values, or (R, T) of R training runs: then their mean is bold within their range.
+    reference : label -> value, drawn as level lines to compare with.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another, there is no series, or one has not T values.
+    """
+    path = check_suffix(path, (".png",))
+    at = np.asarray(steps, dtype=np.float64)
+    if not series:
+        raise ValueError("a learning curve needs at least one series")
+    axes = _axes(title, xlabel, ylabel)
+    labels: list[tuple[float, str, Colour]] = []
+    for k, (label, values) in enumerate(series.items()):
+        runs, colour = np.atleast_2d(np.asarray(values, dtype=np.float64)), SERIES[k % len(SERIES)]
+        if runs.ndim != 2 or runs.shape[1] != len(at):
+            raise ValueError(f"series {label!r} has shape {np.shape(values)}; its last axis must have {len(at)} values")
+        mean = runs.mean(axis=0)
+        if len(runs) > 1:
+            axes.fill_between(at, runs.min(axis=0), runs.max(axis=0), color=_hex(colour), alpha=0.15, linewidth=0)
+        axes.plot(at, mean, color=_hex(colour), linewidth=2.0, marker="o" if len(at) < 2 else None)
+        known = mean[np.isfinite(mean)]
+        labels.append((float(known[-1]) if len(known) else np.nan, label, colour))
+    for label, value in (reference or {}).items():
+        axes.axhline(value, color=_hex(QUIET), linewidth=1.2, dashes=(4, 3), zorder=1)
+        labels.append((value, f"{label} {value:.3g}", QUIET))
+    axes.margins(x=0.0)
+    axes.ticklabel_format(axis="x", style="sci", scilimits=(-3, 5), useMathText=True)
+    _name_at_right(axes, [entry for entry in labels if np.isfinite(entry[0])])
+    return _save(axes, path)
+
+
+def _exit_times(label: str, curves: Iterable[ArrayLike]) -> list[Floats]:
+    runs = [np.sort(np.atleast_1d(np.asarray(times, dtype=np.float64))) for times in curves]  # nan go last
+    if not runs:
+        raise ValueError(f"{label!r} has no evacuation; give at least one array of exit times")
+    return runs
+
+
+def _last(runs: Sequence[Floats]) -> float:
+    known = np.concatenate(runs)
+    return float(np.max(known[np.isfinite(known)], initial=1e-3))
+
+
+def _steps(times: Floats, end: float) -> tuple[Floats, Floats]:
+    """Return corners of N(t) for sorted exit ``times``, from 0 to ``end``."""
+    out = times[np.isfinite(times)]
+    inside = len(times) - np.arange(len(out) + 1)
+    return np.concatenate([[0.0], out, [end]]), np.concatenate([inside, inside[-1:]]).astype(np.float64)
+
+
+def _draw_egress(axes: "Axes", runs: Sequence[Floats], end: float, colour: Colour) -> None:
+    for times in runs:
+        faint = float(np.clip(3.0 / len(runs), 0.08, 0.35))
+        axes.step(*_steps(times, end), where="post", color=_hex(colour), alpha=faint, linewidth=0.9)
+    if len(runs) > 1:
+        grid = np.linspace(0.0, end, 600)
+        mean = np.mean([len(times) - np.searchsorted(times, grid, side="right") for times in runs], axis=0)
+        axes.plot(grid, mean, color=_hex(colour), linewidth=2.2, zorder=3)
+    else:
+        axes.step(*_steps(runs[0], end), where="post", color=_hex(colour), linewidth=2.2, zorder=3)
+
+
+def _egress_label(label: str, runs: Sequence[Floats]) -> str:
+    finished = [float(times[-1]) for times in runs if len(times) and np.isfinite(times[-1])]
+    text = f"{label}: "
+    if finished:
+        text += f"{np.mean(finished):.1f} s" if len(runs) == 1 else f"{np.mean(finished):.1f} s, mean of {len(finished)}"
+    if len(finished) < len(runs):
+        text += f"{', ' if finished else ''}{len(runs) - len(finished)} of {len(runs)} unfinished"
+    return text
+
+
+def _frame_egress(axes: "Axes", end: float, people: int) -> None:
+    axes.set_xlim(0.0, end)
+    axes.set_ylim(0.0, 1.04 * people)
+    axes.yaxis.get_major_locator().set_params(integer=True)
+
+
+def _axes(title: str, xlabel: str, ylabel: str) -> "Axes":
+    with drawing_library():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    figure = Figure(figsize=_SIZE, dpi=_DPI, facecolor="white", layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color("#c9c6bf")
+    axes.tick_params(colors=_hex(QUIET), labelsize=9, length=3)
+    axes.grid(axis="y", color="#eeece7", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.set_xlabel(xlabel, color=_hex(INK), fontsize=10)
+    axes.set_ylabel(ylabel, color=_hex(INK), fontsize=10)
+    if title:
+        axes.set_title(title, loc="left", color=_hex(INK), fontsize=11.5, fontweight="bold", pad=10)
+    return axes
+
+
+def _name_curve(axes: "Axes", row: int, text: str, colour: Colour) -> None:
+    """Write ``text`` into the upper right corner, which falling curves leave free."""
+    at = (0.99, 0.955 - 0.065 * row)
+    axes.text(*at, text, transform=axes.transAxes, color=_hex(colour), fontsize=9.5, fontweight="bold", ha="right", va="top")
+
+
+def _name_at_right(axes: "Axes", labels: Sequence[tuple[float, str, Colour]]) -> None:
+    """Write each label beside the end of its line, moved apart where two would overlap."""
+    low, high = axes.get_ylim()
+    gap = 0.055 * (high - low)
+    place = -np.inf
+    for value, text, colour in sorted(labels):
+        place = max(value, place + gap)
+        axes.annotate(
+            text,
+            (1.0, place),
+            xycoords=("axes fraction", "data"),
+            xytext=(6, 0),
+            textcoords="offset points",
+            color=_hex(colour),
+            fontsize=9.5,
+            fontweight="bold",
+            va="center",
+            annotation_clip=False,
+        )
+
+
+def _save(axes: "Axes", path: Path) -> Path:
+    figure = axes.get_figure()
+    assert figure is not None
+    with written(path) as part:
+        figure.savefig(part, format="png", dpi=_DPI)  # type: ignore[union-attr]
+    return path
+
+
+def _hex(colour: Colour) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*colour)

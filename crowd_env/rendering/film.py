@@ -1,0 +1,177 @@
+"""Films, stills and strips of recorded evacuations, side by side under one clock."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from crowd_env.rendering.egress import EgressStrip
+from crowd_env.rendering.encoding import write_gif, write_mp4, write_png
+from crowd_env.rendering.frames import Renderer
+from crowd_env.rendering.palette import BACKGROUND, FULL_PRESSURE
+from crowd_env.rendering.recordings import Recording
+from crowd_env.rendering.saving import check_suffix
+from crowd_env.rendering.text import Image
+
+_PANEL, _WIDEST = 480, 1280  # px, of one evacuation and of a film, if no width is asked for
+
+
+def write_film(
+    path: str | Path,
+    recordings: Recording | Sequence[Recording],
+    *,
+    fps: float = 20.0,
+    width: int | None = None,
+    max_seconds: float | None = None,
+    hold: float = 1.5,
+) -> Path:
+    """Write the evacuations side by side in real time and return the path.
+
+    Below them grows the curve of people inside.  An evacuation that is over earlier waits for the others.
+
+    Parameters
+    ----------
+    path : ends in .gif, .mp4, or .png (then only its most telling moment is written).
+    fps : frames per second; a GIF counts in hundredths of a second, so that 30 becomes 33.3.
+    width : px of the whole film; default 480 an evacuation, at most 1280.
+    max_seconds : s of the evacuations to show; default all.
+    hold : s to rest on the last frame.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another, there is no recording, or ``fps`` is not positive.
+    """
+    path = check_suffix(path, (".gif", ".mp4", ".png"))
+    films = _several(recordings)
+    if not fps > 0:
+        raise ValueError(f"fps is {fps!r}; it must be > 0")
+    if path.suffix.lower() == ".png":
+        return write_still(path, films, width=width)
+    end = max(film.end for film in films)
+    end = end if max_seconds is None else min(end, max_seconds)
+    stage = _Stage(films, width, end)
+    if path.suffix.lower() == ".gif":
+        step = max(round(100.0 / fps), 2) / 100.0
+        sample = [stage.frame(part * end) for part in np.linspace(0.0, 1.0, 9)]
+        return write_gif(path, stage.frames(end, step, hold), step, sample)
+    return write_mp4(path, stage.frames(end, 1.0 / fps, hold), fps)
+
+
+def write_still(
+    path: str | Path,
+    recordings: Recording | Sequence[Recording],
+    time: float | None = None,
+    *,
+    width: int | None = None,
+) -> Path:
+    """Write the moment ``time`` [s] of the evacuations as a PNG; default when the first one's crowd is pressed most.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is not .png or there is no recording.
+    """
+    path = check_suffix(path, (".png",))
+    films = _several(recordings)
+    end = max(film.end for film in films)
+    return write_png(path, _Stage(films, width, end).frame(films[0].most_telling_time() if time is None else time))
+
+
+def write_strip(path: str | Path, recording: Recording, times: Sequence[float], *, width: int = 1280) -> Path:
+    """Write snapshots of one evacuation at ``times`` [s] side by side as a PNG.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is not .png or there is no time.
+    """
+    path = check_suffix(path, (".png",))
+    if len(times) == 0:
+        raise ValueError("a strip needs at least one time")
+    panel = 2 * (width // (2 * len(times)))
+    text = float(np.clip(panel / 22.0, 10.0, 20.0))  # large enough for a strip shown at half its size
+    images = []
+    for k, time in enumerate(times):
+        renderer = Renderer(
+            recording.geometry, width=panel, supersample=4, text=text, scale_bar=k == len(times) - 1
+        )
+        images.append(_panel(renderer, recording, time, title=f"{time:.1f} s", clock=False, legend=k == 0))
+    return write_png(path, np.concatenate(images, axis=1))
+
+
+class _Stage:
+    """Places the panels and the curves of a film on one image."""
+
+    def __init__(self, recordings: Sequence[Recording], width: int | None, end: float) -> None:
+        count = len(recordings)
+        width = min(_PANEL * count, _WIDEST) if width is None else width
+        panel = 2 * (width // (2 * count))
+        text = float(np.clip(panel / 32.0, 10.0, 18.0))
+        same_place = all(recording.geometry is recordings[0].geometry for recording in recordings)
+        self.recordings = recordings
+        self.renderers = [
+            Renderer(
+                recording.geometry,
+                width=panel,
+                supersample=4,
+                text=text,
+                scale_bar=not same_place or k == count - 1,
+            )
+            for k, recording in enumerate(recordings)
+        ]
+        layout = self.renderers[0].layout
+        self.strip = EgressStrip(recordings, width=layout.width * count, margin=layout.margin, text=text, end=end)
+        self._plans = max(renderer.size[1] for renderer in self.renderers)
+
+    def frame(self, time: float) -> Image:
+        """Return the image at ``time`` [s]."""
+        panels = [
+            _panel(renderer, recording, time, title=recording.title, clock=True, legend=k == 0)
+            for k, (renderer, recording) in enumerate(zip(self.renderers, self.recordings, strict=True))
+        ]
+        row = np.concatenate([_padded(panel, self._plans) for panel in panels], axis=1)
+        return np.concatenate([row, self.strip.draw(time)])
+
+    def frames(self, end: float, step: float, hold: float) -> Iterator[Image]:
+        """Yield the images from 0 to ``end`` and then the last one for ``hold`` [s]."""
+        for k in range(int(np.ceil(end / step - 1e-9))):
+            yield self.frame(k * step)
+        last = self.frame(end)
+        for _ in range(1 + round(hold / step)):
+            yield last
+
+
+def _panel(
+    renderer: Renderer, recording: Recording, time: float, *, title: str, clock: bool, legend: bool
+) -> Image:
+    seen = recording.at(time)
+    inside = int(seen.active.sum())
+    status = None
+    if time >= recording.end:
+        status = f"{inside} still inside after {recording.end:.1f} s" if inside else f"all out after {recording.end:.1f} s"
+    return renderer.frame(
+        seen.position,
+        recording.radius,
+        active=seen.active,
+        colour_value=seen.pressure / FULL_PRESSURE,
+        velocity=seen.velocity,
+        title=title,
+        clock=time if clock else None,
+        inside=inside,
+        status=status,
+        legend=legend,
+    )
+
+
+def _several(recordings: Recording | Sequence[Recording]) -> list[Recording]:
+    films = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    if not films:
+        raise ValueError("a film needs at least one recording")
+    return films
+
+
+def _padded(image: Image, height: int) -> Image:
+    below = np.empty((height - image.shape[0], image.shape[1], 3), dtype=np.uint8)
+    below[:] = BACKGROUND
+    return np.concatenate([image, below])
