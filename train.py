@@ -34,10 +34,10 @@ def default_config(scenario: str, scheme: str, seed: int, envs: int, steps: int,
         "frame": "path",
         "action": "continuous",
         "observation": asdict(ObservationLayout()),
-        "reward": {"weights": {"progress": 1.0, "time": 1.0, "contact": 0.05}, "team_share": 0.5},
+        "reward": {"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.8},
         "ppo": asdict(PPOSettings()),
         "eval_every": 1_000_000,
-        "eval_runs": 50,
+        "eval_runs": 100,
         "versions": versions(),
     }
 

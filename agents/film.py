@@ -8,7 +8,8 @@ from agents.evaluation import HELD_OUT_SEED
 from agents.policy import Policy
 from crowd_env import CrowdEnv, Scenario
 from crowd_env.physics import ContactScheme
-from crowd_env.rendering import Recording, snapshot
+from crowd_env.rendering import Recording
+from crowd_env.rendering.live import Recorder
 
 
 def record(
@@ -25,8 +26,9 @@ def record(
     observation, _ = env.reset([seed])
     policy.reset(np.ones(1, dtype=np.bool_))
     rng = np.random.default_rng(seed)
-    snapshots = [snapshot(env)]
+    recorder = Recorder(env)
+    recorder.snap()
     while not env.finished.all():
         observation = env.step(policy.act(observation, env.layout, rng)).observation
-        snapshots.append(snapshot(env))
-    return Recording.of(env, snapshots, title or policy.name)
+        recorder.snap()
+    return recorder.recording(title or policy.name)

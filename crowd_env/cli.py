@@ -139,22 +139,26 @@ def run(
 
 
 def _check_film(path: Path) -> None:
-    from crowd_env.rendering import check_film_path
+    from crowd_env.rendering.saving import check_suffix
 
-    check_film_path(path)
+    check_suffix(path, (".gif", ".mp4", ".png"))
+    if not path.absolute().parent.is_dir():
+        raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
 
 
 def _film(place: Scenario, scheme: str, seed: int, dt: float, path: Path) -> None:
     from crowd_env.env import CrowdEnv
-    from crowd_env.rendering import Recording, snapshot, write_film
+    from crowd_env.rendering import write_film
+    from crowd_env.rendering.live import Recorder
 
     env = CrowdEnv(place, scheme=scheme, dt=dt)
     env.reset([seed])
-    shots = [snapshot(env)]
+    recorder = Recorder(env)
+    recorder.snap()
     while not env.finished.all():
         env.step(None)
-        shots.append(snapshot(env))
-    write_film(path, [Recording.of(env, shots, f"{place.name}, {scheme}")])
+        recorder.snap()
+    write_film(path, recorder.recording(f"{place.name}, {scheme}"))
     _notes.print(f"film: {path}", markup=False)
 
 

@@ -175,13 +175,14 @@ class CrowdParallelEnv(ParallelEnv):
         """Return a frame (H, W, 3) uint8, or show it in a window; None without a render mode."""
         if self.render_mode is None:
             return None
-        from crowd_env.rendering import Window, draw_env
+        from crowd_env.rendering import Window
+        from crowd_env.rendering.live import draw_env
 
         frame, self._canvas = draw_env(self.env, self._canvas)
         if self.render_mode == "rgb_array":
             return frame
         if self._window is None:
-            self._window = Window(self.metadata["render_fps"])
+            self._window = Window(fps=1.0 / self.env.decision_dt)
         self._window.show(frame)
         return None
 

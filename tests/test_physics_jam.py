@@ -27,7 +27,8 @@ def closed_room(side):
 
 
 def door_room(side):
-    return Geometry.from_polygon(box(0, 0, side, side), exits=[[(side, side / 2 - 0.41), (side, side / 2 + 0.41)]])
+    """Return a room whose door nobody fits through: they press on both jambs for good."""
+    return Geometry.from_polygon(box(0, 0, side, side), exits=[[(side, side / 2 - 0.18), (side, side / 2 + 0.18)]])
 
 
 def towards(goal, state):
@@ -129,8 +130,10 @@ def minimise(quadratic, linear, rows, least):
     """Return argmin x.Q.x / 2 + l.x subject to rows @ x >= least."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-13
-    settings.max_iter = 200
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-12
+    settings.static_regularization_constant = 1e-12  # with the defaults it can stop short, some mm/s away
+    settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = 1e-15
+    settings.iterative_refinement_max_iter = 50
     solution = clarabel.DefaultSolver(
         sparse.csc_matrix(sparse.triu(quadratic)),
         linear,
@@ -139,7 +142,7 @@ def minimise(quadratic, linear, rows, least):
         [clarabel.NonnegativeConeT(len(least))],
         settings,
     ).solve()
-    assert str(solution.status) in ("Solved", "AlmostSolved")
+    assert str(solution.status) == "Solved"
     return np.array(solution.x)
 
 
@@ -185,7 +188,7 @@ def test_velocities_in_a_jam_agree_with_an_interior_point_solver(problem, place,
     bodies, state = start(geometry, count)
     # NSM2 is solved in a jam that DEM has pressed together: everyone overlaps, so that the problem is large.
     crush = replace(scheme, tolerance=1e-3) if isinstance(scheme, NSM1) else "dem"
-    press(geometry, bodies, state, np.array(goal), crush, 110 if place == "door" else 250)
+    press(geometry, bodies, state, np.array(goal), crush, 250)
     bodies, state = copied(bodies, state)
     inside = state.active.copy()
     command = towards(np.array(goal), state)

@@ -53,7 +53,8 @@ class LearnedPolicy:
         """Write the model and its environment options to one zip file, whole or not at all."""
         path = Path(path)
         part = path.with_name(f".{path.name}.part.zip")
-        self.model.save(part)
+        # Without what holds the training environment: the rollout buffer and how it is made.
+        self.model.save(part, exclude=["rollout_buffer_class", "rollout_buffer_kwargs"])
         options = {**self.env_options, "observation": asdict(self.env_options["observation"])}
         with zipfile.ZipFile(part, "a") as archive:
             archive.writestr(_SIDECAR, json.dumps(options))

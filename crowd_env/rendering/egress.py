@@ -26,7 +26,7 @@ class EgressStrip:
         self.recordings = recordings
         self.end = max(end, 1e-6)
         self.size = 0.78 * text
-        self.height = 2 * round(0.5 * float(np.clip(0.16 * width, 70.0, 150.0)) + 0.7 * text)
+        self.height = 2 * round(0.5 * float(np.clip(0.16 * width, 110.0, 150.0)) + 0.7 * text)
         self.most = max(max(len(recording.radius) for recording in recordings), 1)
         self.top, self.bottom = round(2.2 * text), self.height - round(1.9 * text)
         self.left = margin + text_width(str(self.most), self.size) + round(0.6 * text)
@@ -63,7 +63,9 @@ class EgressStrip:
 
     def _dot(self, image: Image, x: float, y: float, colour: Colour) -> None:
         radius = max(0.24 * self.size, 2.0)
-        put_discs(image, np.array([[x + 0.5, y + 0.5]]), np.array([radius]), np.array([colour], dtype=np.uint8), rim=False)
+        put_discs(
+            image, np.array([[x + 0.5, y + 0.5]]), np.array([radius]), np.array([colour], dtype=np.uint8), rim=False
+        )
 
     def _draw_axes(self, width: int, margin: int) -> Image:
         image = np.empty((self.height, width, 3), dtype=np.uint8)

@@ -75,7 +75,9 @@ def write_gif(path: Path, frames: Iterable[Image], step: float, sample: Sequence
     return path
 
 
-def _palette(sample: Sequence[Image], *, flat: int = 32, size: int = 192) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def _palette(
+    sample: Sequence[Image], *, flat: int = 32, size: int = 192
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Return colours (size, 3) for the images and, for every reduced colour, which of them is nearest.
 
     The ``flat`` commonest colours and the ramp of pressures are kept as they are; the others, of edges and letters, are
@@ -96,7 +98,9 @@ def _palette(sample: Sequence[Image], *, flat: int = 32, size: int = 192) -> tup
     steps = np.arange(2**_BITS) * 2.0 ** (8 - _BITS) + 2.0 ** (7 - _BITS) - 0.5
     middle = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
     middle[_reduced(colour[order[::-1]])] = colour[order[::-1]]  # the commonest colour stands for its neighbours
-    apart = (middle**2).sum(axis=1)[:, None] - 2.0 * middle @ kept.T.astype(float) + (kept.astype(float) ** 2).sum(axis=1)
+    apart = (
+        (middle**2).sum(axis=1)[:, None] - 2.0 * middle @ kept.T.astype(float) + (kept.astype(float) ** 2).sum(axis=1)
+    )
     return kept, np.argmin(apart, axis=1).astype(np.uint8)
 
 

@@ -169,16 +169,18 @@ def _egress_label(label: str, runs: Sequence[Floats]) -> str:
     finished = [float(times[-1]) for times in runs if len(times) and np.isfinite(times[-1])]
     text = f"{label}: "
     if finished:
-        text += f"{np.mean(finished):.1f} s" if len(runs) == 1 else f"{np.mean(finished):.1f} s, mean of {len(finished)}"
+        text += (
+            f"{np.mean(finished):.1f} s" if len(runs) == 1 else f"{np.mean(finished):.1f} s, mean of {len(finished)}"
+        )
     if len(finished) < len(runs):
-        text += f"{', ' if finished else ''}{len(runs) - len(finished)} of {len(runs)} unfinished"
+        text += f"{'; ' if finished else ''}{len(runs) - len(finished)} unfinished"
     return text
 
 
 def _frame_egress(axes: "Axes", end: float, people: int) -> None:
     axes.set_xlim(0.0, end)
     axes.set_ylim(0.0, 1.04 * people)
-    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.locator_params(axis="y", integer=True)
 
 
 def _axes(title: str, xlabel: str, ylabel: str) -> "Axes":
@@ -186,6 +188,7 @@ def _axes(title: str, xlabel: str, ylabel: str) -> "Axes":
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     figure = Figure(figsize=_SIZE, dpi=_DPI, facecolor="white", layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # type: ignore[union-attr,call-arg]
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     for side in ("top", "right"):
@@ -204,8 +207,19 @@ def _axes(title: str, xlabel: str, ylabel: str) -> "Axes":
 
 def _name_curve(axes: "Axes", row: int, text: str, colour: Colour) -> None:
     """Write ``text`` into the upper right corner, which falling curves leave free."""
-    at = (0.99, 0.955 - 0.065 * row)
-    axes.text(*at, text, transform=axes.transAxes, color=_hex(colour), fontsize=9.5, fontweight="bold", ha="right", va="top")
+    axes.text(
+        0.99,
+        0.95 - 0.068 * row,
+        text,
+        transform=axes.transAxes,
+        color=_hex(colour),
+        fontsize=9.5,
+        fontweight="bold",
+        ha="right",
+        va="top",
+        zorder=6,
+        bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.2},
+    )
 
 
 def _name_at_right(axes: "Axes", labels: Sequence[tuple[float, str, Colour]]) -> None:

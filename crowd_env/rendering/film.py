@@ -93,9 +93,7 @@ def write_strip(path: str | Path, recording: Recording, times: Sequence[float], 
     text = float(np.clip(panel / 22.0, 10.0, 20.0))  # large enough for a strip shown at half its size
     images = []
     for k, time in enumerate(times):
-        renderer = Renderer(
-            recording.geometry, width=panel, supersample=4, text=text, scale_bar=k == len(times) - 1
-        )
+        renderer = Renderer(recording.geometry, width=panel, text=text, scale_bar=k == len(times) - 1)
         images.append(_panel(renderer, recording, time, title=f"{time:.1f} s", clock=False, legend=k == 0))
     return write_png(path, np.concatenate(images, axis=1))
 
@@ -114,7 +112,6 @@ class _Stage:
             Renderer(
                 recording.geometry,
                 width=panel,
-                supersample=4,
                 text=text,
                 scale_bar=not same_place or k == count - 1,
             )
@@ -142,14 +139,14 @@ class _Stage:
             yield last
 
 
-def _panel(
-    renderer: Renderer, recording: Recording, time: float, *, title: str, clock: bool, legend: bool
-) -> Image:
+def _panel(renderer: Renderer, recording: Recording, time: float, *, title: str, clock: bool, legend: bool) -> Image:
     seen = recording.at(time)
     inside = int(seen.active.sum())
     status = None
     if time >= recording.end:
-        status = f"{inside} still inside after {recording.end:.1f} s" if inside else f"all out after {recording.end:.1f} s"
+        status = (
+            f"{inside} still inside after {recording.end:.1f} s" if inside else f"all out after {recording.end:.1f} s"
+        )
     return renderer.frame(
         seen.position,
         recording.radius,

@@ -20,7 +20,7 @@ class Renderer:
     ----------
     geometry : the place.
     width : px of a frame; the height follows from the place.
-    supersample : the place is drawn so many times larger and averaged.
+    supersample : edges of the place are sampled so many times a pixel; people are drawn exactly.
     full_pressure : N/m, what the legend calls a colour value of 1.
     text : px, size of letters; default by the width.
     scale_bar : show how long a metre is.
@@ -41,7 +41,7 @@ class Renderer:
         geometry: Geometry,
         *,
         width: int = 640,
-        supersample: int = 2,
+        supersample: int = 4,
         full_pressure: float = FULL_PRESSURE,
         text: float | None = None,
         scale_bar: bool = True,

@@ -1,13 +1,12 @@
 """The still part of a frame: where metres lie on the image, and the floor, walls, obstacles and exits on it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowd_env.geometry import Geometry
-from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, OBSTACLE, WALL, Colour
 from crowd_env.rendering.text import Image
 from crowd_env.state import Floats
@@ -45,66 +44,86 @@ def fit(geometry: Geometry, width: int, *, text: float | None = None) -> Layout:
     margin = round(0.03 * width)
     room = width - 2 * margin
     thick = _WALL_THICKNESS * room / max(span_x + 2 * _WALL_THICKNESS, span_y + 2 * _WALL_THICKNESS)
-    wall = float(np.clip(thick, 2.5, 0.02 * width + 2.0))
+    wall = float(max(round(min(thick, 0.02 * width)), 3))
     scale = min((room - 2 * wall) / span_x, (room - 2 * wall) / span_y)
+    scale = max(np.floor(scale * span_x), 1.0) / span_x  # a room's walls begin where pixels do
     plan_height = scale * span_y + 2 * wall
     height = 2 * round(0.5 * (header + plan_height + footer))
-    origin_x = 0.5 * width - 0.5 * scale * (min_x + max_x)
+    origin_x = round(0.5 * (width - scale * span_x)) - scale * min_x
     origin_y = header + wall + scale * max_y
     return Layout(width, height, scale, (origin_x, origin_y), wall, text, margin, header, footer)
 
 
 def draw_plan(geometry: Geometry, layout: Layout, supersample: int) -> Image:
-    """Return the image (H, W, 3) of an empty place, drawn ``supersample`` times larger and averaged."""
-    with drawing_library():
-        import pygame
-    surface = pygame.Surface((layout.width * supersample, layout.height * supersample), depth=32)
-    surface.fill(BACKGROUND)
+    """Return the image (H, W, 3) of an empty place; its edges are sampled ``supersample`` times a pixel and averaged."""
+    image = np.empty((layout.height, layout.width, 3), dtype=np.uint8)
+    image[:] = BACKGROUND
 
-    def fill(points: ArrayLike, colour: Colour) -> None:
-        corners = layout.pixels(points) * supersample - 0.5
-        pygame.draw.polygon(surface, colour, [tuple(corner) for corner in corners])
+    def fill(rings: Iterable[ArrayLike], colour: Colour) -> None:
+        _fill(image, [layout.pixels(ring) for ring in rings], colour, supersample)
 
-    for ring, colour in _rings(geometry, layout.wall / layout.scale):
-        fill(ring, colour)
+    pixel = 1.0 / layout.scale
+    with_walls: Any = geometry.walkable.buffer(layout.wall * pixel, join_style="mitre")
+    fill(_holes(with_walls), OBSTACLE)
+    fill([*_shells(with_walls), *_holes(with_walls)], WALL)
     for hole in _exit_areas(geometry):
-        fill(hole, EXIT_MAT)
+        fill([hole], EXIT_MAT)
     for a, b in geometry.exits:
-        fill(_strip(a, b, 0.0, (layout.wall + _STEP * layout.margin) / layout.scale), EXIT_MAT)
+        fill([_strip(a, b, 0.0, (layout.wall + _STEP * layout.margin) * pixel)], EXIT_MAT)
+    fill([*_shells(geometry.walkable), *_holes(geometry.walkable)], FLOOR)
+    line = float(np.clip(0.35 * layout.wall, 2.0, 4.0)) * pixel
     for a, b in geometry.exits:
-        fill(_strip(a, b, 0.0, float(np.clip(0.35 * layout.wall, 2.0, 4.0)) / layout.scale), EXIT)
-    half = 0.5 * max(_THIN_WALL, 2.0 / layout.scale)
+        fill([_strip(a, b, 0.0, line)], EXIT)
+    half = 0.5 * max(_THIN_WALL, 2.0 * pixel)
     for a, b in geometry.walls[geometry.two_sided]:
         along = half * (b - a) / np.linalg.norm(b - a)
-        fill(_strip(a - along, b + along, -half, half), WALL)
-    small = pygame.transform.smoothscale(surface, (layout.width, layout.height))
-    return np.ascontiguousarray(pygame.surfarray.array3d(small).swapaxes(0, 1))
+        fill([_strip(a - along, b + along, -half, half)], WALL)
+    return image
 
 
-def _rings(geometry: Geometry, thickness: float) -> Iterator[tuple[Floats, Colour]]:
-    """Yield closed lines (K, 2) [m] and what fills them, from the outermost to the innermost."""
-    rings: list[tuple[float, Floats, Colour]] = []
+def _fill(image: Image, rings: Sequence[Floats], colour: Colour, supersample: int) -> None:
+    """Fill what lies within an odd number of closed lines (K, 2) [px], each pixel as far as it is covered."""
+    if not rings:
+        return
+    points = np.concatenate(rings)
+    left, top = np.maximum(np.floor(points.min(axis=0)).astype(int), 0)
+    right, bottom = np.minimum(np.ceil(points.max(axis=0)).astype(int), (image.shape[1], image.shape[0]))
+    if right <= left or bottom <= top:
+        return
+    rows, columns = (bottom - top) * supersample, (right - left) * supersample
+    crossings = np.zeros((rows, columns + 1), dtype=np.int32)
+    for ring in rings:
+        ends = (ring - (left, top)) * supersample
+        for (x0, y0), (x1, y1) in zip(ends, np.roll(ends, -1, axis=0), strict=True):
+            upper, lower = np.clip(np.ceil(np.sort([y0, y1]) - 0.5), 0, rows).astype(int)
+            row = np.arange(upper, lower)  # whose middle the edge passes
+            if len(row):
+                x = x0 + (row + 0.5 - y0) * (x1 - x0) / (y1 - y0)
+                crossings[row, np.clip(np.ceil(x - 0.5), 0, columns).astype(int)] += 1
+    inside = np.cumsum(crossings[:, :-1], axis=1) % 2
+    cover = inside.reshape(bottom - top, supersample, right - left, supersample).mean(axis=(1, 3))[..., None]
+    patch = image[top:bottom, left:right]
+    patch[:] = np.rint(patch + (np.asarray(colour) - patch) * cover).astype(np.uint8)
 
-    def add(area: Any, shell: Colour, hole: Colour) -> None:
-        for polygon in getattr(area, "geoms", [area]):
-            for ring, colour in [(polygon.exterior, shell), *((ring, hole) for ring in polygon.interiors)]:
-                points = np.asarray(ring.coords)[:, :2]
-                rings.append((_enclosed(points), points, colour))
 
-    add(geometry.walkable.buffer(thickness, join_style="mitre"), WALL, OBSTACLE)
-    add(geometry.walkable, FLOOR, WALL)
-    for _, points, colour in sorted(rings, key=lambda ring: -ring[0]):
-        yield points, colour
+def _parts(area: Any) -> list[Any]:
+    return list(getattr(area, "geoms", [area]))
+
+
+def _shells(area: Any) -> list[Floats]:
+    return [np.asarray(part.exterior.coords)[:, :2] for part in _parts(area)]
+
+
+def _holes(area: Any) -> list[Floats]:
+    return [np.asarray(ring.coords)[:, :2] for part in _parts(area) for ring in part.interiors]
 
 
 def _exit_areas(geometry: Geometry) -> Iterator[Floats]:
     """Yield the holes (K, 2) [m] of the walkable area that are exits all around: people walk into them."""
     exits = {tuple(point) for point in geometry.exits.reshape(-1, 2)}
-    area: Any = geometry.walkable
-    for polygon in getattr(area, "geoms", [area]):
-        for ring in polygon.interiors:
-            if all(point[:2] in exits for point in ring.coords):
-                yield np.asarray(ring.coords)[:, :2]
+    for hole in _holes(geometry.walkable):
+        if all(tuple(point) in exits for point in hole):
+            yield hole
 
 
 def _strip(a: NDArray[np.float64], b: NDArray[np.float64], near: float, far: float) -> Floats:
@@ -112,9 +131,3 @@ def _strip(a: NDArray[np.float64], b: NDArray[np.float64], near: float, far: flo
     along = (b - a) / np.linalg.norm(b - a)
     outward = np.array([along[1], -along[0]])
     return np.array([a + near * outward, b + near * outward, b + far * outward, a + far * outward])
-
-
-def _enclosed(ring: NDArray[np.float64]) -> float:
-    """Return the area [m^2] within a closed line (K, 2), after Gauss."""
-    x, y = (ring - ring[0]).T
-    return float(abs(0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])))

@@ -49,7 +49,9 @@ class Recording:
         }
         for name, shape in shapes.items():
             if np.shape(getattr(self, name)) != shape:
-                raise ValueError(f"{name} has shape {np.shape(getattr(self, name))}; {times} times of {people} need {shape}")
+                raise ValueError(
+                    f"{name} has shape {np.shape(getattr(self, name))}; {times} times of {people} need {shape}"
+                )
         if times == 0 or not (np.diff(self.time) > 0).all():
             raise ValueError("a recording needs at least one time, and its times must increase")
         if self.exit_time is not None and np.shape(self.exit_time) != (people,):
@@ -80,12 +82,14 @@ class Recording:
 
         The pressure is the mean over ``average`` [s] around it: what a body bears, not single blows.
         """
-        borne = self._between(self._borne, time + 0.5 * average) - self._between(self._borne, time - 0.5 * average)
+        first, last = float(self.time[0]), float(self.time[-1])
+        since, until = np.clip((time - 0.5 * average, time + 0.5 * average), first, last)
+        borne = self._between(self._borne, until) - self._between(self._borne, since)
         return Moment(
             self._between(self.position, time),
             self._between(self.velocity, time),
             self.departure > time,
-            borne / average,
+            borne / max(until - since, 1e-9),
         )
 
     @cached_property

@@ -69,5 +69,7 @@ def _font_file(bold: bool) -> Path | None:
     spec = find_spec("matplotlib")
     if spec is None or spec.origin is None:
         return None
-    file = Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")
+    file = (
+        Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")
+    )
     return file if file.exists() else None

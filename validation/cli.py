@@ -1,0 +1,144 @@
+"""The command ``python -m validation``."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from crowd_env import SCHEMES, Uniform, make_scheme
+from validation.gate import REFERENCE, export, gate_scenario, recorded, simulated
+from validation.trajectories import find_recording, read_trajectories
+
+app = typer.Typer(
+    help="Is it true: simulations beside recorded experiments.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+_notes = Console(stderr=True, highlight=False)
+
+
+@app.callback()
+def _about() -> None:
+    """Is it true: simulations beside recorded experiments."""
+
+
+@contextmanager
+def _said_plainly() -> Iterator[None]:
+    """Turn a user's mistake into one line and exit code 2."""
+    try:
+        yield
+    except (ValueError, FloatingPointError) as error:
+        _notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
+        raise typer.Exit(2) from None
+
+
+def _speeds(text: str | None) -> Uniform | None:
+    if text is None:
+        return None
+    try:
+        bounds = [float(part) for part in text.split(",")]
+    except ValueError:
+        bounds = []
+    if len(bounds) not in (1, 2):
+        raise ValueError(f"--speed is {text!r}; it must be one number or two separated by a comma, such as 1.2,2")
+    return Uniform(bounds[0], bounds[-1])
+
+
+@app.command()
+def gate(
+    data: Annotated[Path, typer.Option(help="Folder with the trajectory file of run 040_c_56_h- (.txt or .txt.gz).")],
+    scheme: Annotated[list[str] | None, typer.Option(help="Contact scheme; may be repeated; default dem, nsm1, nsm2.")] = None,
+    runs: Annotated[int, typer.Option(help="Runs per scheme, each with other masses, speeds and relaxation times.", min=1)] = 10,
+    seed: Annotated[int, typer.Option(help="Run k draws from seed + k.", min=0)] = 0,
+    radius: Annotated[float | None, typer.Option(help="Body radius in m; default the largest that the positions allow.")] = None,
+    speed: Annotated[str | None, typer.Option(help="Desired speed in m/s, one number or a range; default 1.2,2.")] = None,
+    time_limit: Annotated[float, typer.Option(help="Whoever is inside after so many seconds is unfinished.")] = 300.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for gate.json and gate.png.")] = None,
+    export_to: Annotated[
+        Path | None, typer.Option("--export", help="Only write gate.wkt and starts.csv there, and print the command.")
+    ] = None,
+) -> None:
+    """75 students leave through a gate of 0.5 m: N(t) recorded and simulated.
+
+    Data: DOI 10.34735/ped.2018.1, run 040_c_56_h-.
+    """
+    with _said_plainly():
+        trajectories = read_trajectories(find_recording(data))
+        starts = trajectories.starts
+        place = gate_scenario(starts, radius, _speeds(speed), time_limit)
+        size = place.population.radius.high
+        if export_to is not None:
+            typer.echo(export(export_to, starts, size))
+            return
+        names = scheme or ["dem", "nsm1", "nsm2"]
+        for name in names:
+            make_scheme(name)
+        measured, results = recorded(trajectories), []
+        for name in names:
+            with _notes.status(f"{name} ..."):
+                results.append(simulated(place, name, runs, seed))
+    rows = [counts.row() for counts in [measured, *results]]
+    speeds = place.population.desired_speed
+    report: dict[str, Any] = {
+        "case": "gate",
+        "reference": REFERENCE,
+        "people": len(starts),
+        "radius_m": size,
+        "desired_speed": [speeds.low, speeds.high],
+        "rows": rows,
+    }
+    if out is not None:
+        from validation.gate_figure import draw
+
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "gate.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+        draw(out / "gate.png", measured, results, starts, size, f"desired speed {speeds.low:g} to {speeds.high:g} m/s")
+        _notes.print(f"figures: {out}/", markup=False)
+    if as_json:
+        typer.echo(json.dumps(report))
+        return
+    Console().print(_table(report))
+
+
+def _table(report: dict[str, Any]) -> Table:
+    speeds = report["desired_speed"]
+    table = Table(
+        title=f"gate: {report['people']} people, radius {report['radius_m']:g} m, "
+        f"desired speed {speeds[0]:g} to {speeds[1]:g} m/s",
+        caption="when the k-th person passes the end of the gate, mean over runs; flow by least squares",
+    )
+    table.add_column("")
+    rows = report["rows"]
+    counted = list(rows[0]["time_of_person"])
+    for k in counted:
+        table.add_column(f"{k}th\ns", justify="right")
+    for name in ("flow\n1/s", "unfinished\npeople", "overlap\nmm"):
+        table.add_column(name, justify="right")
+    for row in rows:
+        times = [row["time_of_person"][k]["mean"] for k in counted]
+        table.add_row(
+            row["name"],
+            *("-" if time is None else f"{time:.1f}" for time in times),
+            _with_sd(row["flow"]),
+            str(row["unfinished"]),
+            "-" if row["name"] == "recorded" else f"{row['overlap_mm']:.1f}",
+        )
+    return table
+
+
+def _with_sd(value: dict[str, float | None]) -> str:
+    if value["mean"] is None:
+        return "-"
+    return f"{value['mean']:.2f}" + ("" if value["sd"] is None else f" ± {value['sd']:.2f}")
+
+
+def main() -> None:
+    """Run the command line."""
+    app()
