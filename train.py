@@ -104,8 +104,7 @@ def compare(folder: Path, config: dict[str, Any], runs: int) -> list[Evaluation]
     policies = [make_policy(name) for name in BASELINES] + [LearnedPolicy.load(folder / "best.zip")]
     results = []
     for policy in track(policies, description="evaluating", console=console, transient=True):
-        options = {"dt": config["dt"], "decision_dt": config["decision_dt"]}
-        results.append(evaluate(policy, config["scenario"], scheme=config["scheme"], runs=runs, **options))
+        results.append(evaluate(policy, config["scenario"], **_physics(config), runs=runs))
     rows = [result.row() for result in results]
     rule, learned = rows[BASELINES.index("shortest")], rows[-1]
     ratio = None
@@ -115,20 +114,31 @@ def compare(folder: Path, config: dict[str, Any], runs: int) -> list[Evaluation]
     return results
 
 
+def _physics(config: dict[str, Any]) -> dict[str, Any]:
+    return {name: config[name] for name in ("scheme", "dt", "decision_dt")}
+
+
 def draw(folder: Path, config: dict[str, Any], results: list[Evaluation]) -> None:
     """Write learning curve, egress curves and the film of the learned policy beside the rule."""
     from agents.film import record
     from agents.learned import LearnedPolicy
-    from agents.learned.training import read_curve
+    from agents.learned.training import VALIDATION_SEED, read_curve
     from crowd_env.rendering import egress_curves, learning_curve, write_film
 
     curve = read_curve(folder / "learning_curve.csv")
-    rule = next(result for result in results if result.policy == "shortest")
+    # The curve was measured on validation draws, so the rule it is compared with is too.
+    rule = evaluate(
+        make_policy("shortest"),
+        config["scenario"],
+        **_physics(config),
+        runs=config["eval_runs"],
+        first_seed=VALIDATION_SEED,
+    )
     learning_curve(
         folder / "learning_curve.png",
         [row["steps"] for row in curve],
         {"learned": [row["evacuation_time"] for row in curve]},
-        reference={"shortest path": rule.row()["evacuation_time"]["mean"]},
+        reference={"shortest path": rule.row()["evacuation_time"]["mean"] or float("nan")},
     )
     shown = {result.policy: result.exit_times for result in results if result.policy in ("shortest", "learned")}
     egress_curves(folder / "egress_curves.png", shown, title=f"{config['scenario']}, {config['scheme']}")

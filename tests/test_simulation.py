@@ -137,7 +137,7 @@ def run(name, crowds, *, calls=15, n_substeps=10, prepare=None, before_each=None
     return simulation
 
 
-def FIELD(cache=[]):  # noqa: B006, N802
+def FIELD(cache=[]):  # noqa: B006
     """Return the travel-time field of the room, made once."""
     if not cache:
         from crowd_env.navigation import travel_time_field

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from crowd_env import SCHEMES, Uniform, make_scheme
+from crowd_env import Uniform, make_scheme
 from validation.gate import REFERENCE, export, gate_scenario, recorded, simulated
 from validation.trajectories import find_recording, read_trajectories
 
@@ -112,14 +112,15 @@ def _table(report: dict[str, Any]) -> Table:
     table = Table(
         title=f"gate: {report['people']} people, radius {report['radius_m']:g} m, "
         f"desired speed {speeds[0]:g} to {speeds[1]:g} m/s",
-        caption="when the k-th person passes the end of the gate, mean over runs; flow by least squares",
+        caption="when the k-th person passes the end of the gate, mean over runs; flow: least-squares slope, "
+        "mean ± sd over the runs that did not get stuck",
     )
     table.add_column("")
     rows = report["rows"]
     counted = list(rows[0]["time_of_person"])
     for k in counted:
         table.add_column(f"{k}th\ns", justify="right")
-    for name in ("flow\n1/s", "unfinished\npeople", "overlap\nmm"):
+    for name in ("flow\n1/s", "stuck\nruns", "left\ninside", "overlap\nmm"):
         table.add_column(name, justify="right")
     for row in rows:
         times = [row["time_of_person"][k]["mean"] for k in counted]
@@ -127,6 +128,7 @@ def _table(report: dict[str, Any]) -> Table:
             row["name"],
             *("-" if time is None else f"{time:.1f}" for time in times),
             _with_sd(row["flow"]),
+            f"{row['unfinished_runs']} of {row['runs']}",
             str(row["unfinished"]),
             "-" if row["name"] == "recorded" else f"{row['overlap_mm']:.1f}",
         )

@@ -97,16 +97,22 @@ class Counts:
     overlap: float = 0.0  # m, deepest
 
     def row(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: times [s] of the counted persons (mean and sd over runs), flow [1/s]."""
+        """Return the figures, ready for JSON: times [s] of the counted persons (mean and sd over runs), flow [1/s].
+
+        A time is None unless the person passed in every run; the flow is over the runs in which everyone passed.
+        """
         runs, people = self.times.shape
         counted = [k for k in COUNTED if k < people] + [people]
-        flow = summarise([flow_slope(times) for times in self.times])
+        finished = np.isfinite(self.times).all(axis=1)
+        # The slope of a run that got stuck says how fast it went until then: it would flatter the mean.
+        flow = summarise([flow_slope(times) for times in self.times[finished]])
         return {
             "name": self.name,
             "runs": runs,
             "time_of_person": {str(k): _summary(self.times[:, k - 1]) for k in counted},
             "flow": {"mean": _number(flow.mean), "sd": _number(flow.sd)},
             "unfinished": int(np.isnan(self.times).sum()),
+            "unfinished_runs": int((~finished).sum()),
             "overlap_mm": 1e3 * self.overlap,
         }
 

@@ -16,21 +16,21 @@ _WALL, _QUIET = "#37414d", "#747b83"
 
 
 def draw(path: Path, measured: Counts, results: list[Counts], starts: Floats, radius: float, note: str) -> None:
-    """Write the figure; simulations as the mean time of each person over runs, with the range of the runs as a band."""
+    """Write the figure: every run is a thin line, flat to the right where it got stuck."""
     figure = Figure(figsize=(10.5, 4.6), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.9])
     _draw_plan(left, starts, radius)
     people = measured.times.shape[1]
-    count = np.arange(1, people + 1)
-    right.step(measured.times[0], count, where="post", color="black", lw=1.8, label=_label(measured))
+    end = 1.05 * float(np.nanmax(np.concatenate([measured.times, *(result.times for result in results)])))
     for colour, result in zip(_COLOURS, results, strict=False):
-        through = count <= np.isfinite(result.times).sum(axis=1).min()
-        times = result.times[:, through]
-        right.fill_betweenx(count[through], times.min(axis=0), times.max(axis=0), color=colour, alpha=0.2, lw=0)
-        right.plot(times.mean(axis=0), count[through], color=colour, lw=1.6, label=_label(result))
-    right.set(xlabel="time since the first frame [s]", ylabel="people through the gate", xlim=(0, None), ylim=(0, people + 1))
-    right.legend(frameon=False, loc="lower right", fontsize=9)
+        for k, times in enumerate(result.times):
+            right.step(*_curve(times, end), where="post", color=colour, lw=0.9, alpha=0.6, label=None if k else _label(result))
+    right.step(*_curve(measured.times[0], end), where="post", color="black", lw=1.8, label=_label(measured))
+    right.set(xlabel="time since the first frame [s]", ylabel="people through the gate", xlim=(0, end), ylim=(0, people + 1))
+    legend = right.legend(frameon=False, loc="lower right", fontsize=9)
+    for line in legend.get_lines():
+        line.set(linewidth=2.0, alpha=1.0)
     right.spines[["top", "right"]].set_visible(False)
     right.set_title(note, loc="left", fontsize=9, color=_QUIET)
     part = path.with_name(f".{path.name}.part")
@@ -38,10 +38,22 @@ def draw(path: Path, measured: Counts, results: list[Counts], starts: Floats, ra
     os.replace(part, path)
 
 
+def _curve(times: Floats, end: float) -> tuple[Floats, Floats]:
+    """Return N(t) up to ``end``, or to the last person if everyone passed."""
+    passed = times[np.isfinite(times)]
+    stuck = len(passed) < len(times)
+    count = np.arange(len(passed) + 1.0)
+    at = np.concatenate([[0.0], passed])
+    return (np.append(at, end), np.append(count, count[-1])) if stuck else (at, count)
+
+
 def _label(counts: Counts) -> str:
-    flow = counts.row()["flow"]["mean"]
-    runs = "" if len(counts.times) == 1 else f", {len(counts.times)} runs"
-    return f"{counts.name}{runs}: {'-' if flow is None else f'{flow:.2f}'} /s"
+    row = counts.row()
+    if len(counts.times) == 1 and counts.name == "recorded":
+        return f"recorded: {row['flow']['mean']:.2f} /s"
+    flow, stuck = row["flow"]["mean"], row["unfinished_runs"]
+    text = f"{counts.name}, {row['runs']} runs: {'-' if flow is None else f'{flow:.2f} /s'}"
+    return text + (f", {stuck} got stuck" if stuck else "")
 
 
 def _draw_plan(axes, starts: Floats, radius: float) -> None:  # type: ignore[no-untyped-def]

@@ -9,7 +9,7 @@ inelastic.  The linearised gap bounds the true one from below, so what overlap t
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numba import prange
@@ -17,8 +17,8 @@ from numba import prange
 from crowd_env._jit import kernel, parallel_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.forces import desired_velocities, regular_forces
-from crowd_env.physics.scheme import SchemeInfo, require_positive
-from crowd_env.physics.solvers import fastest_speed, solve_no_overlap
+from crowd_env.physics.scheme import SchemeInfo, require_known, require_positive
+from crowd_env.physics.solvers import SOLVERS, ContactLaw, SolverName, fastest_speed, pose_no_overlap, solve
 from crowd_env.physics.step import detect, leave, record_contacts, record_solver, unfinished
 from crowd_env.physics.world import Batch, Memory
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
@@ -33,14 +33,6 @@ INFO = SchemeInfo(
 )
 
 
-class Law(NamedTuple):
-    """The parameters as kernels read them."""
-
-    spontaneous: bool
-    tolerance: float
-    max_sweeps: int
-
-
 @dataclass(frozen=True)
 class NSM1:
     """Discs that never overlap.
@@ -49,17 +41,20 @@ class NSM1:
     ----------
     trial : "spontaneous" (Venel: the desired velocity itself) or "inertial" (velocity, driving and external force).
     tolerance : m/s, complementarity residual at which the solver stops.
-    max_sweeps : sweeps after which a step is given up and counted in ``Diagnostics.unconverged``.
+    max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
+    solver : "gauss-seidel", "accelerated", or "auto": by the number of contacts.
     """
 
     trial: Literal["spontaneous", "inertial"] = "spontaneous"
     tolerance: float = 1e-2
-    max_sweeps: int = 20_000
+    max_iterations: int = 20_000
+    solver: SolverName = "auto"
 
     def __post_init__(self) -> None:
-        require_positive("nsm1", tolerance=self.tolerance, max_sweeps=self.max_sweeps)
+        require_positive("nsm1", tolerance=self.tolerance, max_iterations=self.max_iterations)
         if self.trial not in ("spontaneous", "inertial"):
             raise ValueError(f"nsm1: trial is {self.trial!r}; it must be 'spontaneous' or 'inertial'")
+        require_known("nsm1", "solver", self.solver, SOLVERS)
 
     @property
     def info(self) -> SchemeInfo:
@@ -84,7 +79,8 @@ class NSM1:
     def advance(self, batch: Batch, dt: float, n_substeps: int, parallel: bool) -> None:
         """Advance the batch in place."""
         run = _advance_parallel if parallel else _advance_serial
-        run(batch, dt, n_substeps, Law(self.trial == "spontaneous", self.tolerance, self.max_sweeps))
+        law = ContactLaw(np.inf, 0.0, self.tolerance, self.max_iterations, SOLVERS[self.solver], True)
+        run(batch, dt, n_substeps, self.trial == "spontaneous", law)
 
 
 @kernel
@@ -119,7 +115,8 @@ def _project(
     external_force: Floats,
     memory: Memory,
     dt: float,
-    law: Law,
+    spontaneous: bool,
+    law: ContactLaw,
 ) -> bool:
     """Leave the projection of the trial velocity in `Memory.before`; False if the contacts could not be found.
 
@@ -130,17 +127,18 @@ def _project(
     near, contacts, v = memory.near, memory.contacts, memory.before
     margin = -1.0
     while True:
-        _try_velocities(e, bodies, state, external_force, memory.force, memory.desired, v, dt, law.spontaneous)
+        _try_velocities(e, bodies, state, external_force, memory.force, memory.desired, v, dt, spontaneous)
         if margin < 0.0:
             margin = 2.2 * dt * fastest_speed(begin, end, state.active, v) + 1e-3
         if not detect(e, g, boundary, bodies, state, near, contacts, memory.status, margin):
             return False
         first = near.entry_start[e]
         last = first + contacts.number[e]
-        sweeps, residual = solve_no_overlap(first, last, contacts, bodies.mass, v, dt, law.tolerance, law.max_sweeps)
+        pose_no_overlap(first, last, contacts, bodies.mass, memory.problem, dt)
+        iterations, residual = solve(first, last, begin, end, contacts, bodies.mass, v, memory.problem, law)
         needed = 2.0 * dt * fastest_speed(begin, end, state.active, v)
         if not needed > margin:
-            record_solver(e, memory.diagnostics, sweeps, residual, law.tolerance)
+            record_solver(e, memory.diagnostics, iterations, residual, law.tolerance)
             return True
         margin = 1.2 * needed
 
@@ -156,13 +154,13 @@ def _move(e: int, env_start: Ints, state: CrowdState, after: Floats, previous: F
 
 
 @kernel
-def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: Law) -> None:
+def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: ContactLaw) -> None:
     world, bodies, state, control, memory = batch
     g = world.geometry_of_env[e]
     while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
         desired_velocities(e, world, bodies, state, control, memory.desired)
         regular_forces(e, bodies, state, control, memory.desired, memory.force)
-        if not _project(e, g, world.boundary, bodies, state, control.external_force, memory, dt, law):
+        if not _project(e, g, world.boundary, bodies, state, control.external_force, memory, dt, spontaneous, law):
             return
         record_contacts(e, memory.near, memory.contacts, memory.push, memory.crush, memory.diagnostics)
         _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
@@ -170,12 +168,12 @@ def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: Law) -> 
 
 
 @kernel
-def _advance_serial(batch: Batch, dt: float, n_substeps: int, law: Law) -> None:
+def _advance_serial(batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: ContactLaw) -> None:
     for e in range(len(batch.state.time)):
-        _advance_one(e, batch, dt, n_substeps, law)
+        _advance_one(e, batch, dt, n_substeps, spontaneous, law)
 
 
 @parallel_kernel
-def _advance_parallel(batch: Batch, dt: float, n_substeps: int, law: Law) -> None:
+def _advance_parallel(batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: ContactLaw) -> None:
     for e in prange(len(batch.state.time)):
-        _advance_one(e, batch, dt, n_substeps, law)
+        _advance_one(e, batch, dt, n_substeps, spontaneous, law)

@@ -1,5 +1,6 @@
 """What a contact scheme is: its facts, its parameters, and one compiled call that advances a batch of crowds."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -49,6 +50,12 @@ def require_positive(scheme: str, **values: float) -> None:
     for name, value in values.items():
         if not value > 0:
             raise ValueError(f"{scheme}: {name} is {value!r}; it must be > 0")
+
+
+def require_known(scheme: str, name: str, value: str, known: Iterable[str]) -> None:
+    """Raise ValueError, naming scheme and parameter, unless the value is a known one."""
+    if value not in known:
+        raise ValueError(f"{scheme}: unknown {name} {value!r}; known: {', '.join(known)}")
 
 
 def require_not_negative(scheme: str, **values: float) -> None:

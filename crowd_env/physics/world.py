@@ -8,6 +8,7 @@ from crowd_env.geometry import Boundary
 from crowd_env.navigation import FieldArrays
 from crowd_env.physics.contacts import Contacts, allocate_contacts
 from crowd_env.physics.neighbors import NeighbourList, allocate_neighbours, grow_neighbours
+from crowd_env.physics.solvers import Problem, allocate_problem
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
@@ -45,6 +46,7 @@ class Memory(NamedTuple):
 
     near: NeighbourList
     contacts: Contacts
+    problem: Problem
     desired: Floats  # (P, 2) m/s
     force: Floats  # (P, 2) N
     previous: Floats  # (P, 2) position at the start of the step
@@ -80,6 +82,7 @@ def allocate_memory(bodies: Bodies, per_person: int = 12) -> Memory:
     return Memory(
         near=near,
         contacts=allocate_contacts(near),
+        problem=allocate_problem(people, len(near.partner)),
         desired=reals(people, 2),
         force=reals(people, 2),
         previous=reals(people, 2),
@@ -105,4 +108,5 @@ def grow_memory(memory: Memory, bodies: Bodies) -> Memory:
     people = len(bodies.radius)
     now = (int(memory.near.entry_start[-1]) - 16 * (len(bodies.env_start) - 1)) // max(people, 1)
     near = grow_neighbours(memory.near, bodies, 2 * now)
-    return memory._replace(near=near, contacts=allocate_contacts(near))
+    problem = allocate_problem(people, len(near.partner))
+    return memory._replace(near=near, contacts=allocate_contacts(near), problem=problem)
