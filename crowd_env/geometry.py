@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry import MultiPolygon, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
 from crowd_env.geometry_edges import SLIVER, open_boundary
@@ -27,7 +27,7 @@ from crowd_env.geometry_input import (
     read_lines,
 )
 
-__all__ = ["Boundary", "Geometry", "join_boundaries", "parse_exit"]
+__all__ = ["Boundary", "Geometry", "box", "join_boundaries", "parse_exit"]
 
 _SAME = 1e-9  # m; ends of walls nearer than this are one corner
 
@@ -173,6 +173,12 @@ class Geometry:
         area = self.walkable if region is None else self.regions[region]
         shapely.prepare(area)
         return np.asarray(shapely.intersects_xy(area, x, y))
+
+    def nearest_exit(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return (K,) the row of ``exits`` nearest in a straight line to each of ``points`` (K, 2)."""
+        lines = shapely.linestrings(self.exits)
+        xy = shapely.points(np.asarray(points, dtype=np.float64).reshape(-1, 2))
+        return np.argmin(shapely.distance(xy[:, None], lines[None, :]), axis=1).astype(np.int64)
 
     def clearance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return (K,) the distance [m] from each of ``points`` (K, 2) to the nearest wall; inf without walls."""

@@ -6,7 +6,7 @@ pushed, or are smaller): there the field is extended along straight lines to the
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import skfmm
@@ -33,6 +33,7 @@ __all__ = [
     "direction_at",
     "exit_target",
     "join_fields",
+    "straight_field",
     "travel_time_at",
     "travel_time_field",
 ]
@@ -63,6 +64,8 @@ class NavigationField:
         Distance between nodes [m].
     radius
         Radius of the disc that the field is made for [m].
+    margin
+        Distance kept from the ends of an exit one aims at [m]; nan = the own radius.
     """
 
     travel_time: Floats
@@ -72,6 +75,7 @@ class NavigationField:
     origin: Floats
     spacing: float
     radius: float
+    margin: float = float("nan")
 
 
 def travel_time_field(
@@ -109,6 +113,24 @@ def travel_time_field(
     return _solve(plan, nodes, used, reached)
 
 
+def straight_field(field: NavigationField, geometry: Geometry, margin: float) -> NavigationField:
+    """Return ``field`` with everyone aiming straight at the nearest exit, whatever stands between.
+
+    The rule of crowd models without path planning, for comparison: it leads into walls and corners.
+
+    Parameters
+    ----------
+    margin
+        Distance kept from the ends of the exit [m]: nan = the own radius, 0 = the whole width, inf = its middle.
+    """
+    rows, cols = field.travel_time.shape
+    x, y = np.meshgrid(
+        field.origin[0] + field.spacing * np.arange(cols), field.origin[1] + field.spacing * np.arange(rows)
+    )
+    cell = geometry.nearest_exit(np.column_stack([x.ravel(), y.ravel()])).reshape(rows, cols)
+    return replace(field, cell=cell, margin=margin)
+
+
 def join_fields(fields: Sequence[NavigationField | None], boundary: Boundary) -> FieldArrays:
     """Return the fields of the geometries of ``boundary`` one behind the other; None = no field there.
 
@@ -132,6 +154,7 @@ def join_fields(fields: Sequence[NavigationField | None], boundary: Boundary) ->
         direction=np.concatenate([np.empty((0, 2)), *(f.direction.reshape(-1, 2) for f, _ in made)]),
         direct=np.concatenate([np.empty(0, dtype=np.int64), *(_offset(f.direct, first) for f, first in made)]),
         cell=np.concatenate([np.empty(0, dtype=np.int64), *(_offset(f.cell, first) for f, first in made)]),
+        margin=np.array([np.nan if f is None else f.margin for f in fields], dtype=np.float64),
     )
 
 

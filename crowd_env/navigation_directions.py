@@ -267,7 +267,7 @@ def straight_lines(
                     continue
                 direct[i, j] = rows_of_exits[k]
                 time[i, j] = length
-                direction[i, j, 0], direction[i, j, 1] = towards_exit(ax, ay, bx, by, x, y, radius)
+                direction[i, j, 0], direction[i, j, 1] = towards_exit(ax, ay, bx, by, x, y, radius, radius)
     return direct
 
 

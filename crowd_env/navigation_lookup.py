@@ -33,9 +33,8 @@ class FieldArrays(NamedTuple):
     travel_time: NDArray[np.float64]  # (M,)    s   at 1 m/s; nan outside of the walkable area
     direction: NDArray[np.float64]  # (M, 2)  unit vector along the shortest path; 0 outside
     direct: NDArray[np.int64]  # (M,)    row of Boundary.exit reached in a straight line; -1 = none
-    cell: NDArray[
-        np.int64
-    ]  # (M,)    cell right of and above the node: exit that all its corners are direct to, BLEND, ALONE
+    cell: NDArray[np.int64]  # (M,)    cell right of and above: exit that all its corners are direct to, BLEND, ALONE
+    margin: NDArray[np.float64]  # (G,)    m   kept from the ends of an exit one aims at; nan = the own radius
 
 
 @kernel
@@ -53,9 +52,11 @@ def nearest_on_exit(
 
 
 @kernel
-def towards_exit(ax: float, ay: float, bx: float, by: float, x: float, y: float, radius: float) -> tuple[float, float]:
+def towards_exit(
+    ax: float, ay: float, bx: float, by: float, x: float, y: float, radius: float, margin: float
+) -> tuple[float, float]:
     """Return the unit vector that leads a disc at (x, y) out through exit a-b (walkable area to its left)."""
-    tx, ty = nearest_on_exit(ax, ay, bx, by, x, y, radius)
+    tx, ty = nearest_on_exit(ax, ay, bx, by, x, y, margin)
     ux, uy = bx - ax, by - ay
     width = np.sqrt(ux * ux + uy * uy)
     nx, ny = uy / width, -ux / width  # out of the area
@@ -171,8 +172,9 @@ def direction_at(
     first = field.node_start[g] + i * cols + j
     k = field.cell[first]
     if k >= 0:
-        line = boundary.exit
-        return towards_exit(line[k, 0, 0], line[k, 0, 1], line[k, 1, 0], line[k, 1, 1], x, y, radius)
+        line, margin = boundary.exit, field.margin[g]
+        margin = margin if margin >= 0.0 else radius
+        return towards_exit(line[k, 0, 0], line[k, 0, 1], line[k, 1, 0], line[k, 1, 1], x, y, radius, margin)
     best = first
     if k == BLEND:  # corners outside of the area have direction 0, i.e. no weight
         e = field.direction
@@ -204,7 +206,8 @@ def travel_time_at(field: FieldArrays, boundary: Boundary, g: int, x: float, y: 
     first = field.node_start[g] + i * cols + j
     k = field.cell[first]
     if k >= 0:
-        tx, ty = exit_target(boundary, k, x, y, radius)
+        margin = field.margin[g]
+        tx, ty = exit_target(boundary, k, x, y, margin if margin >= 0.0 else radius)
         return np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
     if k != BLEND:
         node = _node_for(field, boundary, g, x, y, first)

@@ -4,18 +4,26 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, get_args
 
 import numpy as np
 
 from crowd_env.geometry import Geometry, parse_exit
-from crowd_env.navigation import NavigationField, travel_time_field
+from crowd_env.navigation import NavigationField, straight_field, travel_time_field
 from crowd_env.population import Population
 from crowd_env.state import Floats
+
+Target = Literal["path", "nearest", "centre", "width"]
+_MARGINS = {"nearest": float("nan"), "centre": float("inf"), "width": 0.0}
 
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
     """What is evacuated; knows neither physics nor rewards.
+
+    ``target`` says what people walk to: "path", the shortest path of a disc (the way to go); or straight to the nearest exit,
+    whatever stands between: to the "nearest" point that keeps the body off the jambs, to the "centre" of the door, or to the
+    nearest point of its whole "width".  The straight ones are for comparison with models that have no path planning.
 
     Raises
     ------
@@ -29,17 +37,23 @@ class Scenario:
     time_limit: float  # s
     title: str = ""  # a line for people
     reference: str = ""  # where the numbers come from
+    target: Target = "path"
 
     def __post_init__(self) -> None:
         if not self.time_limit > 0:
             raise ValueError(f"scenario {self.name!r}: the time limit is {self.time_limit!r} s; it must be > 0")
+        if self.target not in get_args(Target):
+            raise ValueError(f"unknown target {self.target!r}; known: {', '.join(get_args(Target))}")
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
 
     def field(self) -> NavigationField:
         """Return the travel-time field for the largest body of the population."""
         radius = self.population.radius
-        return travel_time_field(self.geometry, radius.high, min_radius=radius.low)
+        field = travel_time_field(self.geometry, radius.high, min_radius=radius.low)
+        if self.target == "path":
+            return field
+        return straight_field(field, self.geometry, _MARGINS[self.target])
 
 
 def scenario_from_wkt(

@@ -136,9 +136,10 @@ def test_a_mask_restarts_only_where_it_is_true():
     for _ in range(10):
         observation = env.step(None).observation
     masked, _ = env.reset([7, 8, 9], mask=[False, True, False])
-    np.testing.assert_array_equal(masked[:20], observation[:20])
+    others = env.active & ((np.arange(60) < 20) | (np.arange(60) >= 40))
+    assert 20 < others.sum() < 40  # some are out already
+    np.testing.assert_array_equal(masked[others], observation[others])
     np.testing.assert_array_equal(masked[20:40], CrowdEnv("room-v0").reset([8])[0])
-    np.testing.assert_array_equal(masked[40:], observation[40:])
     np.testing.assert_allclose(env.simulation.state.time, [1.0, 0.0, 1.0])
 
 
@@ -280,13 +281,14 @@ def test_who_follows_the_rule_need_not_have_an_action(frame):
 def test_each_discrete_action_does_what_it_says(k, frame):
     start = np.array([2.5, 4.0])
     env = lone_walker(start, action="discrete", frame=frame)
+    ahead = env.reset(seed=0)[0][0, env.layout["direction"]]
     env.step([k])
     moved = env.simulation.state.position[0] - start
     if k == 8:
         np.testing.assert_array_equal(moved, 0.0)
         return
-    aim = np.array([5.0, 2.91 - env.simulation.bodies.radius[0]]) - start  # the near end of the door
-    first_axis = np.arctan2(*aim[::-1]) if frame == "path" else 0.0
+    assert ahead[1] < -0.3  # the shortest path is not along x here
+    first_axis = np.arctan2(ahead[1], ahead[0]) if frame == "path" else 0.0
     turn = np.arctan2(moved[1], moved[0]) - first_axis - k * np.pi / 4
     assert abs((turn + np.pi) % (2 * np.pi) - np.pi) < (0.02 if frame == "path" else 1e-9)
 

@@ -1,8 +1,8 @@
 """The room of Pécol et al. 2011, section 4.2: 5 x 5 m, one door of 0.82 m, 20 pedestrians in a hurry."""
 
-from crowd_env.geometry import Geometry
+from crowd_env.geometry import Geometry, box
 from crowd_env.population import Population
-from crowd_env.scenario import Scenario
+from crowd_env.scenario import Scenario, Target
 
 # "A square room of side 5 m, where 20 pedestrians want to escape by a door of 82 cm width"; the door is centred (the paper
 # does not say), walls are thin and the jambs are hard points.
@@ -16,6 +16,8 @@ def room(
     count: int = 20,
     time_limit: float = 60.0,
     population: Population | None = None,
+    target: Target = "path",
+    exit_line: float = 0.0,
 ) -> Scenario:
     """Return a square room with one door centred in the wall x = ``side``.
 
@@ -24,6 +26,8 @@ def room(
     side, door_width : m.
     count : number of people; ignored if a ``population`` is given.
     time_limit : s; whoever is still inside then is unfinished.
+    target : what people walk to, see `Scenario`.
+    exit_line : m, how far beyond the door (before it if negative) people are counted and removed.
 
     Raises
     ------
@@ -34,11 +38,21 @@ def room(
         raise ValueError(f"room: side is {side:g} m; it must be > 0")
     if not 0 < door_width <= side:
         raise ValueError(f"room: door_width is {door_width:g} m; it must be > 0 and at most the side, {side:g} m")
-    low, high = 0.5 * (side - door_width), 0.5 * (side + door_width)
-    geometry = Geometry.from_polygon(
-        [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)],
-        exits={"door": [(side, low), (side, high)]},
-    )
+    if not -0.5 * side < exit_line <= 5.0:
+        raise ValueError(f"room: exit_line is {exit_line:g} m; it must be above {-0.5 * side:g} and at most 5 m")
+    geometry = _plan(side, 0.5 * (side - door_width), 0.5 * (side + door_width), exit_line)
     people = population or Population(count)
     title = f"square room of {side:g} m, one door of {door_width:g} m, {people.count} people in a hurry"
-    return Scenario("room-v0", geometry, people, time_limit, title, REFERENCE)
+    return Scenario("room-v0", geometry, people, time_limit, title, REFERENCE, target)
+
+
+def _plan(side: float, low: float, high: float, exit_line: float) -> Geometry:
+    room = box(0.0, 0.0, side, side)
+    if exit_line == 0.0:
+        return Geometry.from_polygon(room, exits={"door": [(side, low), (side, high)]})
+    if exit_line < 0.0:  # people vanish before they reach the door: no one else can get so close to its wall
+        return Geometry.from_polygon(room, exits={"door": box(side + exit_line, low, side, high)})
+    outside = box(side, -1.0, side + exit_line, side + 1.0)
+    walls = [[(side, 0.0), (side, low)], [(side, high), (side, side)]]
+    line = [(side + exit_line, -1.0), (side + exit_line, side + 1.0)]
+    return Geometry.from_polygon([room, outside], exits={"door": line}, thin_walls=walls)
