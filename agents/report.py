@@ -24,11 +24,10 @@ def _interval(summary: dict[str, Any], digits: int) -> str:
 
 def comparison_table(results: list[Evaluation], title: str) -> Table:
     """Return a table of policies against what they are judged by."""
-    caption = "over the runs in which everyone got out; ± sd over runs; 95 % bootstrap interval of the mean;\n"
-    caption += "left in: people inside at the time limit; impulse: contact impulse per person"
+    caption = "over runs in which all got out; ± sd over runs; in: people left inside;\nN s: contact impulse per person"
     table = Table(title=title, caption=caption)
     table.add_column("policy", style="bold", no_wrap=True)
-    for name in ("evacuation s", "95 % of mean", "exit s", "flow 1/s", "left in", "impulse N s"):
+    for name in ("evacuation s", "95 % of mean", "exit s", "flow 1/s", "in", "N s"):
         table.add_column(name, justify="right", no_wrap=True)
     for result in results:
         row = result.row()

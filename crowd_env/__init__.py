@@ -14,6 +14,7 @@ from crowd_env.observation import ObservationLayout
 from crowd_env.parallel_env import CrowdParallelEnv, parallel_env
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, make_scheme
 from crowd_env.population import Normal, Population, Uniform
+from crowd_env.pressure import contact_pressure, crowd_pressure
 from crowd_env.reward import RewardWeights
 from crowd_env.scenario import Scenario, read_starts, scenario_from_wkt
 from crowd_env.scenarios import SCENARIOS, make_scenario
@@ -44,6 +45,8 @@ __all__ = [
     "Simulation",
     "Step",
     "Uniform",
+    "contact_pressure",
+    "crowd_pressure",
     "make_bodies",
     "make_scenario",
     "make_scheme",

@@ -22,6 +22,7 @@ class ContactList(NamedTuple):
     gap: Floats  # (C,)    m, < 0 is overlap
     normal: Floats  # (C, 2)  unit vector from j to i
     impulse: Floats  # (C, 2)  N s, normal and tangential
+    converged: bool  # whether every solve of the episode so far met its tolerance
 
 
 class Simulation:
@@ -187,6 +188,7 @@ class Simulation:
             contacts.gap[rows].copy(),
             contacts.normal[rows].copy(),
             contacts.impulse[rows].copy(),
+            bool(self.diagnostics.unconverged[e] == 0),
         )
 
 
@@ -196,7 +198,8 @@ def _check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable
     limit = scheme.stable_dt(bodies)
     if dt > limit and not allow_unstable:
         raise ValueError(
-            f"dt = {dt:g} s is above the stable step of {scheme.info.name}, {limit:.4g} s for these people"
+            f"dt = {dt:g} s is above the stable step of {scheme.info.name}, {limit:.4g} s for these people: "
+            f"{scheme.info.stable_step}"
         )
 
 

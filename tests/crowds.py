@@ -28,7 +28,7 @@ def tight(scheme: ContactScheme, tolerance: float = 1e-11) -> ContactScheme:
     """Return the scheme with its solver, if it has one, run down to ``tolerance`` [m/s]."""
     if "tolerance" not in {field.name for field in fields(scheme)}:
         return scheme
-    return replace(scheme, tolerance=tolerance, max_sweeps=10_000_000)
+    return replace(scheme, tolerance=tolerance, max_iterations=10_000_000)
 
 
 # ------------------------------------------------------------------------------------------------------------- plans

@@ -84,8 +84,8 @@ def test_direction_and_travel_time_are_those_of_the_shortest_path():
     ways = [way_out_of_the_room(start, 0.25) for start in state.position]
     length = np.array([way[0] for way in ways])
     time = length / bodies.desired_speed
-    check(observation, env.layout, "direction", np.array([way[1] for way in ways]), free, atol=0.04)
-    check(observation, env.layout, "travel_time", (time / (time + 5.0))[:, None], free, atol=0.003)
+    check(observation, env.layout, "direction", np.array([way[1] for way in ways]), free, atol=0.08)
+    check(observation, env.layout, "travel_time", (time / (time + 5.0))[:, None], free, atol=0.006)
 
 
 @pytest.mark.parametrize("scheme", ["dem", "nsm1-inertial", "nsm2"])
@@ -259,17 +259,17 @@ def test_a_turned_room_is_perceived_as_turned(frame):
     square, door = [(0, 0), (5, 0), (5, 5), (0, 5)], [(5, 2.033), (5, 2.847)]
     block = [(2.03, 1.01), (2.61, 1.07), (2.36, 1.57)]  # aligned with nothing: no two ways of equal length
     starts = []
-    while len(starts) < 15:
-        point = rng.uniform((0.3, 0.3), (4.7, 4.7))
-        if all(np.hypot(*(point - other)) > 0.5 for other in starts) and not ((point > 0.6) & (point < 3.0)).all():
+    while len(starts) < 30:  # away from the door: at a few nodes next to it rounding decides between two directions
+        point = rng.uniform((0.3, 0.3), (3.6, 4.7))
+        if all(np.hypot(*(point - other)) > 0.41 for other in starts) and not (point[0] > 1.6 and 0.6 < point[1] < 2.0):
             starts.append(point)
     shows = []
     for turn in (np.asarray, quarter_turn):
         geometry = Geometry.from_polygon(turn(square), exits=[turn(door)], obstacles=[turn(block)])
-        people = Population(15, starts=turn(starts))
+        people = Population(30, radius=Uniform(0.2, 0.2), starts=turn(starts))
         env = CrowdEnv(Scenario("turned", geometry, people, 60.0), scheme="dem", frame=frame)
         layout = env.layout
-        shows.append([env.reset(seed=0)[0], *(env.step(None).observation for _ in range(25))])
+        shows.append([env.reset(seed=0)[0], *(env.step(None).observation for _ in range(9))])
     terms = {name: [np.array(show)[:, :, layout[name]].astype(float) for show in shows] for name in layout.terms}
     steps = terms["velocity"][0].shape[:2]
 
@@ -287,7 +287,7 @@ def test_a_turned_room_is_perceived_as_turned(frame):
             slots = straight.reshape(*steps, -1, 5)
             expected = np.concatenate([left(slots[..., :2]), left(slots[..., 2:4]), slots[..., 4:]], axis=-1)
             expected = expected.reshape(straight.shape)
-        np.testing.assert_allclose(turned_left, expected, atol=1e-4, err_msg=name)
+        np.testing.assert_allclose(turned_left, expected, atol=1e-5, err_msg=name)
 
 
 # ------------------------------------------------------------------------------------------------------------ layout

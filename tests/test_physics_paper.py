@@ -201,7 +201,7 @@ def recoil(scheme, dt, speed=1.4, tau=0.4):
     simulation = Simulation(half_plane(), bodies, state, scheme=scheme, dt=dt)
     towards_wall, relative = np.array([[-1.0, 0.0]]), np.array([False])
     nearest, bounced = np.inf, None
-    while True:
+    for _ in range(round(3 * tau / dt)):
         before = state.velocity[0, 0]
         simulation.advance(towards_wall, relative=relative)
         after = state.velocity[0, 0]
@@ -210,6 +210,7 @@ def recoil(scheme, dt, speed=1.4, tau=0.4):
             bounced = simulation.state.time[0]
         if bounced is not None and before > 0 >= after:
             return state.position[0, 0] - nearest, simulation.state.time[0] - bounced
+    raise AssertionError("did not come back to rest")
 
 
 def test_figure_1_recoil_after_an_elastic_rebound():

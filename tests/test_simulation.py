@@ -1,5 +1,9 @@
 """Simulation: exits and clocks, the same bits however a crowd is run, and one clear sentence for wrong input."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from crowds import PLANS, copied, crowd_in, joined, part, people, plain, scatter
@@ -422,3 +426,39 @@ def test_only_the_environment_that_diverged_is_named():
     state.position[1] = np.nan
     with pytest.raises(FloatingPointError, match="environment 1"):
         simulation.advance()
+
+
+# Programs that a kernel could crash or hang in; pytest would go down with it.
+NAN_IN_A_JAM = """
+geometry = Geometry.from_polygon(box(0, 0, 6, 6))
+people = Population(90, radius=Uniform(0.2, 0.2))
+bodies, position = people.draw(np.random.default_rng(0), geometry)
+simulation = Simulation(geometry, bodies, make_state(position), scheme=SCHEMES["nsm1-inertial"])
+east = dict(command=np.tile([1.0, 0.0], (90, 1)), relative=np.zeros(90, bool))
+simulation.advance(n_substeps=300, **east)
+assert len(simulation.contacts().gap) > 150, "enough contacts for the accelerated solver"
+force = np.zeros((90, 2))
+force[5] = np.nan
+for _ in range(3):
+    simulation.advance(external_force=force, **east)
+"""
+FLYING_APART = """
+rng = np.random.default_rng(0)
+bodies = make_bodies(np.full(30, 0.2), 80.0)
+state = make_state(rng.uniform(10, 20, (30, 2)), rng.normal(0, 2e7, (30, 2)))
+plan = Geometry.from_polygon(box(0, 0, 3, 3))
+simulation = Simulation(plan, bodies, state, scheme=SCHEMES["dem"], driving=False)
+for _ in range(100):
+    simulation.advance(n_substeps=1000)
+"""
+
+
+@pytest.mark.parametrize("program", [NAN_IN_A_JAM, FLYING_APART], ids=["nan in a jam", "flying apart"])
+def test_a_hopeless_run_neither_crashes_nor_hangs(program):
+    head = "import numpy as np\nfrom shapely.geometry import box\nfrom crowd_env import *\n"
+    command = [sys.executable, "-c", head + program]
+    root = Path(__file__).resolve().parent.parent
+    result = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=150, check=False)
+    assert result.returncode in (0, 1), result.stderr  # not a signal
+    if result.returncode:
+        assert result.stderr.strip().splitlines()[-1].startswith(("FloatingPointError", "ValueError")), result.stderr

@@ -27,6 +27,7 @@ INFO = SchemeInfo(
     order=1,
     conserves_energy_at_contact=True,
     overlap="v / omega, some centimetres at k = 1.2e5 N/m; it is the softness, not an error of the time step",
+    stable_step="2 / sqrt(2 k / m_min), from h omega < 2 for two bodies of the smallest mass",
 )
 
 
@@ -42,7 +43,7 @@ class DEM:
     stiffness: float = 1.2e5
 
     def __post_init__(self) -> None:
-        require_positive("dem", stiffness=self.stiffness)
+        require_positive("dem", "the contact force k |D| (eq 5) has to push", stiffness=self.stiffness)
 
     @property
     def info(self) -> SchemeInfo:

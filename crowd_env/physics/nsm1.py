@@ -30,6 +30,7 @@ INFO = SchemeInfo(
     order=1,
     conserves_energy_at_contact=False,
     overlap="solver tolerance times time step, 0.1 mm with the defaults; it does not accumulate",
+    stable_step="2 tau_min with inertia, from the explicit driving force; none without",
 )
 
 
@@ -51,7 +52,7 @@ class NSM1:
     solver: SolverName = "auto"
 
     def __post_init__(self) -> None:
-        require_positive("nsm1", tolerance=self.tolerance, max_iterations=self.max_iterations)
+        require_positive("nsm1", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
         if self.trial not in ("spontaneous", "inertial"):
             raise ValueError(f"nsm1: trial is {self.trial!r}; it must be 'spontaneous' or 'inertial'")
         require_known("nsm1", "solver", self.solver, SOLVERS)

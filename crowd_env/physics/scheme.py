@@ -18,6 +18,7 @@ class SchemeInfo:
     order: int  # of convergence in the time step, on a smooth case
     conserves_energy_at_contact: bool  # elastic by default
     overlap: str  # what overlap its default parameters leave, in words
+    stable_step: str  # formula of the largest stable time step
 
 
 class ContactScheme(Protocol):
@@ -45,11 +46,11 @@ class ContactScheme(Protocol):
         ...
 
 
-def require_positive(scheme: str, **values: float) -> None:
-    """Raise ValueError, naming scheme and parameter, unless every value is > 0 (infinity is allowed)."""
+def require_positive(scheme: str, why: str = "", **values: float) -> None:
+    """Raise ValueError, naming scheme, parameter and formula, unless every value is > 0 (infinity is allowed)."""
     for name, value in values.items():
         if not value > 0:
-            raise ValueError(f"{scheme}: {name} is {value!r}; it must be > 0")
+            raise ValueError(f"{scheme}: {name} is {value!r}; it must be > 0{why and ': ' + why}")
 
 
 def require_known(scheme: str, name: str, value: str, known: Iterable[str]) -> None:
@@ -58,8 +59,8 @@ def require_known(scheme: str, name: str, value: str, known: Iterable[str]) -> N
         raise ValueError(f"{scheme}: unknown {name} {value!r}; known: {', '.join(known)}")
 
 
-def require_not_negative(scheme: str, **values: float) -> None:
-    """Raise ValueError, naming scheme and parameter, unless every value is >= 0 (infinity is allowed)."""
+def require_not_negative(scheme: str, why: str = "", **values: float) -> None:
+    """Raise ValueError, naming scheme, parameter and formula, unless every value is >= 0 (infinity is allowed)."""
     for name, value in values.items():
         if not value >= 0:
-            raise ValueError(f"{scheme}: {name} is {value!r}; it must be >= 0")
+            raise ValueError(f"{scheme}: {name} is {value!r}; it must be >= 0{why and ': ' + why}")

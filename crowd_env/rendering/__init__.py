@@ -3,7 +3,7 @@
 from crowd_env.rendering.figures import egress_comparison, egress_curves, learning_curve
 from crowd_env.rendering.film import write_film, write_still, write_strip
 from crowd_env.rendering.frames import Renderer
-from crowd_env.rendering.palette import FULL_PRESSURE, contact_pressure
+from crowd_env.rendering.palette import FULL_PRESSURE
 from crowd_env.rendering.recordings import Recording
 from crowd_env.rendering.window import Window
 
@@ -12,7 +12,6 @@ __all__ = [
     "Recording",
     "Renderer",
     "Window",
-    "contact_pressure",
     "egress_comparison",
     "egress_curves",
     "learning_curve",

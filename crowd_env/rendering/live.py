@@ -3,8 +3,9 @@
 import numpy as np
 
 from crowd_env.env import CrowdEnv
+from crowd_env.pressure import contact_pressure
 from crowd_env.rendering.frames import Renderer
-from crowd_env.rendering.palette import FULL_PRESSURE, contact_pressure
+from crowd_env.rendering.palette import FULL_PRESSURE
 from crowd_env.rendering.recordings import Recording
 from crowd_env.state import Floats
 

@@ -27,19 +27,6 @@ FULL_PRESSURE = 1600.0  # N/m
 _ANCHORS: tuple[Colour, ...] = ((168, 188, 205), (238, 186, 92), (222, 96, 46), (160, 16, 30))
 
 
-def contact_pressure(impulse: ArrayLike, duration: float, radius: ArrayLike) -> Floats:
-    """Return the contact force on each body per circumference [N/m].
-
-    Parameters
-    ----------
-    impulse : (..., N) N s, summed magnitudes of the contact impulses during ``duration``, as in ``memory.crush``.
-    duration : s.
-    radius : (N,) m.
-    """
-    circumference = 2.0 * np.pi * np.asarray(radius, dtype=np.float64)
-    return np.asarray(impulse, dtype=np.float64) / (duration * circumference)
-
-
 def to_oklab(colours: ArrayLike) -> Floats:
     """Return sRGB ``colours`` (..., 3) in 0..255 as OKLab, where equal steps look equal (Ottosson 2020)."""
     srgb = np.asarray(colours, dtype=np.float64) / 255.0
