@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import track
 
 from agents import make_policy
-from agents.evaluation import Evaluation, evaluate
+from agents.evaluation import HELD_OUT_SEED, Evaluation, evaluate
 from agents.report import comparison_table
 from agents.runs import new_folder, read_json, versions, write_json
 from crowd_env import CrowdEnv, ObservationLayout, RewardWeights, make_scenario, make_scheme
@@ -21,6 +21,7 @@ console = Console(stderr=True)
 def default_config(scenario: str, scheme: str, seed: int, envs: int, steps: int, minutes: float) -> dict[str, Any]:
     """Return every parameter of a run."""
     from agents.learned import PPOSettings
+    from agents.learned.training import VALIDATION_SEED
 
     return {
         "scenario": scenario,
@@ -34,10 +35,12 @@ def default_config(scenario: str, scheme: str, seed: int, envs: int, steps: int,
         "frame": "path",
         "action": "continuous",
         "observation": asdict(ObservationLayout()),
-        "reward": {"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.8},
+        "reward": {"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.5},
         "ppo": asdict(PPOSettings()),
-        "eval_every": 1_000_000,
-        "eval_runs": 100,
+        "eval_every": 1_500_000,
+        "eval_runs": 200,
+        "validation_seed": VALIDATION_SEED,
+        "held_out_seed": HELD_OUT_SEED,
         "versions": versions(),
     }
 
@@ -156,7 +159,7 @@ def main(
     scheme: Annotated[str, typer.Option(help="Contact scheme.")] = "nsm2",
     minutes: Annotated[float, typer.Option(help="Training stops after this many minutes, if not by then done.")] = 7.5,
     steps: Annotated[int, typer.Option(help="Training steps, summed over all pedestrian slots.")] = 16_000_000,
-    envs: Annotated[int, typer.Option(help="Rooms simulated side by side.")] = 32,
+    envs: Annotated[int, typer.Option(help="Rooms simulated side by side.")] = 64,
     seed: Annotated[int, typer.Option(help="Fixes draws and network; below 1000000.")] = 0,
     runs: Annotated[int, typer.Option(help="Held-out evacuations per policy in the final table.")] = 50,
     name: Annotated[

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -13,6 +14,7 @@ from gymnasium.vector import AutoresetMode
 import crowd_env
 from crowd_env import CrowdEnv, CrowdGymEnv, CrowdVectorEnv, make_scenario, make_vec
 
+ROOT = Path(__file__).parents[1]
 SMALL = {"count": 6, "time_limit": 4.0}
 
 
@@ -85,7 +87,7 @@ def test_it_is_registered():
 
 def test_gymnasium_finds_it_by_itself_from_the_name_of_the_package():
     code = "import gymnasium; print(gymnasium.make('crowd_env:crowd_env/room-v0').reset(seed=0)[0].shape)"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=sys.path[0])
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert told.stdout.strip() == "(20, 48)"
 
 

@@ -50,7 +50,7 @@ def close_to(rows, abs=1e-12):
         (1e-2, "2.03066571837719"),
         (1e-3, "2.00035320567159"),
         (1e-4, "2.00000264342070"),
-        (1e-5, "2.00000003535854"),
+        (1e-5, "2.00000003535854"),  # printed with one zero less than its 14 decimals need
     ],
 )
 def test_table_3_velocity_after_a_contact_with_dem(dt, printed):

@@ -72,5 +72,7 @@ def test_flow_through_the_door(name, evacuated):
 
 
 def test_order_of_the_schemes_in_table_5(evacuated):
-    flow = {name: np.mean([flow_slope(t) for t in evacuated(name)[0].state.exit_time.reshape(DRAWS, -1)]) for name in FLOW}
+    flow = {
+        name: np.mean([flow_slope(t) for t in evacuated(name)[0].state.exit_time.reshape(DRAWS, -1)]) for name in FLOW
+    }
     assert flow["nsm1"] > flow["dem"] > flow["nsm2"]

@@ -115,7 +115,12 @@ def test_crowds_stand_as_if_placed_one_by_one():
         apart = np.hypot(*(starts[:, :, None] - starts[:, None]).transpose(3, 0, 1, 2))
         apart[:, np.arange(30), np.arange(30)] = np.inf
         away = np.hypot(*(starts - 2.5).transpose(2, 0, 1))
-        return away[:, :10].mean(), away[:, 20:].mean(), apart.min(axis=2)[:, :10].mean(), apart.min(axis=2)[:, 20:].mean()
+        return (
+            away[:, :10].mean(),
+            away[:, 20:].mean(),
+            apart.min(axis=2)[:, :10].mean(),
+            apart.min(axis=2)[:, 20:].mean(),
+        )
 
     rng, radius = np.random.default_rng(6), np.full(30, 0.2)
     placed = figures(np.array([place(ROOM, radius, rng) for _ in range(400)]))
@@ -169,7 +174,9 @@ def test_closest_pair_is_that_of_brute_force():
 
 @pytest.mark.parametrize("count", [112, 130, 500])
 def test_too_many_people_are_refused_with_the_numbers(count):
-    with pytest.raises(ValueError, match=rf"^{count} people do not fit without overlap into 25\.0 m2: .*fewer than") as error:
+    with pytest.raises(
+        ValueError, match=rf"^{count} people do not fit without overlap into 25\.0 m2: .*fewer than"
+    ) as error:
         Population(count, radius=Uniform(0.25, 0.25)).draw(np.random.default_rng(0), ROOM)
     room_for = int(str(error.value).rsplit("fewer than ", 1)[1])
     assert room_for <= count, "the message contradicts itself"

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from crowds import PLANS, copied, crowd_in, joined, part, people, plain, scatter
 from shapely.geometry import box
 
 from crowd_env.geometry import Geometry
+from crowd_env.navigation import travel_time_field
 from crowd_env.physics import DEM, NSM1, SCHEMES
 from crowd_env.physics.world import allocate_memory
 from crowd_env.simulation import Simulation
@@ -131,7 +133,7 @@ def evacuations(count=5):
 
 def run(name, crowds, *, calls=15, n_substeps=10, prepare=None, before_each=None, **options):
     bodies, state = joined([copied(*crowd) for crowd in crowds])
-    simulation = Simulation(ROOM, bodies, state, scheme=name, fields=[FIELD()], **options)
+    simulation = Simulation(ROOM, bodies, state, scheme=name, fields=[room_field()], **options)
     if prepare is not None:
         prepare(simulation)
     for _ in range(calls):
@@ -141,13 +143,10 @@ def run(name, crowds, *, calls=15, n_substeps=10, prepare=None, before_each=None
     return simulation
 
 
-def FIELD(cache=[]):  # noqa: B006
+@cache
+def room_field():
     """Return the travel-time field of the room, made once."""
-    if not cache:
-        from crowd_env.navigation import travel_time_field
-
-        cache.append(travel_time_field(ROOM, 0.25, min_radius=0.2))
-    return cache[0]
+    return travel_time_field(ROOM, 0.25, min_radius=0.2)
 
 
 def same_bits(a, b):
@@ -207,7 +206,7 @@ def test_memory_that_grows_or_is_large_from_the_start(name):
     ends = []
     for per_person in (1, 60):
         own, moving = copied(bodies, state)
-        simulation = Simulation(ROOM, own, moving, scheme=name, fields=[FIELD()])
+        simulation = Simulation(ROOM, own, moving, scheme=name, fields=[room_field()])
         simulation.memory = allocate_memory(own, per_person=per_person)
         entries = len(simulation.memory.contacts.gap)
         simulation.advance(n_substeps=60)
@@ -317,7 +316,7 @@ def test_shapes_must_agree():
         Simulation(plain(), bodies, make_state([[0, 0]]))
     with pytest.raises(ValueError, match="env_start must run from 0 to the number of people"):
         Simulation(plain(), bodies._replace(env_start=np.array([0, 1])), state)
-    with pytest.raises(ValueError, match="one entry more than state.time"):
+    with pytest.raises(ValueError, match=r"one entry more than state\.time"):
         Simulation(plain(), bodies, make_state(state.position, environments=2))
 
 
@@ -358,7 +357,7 @@ def test_restart_with_another_number_of_people_is_refused():
 
 
 def test_unknown_scheme_lists_the_known():
-    with pytest.raises(ValueError, match="unknown contact scheme 'hertz3'; known: .*nsm2"):
+    with pytest.raises(ValueError, match=r"unknown contact scheme 'hertz3'; known: .*nsm2"):
         Simulation(plain(), *people_at([0, 0]), scheme="hertz3")
 
 

@@ -15,11 +15,11 @@ from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 class PPOSettings:
     """Hyperparameters, a line each; the defaults are tuned for room-v0."""
 
-    learning_rate: float = 1e-3  # falls linearly to zero
-    n_steps: int = 64  # decision steps per rollout
-    batch_size: int = 8192  # samples of people who were inside
-    n_epochs: int = 10
-    gamma: float = 0.95  # per decision step of 0.1 s
+    learning_rate: float = 7e-4  # falls linearly to zero
+    n_steps: int = 128  # decision steps per rollout
+    batch_size: int = 16384  # samples of people who were inside
+    n_epochs: int = 6
+    gamma: float = 0.97  # per decision step of 0.1 s
     gae_lambda: float = 0.95
     clip_range: float = 0.2
     ent_coef: float = 0.003

@@ -9,6 +9,7 @@ from types import FrameType
 from typing import Any
 
 import numpy as np
+from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -63,7 +64,7 @@ class Companion(BaseCallback):
         self.out_of_time = False
         self._seconds_before = self.curve[-1]["seconds"] if self.curve else 0.0
         self._rewards: list[float] = []
-        self._progress = Progress(
+        self._progress = Progress(  # on the error stream: the table goes to standard output
             TextColumn("{task.description}"),
             BarColumn(),
             TextColumn("{task.percentage:3.0f} %"),
@@ -72,6 +73,7 @@ class Companion(BaseCallback):
             TextColumn("left"),
             TimeRemainingColumn(),
             TextColumn("{task.fields[best]}"),
+            console=Console(stderr=True),
         )
 
     @property
@@ -141,6 +143,9 @@ class Companion(BaseCallback):
         if _score(row) < best_before:
             policy.save(self.folder / "best.zip")
         write_curve(self.folder / "learning_curve.csv", self.curve)
+        if not self._progress.console.is_terminal:  # no bar there: say the same in lines
+            text = f"{row['steps']:.0f} of {self.total_steps} steps, {self.seconds:.0f} s: evacuation"
+            self._progress.console.print(f"{text} {row['evacuation_time']:.2f} s, {row['unfinished']:.0f} unfinished")
 
     def _row(self, result: Evaluation) -> dict[str, float]:
         reward = float(np.mean(self._rewards)) if self._rewards else float("nan")
