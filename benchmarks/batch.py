@@ -1,7 +1,7 @@
 """The batch environment over arrays: observation, reward and automatic restart included.
 
 Everyone acts (1, 0), straight to the exit, through the same door as a policy's actions.  Before anything is measured the batch
-runs for 12 simulated seconds, so that rooms are in all phases of an evacuation.  An agent-step is one decision (0.1 s, ten
+runs for 30 simulated seconds, so that rooms are in all phases of an evacuation.  An agent-step is one decision (0.1 s, ten
 physics steps) of someone who is inside; slots of people who are out are not counted.
 """
 
@@ -13,7 +13,7 @@ from benchmarks.measuring import Effort, Row, Stopwatch, significant
 from crowd_env import SCHEMES, CrowdEnv
 
 SIZES = (256, 32)  # rooms of 20
-_SETTLE = 120  # decision steps
+_SETTLE = 300  # decision steps
 
 
 def rows(effort: Effort, sizes: tuple[int, ...] = SIZES, settle: int = _SETTLE) -> list[Row]:
@@ -25,7 +25,7 @@ def measure(effort: Effort, scheme: str, rooms: int, settle: int) -> list[Row]:
     """Return agent-steps per CPU second and the share of the physics."""
     env = CrowdEnv("room-v0", num_envs=rooms, scheme=scheme, autoreset=True)
     env.reset(seed=0)
-    forward = np.tile(np.float32([1.0, 0.0]), (env.num_people, 1))
+    forward = np.tile(np.array([1.0, 0.0], dtype=np.float32), (env.num_people, 1))
     for _ in range(settle):
         env.step(forward)
     physics = Stopwatch(env.simulation, "advance")

@@ -1,4 +1,4 @@
-"""The training loop: stable-baselines3 PPO with the settings of ``train.py`` on `CrowdVecEnv`, 32 rooms, one thread.
+"""The training loop: stable-baselines3 PPO with the settings of ``train.py`` on `CrowdVecEnv`, 64 rooms, one thread.
 
 Samples are counted as the loss sees them: of people who were inside when they acted.  What stable-baselines3 itself calls
 timesteps counts all slots, also those of people who are out.  The learning rate has fallen to nothing by the time of the
@@ -11,7 +11,7 @@ from benchmarks.measuring import Effort, Row, Stopwatch, significant
 from crowd_env import CrowdEnv
 
 
-def rows(effort: Effort, rooms: int = 32, n_steps: int | None = None) -> list[Row]:
+def rows(effort: Effort, rooms: int = 64, n_steps: int | None = None) -> list[Row]:
     """Return samples per CPU second, and where the time goes."""
     import torch
 

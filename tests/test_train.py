@@ -15,6 +15,7 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
+import torch
 from stable_baselines3 import PPO
 from typer import Typer
 from typer.testing import CliRunner
@@ -22,6 +23,7 @@ from typer.testing import CliRunner
 import train
 from agents import make_policy
 from agents.evaluation import evaluate
+from agents.learned import LearnedPolicy
 from agents.learned.training import CURVE_COLUMNS
 from crowd_env import CrowdEnv
 
@@ -101,7 +103,7 @@ def test_the_learning_curve_has_a_row_before_and_after(job):
     rows = curve(job[0] / "tiny")
     assert tuple(rows[0]) == CURVE_COLUMNS
     assert rows[0]["steps"] == 0 and rows[-1]["steps"] >= 3000
-    assert all(before["steps"] < after["steps"] for before, after in zip(rows, rows[1:], strict=False))
+    assert (np.diff([row["steps"] for row in rows]) > 0).all()
 
 
 def test_the_same_name_twice_overwrites_nothing(job, monkeypatch):
@@ -143,7 +145,10 @@ def test_training_goes_on_from_the_checkpoint_with_other_draws(tmp_path, monkeyp
     first, used = curve(folder), starts[-1]
     steps = PPO.load(folder / "checkpoint.zip").num_timesteps
     assert steps == first[-1]["steps"] >= 5000
-    trained = PPO.load(folder / "checkpoint.zip").policy.state_dict()
+    marked = LearnedPolicy.load(folder / "checkpoint.zip")
+    with torch.no_grad():
+        marked.model.policy.value_net.bias += 50.0  # no fresh network has this
+    marked.save(folder / "checkpoint.zip")
 
     assert train.train(folder, config | {"steps": 9000})
     assert not np.array_equal(starts[-1], used)  # it does not train on the same draws again
@@ -153,8 +158,7 @@ def test_training_goes_on_from_the_checkpoint_with_other_draws(tmp_path, monkeyp
     assert second[-1]["seconds"] > first[-1]["seconds"]
     now = PPO.load(folder / "checkpoint.zip")
     assert now.num_timesteps == second[-1]["steps"]
-    moved = max(float((value - trained[name]).abs().max()) for name, value in now.policy.state_dict().items())
-    assert 0 < moved < 0.5  # further, from where it was
+    assert 40 < float(now.policy.value_net.bias) < 60
 
 
 def test_training_stops_when_its_time_is_up(tmp_path):

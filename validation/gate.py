@@ -8,6 +8,7 @@ no bar to pass: the paper's crowd is in an emergency, the students were not.
 """
 
 import csv
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,7 +65,9 @@ def largest_radius(geometry: Geometry, starts: Floats) -> float:
     outside = np.flatnonzero(~geometry.contains(starts))
     if len(outside):
         x, y = starts[outside[0]]
-        raise ValueError(f"the first position of person {outside[0] + 1}, ({x:g}, {y:g}), is outside of the waiting area")
+        raise ValueError(
+            f"the first position of person {outside[0] + 1}, ({x:g}, {y:g}), is outside of the waiting area"
+        )
     distance = np.hypot(*(starts[:, None] - starts[None]).transpose(2, 0, 1))
     np.fill_diagonal(distance, np.inf)
     free = min(0.5 * float(distance.min()), float(geometry.clearance(starts).min()), _GATE)
@@ -83,7 +86,7 @@ def gate_scenario(
     """
     geometry = gate_geometry()
     size = largest_radius(geometry, starts) if radius is None else radius
-    options = {} if speed is None else {"desired_speed": speed}
+    options: dict[str, Any] = {} if speed is None else {"desired_speed": speed}
     population = Population(len(starts), radius=Uniform(size, size), starts=starts, **options)
     return Scenario("gate", geometry, population, time_limit, "gate of 0.5 m behind a waiting area", REFERENCE)
 
@@ -133,6 +136,12 @@ def recorded(trajectories: Trajectories) -> Counts:
     return Counts("recorded", np.sort(trajectories.crossing_times(_END))[None])
 
 
+def recorded_speed(trajectories: Trajectories) -> float:
+    """Return how fast people walked through the gate, from where it begins to where it ends: mean over people [m/s]."""
+    spent = trajectories.crossing_times(_END) - trajectories.crossing_times(_THROAT)
+    return float(np.nanmean((_THROAT - _END) / spent))
+
+
 def simulated(
     scenario: Scenario, scheme: str, runs: int, seed: int = 0, progress: Callable[[], None] | None = None
 ) -> Counts:
@@ -160,6 +169,7 @@ def export(folder: Path, starts: Floats, radius: float) -> str:
         writer.writerows([f"{x:.4f}", f"{y:.4f}"] for x, y in starts)
     (x1, y1), (x2, y2) = EXIT
     return (
-        f"crowd-env run {plan} --exit {x1:g},{y1:g},{x2:g},{y2:g} --starts {positions} "
+        f"crowd-env run {shlex.quote(str(plan))} --exit {x1:g},{y1:g},{x2:g},{y2:g} "
+        f"--starts {shlex.quote(str(positions))} "
         f"--radius {radius:g} --time-limit 300 --runs 10"
     )

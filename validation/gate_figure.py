@@ -25,9 +25,13 @@ def draw(path: Path, measured: Counts, results: list[Counts], starts: Floats, ra
     end = 1.05 * float(np.nanmax(np.concatenate([measured.times, *(result.times for result in results)])))
     for colour, result in zip(_COLOURS, results, strict=False):
         for k, times in enumerate(result.times):
-            right.step(*_curve(times, end), where="post", color=colour, lw=0.9, alpha=0.6, label=None if k else _label(result))
+            right.step(
+                *_curve(times, end), where="post", color=colour, lw=0.9, alpha=0.6, label=None if k else _label(result)
+            )
     right.step(*_curve(measured.times[0], end), where="post", color="black", lw=1.8, label=_label(measured))
-    right.set(xlabel="time since the first frame [s]", ylabel="people through the gate", xlim=(0, end), ylim=(0, people + 1))
+    right.set(
+        xlabel="time since the first frame [s]", ylabel="people through the gate", xlim=(0, end), ylim=(0, people + 1)
+    )
     legend = right.legend(frameon=False, loc="lower right", fontsize=9)
     for line in legend.get_lines():
         line.set(linewidth=2.0, alpha=1.0)
