@@ -81,7 +81,8 @@ def train(folder: Path, config: dict[str, Any]) -> bool:
         loaded = PPO.load(checkpoint, device="cpu")
         model.set_parameters(cast(Any, loaded.get_parameters()))
         model.num_timesteps = loaded.num_timesteps
-        env.reset(seed=config["seed"] + loaded.num_timesteps)  # do not train on the same draws again
+        # The learning loop resets the environment with the seed of the VecEnv.
+        cast(Any, model.get_env()).seed((config["seed"] + loaded.num_timesteps) % HELD_OUT_SEED)  # other draws
         console.print(f"going on at {model.num_timesteps} steps")
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     companion = Companion(
@@ -173,15 +174,15 @@ def main(
     Example: python train.py --scheme dem --minutes 3
     """
     try:
+        for option, value in (("minutes", minutes), ("steps", steps), ("envs", envs), ("runs", runs)):
+            if not 0 < value < float("inf"):
+                raise ValueError(f"--{option} is {value}; it must be > 0 and finite")
         if resume:
             folder = root / resume
             config = read_json(folder / "config.json")
         else:
             if not 0 <= seed < 1_000_000:
                 raise ValueError(f"seed is {seed}; it must be 0 to 999999 (larger ones are kept for evaluation)")
-            for option, value in (("minutes", minutes), ("steps", steps), ("envs", envs), ("runs", runs)):
-                if not value > 0:
-                    raise ValueError(f"--{option} is {value}; it must be > 0")
             make_scheme(scheme)
             make_scenario(scenario)
             config = default_config(scenario, scheme, seed, envs, steps, minutes)
@@ -189,7 +190,9 @@ def main(
             write_json(folder / "config.json", config)
         console.print(f"writing to {folder}/")
         if not train(folder, config):
-            console.print(f"stopped; go on with: python train.py --resume {folder.name}")
+            elsewhere = "" if root == Path("runs") else f" --root {root}"
+            command = f"python train.py --resume {folder.relative_to(root)}{elsewhere}"
+            console.print(f"stopped; go on with: {command}", soft_wrap=True, highlight=False)
             raise typer.Exit(130)
         results = compare(folder, config, runs)
     except ValueError as error:

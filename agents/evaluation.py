@@ -79,6 +79,8 @@ def evaluate(
     progress : called with the number of runs that have just finished.
     options : further options of `CrowdEnv`; those the policy was trained with come first.
     """
+    if runs < 1:
+        raise ValueError(f"runs is {runs}; it must be at least 1")
     episodes: list[EpisodeMetrics] = []
     exit_times: list[np.ndarray] = []
     scenario = make_scenario(scenario)

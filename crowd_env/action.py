@@ -54,7 +54,8 @@ def to_command(action: ArrayLike, kind: ActionKind, count: int) -> Floats:
         choice = np.asarray(action)
         if choice.shape != (count,):
             raise ValueError(f"discrete actions must have the shape ({count},), not {choice.shape}")
-        whole = choice.astype(np.int64)
+        with np.errstate(invalid="ignore"):
+            whole = choice.astype(np.int64)
         bad = np.flatnonzero((whole != choice) | (whole < 0) | (whole >= len(DISCRETE)))
         if len(bad):
             raise ValueError(f"action of pedestrian {bad[0]} is {choice[bad[0]]}; it must be 0 to {len(DISCRETE) - 1}")

@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 from crowd_env.action import ActionKind, Frame, action_space, check_frame, to_command
 from crowd_env.metrics import EpisodeMetrics, flow_slope
 from crowd_env.observation import ObservationLayout, View, look_ahead
-from crowd_env.physics import ContactScheme
+from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.reward import RewardWeights, Transition
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
-from crowd_env.simulation import Simulation
-from crowd_env.state import Bodies, Bools, Floats, make_state
+from crowd_env.simulation import Simulation, check_step
+from crowd_env.state import Bodies, Bools, Floats, make_bodies, make_state
 
 
 class Step(NamedTuple):
@@ -96,6 +96,8 @@ class CrowdEnv:
         check_frame(frame)
         self.n_substeps = _whole_number(decision_dt, dt)
         kinds = [scenario] if isinstance(scenario, str | Scenario) else list(scenario)
+        if not kinds:
+            raise ValueError("no scenario; give at least one")
         self.scenarios = [make_scenario(kind, **scenario_options) for kind in kinds]
         self.num_envs = num_envs
         self.decision_dt = decision_dt
@@ -107,8 +109,10 @@ class CrowdEnv:
         self.single_action_space = action_space(action)
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
         which = np.arange(num_envs) % len(self.scenarios)
-        if time_limit is not None and not time_limit > 0:
-            raise ValueError(f"time_limit is {time_limit!r} s; it must be > 0")
+        if time_limit is not None and not 0 < time_limit < np.inf:
+            raise ValueError(f"time_limit is {time_limit!r} s; it must be > 0 and finite")
+        for place in self.scenarios:
+            _check_stable(place, scheme, dt)
         self.time_limit = np.array([time_limit or self.scenarios[k].time_limit for k in which])
         self.scenario_of_env = [self.scenarios[k] for k in which]
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
@@ -134,6 +138,7 @@ class CrowdEnv:
         self._direction = np.zeros((people, 2))
         self._east = np.tile([1.0, 0.0], (people, 1))
         self.finished = np.ones(num_envs, dtype=np.bool_)  # until the first reset
+        self._started = False
 
     @property
     def num_people(self) -> int:
@@ -165,11 +170,14 @@ class CrowdEnv:
             If a seed is negative or there are not as many as environments.
         """
         chosen = np.ones(self.num_envs, dtype=np.bool_) if mask is None else np.asarray(mask, dtype=np.bool_)
+        if chosen.shape != (self.num_envs,):
+            raise ValueError(f"mask must have the shape ({self.num_envs},), not {chosen.shape}")
         for e, words in enumerate(_seed_words(seed, self.num_envs)):
             if chosen[e] and words is not None:
                 self._generators[e] = np.random.default_rng(words)
         for k in np.flatnonzero(chosen):
             self._restart(int(k))
+        self._started = True
         return self._observe(self.active), {}
 
     def step(self, action: ArrayLike | None = None, rule: ArrayLike | None = None) -> Step:
@@ -185,6 +193,8 @@ class CrowdEnv:
         ValueError
             If an action is malformed or not finite.
         """
+        if not self._started:
+            raise ValueError("call reset before the first step")
         simulation, state = self.simulation, self.simulation.state
         command, relative = self._command(action, rule)
         inside = state.active.copy()
@@ -251,7 +261,10 @@ class CrowdEnv:
     def _command(self, action: ArrayLike | None, rule: ArrayLike | None) -> tuple[Floats | None, Bools | None]:
         if action is None:
             return None, None
-        asked = self.active if rule is None else self.active & ~np.asarray(rule, dtype=np.bool_)
+        ruled = np.zeros(self.num_people, dtype=np.bool_) if rule is None else np.asarray(rule, dtype=np.bool_)
+        if ruled.shape != (self.num_people,):
+            raise ValueError(f"rule must have the shape ({self.num_people},), not {ruled.shape}")
+        asked = self.active & ~ruled
         action = np.atleast_1d(np.array(action))
         if len(action) == len(asked):  # else to_command says what is wrong
             action[~asked] = 0
@@ -281,9 +294,18 @@ class CrowdEnv:
         return self.layout.observe(view)
 
 
+def _check_stable(scenario: Scenario, scheme: str | ContactScheme, dt: float) -> None:
+    """Raise ValueError if some draw of the population could be unstable, not only the first one."""
+    people = scenario.population
+    scheme = make_scheme(scheme)
+    one = (np.array([people.radius.low]), np.array([people.mass.low]))
+    lightest = make_bodies(*one, relaxation_time=people.relaxation_time.low)
+    check_step(scheme, lightest, dt)
+
+
 def _whole_number(decision_dt: float, dt: float) -> int:
-    if not (dt > 0 and decision_dt > 0):
-        raise ValueError(f"dt is {dt!r} s and decision_dt {decision_dt!r} s; both must be > 0")
+    if not (0 < dt < np.inf and 0 < decision_dt < np.inf):
+        raise ValueError(f"dt is {dt!r} s and decision_dt {decision_dt!r} s; both must be > 0 and finite")
     ratio = decision_dt / dt
     if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
         raise ValueError(f"decision_dt = {decision_dt:g} s is not a whole number of physics steps of dt = {dt:g} s")
@@ -295,14 +317,12 @@ def _seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[in
     if seed is None:
         return [None] * num_envs
     words: list[list[int] | None]
-    if isinstance(seed, Sequence | np.ndarray):
-        words = [[int(word), 0] for word in seed]
-        lowest = min((int(word) for word in seed), default=0)
-    else:
-        words = [[int(seed), e] for e in range(num_envs)]
-        lowest = int(seed)
+    several = isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str)
+    given = list(seed) if several else [seed]  # type: ignore[arg-type]
+    for word in given:
+        if not isinstance(word, int | np.integer) or word < 0:
+            raise ValueError(f"seed {word!r} is not a whole number >= 0")
+    words = [[int(word), 0] for word in given] if several else [[int(given[0]), e] for e in range(num_envs)]  # type: ignore[arg-type]
     if len(words) != num_envs:
         raise ValueError(f"{len(words)} seeds for {num_envs} environments; give one each, or a single int")
-    if lowest < 0:
-        raise ValueError(f"seed {lowest} is negative; seeds must be >= 0")
     return words

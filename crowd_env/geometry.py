@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.geometry_edges import SLIVER, open_boundary
+from crowd_env.geometry_edges import SLIVER, open_boundary, solid_depth
 from crowd_env.geometry_input import (
     Area,
     Shape,
@@ -36,6 +36,7 @@ class Boundary(NamedTuple):
     """What kernels read of the geometry; the arrays of G geometries lie one behind the other."""
 
     wall: NDArray[np.float64]  # (W, 2, 2)  m   ends a, b; walkable area to the left of a -> b
+    depth: NDArray[np.float64]  # (W,)    m   half the thickness of what is solid behind the wall, 0.25 m at most
     two_sided: NDArray[np.bool_]  # (W,)    thin wall inside the area: touches from both sides
     wall_start: NDArray[np.int64]  # (G+1,)  first wall of each geometry
     corner: NDArray[np.float64]  # (V, 2)  m   distinct ends of walls: door jambs, corners of obstacles
@@ -153,6 +154,7 @@ class Geometry:
         corner, start, rows = _corners(self.walls)
         return Boundary(
             wall=self.walls,
+            depth=solid_depth(self.walls, self.walkable),
             two_sided=self.two_sided,
             wall_start=np.array([0, len(self.walls)], dtype=np.int64),
             corner=corner,
@@ -173,6 +175,10 @@ class Geometry:
         area = self.walkable if region is None else self.regions[region]
         shapely.prepare(area)
         return np.asarray(shapely.intersects_xy(area, x, y))
+
+    def area_of(self, region: str | None = None) -> float:
+        """Return the walkable area [m^2], of a region if one is named."""
+        return self.area if region is None else float(shapely.intersection(self.walkable, self.regions[region]).area)
 
     def nearest_exit(self, points: ArrayLike) -> NDArray[np.int64]:
         """Return (K,) the row of ``exits`` nearest in a straight line to each of ``points`` (K, 2)."""
@@ -202,6 +208,7 @@ def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:
     corner_wall = [part.corner_wall + offset for part, offset in zip(parts, wall_start, strict=False)]
     return Boundary(
         wall=np.concatenate([np.empty((0, 2, 2)), *(part.wall for part in parts)]),
+        depth=np.concatenate([np.empty(0), *(part.depth for part in parts)]),
         two_sided=np.concatenate([np.empty(0, dtype=bool), *(part.two_sided for part in parts)]),
         wall_start=wall_start,
         corner=np.concatenate([np.empty((0, 2)), *(part.corner for part in parts)]),

@@ -172,3 +172,20 @@ def _merged(openings: list[_Opening], at) -> list[_Opening]:  # type: ignore[no-
         else:
             merged.append(opening)
     return merged
+
+
+def solid_depth(walls: NDArray[np.float64], area: Area, most: float = 0.25) -> NDArray[np.float64]:
+    """Return (W,) half the thickness [m] of what is solid behind (to the right of) each wall, ``most`` at the most.
+
+    A centre that was pressed into a wall belongs to the nearer face of it.
+    """
+    if not len(walls):
+        return np.empty(0)
+    along = walls[:, 1] - walls[:, 0]
+    along = along / np.hypot(*along.T)[:, None]
+    behind = 2 * most * np.column_stack([along[:, 1], -along[:, 0]])
+    a, b = walls[:, 0] + SLIVER * along, walls[:, 1] - SLIVER * along
+    strips = shapely.polygons(np.stack([a, b, b + behind, a + behind], axis=1))
+    room = shapely.intersection(strips, shapely.buffer(area, -SLIVER))
+    away = shapely.distance(shapely.linestrings(np.stack([a, b], axis=1)), room)
+    return np.where(shapely.is_empty(room), most, np.minimum(0.5 * np.nan_to_num(away), most))

@@ -55,6 +55,9 @@ class CrowdGymEnv(gymnasium.Env):
     def __init__(self, scenario: str | Scenario = "room-v0", *, render_mode: str | None = None, **options: Any) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"unknown render_mode {render_mode!r}; known: None, rgb_array")
+        for name in ("num_envs", "autoreset"):
+            if name in options:
+                raise ValueError(f"this is one room; {name} belongs to CrowdEnv or crowd_env.make_vec")
         self.env = CrowdEnv(scenario, num_envs=1, **options)
         self.observation_space, self.action_space = _spaces(self.env)
         self.render_mode = render_mode
@@ -112,6 +115,10 @@ class CrowdVectorEnv(VectorEnv):
     ) -> None:
         if render_mode is not None:
             raise ValueError("a batch is not rendered; make one environment with a render_mode instead")
+        if "autoreset" in options:
+            raise ValueError(
+                "a VectorEnv always restarts a finished room in the same step; autoreset belongs to CrowdEnv"
+            )
         self.env = CrowdEnv(scenario, num_envs=num_envs, autoreset=True, **options)
         self.render_mode = None
         self.num_envs = num_envs

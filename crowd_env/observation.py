@@ -247,7 +247,8 @@ def _nearest(
             if j == i or square >= SIGHT * SIGHT:
                 continue
             gap = np.sqrt(square) - radius[i] - radius[j]
-            if count == len(found) and gap >= gaps[count - 1]:
+            last = count - 1
+            if count == len(found) and (gap > gaps[last] or (gap == gaps[last] and j > found[last])):
                 continue
             k = min(count, len(found) - 1)
             while k > 0 and (gaps[k - 1] > gap or (gaps[k - 1] == gap and found[k - 1] > j)):

@@ -1,6 +1,6 @@
 """PettingZoo ParallelEnv: one evacuation as dictionaries, one agent per pedestrian."""
 
-import functools
+import copy
 from collections.abc import Mapping
 from typing import Any
 
@@ -68,6 +68,8 @@ class CrowdParallelEnv(ParallelEnv):
         people = self.env.num_people
         self.state_space = gymnasium.spaces.Box(-np.inf, np.inf, (people * 5 + 1,), np.float32)
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.env.decision_dt)}
+        self._observation_spaces = {a: copy.deepcopy(self.env.single_observation_space) for a in self.possible_agents}
+        self._action_spaces = {a: action_space(self.env.action_kind) for a in self.possible_agents}
         self._canvas: Any = None
         self._window: Any = None
 
@@ -83,16 +85,13 @@ class CrowdParallelEnv(ParallelEnv):
         self.env.time_limit[:] = cycles * self.env.decision_dt
 
     # Every agent has its own space, made once: seeding one must not seed another.
-    @functools.cache  # noqa: B019 - lives as long as the environment
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:
         """Return the observation space of an agent."""
-        space = self.env.single_observation_space
-        return gymnasium.spaces.Box(space.low, space.high, space.shape, np.float32)
+        return self._observation_spaces[agent]
 
-    @functools.cache  # noqa: B019
     def action_space(self, agent: str) -> gymnasium.Space:
         """Return the action space of an agent."""
-        return action_space(self.env.action_kind)
+        return self._action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -151,7 +150,7 @@ class CrowdParallelEnv(ParallelEnv):
             gathered = np.zeros((self.env.num_people, 2))
         for i, action in chosen:
             shape = np.shape(action)
-            if shape != gathered.shape[1:] and np.size(action) != 1:
+            if shape != gathered.shape[1:]:
                 raise ValueError(
                     f"action of {self.possible_agents[i]} has the shape {shape}; it must be {gathered.shape[1:]}"
                 )

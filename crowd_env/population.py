@@ -42,6 +42,8 @@ class Uniform:
     high: float
 
     def __post_init__(self) -> None:
+        if not (np.isfinite(self.low) and np.isfinite(self.high)):
+            raise ValueError(f"uniform distribution from {self.low:g} to {self.high:g}: both must be finite")
         if not self.low <= self.high:
             raise ValueError(f"uniform distribution from {self.low:g} to {self.high:g}: the first must not be larger")
 
@@ -60,6 +62,10 @@ class Normal:
     high: float
 
     def __post_init__(self) -> None:
+        if not np.isfinite([self.mean, self.sd, self.low, self.high]).all():
+            raise ValueError(
+                f"normal distribution with mean {self.mean:g}, sd {self.sd:g}: all its numbers must be finite"
+            )
         if not (self.sd >= 0 and self.low <= self.mean <= self.high and self.low < self.high):
             raise ValueError(
                 f"normal distribution with mean {self.mean:g}, sd {self.sd:g}: the mean must lie in "
@@ -158,10 +164,11 @@ def place(geometry: Geometry, radius: Floats, rng: np.random.Generator, region: 
     """
     if region is not None and region not in geometry.regions:
         raise ValueError(f"unknown start region {region!r}; known: {', '.join(geometry.regions) or 'none'}")
-    area = geometry.area if region is None else float(geometry.regions[region].area)
+    area = geometry.area_of(region)
     cover = float((np.pi * radius**2).sum())
     if cover > _CLOSEST_PACKING * area:
-        raise ValueError(_too_many(len(radius), area, radius))
+        most = int(_CLOSEST_PACKING * area / (np.pi * float((radius**2).mean())))
+        raise ValueError(_too_many(radius, area, f"even the closest packing leaves room for at most {most}"))
     if cover < _RANDOM_LIMIT * area:
         placed = _place_randomly(geometry, radius, rng, region)
         if placed is not None:
@@ -169,11 +176,10 @@ def place(geometry: Geometry, radius: Floats, rng: np.random.Generator, region: 
     return _place_on_lattice(geometry, radius, rng, region, area)
 
 
-def _too_many(count: int, area: float, radius: Floats) -> str:
-    most = int(_CLOSEST_PACKING * area / (np.pi * float((radius**2).mean())))
+def _too_many(radius: Floats, area: float, room: str) -> str:
     return (
-        f"{count} people do not fit without overlap into {area:.1f} m2: bodies of radius "
-        f"{radius.min():.2f} to {radius.max():.2f} m leave room for fewer than {most}"
+        f"{len(radius)} people do not fit without overlap into {area:.1f} m2: "
+        f"with bodies of radius {radius.min():.2f} to {radius.max():.2f} m {room}"
     )
 
 
@@ -271,6 +277,7 @@ def _place_on_lattice(
     step = 2.0 * float(radius.max()) * (1.0 + 1e-9)
     height = step * np.sqrt(0.75)
     shift = rng.uniform(0.0, 1.0, 2) * (step, height)
+    most = 0
     for offset in ((0.0, 0.0), tuple(shift)):  # flush with the walls first: nothing holds more
         x, y = np.meshgrid(
             np.arange(low_x + radius.max() + offset[0], high_x, step),
@@ -279,9 +286,10 @@ def _place_on_lattice(
         x[1::2] += 0.5 * step
         points = np.column_stack([x.ravel(), y.ravel()])
         points = points[_usable(geometry, points, region) >= radius.max() - 1e-12]
+        most = max(most, len(points))
         if len(points) >= len(radius):
             return points[rng.permutation(len(points))[: len(radius)]]
-    raise ValueError(_too_many(len(radius), area, radius))
+    raise ValueError(_too_many(radius, area, f"a regular lattice holds {most} there"))
 
 
 @kernel

@@ -40,8 +40,10 @@ class Scenario:
     target: Target = "path"
 
     def __post_init__(self) -> None:
-        if not self.time_limit > 0:
-            raise ValueError(f"scenario {self.name!r}: the time limit is {self.time_limit!r} s; it must be > 0")
+        if not 0 < self.time_limit < np.inf:
+            raise ValueError(
+                f"scenario {self.name!r}: the time limit is {self.time_limit!r} s; it must be > 0 and finite"
+            )
         if self.target not in get_args(Target):
             raise ValueError(f"unknown target {self.target!r}; known: {', '.join(get_args(Target))}")
         if len(self.geometry.exits) == 0:

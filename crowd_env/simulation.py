@@ -1,9 +1,9 @@
 """A batch of crowds that walk, touch and leave.  No rewards, no agents: give it commands, advance it, read its arrays."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from crowd_env.geometry import Geometry, join_boundaries
@@ -66,7 +66,7 @@ class Simulation:
         self.driving = driving
         self.threads = threads
         self.scheme.check(driving)
-        _check_step(self.scheme, bodies, dt, allow_unstable)
+        check_step(self.scheme, bodies, dt, allow_unstable)
         _check_people(bodies, state)
         if fields is None:
             radius = bodies.radius
@@ -78,8 +78,14 @@ class Simulation:
         boundary = join_boundaries(self.geometries)
         environments = len(state.time)
         which = np.zeros(environments, dtype=np.int64) if geometry_of_env is None else geometry_of_env
+        if len(which) != environments or min(which) < 0 or max(which) >= len(self.geometries):
+            raise ValueError(
+                f"geometry_of_env must name, for each of {environments} environments, "
+                f"one of {len(self.geometries)} geometries, 0 to {len(self.geometries) - 1}"
+            )
         self.world = World(boundary, join_fields(self.fields, boundary), np.asarray(which, dtype=np.int64))
         self.memory = allocate_memory(bodies)
+        self._pool: ThreadPoolExecutor | None = None
         self._no_force = np.zeros((len(bodies.radius), 2))
         self._forward = np.tile([1.0, 0.0], (len(bodies.radius), 1))
         self._all_relative = np.ones(len(bodies.radius), dtype=np.bool_)
@@ -113,26 +119,27 @@ class Simulation:
 
         Raises
         ------
+        ValueError
+            If an array has the wrong shape or holds something that is not finite.
         FloatingPointError
             If a position is no longer finite.
         """
+        people = len(self.bodies.radius)
+        command = _checked("command", command, (people, 2), self._forward)
+        external_force = _checked("external_force", external_force, (people, 2), self._no_force)
+        relative = self._all_relative if relative is None else np.ascontiguousarray(relative, dtype=np.bool_)
+        if relative.shape != (people,):
+            raise ValueError(f"relative must have the shape ({people},), not {relative.shape}")
+        if n_substeps < 0:
+            raise ValueError(f"n_substeps is {n_substeps}; it must be >= 0")
         memory = self.memory
         memory.push[:] = 0.0
         memory.crush[:] = 0.0
         memory.progress[:] = 0
-        control = Control(
-            self._forward if command is None else np.ascontiguousarray(command, dtype=np.float64),
-            self._all_relative if relative is None else np.ascontiguousarray(relative, dtype=np.bool_),
-            self._no_force if external_force is None else np.ascontiguousarray(external_force, dtype=np.float64),
-            self.driving,
-        )
-        parallel = self.threads > 1 and len(self.state.time) > 1
-        if parallel:
-            most: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
-            numba.set_num_threads(min(self.threads, most))
+        control = Control(command, relative, external_force, self.driving)
         while True:
             batch = Batch(self.world, self.bodies, self.state, control, self.memory)
-            self.scheme.advance(batch, self.dt, n_substeps, parallel)
+            self._run(batch, n_substeps)
             status = self.memory.status
             if (status == DIVERGED).any():
                 e = int(np.argmax(status == DIVERGED))
@@ -143,6 +150,17 @@ class Simulation:
             if not (status == FULL).any():
                 return
             self.memory = grow_memory(self.memory, self.bodies)  # the environments that were full go on where they were
+
+    def _run(self, batch: Batch, n_substeps: int) -> None:
+        """Advance ranges of environments side by side: the kernels hold no lock, and environments share no memory."""
+        count = len(self.state.time)
+        edges = np.linspace(0, count, min(self.threads, count) + 1).astype(int).tolist()
+        if len(edges) == 2:
+            self.scheme.advance(batch, self.dt, n_substeps, 0, count)
+            return
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self.threads)
+        list(self._pool.map(lambda a, b: self.scheme.advance(batch, self.dt, n_substeps, a, b), edges[:-1], edges[1:]))
 
     def restart(self, e: int, bodies: Bodies, position: Floats, velocity: Floats | None = None) -> None:
         """Begin a new episode in environment ``e`` with other people, as many as before; the others are not touched.
@@ -192,7 +210,21 @@ class Simulation:
         )
 
 
-def _check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable: bool) -> None:
+def _checked(name: str, values: Floats | None, shape: tuple[int, int], default: Floats) -> Floats:
+    """Return ``values`` as kernels want them: a kernel would read past the end of an array that is too short."""
+    if values is None:
+        return default
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.shape != shape:
+        raise ValueError(f"{name} must have the shape {shape}, not {array.shape}")
+    bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
+    if len(bad):
+        raise ValueError(f"{name} of pedestrian {bad[0]} is {array[bad[0]].tolist()}; it must be finite")
+    return array
+
+
+def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable: bool = False) -> None:
+    """Raise ValueError unless ``dt`` is positive and, if that matters, at most the scheme's stable step."""
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt is {dt!r} s; it must be finite and > 0")
     limit = scheme.stable_dt(bodies)

@@ -33,7 +33,8 @@ def constraints() -> dict[str, Requirement]:
 def requirements() -> list[Requirement]:
     project = PROJECT["project"]
     groups = [project["dependencies"], *project["optional-dependencies"].values()]
-    return [Requirement(line) for group in groups for line in group]
+    found = [Requirement(line) for group in groups for line in group]
+    return [one for one in found if one.name != project["name"]]  # an extra may contain another one
 
 
 def pinned_version(pin: Requirement) -> Version:

@@ -12,12 +12,12 @@ imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
 pytest.importorskip("matplotlib")
 
 from crowd_env.geometry import Geometry  # noqa: E402
+from crowd_env.pressure import contact_pressure  # noqa: E402
 from crowd_env.rendering import (  # noqa: E402
     FULL_PRESSURE,
     Recording,
     Renderer,
     Window,
-    contact_pressure,
     egress_comparison,
     egress_curves,
     learning_curve,

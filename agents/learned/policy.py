@@ -74,7 +74,7 @@ class LearnedPolicy:
                 options = json.loads(archive.read(_SIDECAR))
             options["observation"] = ObservationLayout(**options["observation"])
             model = PPO.load(path, device="cpu")
-        except (OSError, KeyError, zipfile.BadZipFile, json.JSONDecodeError) as error:
+        except Exception as error:  # zip, JSON, pickle and torch each have errors of their own
             raise ValueError(f"{path} is not a policy saved by train.py: {error}") from None
         return cls(model, options, name)
 

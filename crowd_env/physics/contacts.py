@@ -118,10 +118,13 @@ def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int)
     nx, ny = -ty / length, tx / length
     if height >= 0.0:
         return height - radius, nx, ny
-    # A centre that was pressed a little through the wall is pushed back in, not out: the gap stays continuous.
-    if not boundary.two_sided[k] and -height < 0.5 * radius:
+    if boundary.two_sided[k]:
+        return -height - radius, -nx, -ny
+    # A centre that was pressed a little into the wall is pushed back, not through: the gap stays continuous.  Further
+    # behind it belongs to the other face, or stands on the other side of a slim partition.
+    if -height < min(0.5 * radius, boundary.depth[k]):
         return height - radius, nx, ny
-    return -height - radius, -nx, -ny
+    return np.inf, 0.0, 0.0
 
 
 @kernel

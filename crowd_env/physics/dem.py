@@ -10,9 +10,8 @@ With omega = sqrt(k / m_e), 1/m_e = 1/m_i + 1/m_j, a contact lasts pi / omega an
 from dataclasses import dataclass
 
 import numpy as np
-from numba import prange
 
-from crowd_env._jit import kernel, parallel_kernel
+from crowd_env._jit import kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.scheme import SchemeInfo, require_positive
@@ -27,7 +26,7 @@ INFO = SchemeInfo(
     order=1,
     conserves_energy_at_contact=True,
     overlap="v / omega, some centimetres at k = 1.2e5 N/m; it is the softness, not an error of the time step",
-    stable_step="2 / sqrt(2 k / m_min), from h omega < 2 for two bodies of the smallest mass",
+    stable_step="2 / sqrt(2 k / m_min), from h omega < 2 for two bodies of the smallest mass, and 2 tau_min",
 )
 
 
@@ -51,8 +50,9 @@ class DEM:
         return INFO
 
     def stable_dt(self, bodies: Bodies) -> float:
-        """Return 2 / omega of the stiffest pair: h omega < 2 for a binary contact."""
-        return 2.0 / np.sqrt(2.0 * self.stiffness / bodies.mass.min())
+        """Return 2 / omega of the stiffest pair (h omega < 2 for a binary contact), or 2 tau of the quickest drive."""
+        contact = 2.0 / np.sqrt(2.0 * self.stiffness / bodies.mass.min())
+        return float(min(contact, 2.0 * bodies.relaxation_time.min()))
 
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return head-on closing speed / omega plus the static push of the largest crowd leaning on one contact."""
@@ -65,10 +65,9 @@ class DEM:
     def check(self, driving: bool) -> None:
         """Accept both uses."""
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, parallel: bool) -> None:
-        """Advance the batch in place."""
-        run = _advance_parallel if parallel else _advance_serial
-        run(batch, dt, n_substeps, self.stiffness)
+    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+        """Advance the environments ``first:stop`` in place."""
+        _advance_range(batch, dt, n_substeps, first, stop, self.stiffness)
 
 
 @kernel
@@ -114,12 +113,6 @@ def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, stiffness: fl
 
 
 @kernel
-def _advance_serial(batch: Batch, dt: float, n_substeps: int, stiffness: float) -> None:
-    for e in range(len(batch.state.time)):
-        _advance_one(e, batch, dt, n_substeps, stiffness)
-
-
-@parallel_kernel
-def _advance_parallel(batch: Batch, dt: float, n_substeps: int, stiffness: float) -> None:
-    for e in prange(len(batch.state.time)):
+def _advance_range(batch: Batch, dt: float, n_substeps: int, first: int, stop: int, stiffness: float) -> None:
+    for e in range(first, stop):
         _advance_one(e, batch, dt, n_substeps, stiffness)

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numba import prange
 
-from crowd_env._jit import kernel, parallel_kernel
+from crowd_env._jit import kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.scheme import SchemeInfo, require_known, require_positive
@@ -77,11 +76,10 @@ class NSM1:
         if not driving and self.trial == "spontaneous":
             raise ValueError("nsm1: passive grains have no spontaneous velocity; use NSM1(trial='inertial')")
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, parallel: bool) -> None:
-        """Advance the batch in place."""
-        run = _advance_parallel if parallel else _advance_serial
+    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+        """Advance the environments ``first:stop`` in place."""
         law = ContactLaw(np.inf, 0.0, self.tolerance, self.max_iterations, SOLVERS[self.solver], True)
-        run(batch, dt, n_substeps, self.trial == "spontaneous", law)
+        _advance_range(batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law)
 
 
 @kernel
@@ -169,12 +167,8 @@ def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, spontaneous: 
 
 
 @kernel
-def _advance_serial(batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: ContactLaw) -> None:
-    for e in range(len(batch.state.time)):
-        _advance_one(e, batch, dt, n_substeps, spontaneous, law)
-
-
-@parallel_kernel
-def _advance_parallel(batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: ContactLaw) -> None:
-    for e in prange(len(batch.state.time)):
+def _advance_range(
+    batch: Batch, dt: float, n_substeps: int, first: int, stop: int, spontaneous: bool, law: ContactLaw
+) -> None:
+    for e in range(first, stop):
         _advance_one(e, batch, dt, n_substeps, spontaneous, law)

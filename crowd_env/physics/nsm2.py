@@ -11,10 +11,9 @@ order of h times the closing speed remains, and is the scheme's, not the solver'
 """
 
 from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
-from numba import prange
-
-from crowd_env._jit import kernel, parallel_kernel
+from crowd_env._jit import kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.neighbors import NeighbourList
@@ -46,6 +45,13 @@ INFO = SchemeInfo(
 _TOUCHING = 1e-12  # m
 
 
+class Options(NamedTuple):
+    """The extensions as kernels read them."""
+
+    dissipative: bool
+    correction: float
+
+
 @dataclass(frozen=True)
 class NSM2:
     """Discs that collide by percussions.
@@ -56,6 +62,9 @@ class NSM2:
     tangential_dissipation : kg, ``K_T`` of eq 9; 0 = frictionless as in Table 4.
     tolerance : m/s, residual at which the solver stops.
     max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
+    reaction : which reaction forbids approach after the step.  "printed" (eq 10): w+ >= 0 for every overlapping contact; on one
+        that was separating already it does work, and many bodies in contact gain energy.  "dissipative" is an EXTENSION:
+        w+ >= -max(w-, 0), i.e. the mean speed of the step must not approach; then contacts never make energy.
     position_correction : share of every overlap that is taken back in each step, 0 to 1.  An EXTENSION, not in the paper, whose
         law acts on velocities alone: people are moved apart by the least displacement (mass-weighted), without any velocity.
     solver : "gauss-seidel", "accelerated", or "auto": the faster one, here always the first.
@@ -66,6 +75,7 @@ class NSM2:
     tolerance: float = 1e-4
     max_iterations: int = 20_000
     solver: SolverName = "auto"
+    reaction: Literal["printed", "dissipative"] = "printed"
     position_correction: float = 0.0
 
     def __post_init__(self) -> None:
@@ -78,6 +88,7 @@ class NSM2:
         require_positive("nsm2", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
         if not 0.0 <= self.position_correction <= 1.0:
             raise ValueError(f"nsm2: position_correction is {self.position_correction!r}; it must be in [0, 1]")
+        require_known("nsm2", "reaction", self.reaction, ("printed", "dissipative"))
         require_known("nsm2", "solver", self.solver, SOLVERS)
 
     @property
@@ -96,15 +107,15 @@ class NSM2:
     def check(self, driving: bool) -> None:
         """Accept both uses."""
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, parallel: bool) -> None:
-        """Advance the batch in place."""
-        run = _advance_parallel if parallel else _advance_serial
+    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+        """Advance the environments ``first:stop`` in place."""
         # Few contacts and hardly coupled: Gauss-Seidel was measured to be twice as fast at every size, and the impulses of
         # the last step no better a start than none.
         solver = GAUSS_SEIDEL if self.solver == "auto" else SOLVERS[self.solver]
         dissipation = (self.normal_dissipation, self.tangential_dissipation)
         law = ContactLaw(*dissipation, self.tolerance, self.max_iterations, solver, False)
-        run(batch, dt, n_substeps, law, self.position_correction)
+        options = Options(self.reaction == "dissipative", self.position_correction)
+        _advance_range(batch, dt, n_substeps, first, stop, law, options)
 
 
 @kernel
@@ -161,7 +172,7 @@ def _part(
 
 
 @kernel
-def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: ContactLaw, correction: float) -> None:
+def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: ContactLaw, options: Options) -> None:
     world, bodies, state, control, memory = batch
     near, contacts, problem, g = memory.near, memory.contacts, memory.problem, world.geometry_of_env[e]
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
@@ -173,23 +184,32 @@ def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: ContactL
         _accelerate(e, bodies, state, memory.force, memory.before, dt)
         first = near.entry_start[e]
         last = first + contacts.number[e]
-        pose_percussions(first, last, contacts, bodies.mass, problem, memory.before)
+        pose_percussions(first, last, contacts, bodies.mass, problem, memory.before, options.dissipative)
         iterations, residual = solve(first, last, begin, end, contacts, bodies.mass, state.velocity, problem, law)
         record_solver(e, memory.diagnostics, iterations, residual, law.tolerance)
         record_contacts(e, near, contacts, memory.push, memory.crush, memory.diagnostics)
         _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
-        if correction > 0.0:
-            _part(first, last, begin, end, near, contacts, bodies.mass, state.position, memory, dt, law, correction)
+        if options.correction > 0.0:
+            _part(
+                first,
+                last,
+                begin,
+                end,
+                near,
+                contacts,
+                bodies.mass,
+                state.position,
+                memory,
+                dt,
+                law,
+                options.correction,
+            )
         leave(e, g, world.boundary, bodies, state, memory.previous, memory.progress, dt)
 
 
 @kernel
-def _advance_serial(batch: Batch, dt: float, n_substeps: int, law: ContactLaw, correction: float) -> None:
-    for e in range(len(batch.state.time)):
-        _advance_one(e, batch, dt, n_substeps, law, correction)
-
-
-@parallel_kernel
-def _advance_parallel(batch: Batch, dt: float, n_substeps: int, law: ContactLaw, correction: float) -> None:
-    for e in prange(len(batch.state.time)):
-        _advance_one(e, batch, dt, n_substeps, law, correction)
+def _advance_range(
+    batch: Batch, dt: float, n_substeps: int, first: int, stop: int, law: ContactLaw, options: Options
+) -> None:
+    for e in range(first, stop):
+        _advance_one(e, batch, dt, n_substeps, law, options)

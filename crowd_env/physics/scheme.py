@@ -16,7 +16,7 @@ class SchemeInfo:
     title: str
     reference: str  # paper and equations
     order: int  # of convergence in the time step, on a smooth case
-    conserves_energy_at_contact: bool  # elastic by default
+    conserves_energy_at_contact: bool  # of two bodies, with the default parameters
     overlap: str  # what overlap its default parameters leave, in words
     stable_step: str  # formula of the largest stable time step
 
@@ -41,8 +41,11 @@ class ContactScheme(Protocol):
         """Raise ValueError if the scheme cannot be used for pedestrians (``driving``) or for passive grains."""
         ...
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, parallel: bool) -> None:
-        """Advance every environment to step ``n_substeps`` of this call, in place (`Memory.progress` says from where)."""
+    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+        """Advance the environments ``first:stop`` to step ``n_substeps`` of this call, in place.
+
+        `Memory.progress` says from where.  Other environments are neither read nor written.
+        """
         ...
 
 

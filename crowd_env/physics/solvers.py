@@ -83,13 +83,18 @@ def pose_no_overlap(begin: int, end: int, contacts: Contacts, mass: Floats, prob
 
 
 @kernel
-def pose_percussions(begin: int, end: int, contacts: Contacts, mass: Floats, problem: Problem, before: Floats) -> None:
-    """NSM2: a contact dissipates if it approached at t(n), velocities ``before`` (eqs 8-10 with the approach gate)."""
+def pose_percussions(
+    begin: int, end: int, contacts: Contacts, mass: Floats, problem: Problem, before: Floats, dissipative: bool
+) -> None:
+    """NSM2: a contact dissipates if it approached at t(n), velocities ``before`` (eqs 8-10 with the approach gate).
+
+    ``dissipative`` lets a contact that was separating be closed only down to w+ = -w-, where it does no work.
+    """
     for c in range(begin, end):
         problem.mobility[c] = _mobility(contacts, c, mass)
-        problem.bias[c] = 0.0
         problem.w_minus[c, 0], problem.w_minus[c, 1] = _relative(contacts, c, before)
         problem.approaching[c] = problem.w_minus[c, 0] < 0.0
+        problem.bias[c] = max(problem.w_minus[c, 0], 0.0) if dissipative else 0.0
 
 
 @kernel
@@ -198,7 +203,7 @@ def _accelerated(
             _descend(begin, end, contacts, v_look, look, problem, law, lipschitz)
             _velocities(begin, end, first, last, contacts, mass, problem.v_start, impulse, v)
             curvature = _curvature(begin, end, first, last, impulse, look, problem.mobility, mass, v, v_look)
-            if curvature <= lipschitz:
+            if not curvature > lipschitz:  # nor if it is nan: the next search for contacts reports that
                 break
             lipschitz = 1.05 * curvature  # the guess was too small for this step: take it again
         iterations += 1

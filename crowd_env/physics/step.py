@@ -93,6 +93,7 @@ def leave(
             continue
         x0, y0 = previous[i, 0], previous[i, 1]
         x1, y1 = state.position[i, 0], state.position[i, 1]
+        soonest = np.inf
         for k in range(first, stop):
             ax, ay = boundary.exit[k, 0, 0], boundary.exit[k, 0, 1]
             tx, ty = boundary.exit[k, 1, 0] - ax, boundary.exit[k, 1, 1] - ay
@@ -102,10 +103,10 @@ def leave(
                 continue
             part = side0 / (side0 - side1)
             along = tx * (x0 + part * (x1 - x0) - ax) + ty * (y0 + part * (y1 - y0) - ay)
-            if 0.0 <= along <= tx * tx + ty * ty:
+            if 0.0 <= along <= tx * tx + ty * ty and part < soonest:
+                soonest = part
                 state.active[i] = False
                 state.exit_time[i] = state.time[e] + part * dt
                 state.exit_index[i] = k - first
-                break
     state.time[e] += dt
     progress[e] += 1
