@@ -332,7 +332,9 @@ def test_the_dissipative_reaction_makes_no_energy_where_the_printed_one_does():
         state = make_state([[0.0, 0.0], [0.39, 0.0], [0.78, 0.0]], [[1.0, 0.0], [0.0, 0.0], [0.5, 0.0]])
         bodies = make_bodies(np.full(3, 0.2), np.full(3, 80.0))
         scheme = NSM2(np.inf, reaction=reaction, tolerance=1e-12)
-        simulation = Simulation(Geometry.from_polygon(shapely.box(-5, -5, 5, 5)), bodies, state, scheme=scheme, driving=False)
+        simulation = Simulation(
+            Geometry.from_polygon(shapely.box(-5, -5, 5, 5)), bodies, state, scheme=scheme, driving=False
+        )
         before = (state.velocity**2).sum()
         simulation.advance()
         energy[reaction] = (simulation.state.velocity**2).sum() / before
