@@ -37,7 +37,7 @@ def comparison_table(results: list[Evaluation], title: str) -> Table:
             _with_spread(time, 2),
             _interval(time, 2),
             _cell(row["mean_exit_time"], 2),
-            _with_spread(flow, 2),
+            _cell(flow, 2),
             str(row["unfinished"]),
             _cell(row["contact_impulse"], 0),
         )

@@ -19,7 +19,7 @@ from crowd_env.simulation import Simulation
 from crowd_env.state import make_state
 
 DT = 0.01
-SIDE = {20: 5.0, 100: 9.0}
+SIDE = {20: 5.0, 100: 9.0, 1000: 24.0}
 
 
 def closed_room(side):
@@ -180,8 +180,17 @@ PROBLEMS = {
 }
 
 
-@pytest.mark.parametrize("solver", ["gauss-seidel", "accelerated"])
-@pytest.mark.parametrize("count", [20, 100])
+@pytest.mark.parametrize(
+    ("count", "solver"),
+    [
+        (20, "gauss-seidel"),
+        (20, "accelerated"),
+        (100, "gauss-seidel"),
+        (100, "accelerated"),
+        (1000, "accelerated"),
+        pytest.param(1000, "gauss-seidel", marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("place", ["corner", "door"])
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_velocities_in_a_jam_agree_with_an_interior_point_solver(problem, place, count, solver):
@@ -192,7 +201,7 @@ def test_velocities_in_a_jam_agree_with_an_interior_point_solver(problem, place,
     bodies, state = start(geometry, count)
     # NSM2 is solved in a jam that DEM has pressed together: everyone overlaps, so that the problem is large.
     crush = replace(scheme, tolerance=1e-3) if isinstance(scheme, NSM1) else "dem"
-    press(geometry, bodies, state, np.array(goal), crush, 250)
+    press(geometry, bodies, state, np.array(goal), crush, 700 if count == 1000 and crush == "dem" else 250)
     bodies, state = copied(bodies, state)
     inside = state.active.copy()
     command = towards(np.array(goal), state)
@@ -203,3 +212,15 @@ def test_velocities_in_a_jam_agree_with_an_interior_point_solver(problem, place,
     assert pushed > 0.5 * inside.sum()
     assert simulation.diagnostics.residual[0] <= 1e-9
     np.testing.assert_allclose(state.velocity[inside], expected[inside], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("trial", ["spontaneous", "inertial"])
+def test_a_jam_of_1000_overlaps_by_less_than_a_fifth_of_a_millimetre_with_the_defaults(trial):
+    side = SIDE[1000]
+    geometry = door_room(side)
+    bodies, state = start(geometry, 1000)
+    simulation = press(geometry, bodies, state, np.array([side, side / 2]), NSM1(trial), 500)
+    assert (simulation.contacts().gap < 1e-3).sum() > 700  # it is a jam
+    assert deepest(geometry, bodies, state) < 0.2e-3
+    assert simulation.diagnostics.max_overlap[0] < 0.2e-3
+    assert simulation.diagnostics.unconverged[0] == 0
