@@ -2,19 +2,18 @@
 
 import json
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from crowd_env.console import notes, progress_bar, said_plainly
 from crowd_env.experiment import report, run_rule
 from crowd_env.physics import SCHEMES, make_scheme
 from crowd_env.population import Population, Uniform
+from crowd_env.reproduce.command import reproduce
 from crowd_env.scenario import Scenario, read_starts, scenario_from_wkt
 from crowd_env.scenarios import SCENARIOS, make_scenario
 
@@ -24,27 +23,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-_notes = Console(stderr=True, highlight=False)
 _JSON = typer.Option("--json", help="Print one JSON object instead of a table.")
-
-
-@contextmanager
-def _said_plainly() -> Iterator[None]:
-    """Turn a user's mistake into one line and exit code 2."""
-    try:
-        yield
-    except (ValueError, FloatingPointError) as error:
-        _notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
-        raise typer.Exit(2) from None
-
-
-@contextmanager
-def _progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar on the standard error stream while it is a terminal."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=_notes, transient=True, disable=not _notes.is_terminal) as bar:
-        task = bar.add_task(title, total=total)
-        yield lambda count: bar.advance(task, count)
 
 
 def _range(text: str, option: str) -> Uniform:
@@ -121,13 +100,13 @@ def run(
 
     crowd-env run my_room.wkt --exit 5,2,5,3 --n 40 --film out.gif
     """
-    with _said_plainly():
+    with said_plainly():
         place = _read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit)
         make_scheme(scheme)
         if film is not None:
             _check_film(film)
         begin = time.monotonic()
-        with _progress(f"{place.name}, {scheme}", runs) as progress:
+        with progress_bar(f"{place.name}, {scheme}", runs) as progress:
             episodes = run_rule(place, scheme, runs, seed=seed, dt=dt, progress=progress)
         figures = report(place, scheme, episodes)
         if film is not None:
@@ -159,7 +138,7 @@ def _film(place: Scenario, scheme: str, seed: int, dt: float, path: Path) -> Non
         env.step(None)
         recorder.snap()
     write_film(path, recorder.recording(f"{place.name}, {scheme}"))
-    _notes.print(f"film: {path}", markup=False)
+    notes.print(f"film: {path}", markup=False)
 
 
 def _table(figures: dict[str, Any], seconds: float) -> Table:
@@ -204,11 +183,11 @@ def warmup(
     from crowd_env.env import CrowdEnv
 
     seconds = {}
-    with _said_plainly():
+    with said_plainly():
         chosen = scheme or list(SCHEMES)
         for name in chosen:
             make_scheme(name)
-        with _progress("compiling", len(chosen)) as progress:
+        with progress_bar("compiling", len(chosen)) as progress:
             for name in chosen:
                 begin = time.monotonic()
                 env = CrowdEnv("room-v0", scheme=name)
@@ -221,6 +200,9 @@ def warmup(
         return
     for name, spent in seconds.items():
         typer.echo(f"{name:14s} {spent:6.2f} s")
+
+
+app.command("reproduce")(reproduce)
 
 
 def main() -> None:

@@ -1,0 +1,151 @@
+"""One number beside the paper's, and all that one table or figure amounts to."""
+
+import csv
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from crowd_env.rendering.saving import written
+
+Progress = Callable[[int], None]
+
+_EQUAL = 1e-9  # relative; what the solvers leave
+
+
+@dataclass(frozen=True)
+class Row:
+    """One quantity, the paper's value beside ours."""
+
+    quantity: str  # unique within a result
+    paper: str | None  # as printed, so that its digits can be counted; None where the paper prints none
+    here: float | None  # None where it does not exist: not simulated, or nobody got out
+    unit: str  # "1" for pure numbers
+    n: int  # runs, exits, draws or steps behind it
+    reading: str  # estimator and reading of the paper
+    expected: float | None = None  # closed form of the same quantity
+    sd: float | None = None  # over runs
+    ci95: tuple[float, float] | None = None  # bootstrap over runs
+
+    @property
+    def places(self) -> int:
+        """Number of decimals that the paper prints."""
+        return len((self.paper or "").partition(".")[2])
+
+    def shown(self) -> str:
+        """Return our value with the digits that can be compared."""
+        if self.here is None:
+            return "-"
+        value = 0.0 if abs(self.here) < 1e-12 else self.here
+        if self.places >= 4:
+            return f"{value:.{self.places}f}"
+        return f"{value:.2f}" if self.unit in ("1/s", "share") else f"{value:.6g}"
+
+    def difference(self) -> str:
+        """Return "exact" if every printed digit agrees, else how far our value is from the paper's or the closed form."""
+        if self.here is None or (self.paper is None and self.expected is None):
+            return "-"
+        if self.paper is None:
+            assert self.expected is not None
+            return _percent(self.here, self.expected)
+        if self.unit == "1/s":
+            return _percent(self.here, float(self.paper), 1)
+        apart = self.here - float(self.paper)
+        if self._rounds_to_it() and (self.places >= 4 or abs(apart) < _EQUAL):
+            return "exact"
+        return f"{apart:+.2g}"
+
+    def explained(self) -> str:
+        """Return the reading with the closed form and the spread."""
+        text = self.reading
+        if self.expected is not None and self.here is not None:
+            met = _percent(self.here, self.expected) == "0"
+            text += "; meets the closed form" if met else f"; closed form {self.expected:.6g}"
+        if self.unit != "1/s" and self._rounds_to_it() and self.difference() != "exact":
+            text += "; rounds to the printed one"
+        if self.sd is not None:
+            text += f"; sd {self.sd:.2f}"
+        if self.ci95 is not None:
+            text += f"; 95 % {self.ci95[0]:.2f} to {self.ci95[1]:.2f}"
+        return text
+
+    def _rounds_to_it(self) -> bool:
+        if self.here is None or self.paper is None:
+            return False
+        return float(f"{self.here:.{self.places}f}") == float(self.paper)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {
+            "quantity": self.quantity,
+            "paper": None if self.paper is None else float(self.paper),
+            "here": self.here,
+            "unit": self.unit,
+            "n": self.n,
+            "reading": self.reading,
+            "closed_form": self.expected,
+            "sd": self.sd,
+            "ci95": None if self.ci95 is None else list(self.ci95),
+        }
+
+
+def _percent(value: float, other: float, places: int = 2) -> str:
+    if abs(value - other) <= _EQUAL * max(1.0, abs(other)):
+        return "0"
+    return f"{100 * (value / other - 1):+.{places}f} %" if other else f"{value:+.1e}"
+
+
+@dataclass(frozen=True)
+class RawTable:
+    """Numbers behind the rows, for a CSV file."""
+
+    header: Sequence[str]
+    rows: Iterable[Sequence[object]]
+
+
+@dataclass(frozen=True)
+class Result:
+    """A table or figure of the paper, redone."""
+
+    name: str
+    title: str
+    rows: Sequence[Row]
+    raw: Mapping[str, RawTable]  # end of the file name -> numbers
+    draw: Callable[[Path], Path]  # writes the figure
+    remarks: Sequence[str] = ()  # what is and is not reproduced, in words
+    options: Mapping[str, object] = field(default_factory=dict)  # those that differ from the defaults
+    unit: str = ""  # that the title names, of most rows
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {
+            "name": self.name,
+            "rows": [row.as_json() for row in self.rows],
+            "remarks": list(self.remarks),
+            "options": dict(self.options),
+        }
+
+    def save(self, folder: Path) -> list[Path]:
+        """Write the rows and the numbers behind them as CSV, each file whole or not at all; return the paths."""
+        paths = [folder / f"{self.name}.csv"]
+        _write(
+            paths[0],
+            RawTable(
+                ("quantity", "paper", "here", "unit", "n", "reading", "closed_form", "sd", "ci95_low", "ci95_high"),
+                (
+                    (r.quantity, r.paper, r.here, r.unit, r.n, r.reading, r.expected, r.sd, *(r.ci95 or (None, None)))
+                    for r in self.rows
+                ),
+            ),
+        )
+        for ending, table in self.raw.items():
+            paths.append(folder / f"{self.name}-{ending}.csv")
+            _write(paths[-1], table)
+        return paths
+
+
+def _write(path: Path, table: RawTable) -> None:
+    with written(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table.header)
+        writer.writerows(table.rows)

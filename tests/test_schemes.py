@@ -1,0 +1,65 @@
+"""Parameters of the schemes: bounds with their formula, and the two extensions of NSM2."""
+
+import numpy as np
+import pytest
+
+from crowd_env import DEM, NSM1, NSM2, Geometry, Simulation, make_bodies, make_state
+
+HALL = Geometry.from_polygon([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: DEM(stiffness=0.0), r"dem: stiffness is 0\.0; it must be > 0: .*eq 5"),
+        (lambda: DEM(stiffness=float("nan")), r"dem: stiffness is nan; it must be > 0"),
+        (lambda: NSM1(tolerance=0.0), r"nsm1: tolerance is 0\.0; it must be > 0"),
+        (lambda: NSM1(trial="eager"), r"nsm1: trial is 'eager'; it must be 'spontaneous' or 'inertial'"),
+        (lambda: NSM1(solver="magic"), r"nsm1: unknown solver 'magic'; known: auto, gauss-seidel, accelerated"),
+        (lambda: NSM2(normal_dissipation=-1.0), r"nsm2: normal_dissipation is -1\.0; it must be >= 0: .*K_N - 2 m_e"),
+        (lambda: NSM2(tangential_dissipation=-1.0), r"nsm2: tangential_dissipation is -1\.0; it must be >= 0"),
+        (lambda: NSM2(position_correction=1.5), r"nsm2: position_correction is 1\.5; it must be in \[0, 1\]"),
+        (lambda: NSM2(reaction="kind"), r"nsm2: unknown reaction 'kind'; known: printed, dissipative"),
+    ],
+)
+def test_a_parameter_out_of_range_names_the_bound_and_its_formula(make, says):
+    with pytest.raises(ValueError, match=says):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("scheme", "dt", "says"),
+    [
+        (DEM(), 0.04, r"dt = 0\.04 s is above the stable step of dem, 0\.03162 s .*: 2 / sqrt\(2 k / m_min\)"),
+        (NSM1("inertial"), 0.3, r"dt = 0\.3 s is above the stable step of nsm1-inertial, 0\.2 s .*: 2 tau_min"),
+        (NSM2(), 0.3, r"dt = 0\.3 s is above the stable step of nsm2, 0\.2 s .*: 2 tau_min"),
+    ],
+)
+def test_a_step_that_is_too_long_names_the_bound_and_its_formula(scheme, dt, says):
+    bodies = make_bodies([0.2], [60.0], relaxation_time=0.1)
+    with pytest.raises(ValueError, match=says):
+        Simulation(HALL, bodies, make_state([[5.0, 5.0]]), scheme=scheme, dt=dt)
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 1.0])
+def test_the_position_correction_takes_back_its_share_and_gives_no_velocity(share):
+    # Two resting discs overlap by 40 mm: the lighter one gives way more, the centre of mass stays.
+    bodies = make_bodies([0.2, 0.2], [60.0, 90.0])
+    state = make_state([[5.0, 5.0], [5.36, 5.0]])
+    scheme = NSM2(position_correction=share, tolerance=1e-10)
+    simulation = Simulation(HALL, bodies, state, scheme=scheme, driving=False)
+    centre = bodies.mass @ state.position / bodies.mass.sum()
+    start = state.position[0, 0]
+    simulation.advance()
+    assert state.position[1, 0] - state.position[0, 0] == pytest.approx(0.4 - (1 - share) * 0.04, abs=1e-9)
+    assert bodies.mass @ state.position / bodies.mass.sum() == pytest.approx(centre, abs=1e-12)
+    assert start - state.position[0, 0] == pytest.approx(share * 0.04 * 90 / 150, abs=1e-9)
+    assert np.abs(state.velocity).max() < 1e-12
+    assert simulation.contacts().impulse == pytest.approx(np.zeros((1, 2)), abs=1e-12)
+
+
+def test_without_the_correction_a_resting_overlap_stays():
+    state = make_state([[5.0, 5.0], [5.36, 5.0]])
+    simulation = Simulation(HALL, make_bodies([0.2, 0.2], [60.0, 90.0]), state, scheme=NSM2(), driving=False)
+    simulation.advance(n_substeps=50)
+    assert state.position[1, 0] - state.position[0, 0] == 5.36 - 5.0
