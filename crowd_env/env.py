@@ -317,12 +317,16 @@ def _seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[in
     if seed is None:
         return [None] * num_envs
     words: list[list[int] | None]
-    several = isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str)
-    given = list(seed) if several else [seed]  # type: ignore[arg-type]
-    for word in given:
-        if not isinstance(word, int | np.integer) or word < 0:
-            raise ValueError(f"seed {word!r} is not a whole number >= 0")
-    words = [[int(word), 0] for word in given] if several else [[int(given[0]), e] for e in range(num_envs)]  # type: ignore[arg-type]
+    if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
+        words = [[_seed(word), 0] for word in seed]
+    else:
+        words = [[_seed(seed), e] for e in range(num_envs)]
     if len(words) != num_envs:
         raise ValueError(f"{len(words)} seeds for {num_envs} environments; give one each, or a single int")
     return words
+
+
+def _seed(word: Any) -> int:
+    if not isinstance(word, int | np.integer) or word < 0:
+        raise ValueError(f"seed {word!r} is not a whole number >= 0")
+    return int(word)
