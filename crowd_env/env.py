@@ -317,7 +317,7 @@ def _seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[in
     if seed is None:
         return [None] * num_envs
     words: list[list[int] | None]
-    if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
+    if isinstance(seed, list | tuple | np.ndarray):
         words = [[_seed(word), 0] for word in seed]
     else:
         words = [[_seed(seed), e] for e in range(num_envs)]
