@@ -42,6 +42,8 @@ class CrowdEnv:
     Termination
         A pedestrian terminates when its centre crosses an exit line, and is truncated at the scenario's time limit.  An
         environment is finished when nobody is left inside or at its time limit; ``info["finished"]`` (E,).
+    Diagnostics
+        ``info["diagnostics"]`` holds the overlaps, solver residual and iterations of the step, per environment (E,).
     Randomness
         Environment ``e`` has its own generator, made of (seed, e); a list of seeds gives environment ``e`` what a batch of
         one gets from that seed.  Physics and observations draw nothing.
@@ -223,6 +225,7 @@ class CrowdEnv:
         self.finished = self.finished | ended
         info: dict[str, Any] = {f"reward/{name}": values for name, values in terms.items()}
         info["finished"] = ended
+        info["diagnostics"] = type(simulation.last_diagnostics)._make(a.copy() for a in simulation.last_diagnostics)
         info["metrics"] = {int(e): self.metrics(int(e)) for e in np.flatnonzero(ended)}
         state.active[truncated] = False  # at the time limit the episode is over for those inside too
         if self.autoreset and ended.any():

@@ -10,7 +10,16 @@ from crowd_env.geometry import Geometry, join_boundaries
 from crowd_env.navigation import NavigationField, join_fields, travel_time_field
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.neighbors import DIVERGED, FULL
-from crowd_env.physics.world import Batch, Control, Diagnostics, World, allocate_memory, grow_memory
+from crowd_env.physics.world import (
+    Batch,
+    Control,
+    Diagnostics,
+    World,
+    add_diagnostics,
+    allocate_memory,
+    grow_memory,
+    no_diagnostics,
+)
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
@@ -85,14 +94,16 @@ class Simulation:
             )
         self.world = World(boundary, join_fields(self.fields, boundary), np.asarray(which, dtype=np.int64))
         self.memory = allocate_memory(bodies)
+        # Overlaps, residuals and solver effort since the start of each environment.
+        self.diagnostics = no_diagnostics(environments)
         self._pool: ThreadPoolExecutor | None = None
         self._no_force = np.zeros((len(bodies.radius), 2))
         self._forward = np.tile([1.0, 0.0], (len(bodies.radius), 1))
         self._all_relative = np.ones(len(bodies.radius), dtype=np.bool_)
 
     @property
-    def diagnostics(self) -> Diagnostics:
-        """Overlaps, residuals and solver effort since the start of each environment."""
+    def last_diagnostics(self) -> Diagnostics:
+        """Overlaps, residuals and solver effort of the last call of `advance`; with one substep, of that step."""
         return self.memory.diagnostics
 
     @property
@@ -136,6 +147,8 @@ class Simulation:
         memory.push[:] = 0.0
         memory.crush[:] = 0.0
         memory.progress[:] = 0
+        for sums in memory.diagnostics:
+            sums[:] = 0
         control = Control(command, relative, external_force, self.driving)
         while True:
             batch = Batch(self.world, self.bodies, self.state, control, self.memory)
@@ -148,6 +161,7 @@ class Simulation:
                     f"{self.state.time[e]:g} s with dt = {self.dt:g} s; take a smaller dt"
                 )
             if not (status == FULL).any():
+                add_diagnostics(self.diagnostics, self.memory.diagnostics)
                 return
             self.memory = grow_memory(self.memory, self.bodies)  # the environments that were full go on where they were
 
@@ -191,7 +205,7 @@ class Simulation:
         self.memory.contacts.number[e] = 0
         self.memory.push[people] = 0.0
         self.memory.crush[people] = 0.0
-        for total in self.memory.diagnostics:
+        for total in (*self.diagnostics, *self.memory.diagnostics):
             total[e] = 0
 
     def contacts(self, e: int = 0) -> ContactList:

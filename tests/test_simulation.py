@@ -14,6 +14,7 @@ from crowd_env.geometry import Geometry
 from crowd_env.navigation import travel_time_field
 from crowd_env.physics import DEM, NSM1, SCHEMES
 from crowd_env.physics.world import allocate_memory, grow_memory
+from crowd_env.population import Population
 from crowd_env.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
 
@@ -480,3 +481,22 @@ def test_a_hopeless_run_neither_crashes_nor_hangs(program):
     assert result.returncode in (0, 1), result.stderr  # not a signal
     if result.returncode:
         assert result.stderr.strip().splitlines()[-1].startswith(("FloatingPointError", "ValueError")), result.stderr
+
+
+@every_scheme
+def test_every_step_says_what_went_on_in_it(name):
+    geometry = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)])
+    bodies, position = Population(40).draw(np.random.default_rng(3), geometry)
+    simulation = Simulation(geometry, bodies, make_state(position), scheme=name)
+    east = dict(command=np.tile([1.0, 0.0], (40, 1)), relative=np.zeros(40, bool))
+    deepest, iterations = [], []
+    for _ in range(200):
+        simulation.advance(**east)
+        step = simulation.last_diagnostics
+        deepest.append(float(step.max_overlap[0]))
+        iterations.append(int(step.iterations[0]))
+        gap = simulation.contacts().gap
+        assert step.max_overlap[0] == max(-gap.min(initial=0.0), 0.0)
+    total = simulation.diagnostics
+    assert total.max_overlap[0] == max(deepest) > min(deepest)
+    assert total.iterations[0] == sum(iterations)

@@ -30,7 +30,7 @@ class Control(NamedTuple):
 
 
 class Diagnostics(NamedTuple):
-    """What went on, accumulated over steps, per environment."""
+    """What went on, over the steps of one call or of a whole episode, per environment."""
 
     max_overlap: Floats  # (E,)  m    deepest overlap of two bodies or of a body and a wall
     overlap_sum: Floats  # (E,)  m    over all overlapping contacts of all steps
@@ -55,7 +55,7 @@ class Memory(NamedTuple):
     crush: Floats  # (P,)   N s  sum of their magnitudes
     progress: Ints  # (E,)   steps done in the current call
     status: Ints  # (E,)   OK, FULL or DIVERGED
-    diagnostics: Diagnostics
+    diagnostics: Diagnostics  # of the current call
 
 
 class Batch(NamedTuple):
@@ -66,6 +66,26 @@ class Batch(NamedTuple):
     state: CrowdState
     control: Control
     memory: Memory
+
+
+def no_diagnostics(environments: int) -> Diagnostics:
+    """Return diagnostics of no step at all."""
+
+    def reals() -> Floats:
+        return np.zeros(environments)
+
+    def counts() -> Ints:
+        return np.zeros(environments, dtype=np.int64)
+
+    return Diagnostics(reals(), reals(), counts(), reals(), reals(), counts(), counts())
+
+
+def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
+    """Add those of a call to the total, in place."""
+    for name in ("max_overlap", "max_outside", "residual"):
+        np.maximum(getattr(total, name), getattr(call, name), out=getattr(total, name))
+    for name in ("overlap_sum", "overlap_count", "iterations", "unconverged"):
+        getattr(total, name)[:] += getattr(call, name)
 
 
 def allocate_memory(bodies: Bodies, per_person: int = 12) -> Memory:
@@ -91,15 +111,7 @@ def allocate_memory(bodies: Bodies, per_person: int = 12) -> Memory:
         crush=reals(people),
         progress=counts(),
         status=counts(),
-        diagnostics=Diagnostics(
-            max_overlap=reals(environments),
-            overlap_sum=reals(environments),
-            overlap_count=counts(),
-            max_outside=reals(environments),
-            residual=reals(environments),
-            iterations=counts(),
-            unconverged=counts(),
-        ),
+        diagnostics=no_diagnostics(environments),
     )
 
 
