@@ -145,12 +145,16 @@ def _table(figures: dict[str, Any], seconds: float) -> Table:
     def number(value: float | None, digits: int = 2) -> str:
         return "-" if value is None else f"{value:.{digits}f}"
 
+    def spread(figure: dict[str, Any]) -> str:
+        return number(figure["mean"]) + ("" if figure["sd"] is None else f" ± {number(figure['sd'])}")
+
     evacuation, flow = figures["evacuation_time"], figures["flow"]
     title = f"{figures['scenario']}: {figures['people']} people, {figures['scheme']}, {figures['runs']} runs"
     table = Table(title=title, show_header=False, caption=f"{seconds:.1f} s of computing")
-    table.add_row("evacuation time", f"{number(evacuation['mean'])} ± {number(evacuation['sd'])} s")
-    table.add_row("  95 % interval of the mean", " to ".join(number(bound) for bound in evacuation["ci95"]) + " s")
-    table.add_row("flow", f"{number(flow['mean'])} ± {number(flow['sd'])} 1/s")
+    table.add_row("evacuation time", f"{spread(evacuation)} s")
+    if evacuation["ci95"][0] is not None:
+        table.add_row("  95 % interval of the mean", " to ".join(number(bound) for bound in evacuation["ci95"]) + " s")
+    table.add_row("flow", f"{spread(flow)} 1/s")
     table.add_row("unfinished", f"{figures['unfinished']} people in {figures['unfinished_runs']} runs")
     overlap = figures["overlap_mm"]
     table.add_row("overlap of bodies", f"mean {number(overlap['mean'])}, at most {number(overlap['max'])} mm")
