@@ -126,7 +126,7 @@ def draw(folder: Path, config: dict[str, Any], results: list[Evaluation]) -> Non
     """Write learning curve, egress curves and the film of the learned policy beside the rule."""
     from agents.film import record
     from agents.learned import LearnedPolicy
-    from agents.learned.training import VALIDATION_SEED, read_curve
+    from agents.learned.training import VALIDATION_SEED, read_curve, score
     from crowd_env.rendering import egress_curves, learning_curve, write_film
 
     curve = read_curve(folder / "learning_curve.csv")
@@ -142,7 +142,11 @@ def draw(folder: Path, config: dict[str, Any], results: list[Evaluation]) -> Non
         folder / "learning_curve.png",
         [row["steps"] for row in curve],
         {"learned": [row["evacuation_time"] for row in curve]},
-        reference={"shortest path": rule.row()["evacuation_time"]["mean"] or float("nan")},
+        reference={
+            "shortest path": rule.row()["evacuation_time"]["mean"] or float("nan"),
+            "kept policy": min(curve, key=score)["evacuation_time"],
+        },
+        xlabel="training steps, all pedestrian slots together",
     )
     shown = {result.policy: result.exit_times for result in results if result.policy in ("shortest", "learned")}
     egress_curves(folder / "egress_curves.png", shown, title=f"{config['scenario']}, {config['scheme']}")

@@ -74,6 +74,8 @@ class Simulation:
         self.dt = dt
         self.driving = driving
         self.threads = threads
+        if threads < 1:
+            raise ValueError(f"threads is {threads}; it must be at least 1")
         self.scheme.check(driving)
         check_step(self.scheme, bodies, dt, allow_unstable)
         _check_people(bodies, state)

@@ -500,3 +500,9 @@ def test_every_step_says_what_went_on_in_it(name):
     total = simulation.diagnostics
     assert total.max_overlap[0] == max(deepest) > min(deepest)
     assert total.iterations[0] == sum(iterations)
+
+
+@pytest.mark.parametrize("threads", [0, -1])
+def test_there_is_at_least_one_thread(threads):
+    with pytest.raises(ValueError, match=rf"^threads is {threads}; it must be at least 1$"):
+        Simulation(plain(), *people_at([0, 0]), threads=threads)

@@ -134,13 +134,13 @@ class Companion(BaseCallback):
             decision_dt=self.env.decision_dt,
         )
         row = self._row(result)
-        best_before = min(map(_score, self.curve), default=(np.inf, np.inf))
+        best_before = min(map(score, self.curve), default=(np.inf, np.inf))
         self.curve.append(row)
         for name, value in row.items():
             self.logger.record(f"eval/{name}", value)
         self.logger.dump(self.model.num_timesteps)
         policy.save(self.folder / "checkpoint.zip")
-        if _score(row) < best_before:
+        if score(row) < best_before:
             policy.save(self.folder / "best.zip")
         write_curve(self.folder / "learning_curve.csv", self.curve)
         if not self._progress.console.is_terminal:  # no bar there: say the same in lines
@@ -167,7 +167,7 @@ class Companion(BaseCallback):
         return self.scenario.time_limit
 
 
-def _score(row: dict[str, float]) -> tuple[float, float]:
+def score(row: dict[str, float]) -> tuple[float, float]:
     """Fewer people left behind first, then sooner out."""
     return row["unfinished"], row["evacuation_time"]
 
