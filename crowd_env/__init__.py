@@ -12,7 +12,7 @@ from crowd_env.gymnasium_env import CrowdGymEnv, CrowdVectorEnv, make_vec
 from crowd_env.metrics import EpisodeMetrics
 from crowd_env.observation import ObservationLayout
 from crowd_env.parallel_env import CrowdParallelEnv, parallel_env
-from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, make_scheme
+from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
 from crowd_env.population import Normal, Population, Uniform
 from crowd_env.pressure import contact_pressure, crowd_pressure
 from crowd_env.reward import RewardWeights
@@ -29,6 +29,7 @@ __all__ = [
     "NSM2",
     "SCENARIOS",
     "SCHEMES",
+    "SOCIAL_FORCES",
     "Bodies",
     "CrowdEnv",
     "CrowdGymEnv",
@@ -37,12 +38,14 @@ __all__ = [
     "CrowdVectorEnv",
     "EpisodeMetrics",
     "Geometry",
+    "Hertz",
     "Normal",
     "ObservationLayout",
     "Population",
     "RewardWeights",
     "Scenario",
     "Simulation",
+    "SocialForce",
     "Step",
     "Uniform",
     "contact_pressure",

@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +12,7 @@ from rich.table import Table
 
 from crowd_env.console import notes, progress_bar, said_plainly
 from crowd_env.experiment import report, run_rule
-from crowd_env.physics import SCHEMES, make_scheme
+from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
 from crowd_env.population import Population, Uniform
 from crowd_env.reproduce.command import reproduce
 from crowd_env.scenario import Scenario, read_starts, scenario_from_wkt
@@ -51,22 +52,23 @@ def _read_scenario(
     if recorded is not None and count not in (None, len(recorded)):
         raise ValueError(f"--n is {count}, but {starts} holds {len(recorded)} positions")
     people: dict[str, Any] = {"starts": recorded}
+    number = count if recorded is None else len(recorded)
+    if number is not None:
+        people["count"] = number
     if radius is not None:
         people["radius"] = _range(radius, "--radius")
     if speed is not None:
         people["desired_speed"] = _range(speed, "--speed")
-    number = count if recorded is None else len(recorded)
-    population = Population(20 if number is None else number, **people)
     timing = {} if limit is None else {"time_limit": limit}
     if name in SCENARIOS:
         if exits:
             raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
-        return make_scenario(name, population=population, **timing)
+        return make_scenario(name, population=replace(make_scenario(name).population, **people), **timing)
     if not Path(name).suffix and not Path(name).exists():
         raise ValueError(
             f"unknown scenario {name!r}; known: {', '.join(SCENARIOS)}, or the path of a floor plan (.wkt)"
         )
-    return scenario_from_wkt(name, exits, population, **timing)
+    return scenario_from_wkt(name, exits, Population(**{"count": 20, **people}), **timing)
 
 
 @app.command()
@@ -78,18 +80,28 @@ def run(
         list[str] | None,
         typer.Option(help='Exit of a floor plan: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be repeated.'),
     ] = None,
-    n: Annotated[int | None, typer.Option(help="Number of people; default 20.", min=1)] = None,
+    n: Annotated[
+        int | None, typer.Option(help="Number of people; default the scenario's, 20 on a plan of yours.", min=1)
+    ] = None,
     radius: Annotated[
-        str | None, typer.Option(help="Body radius in m, one number or a range; default 0.2,0.25.")
+        str | None, typer.Option(help="Body radius in m, one number or a range; default the scenario's, or 0.2,0.25.")
     ] = None,
     speed: Annotated[
-        str | None, typer.Option(help="Desired speed in m/s, one number or a range; default 1.2,2.")
+        str | None, typer.Option(help="Desired speed in m/s, one number or a range; default the scenario's, or 1.2,2.")
     ] = None,
     starts: Annotated[Path | None, typer.Option(help="CSV file with columns x,y: recorded starting positions.")] = None,
     time_limit: Annotated[
         float | None, typer.Option(help="Whoever is inside after so many seconds is unfinished.")
     ] = None,
-    dt: Annotated[float, typer.Option(help="Physics step in s.")] = 0.01,
+    social: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Social force: {', '.join(SOCIAL_FORCES)}; default the scheme's: hertz has one, others none."
+        ),
+    ] = None,
+    dt: Annotated[
+        float | None, typer.Option(help="Physics step in s; default the scheme's, 0.01 or (hertz) 0.001.")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0)] = 0,
     film: Annotated[Path | None, typer.Option(help="Also film the first run: .gif or .mp4.")] = None,
     as_json: Annotated[bool, _JSON] = False,
@@ -102,15 +114,15 @@ def run(
     """
     with said_plainly():
         place = _read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit)
-        make_scheme(scheme)
+        contact = make_scheme(scheme, social)
         if film is not None:
             _check_film(film)
         begin = time.monotonic()
         with progress_bar(f"{place.name}, {scheme}", runs) as progress:
-            episodes = run_rule(place, scheme, runs, seed=seed, dt=dt, progress=progress)
+            episodes = run_rule(place, contact, runs, seed=seed, dt=dt, progress=progress)
         figures = report(place, scheme, episodes)
         if film is not None:
-            _film(place, scheme, seed, dt, film)
+            _film(place, contact, seed, dt, film)
     if as_json:
         typer.echo(json.dumps(figures))
         return
@@ -125,7 +137,7 @@ def _check_film(path: Path) -> None:
         raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
 
 
-def _film(place: Scenario, scheme: str, seed: int, dt: float, path: Path) -> None:
+def _film(place: Scenario, scheme: ContactScheme, seed: int, dt: float | None, path: Path) -> None:
     from crowd_env.env import CrowdEnv
     from crowd_env.rendering import write_film
     from crowd_env.rendering.live import Recorder
@@ -137,7 +149,7 @@ def _film(place: Scenario, scheme: str, seed: int, dt: float, path: Path) -> Non
     while not env.finished.all():
         env.step(None)
         recorder.snap()
-    write_film(path, recorder.recording(f"{place.name}, {scheme}"))
+    write_film(path, recorder.recording(f"{place.name}, {scheme.info.name}"))
     notes.print(f"film: {path}", markup=False)
 
 
@@ -156,6 +168,10 @@ def _table(figures: dict[str, Any], seconds: float) -> Table:
         table.add_row("  95 % interval of the mean", " to ".join(number(bound) for bound in evacuation["ci95"]) + " s")
     table.add_row("flow", f"{spread(flow)} 1/s")
     table.add_row("unfinished", f"{figures['unfinished']} people in {figures['unfinished_runs']} runs")
+    for blocked in figures["blocked"]:
+        table.add_row(
+            "  blocked", f"run {blocked['run']}: nobody out after {blocked['since']:.1f} s, {blocked['left']} left"
+        )
     overlap = figures["overlap_mm"]
     table.add_row("overlap of bodies", f"mean {number(overlap['mean'])}, at most {number(overlap['max'])} mm")
     table.add_row("reach beyond a wall", f"at most {number(figures['outside_mm'])} mm")

@@ -41,7 +41,8 @@ class CrowdEnv:
         (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.
     Termination
         A pedestrian terminates when its centre crosses an exit line, and is truncated at the scenario's time limit.  An
-        environment is finished when nobody is left inside or at its time limit; ``info["finished"]`` (E,).
+        environment is finished when nobody is left inside, at its time limit, or when its exits are blocked (nobody has got
+        out for ``Scenario.blocked_after``; the rest are truncated); ``info["finished"]`` (E,).
     Diagnostics
         ``info["diagnostics"]`` holds the overlaps, solver residual and iterations of the step, per environment (E,).
     Randomness
@@ -53,7 +54,7 @@ class CrowdEnv:
     scenario : name in ``SCENARIOS``, a Scenario, or a sequence of them, dealt out to the environments in turn.
     num_envs : number of environments E.
     scheme : name in ``SCHEMES`` or a scheme.
-    dt, decision_dt : s, physics step and decision step; the second must be a whole multiple of the first.
+    dt, decision_dt : s, physics step (default: the scheme's) and decision step, a whole multiple of the first.
     frame, action : see `crowd_env.action`.
     observation, reward : layout and weights.
     time_limit : s, replaces the scenario's.
@@ -82,7 +83,7 @@ class CrowdEnv:
         *,
         num_envs: int = 1,
         scheme: str | ContactScheme = "nsm2",
-        dt: float = 0.01,
+        dt: float | None = None,
         decision_dt: float = 0.1,
         frame: Frame = "path",
         action: ActionKind = "continuous",
@@ -96,6 +97,7 @@ class CrowdEnv:
         if num_envs < 1:
             raise ValueError(f"num_envs is {num_envs}; it must be at least 1")
         check_frame(frame)
+        dt = make_scheme(scheme).info.default_dt if dt is None else dt
         self.n_substeps = _whole_number(decision_dt, dt)
         kinds = [scenario] if isinstance(scenario, str | Scenario) else list(scenario)
         if not kinds:
@@ -117,6 +119,8 @@ class CrowdEnv:
             _check_stable(place, scheme, dt)
         self.time_limit = np.array([time_limit or self.scenarios[k].time_limit for k in which])
         self.scenario_of_env = [self.scenarios[k] for k in which]
+        self._blocked_after = np.array([self.scenarios[k].blocked_after for k in which])
+        self._last_exit = np.zeros(num_envs)  # s
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
         draws = [
             s.population.draw(rng, s.geometry) for s, rng in zip(self.scenario_of_env, self._generators, strict=True)
@@ -220,8 +224,10 @@ class CrowdEnv:
             self.env_start,
         )
         over_time = state.time > self.time_limit - 0.5 * simulation.dt
-        truncated = state.active & over_time[self.env_of_person]
-        ended = (over_time | (simulation.inside == 0)) & ~self.finished
+        np.maximum.at(self._last_exit, self.env_of_person[left], state.exit_time[left])
+        stopped = over_time | (state.time - self._last_exit > self._blocked_after)
+        truncated = state.active & stopped[self.env_of_person]
+        ended = (stopped | (simulation.inside == 0)) & ~self.finished
         self.finished = self.finished | ended
         info: dict[str, Any] = {f"reward/{name}": values for name, values in terms.items()}
         info["finished"] = ended
@@ -246,6 +252,7 @@ class CrowdEnv:
             evacuation_time=float(exit_time.max()) if out.all() else nan,
             mean_exit_time=float(exit_time[out].mean()) if out.any() else nan,
             unfinished=int((~out).sum()),
+            blocked_since=float(self._last_exit[e]) if self._is_blocked(e) and not out.all() else nan,
             flow=flow_slope(exit_time),
             contact_impulse=float(self._impulse[people].mean()),
             max_overlap=float(sums.max_overlap[e]),
@@ -255,10 +262,14 @@ class CrowdEnv:
             unconverged=int(sums.unconverged[e]),
         )
 
+    def _is_blocked(self, e: int) -> bool:
+        return bool(self.simulation.state.time[e] - self._last_exit[e] > self._blocked_after[e])
+
     def _restart(self, e: int) -> None:
         scenario = self.scenario_of_env[e]
         self.simulation.restart(e, *scenario.population.draw(self._generators[e], scenario.geometry))
         self._impulse[self.people(e)] = 0.0
+        self._last_exit[e] = 0.0
         self.finished[e] = False
 
     def _command(self, action: ArrayLike | None, rule: ArrayLike | None) -> tuple[Floats | None, Bools | None]:

@@ -160,33 +160,77 @@ def _node_for(field: FieldArrays, boundary: Boundary, g: int, x: float, y: float
 
 
 @kernel
+def quick_direction(
+    cell: Ints,
+    direction: Floats,
+    exit_line: Floats,
+    start: int,
+    rows: int,
+    cols: int,
+    left: float,
+    bottom: float,
+    spacing: float,
+    margin: float,
+    x: float,
+    y: float,
+    radius: float,
+) -> tuple[bool, float, float]:
+    """Return whether the way out at (x, y) is plain, and its unit vector: all but the cells that a wall runs through.
+
+    It takes the few arrays it reads apart from the rest: handing over a whole NamedTuple of arrays costs more than the look-up.
+    """
+    j, u = _cell((x - left) / spacing, cols)
+    i, v = _cell((y - bottom) / spacing, rows)
+    first = start + i * cols + j
+    k = cell[first]
+    if k >= 0:
+        ax, ay, bx, by = exit_line[k, 0, 0], exit_line[k, 0, 1], exit_line[k, 1, 0], exit_line[k, 1, 1]
+        ex, ey = towards_exit(ax, ay, bx, by, x, y, radius, margin if margin >= 0.0 else radius)
+        return True, ex, ey
+    if k != BLEND:
+        return False, 0.0, 0.0
+    low, high = (1.0 - v) * (1.0 - u), v * (1.0 - u)  # corners outside of the area have direction 0, i.e. no weight
+    ex = low * direction[first, 0] + high * direction[first + cols, 0]
+    ey = low * direction[first, 1] + high * direction[first + cols, 1]
+    low, high = (1.0 - v) * u, v * u
+    ex += low * direction[first + 1, 0] + high * direction[first + cols + 1, 0]
+    ey += low * direction[first + 1, 1] + high * direction[first + cols + 1, 1]
+    norm = np.sqrt(ex * ex + ey * ey)
+    if norm > 1e-3:
+        return True, ex / norm, ey / norm
+    return False, 0.0, 0.0  # two ways of equal length
+
+
+@kernel
 def direction_at(
     field: FieldArrays, boundary: Boundary, g: int, x: float, y: float, radius: float
 ) -> tuple[float, float]:
     """Return the unit vector of the way out at (x, y) for a disc of ``radius`` [m]; (0, 0) without a field."""
-    cols = field.shape[g, 1]
+    rows, cols = field.shape[g, 0], field.shape[g, 1]
     if cols == 0:
         return 0.0, 0.0
-    j, u = _cell((x - field.origin[g, 0]) / field.spacing[g], cols)
-    i, v = _cell((y - field.origin[g, 1]) / field.spacing[g], field.shape[g, 0])
-    first = field.node_start[g] + i * cols + j
-    k = field.cell[first]
-    if k >= 0:
-        line, margin = boundary.exit, field.margin[g]
-        margin = margin if margin >= 0.0 else radius
-        return towards_exit(line[k, 0, 0], line[k, 0, 1], line[k, 1, 0], line[k, 1, 1], x, y, radius, margin)
-    best = first
-    if k == BLEND:  # corners outside of the area have direction 0, i.e. no weight
-        e = field.direction
-        low, high = (1.0 - v) * (1.0 - u), v * (1.0 - u)
-        ex = low * e[first, 0] + high * e[first + cols, 0]
-        ey = low * e[first, 1] + high * e[first + cols, 1]
-        low, high = (1.0 - v) * u, v * u
-        ex += low * e[first + 1, 0] + high * e[first + cols + 1, 0]
-        ey += low * e[first + 1, 1] + high * e[first + cols + 1, 1]
-        norm = np.sqrt(ex * ex + ey * ey)
-        if norm > 1e-3:
-            return ex / norm, ey / norm
+    start, spacing, left, bottom = field.node_start[g], field.spacing[g], field.origin[g, 0], field.origin[g, 1]
+    plain, ex, ey = quick_direction(
+        field.cell,
+        field.direction,
+        boundary.exit,
+        start,
+        rows,
+        cols,
+        left,
+        bottom,
+        spacing,
+        field.margin[g],
+        x,
+        y,
+        radius,
+    )
+    if plain:
+        return ex, ey
+    j, _ = _cell((x - left) / spacing, cols)
+    i, _ = _cell((y - bottom) / spacing, rows)
+    first = start + i * cols + j
+    if field.cell[first] == BLEND:
         best = _best_corner(field.travel_time, first, cols)  # two ways of equal length: take one
     else:
         best = _node_for(field, boundary, g, x, y, first)

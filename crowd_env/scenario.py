@@ -25,10 +25,12 @@ class Scenario:
     whatever stands between: to the "nearest" point that keeps the body off the jambs, to the "centre" of the door, or to the
     nearest point of its whole "width".  The straight ones are for comparison with models that have no path planning.
 
+    An episode ends when everyone is out, at the time limit, or when nobody has got out for ``blocked_after`` seconds.
+
     Raises
     ------
     ValueError
-        If the geometry has no exit, no exit can be reached by the smallest body, or the time limit is not positive.
+        If the geometry has no exit, no exit can be reached by the smallest body, or a time is not positive.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Scenario:
     title: str = ""  # a line for people
     reference: str = ""  # where the numbers come from
     target: Target = "path"
+    blocked_after: float = np.inf  # s without anyone getting out, after which the exits count as blocked
 
     def __post_init__(self) -> None:
         if not 0 < self.time_limit < np.inf:
@@ -46,6 +49,8 @@ class Scenario:
             )
         if self.target not in get_args(Target):
             raise ValueError(f"unknown target {self.target!r}; known: {', '.join(get_args(Target))}")
+        if not self.blocked_after > 0:
+            raise ValueError(f"scenario {self.name!r}: blocked_after is {self.blocked_after!r} s; it must be > 0")
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
 

@@ -24,7 +24,7 @@ from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
 class ContactList(NamedTuple):
-    """Contacts of one environment at the start of its last physics step, with the impulses of that step."""
+    """Contacts of one environment at the start of its last physics step (hertz: at its end), and the impulses of that step."""
 
     i: Ints  # (C,)    person, counted within the environment
     j: Ints  # (C,)    other person > i, or -1 - k: wall feature k
@@ -42,9 +42,9 @@ class Simulation:
     geometry : one for all environments, or several together with ``geometry_of_env``.
     bodies, state : arrays of all environments; the simulation works on them in place.
     scheme : name in ``SCHEMES`` or a scheme with its own parameters.
-    dt : s, physics step.
+    dt : s, physics step; by default the scheme's own, 0.01 or (hertz) 0.001.
     fields : travel-time fields, one a geometry; made here for geometries with exits if not given.
-    driving : True for pedestrians (driving force, eq 11), False for passive grains.
+    driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
     threads : spread environments over this many threads; the result does not depend on it.
     allow_unstable : accept a ``dt`` above the scheme's stable step (to show what happens).
 
@@ -61,7 +61,7 @@ class Simulation:
         state: CrowdState,
         *,
         scheme: str | ContactScheme = "nsm2",
-        dt: float = 0.01,
+        dt: float | None = None,
         fields: Sequence[NavigationField | None] | None = None,
         geometry_of_env: Ints | None = None,
         driving: bool = True,
@@ -71,7 +71,7 @@ class Simulation:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
         self.bodies, self.state = bodies, state
         self.scheme = make_scheme(scheme)
-        self.dt = dt
+        self.dt = dt = self.scheme.info.default_dt if dt is None else dt
         self.driving = driving
         self.threads = threads
         if threads < 1:
@@ -201,6 +201,7 @@ class Simulation:
         state.exit_index[people] = -1
         state.time[e] = 0.0
         near = self.memory.near
+        self.memory.phase[e] = 0
         near.reach[e] = -1.0
         near.row_begin[people] = near.entry_start[e]
         near.row_end[people] = near.entry_start[e]

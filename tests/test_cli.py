@@ -60,7 +60,7 @@ def figures(line):
 
 # --------------------------------------------------------------------------------------------------------------- run
 
-# Issue 2 names the first eleven; the rest says over how many.
+# What programs may rely on.
 KEYS = {
     "scenario": None,
     "scheme": None,
@@ -73,6 +73,7 @@ KEYS = {
     "residual": None,
     "people": None,
     "unfinished_runs": None,
+    "blocked": None,
     "unconverged_steps": None,
 }
 

@@ -21,7 +21,7 @@ from crowds import (
 )
 
 from crowd_env.geometry import Geometry
-from crowd_env.physics import DEM, NSM2, SCHEMES, make_scheme
+from crowd_env.physics import DEM, NSM2, SCHEMES, Hertz, make_scheme
 from crowd_env.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
 
@@ -41,7 +41,7 @@ def test_free_grains_keep_their_momentum(name):
     momentum = bodies.mass @ state.velocity
     touched = 0.0
     for _ in range(15):
-        simulation.advance(n_substeps=20)
+        simulation.advance(n_substeps=round(0.2 / simulation.dt))
         touched += simulation.memory.crush.sum()
         np.testing.assert_allclose(bodies.mass @ state.velocity, momentum, atol=1e-9)
     assert touched > 1000  # N s: they did collide, again and again
@@ -51,14 +51,31 @@ def test_free_grains_keep_their_momentum(name):
 def test_pushes_are_equal_and_opposite(name):
     bodies, state, command = crowd_in(np.random.default_rng(2), Geometry.from_polygon(shapely.box(0, 0, 3, 3)), 22)
     simulation = Simulation(plain(), bodies, state, scheme=LAWS[name])
-    simulation.advance(command, relative=np.zeros(22, bool), n_substeps=40)
+    simulation.advance(command, relative=np.zeros(22, bool), n_substeps=round(0.4 / simulation.dt))
     push, crush = simulation.memory.push, simulation.memory.crush
     assert (crush > 1).sum() > 8
     np.testing.assert_allclose(push.sum(axis=0), 0.0, atol=1e-9)
     assert (np.hypot(*push.T) <= crush + 1e-9).all()
 
 
-@every_scheme
+@every_grain_scheme
+def test_a_push_is_the_change_of_momentum_of_a_grain(name):
+    geometry, count = l_shape(), 45
+    bodies, state, _ = crowd_in(np.random.default_rng(3), geometry, count)
+    force = np.random.default_rng(4).normal(0, 100, (count, 2))
+    simulation = Simulation(geometry, bodies, state, scheme=LAWS[name], driving=False)
+    touched = 0
+    for _ in range(40):
+        before, start = state.velocity.copy(), float(state.time[0])
+        simulation.advance(external_force=force, n_substeps=7)
+        change = bodies.mass[:, None] * (state.velocity - before) - (state.time[0] - start) * force
+        touched += (np.abs(change).max(axis=1) > 1).sum()
+        np.testing.assert_allclose(simulation.memory.push, change, atol=1e-8)
+    assert touched > 40
+
+
+# Hertz drives by the half-step velocity, which the contacts have changed already.
+@pytest.mark.parametrize("name", [name for name in LAWS if not isinstance(LAWS[name], Hertz)])
 def test_a_push_is_the_change_of_momentum_by_the_others(name):
     # One step, against the same people each alone on a plain: they differ by what touched them, walls included.
     geometry, count = l_shape(), 45
@@ -118,9 +135,10 @@ def energy_excess(scheme, dt, before):
     return 1e-9 + 4 * np.sqrt(2 * 100.0 * before) * getattr(scheme, "tolerance", 0.0)
 
 
-@pytest.mark.parametrize("dt", [0.01, 0.002])
+@pytest.mark.parametrize("share", [1.0, 0.2])
 @every_grain_scheme
-def test_a_collision_gains_no_energy(name, dt):
+def test_a_collision_gains_no_energy(name, share):
+    dt = share * LAWS[name].info.default_dt
     before, after, touched = bounce_pairs(LAWS[name], dt)
     assert touched.sum() > 150
     np.testing.assert_array_equal(after[~touched], before[~touched])
@@ -129,7 +147,7 @@ def test_a_collision_gains_no_energy(name, dt):
         loss = (before - after)[touched] / before[touched]
         assert loss.max() < max(0.01, 1.1 * energy_excess(LAWS[name], dt, 1.0))
     else:
-        assert after[touched].sum() < 0.9 * before[touched].sum()
+        assert after[touched].sum() < 0.95 * before[touched].sum()
 
 
 def test_the_energy_error_of_dem_vanishes_with_the_step():
@@ -144,7 +162,7 @@ def test_the_energy_error_of_dem_vanishes_with_the_step():
 @every_grain_scheme
 def test_grains_in_a_box_never_speed_up(name):
     # Energy over everything, walls and multiple collisions included.  NSM2 as printed can gain in a multiple collision
-    # (test_physics_paper), DEM stores energy in overlaps; over the whole crowd neither runs away.
+    # (test_physics_paper), DEM and Hertz store energy in overlaps; over the whole crowd neither runs away.
     geometry = l_shape()
     bodies, state, _ = crowd_in(np.random.default_rng(6), geometry, 45)
     simulation = Simulation(geometry, bodies, state, scheme=tight(LAWS[name]), dt=0.005, driving=False)
@@ -152,7 +170,7 @@ def test_grains_in_a_box_never_speed_up(name):
     for _ in range(60):
         simulation.advance(n_substeps=10)
         energy.append(kinetic_energy(bodies, state.velocity).sum())
-    if LAWS[name].info.conserves_energy_at_contact:
+    if LAWS[name].info.conserves_energy_at_contact or isinstance(LAWS[name], Hertz):
         assert max(energy) < 1.1 * energy[0]
     else:
         assert (np.diff(energy) <= 1e-6).all()
@@ -183,7 +201,7 @@ def moved(geometry, matrix, shift):
 
 
 def walk(scheme, geometry, bodies, state, command):
-    simulation = Simulation(geometry, bodies, state, scheme=tight(scheme))
+    simulation = Simulation(geometry, bodies, state, scheme=tight(scheme), dt=0.01)
     simulation.advance(command, relative=np.zeros(len(command), bool), n_substeps=SYMMETRY_STEPS)
     assert simulation.diagnostics.unconverged.sum() == 0
     return simulation
@@ -242,7 +260,7 @@ def test_grains_do_not_feel_a_steady_motion_of_the_frame(name):
     for velocity in (np.zeros(2), drift):
         state = start.copy()
         state.velocity[:] += velocity
-        Simulation(plain(), bodies, state, scheme=tight(LAWS[name]), driving=False).advance(n_substeps=30)
+        Simulation(plain(), bodies, state, scheme=tight(LAWS[name]), dt=0.01, driving=False).advance(n_substeps=30)
         ends.append((state.position - 0.3 * velocity, state.velocity - velocity))
     assert np.abs(ends[0][1] - start.velocity).max() > 0.5
     np.testing.assert_allclose(ends[1][0], ends[0][0], atol=1e-7)

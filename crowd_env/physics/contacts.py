@@ -58,10 +58,9 @@ def find_contacts(
 ) -> None:
     """Narrow phase: write the contacts of environment ``e`` with a gap below ``margin``, sorted by (i, j), walls last.
 
-    The starting impulse is that of the previous step for a pair that was in contact then, else zero.
+    The starting impulse is the history of a pair that was in contact in the previous step, else zero.
     """
     position, radius = state.position, bodies.radius
-    walls = boundary.wall_start[g + 1] - boundary.wall_start[g]
     c = near.entry_start[e]
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
         if not state.active[i]:
@@ -73,20 +72,29 @@ def find_contacts(
                 gap, nx, ny = np.inf, 0.0, 0.0
                 if state.active[j]:
                     gap, nx, ny = _disc_on_point(x, y, radius[i] + radius[j], position[j, 0], position[j, 1], margin)
-            elif -1 - j < walls:
-                gap, nx, ny = _disc_on_wall(x, y, radius[i], boundary, boundary.wall_start[g] - 1 - j)
             else:
-                gap, nx, ny = _disc_on_corner(x, y, radius[i], boundary, boundary.corner_start[g] - 1 - j - walls)
+                gap, nx, ny = gap_to_feature(x, y, radius[i], boundary, g, -1 - j)
             if gap < margin:
                 contacts.i[c], contacts.j[c], contacts.gap[c] = i, j, gap
                 contacts.normal[c, 0], contacts.normal[c, 1] = nx, ny
-                contacts.impulse[c, 0], contacts.impulse[c, 1] = near.impulse[entry, 0], near.impulse[entry, 1]
+                contacts.impulse[c, 0], contacts.impulse[c, 1] = near.history[entry, 0], near.history[entry, 1]
                 contacts.entry[c] = entry
                 c += 1
             else:
-                near.impulse[entry, 0] = 0.0
-                near.impulse[entry, 1] = 0.0
+                near.history[entry, 0] = 0.0
+                near.history[entry, 1] = 0.0
     contacts.number[e] = c - near.entry_start[e]
+
+
+@kernel
+def gap_to_feature(
+    x: float, y: float, radius: float, boundary: Boundary, g: int, feature: int
+) -> tuple[float, float, float]:
+    """Return gap and normal between a disc and wall feature ``feature`` of geometry ``g``; infinite if it does not face it."""
+    walls = boundary.wall_start[g + 1] - boundary.wall_start[g]
+    if feature < walls:
+        return _disc_on_wall(x, y, radius, boundary, boundary.wall_start[g] + feature)
+    return _disc_on_corner(x, y, radius, boundary, boundary.corner_start[g] + feature - walls)
 
 
 @kernel

@@ -14,8 +14,10 @@ import numpy as np
 from crowd_env._jit import kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
-from crowd_env.physics.scheme import SchemeInfo, require_positive
-from crowd_env.physics.step import detect, leave, record_contacts, unfinished
+from crowd_env.physics.require import require_positive
+from crowd_env.physics.scheme import SchemeInfo
+from crowd_env.physics.social import SocialForce, SocialLaw, social_law
+from crowd_env.physics.step import detect, leave, record_overlaps, record_pushes, tick, unfinished
 from crowd_env.physics.world import Batch
 from crowd_env.state import Bodies, CrowdState, Floats
 
@@ -37,9 +39,11 @@ class DEM:
     Parameters
     ----------
     stiffness : N/m, constant ``k`` of eq 5; 1.2e5 after Helbing et al. 2000.
+    social : social force; None = people do not mind until they touch.
     """
 
     stiffness: float = 1.2e5
+    social: SocialForce | None = None
 
     def __post_init__(self) -> None:
         require_positive("dem", "the contact force k |D| (eq 5) has to push", stiffness=self.stiffness)
@@ -67,7 +71,8 @@ class DEM:
 
     def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
         """Advance the environments ``first:stop`` in place."""
-        _advance_range(batch, dt, n_substeps, first, stop, self.stiffness)
+        social = social_law(self.social, batch.control.driving)
+        _advance_range(batch, dt, n_substeps, first, stop, self.stiffness, social)
 
 
 @kernel
@@ -97,22 +102,29 @@ def _integrate(e: int, bodies: Bodies, state: CrowdState, force: Floats, previou
 
 
 @kernel
-def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, stiffness: float) -> None:
+def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, stiffness: float, social: SocialLaw) -> None:
     world, bodies, state, control, memory = batch
     near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
     while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
-        if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, 0.0):
+        if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, 0.0, social.cutoff):
             return
         desired_velocities(e, world, bodies, state, control, memory.desired)
-        regular_forces(e, bodies, state, control, memory.desired, memory.force)
+        regular_forces(
+            e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, memory.force, social
+        )
         first = near.entry_start[e]
-        _springs(first, first + contacts.number[e], contacts, memory.force, dt, stiffness)
-        record_contacts(e, near, contacts, memory.push, memory.crush, memory.diagnostics)
+        last = first + contacts.number[e]
+        _springs(first, last, contacts, memory.force, dt, stiffness)
+        record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
+        record_overlaps(e, first, last, contacts, memory.diagnostics)
         _integrate(e, bodies, state, memory.force, memory.previous, dt)
-        leave(e, g, world.boundary, bodies, state, memory.previous, memory.progress, dt)
+        leave(e, g, world.boundary, bodies, state, memory.previous, dt)
+        tick(e, state.time, memory.progress, dt)
 
 
 @kernel
-def _advance_range(batch: Batch, dt: float, n_substeps: int, first: int, stop: int, stiffness: float) -> None:
+def _advance_range(
+    batch: Batch, dt: float, n_substeps: int, first: int, stop: int, stiffness: float, social: SocialLaw
+) -> None:
     for e in range(first, stop):
-        _advance_one(e, batch, dt, n_substeps, stiffness)
+        _advance_one(e, batch, dt, n_substeps, stiffness, social)

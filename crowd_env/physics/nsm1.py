@@ -16,9 +16,21 @@ import numpy as np
 from crowd_env._jit import kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.forces import desired_velocities, regular_forces
-from crowd_env.physics.scheme import SchemeInfo, require_known, require_positive
+from crowd_env.physics.neighbors import OK, update_neighbours
+from crowd_env.physics.require import require_known, require_positive
+from crowd_env.physics.scheme import SchemeInfo
+from crowd_env.physics.social import SocialForce, SocialLaw, social_law
 from crowd_env.physics.solvers import SOLVERS, ContactLaw, SolverName, fastest_speed, pose_no_overlap, solve
-from crowd_env.physics.step import detect, leave, record_contacts, record_solver, unfinished
+from crowd_env.physics.step import (
+    detect,
+    leave,
+    record_overlaps,
+    record_pushes,
+    record_solver,
+    remember_impulses,
+    tick,
+    unfinished,
+)
 from crowd_env.physics.world import Batch, Memory
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
@@ -43,12 +55,14 @@ class NSM1:
     tolerance : m/s, complementarity residual at which the solver stops.
     max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
     solver : "gauss-seidel", "accelerated", or "auto": by the number of contacts.
+    social : social force; None = people do not mind until they touch.
     """
 
     trial: Literal["spontaneous", "inertial"] = "spontaneous"
     tolerance: float = 1e-2
     max_iterations: int = 20_000
     solver: SolverName = "auto"
+    social: SocialForce | None = None
 
     def __post_init__(self) -> None:
         require_positive("nsm1", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
@@ -79,7 +93,8 @@ class NSM1:
     def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
         """Advance the environments ``first:stop`` in place."""
         law = ContactLaw(np.inf, 0.0, self.tolerance, self.max_iterations, SOLVERS[self.solver], True)
-        _advance_range(batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law)
+        social = social_law(self.social, batch.control.driving)
+        _advance_range(batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law, social)
 
 
 @kernel
@@ -87,21 +102,21 @@ def _try_velocities(
     e: int,
     bodies: Bodies,
     state: CrowdState,
-    external_force: Floats,
     force: Floats,
-    desired: Floats,
     trial: Floats,
     dt: float,
     spontaneous: bool,
 ) -> None:
-    """Write V_trial.  An external force shifts a spontaneous velocity by tau f / m, where the drive would balance it."""
+    """Write V_trial = u + h f / m.
+
+    A spontaneous velocity is what the forces would lead to if h were tau: without others, the desired velocity itself; an
+    external or social force shifts it by tau f / m, where the drive balances it.
+    """
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
         if state.active[i]:
+            ahead = bodies.relaxation_time[i] if spontaneous else dt
             for k in range(2):
-                if spontaneous:
-                    trial[i, k] = desired[i, k] + bodies.relaxation_time[i] * external_force[i, k] / bodies.mass[i]
-                else:
-                    trial[i, k] = state.velocity[i, k] + dt * force[i, k] / bodies.mass[i]
+                trial[i, k] = state.velocity[i, k] + ahead * force[i, k] / bodies.mass[i]
 
 
 @kernel
@@ -111,11 +126,11 @@ def _project(
     boundary: Boundary,
     bodies: Bodies,
     state: CrowdState,
-    external_force: Floats,
     memory: Memory,
     dt: float,
     spontaneous: bool,
     law: ContactLaw,
+    cutoff: float,
 ) -> bool:
     """Leave the projection of the trial velocity in `Memory.before`; False if the contacts could not be found.
 
@@ -126,10 +141,10 @@ def _project(
     near, contacts, v = memory.near, memory.contacts, memory.before
     margin = -1.0
     while True:
-        _try_velocities(e, bodies, state, external_force, memory.force, memory.desired, v, dt, spontaneous)
+        _try_velocities(e, bodies, state, memory.force, v, dt, spontaneous)
         if margin < 0.0:
             margin = 2.2 * dt * fastest_speed(begin, end, state.active, v) + 1e-3
-        if not detect(e, g, boundary, bodies, state, near, contacts, memory.status, margin):
+        if not detect(e, g, boundary, bodies, state, near, contacts, memory.status, margin, cutoff):
             return False
         first = near.entry_start[e]
         last = first + contacts.number[e]
@@ -153,22 +168,42 @@ def _move(e: int, env_start: Ints, state: CrowdState, after: Floats, previous: F
 
 
 @kernel
-def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: ContactLaw) -> None:
+def _advance_one(
+    e: int, batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: ContactLaw, social: SocialLaw
+) -> None:
     world, bodies, state, control, memory = batch
-    g = world.geometry_of_env[e]
+    near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
     while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
         desired_velocities(e, world, bodies, state, control, memory.desired)
-        regular_forces(e, bodies, state, control, memory.desired, memory.force)
-        if not _project(e, g, world.boundary, bodies, state, control.external_force, memory, dt, spontaneous, law):
+        if social.cutoff > 0.0:
+            memory.status[e] = update_neighbours(e, g, world.boundary, bodies, state, near, social.cutoff)
+            if memory.status[e] != OK:
+                return
+        regular_forces(
+            e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, memory.force, social
+        )
+        if not _project(e, g, world.boundary, bodies, state, memory, dt, spontaneous, law, social.cutoff):
             return
-        record_contacts(e, memory.near, memory.contacts, memory.push, memory.crush, memory.diagnostics)
+        first = near.entry_start[e]
+        last = first + contacts.number[e]
+        record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
+        record_overlaps(e, first, last, contacts, memory.diagnostics)
+        remember_impulses(first, last, contacts, near.history)
         _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
-        leave(e, g, world.boundary, bodies, state, memory.previous, memory.progress, dt)
+        leave(e, g, world.boundary, bodies, state, memory.previous, dt)
+        tick(e, state.time, memory.progress, dt)
 
 
 @kernel
 def _advance_range(
-    batch: Batch, dt: float, n_substeps: int, first: int, stop: int, spontaneous: bool, law: ContactLaw
+    batch: Batch,
+    dt: float,
+    n_substeps: int,
+    first: int,
+    stop: int,
+    spontaneous: bool,
+    law: ContactLaw,
+    social: SocialLaw,
 ) -> None:
     for e in range(first, stop):
-        _advance_one(e, batch, dt, n_substeps, spontaneous, law)
+        _advance_one(e, batch, dt, n_substeps, spontaneous, law, social)

@@ -17,7 +17,9 @@ from crowd_env._jit import kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.neighbors import NeighbourList
-from crowd_env.physics.scheme import SchemeInfo, require_known, require_not_negative, require_positive
+from crowd_env.physics.require import require_known, require_not_negative, require_positive
+from crowd_env.physics.scheme import SchemeInfo
+from crowd_env.physics.social import SocialForce, SocialLaw, social_law
 from crowd_env.physics.solvers import (
     GAUSS_SEIDEL,
     SOLVERS,
@@ -27,7 +29,16 @@ from crowd_env.physics.solvers import (
     pose_percussions,
     solve,
 )
-from crowd_env.physics.step import detect, leave, record_contacts, record_solver, unfinished
+from crowd_env.physics.step import (
+    detect,
+    leave,
+    record_overlaps,
+    record_pushes,
+    record_solver,
+    remember_impulses,
+    tick,
+    unfinished,
+)
 from crowd_env.physics.world import Batch, Memory
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
@@ -68,6 +79,7 @@ class NSM2:
     position_correction : share of every overlap that is taken back in each step, 0 to 1.  An EXTENSION, not in the paper, whose
         law acts on velocities alone: people are moved apart by the least displacement (mass-weighted), without any velocity.
     solver : "gauss-seidel", "accelerated", or "auto": the faster one, here always the first.
+    social : social force; None = people do not mind until they touch.
     """
 
     normal_dissipation: float = 1e5
@@ -77,6 +89,7 @@ class NSM2:
     solver: SolverName = "auto"
     reaction: Literal["printed", "dissipative"] = "printed"
     position_correction: float = 0.0
+    social: SocialForce | None = None
 
     def __post_init__(self) -> None:
         require_not_negative(
@@ -115,7 +128,8 @@ class NSM2:
         dissipation = (self.normal_dissipation, self.tangential_dissipation)
         law = ContactLaw(*dissipation, self.tolerance, self.max_iterations, solver, False)
         options = Options(self.reaction == "dissipative", self.position_correction)
-        _advance_range(batch, dt, n_substeps, first, stop, law, options)
+        social = social_law(self.social, batch.control.driving)
+        _advance_range(batch, dt, n_substeps, first, stop, law, options, social)
 
 
 @kernel
@@ -166,28 +180,34 @@ def _part(
         position[i, 1] += dt * shift[i, 1]
     for c in range(first, last):  # the percussions of the step are what is reported
         contacts.impulse[c, 0], contacts.impulse[c, 1] = (
-            near.impulse[contacts.entry[c], 0],
-            near.impulse[contacts.entry[c], 1],
+            near.history[contacts.entry[c], 0],
+            near.history[contacts.entry[c], 1],
         )
 
 
 @kernel
-def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: ContactLaw, options: Options) -> None:
+def _advance_one(
+    e: int, batch: Batch, dt: float, n_substeps: int, law: ContactLaw, options: Options, social: SocialLaw
+) -> None:
     world, bodies, state, control, memory = batch
     near, contacts, problem, g = memory.near, memory.contacts, memory.problem, world.geometry_of_env[e]
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
     while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
-        if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, _TOUCHING):
+        if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, _TOUCHING, social.cutoff):
             return
         desired_velocities(e, world, bodies, state, control, memory.desired)
-        regular_forces(e, bodies, state, control, memory.desired, memory.force)
+        regular_forces(
+            e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, memory.force, social
+        )
         _accelerate(e, bodies, state, memory.force, memory.before, dt)
         first = near.entry_start[e]
         last = first + contacts.number[e]
         pose_percussions(first, last, contacts, bodies.mass, problem, memory.before, options.dissipative)
         iterations, residual = solve(first, last, begin, end, contacts, bodies.mass, state.velocity, problem, law)
         record_solver(e, memory.diagnostics, iterations, residual, law.tolerance)
-        record_contacts(e, near, contacts, memory.push, memory.crush, memory.diagnostics)
+        record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
+        record_overlaps(e, first, last, contacts, memory.diagnostics)
+        remember_impulses(first, last, contacts, near.history)
         _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
         if options.correction > 0.0:
             _part(
@@ -204,12 +224,20 @@ def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: ContactL
                 law,
                 options.correction,
             )
-        leave(e, g, world.boundary, bodies, state, memory.previous, memory.progress, dt)
+        leave(e, g, world.boundary, bodies, state, memory.previous, dt)
+        tick(e, state.time, memory.progress, dt)
 
 
 @kernel
 def _advance_range(
-    batch: Batch, dt: float, n_substeps: int, first: int, stop: int, law: ContactLaw, options: Options
+    batch: Batch,
+    dt: float,
+    n_substeps: int,
+    first: int,
+    stop: int,
+    law: ContactLaw,
+    options: Options,
+    social: SocialLaw,
 ) -> None:
     for e in range(first, stop):
-        _advance_one(e, batch, dt, n_substeps, law, options)
+        _advance_one(e, batch, dt, n_substeps, law, options, social)

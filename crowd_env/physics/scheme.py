@@ -1,9 +1,9 @@
 """What a contact scheme is: its facts, its parameters, and one compiled call that advances a batch of crowds."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
+from crowd_env.physics.social import SocialForce
 from crowd_env.physics.world import Batch
 from crowd_env.state import Bodies
 
@@ -19,6 +19,8 @@ class SchemeInfo:
     conserves_energy_at_contact: bool  # of two bodies, with the default parameters
     overlap: str  # what overlap its default parameters leave, in words
     stable_step: str  # formula of the largest stable time step
+    contacts_at: Literal["start", "end"] = "start"  # of the step: where the listed contacts are those of the positions
+    default_dt: float = 0.01  # s  physics step if none is asked for: the paper's
 
 
 class ContactScheme(Protocol):
@@ -27,6 +29,11 @@ class ContactScheme(Protocol):
     @property
     def info(self) -> SchemeInfo:
         """Facts about the scheme."""
+        ...
+
+    @property
+    def social(self) -> SocialForce | None:
+        """How people keep their distance before they touch; None = not at all."""
         ...
 
     def stable_dt(self, bodies: Bodies) -> float:
@@ -47,23 +54,3 @@ class ContactScheme(Protocol):
         `Memory.progress` says from where.  Other environments are neither read nor written.
         """
         ...
-
-
-def require_positive(scheme: str, why: str = "", **values: float) -> None:
-    """Raise ValueError, naming scheme, parameter and formula, unless every value is > 0 (infinity is allowed)."""
-    for name, value in values.items():
-        if not value > 0:
-            raise ValueError(f"{scheme}: {name} is {value!r}; it must be > 0{why and ': ' + why}")
-
-
-def require_known(scheme: str, name: str, value: str, known: Iterable[str]) -> None:
-    """Raise ValueError, naming scheme and parameter, unless the value is a known one."""
-    if value not in known:
-        raise ValueError(f"{scheme}: unknown {name} {value!r}; known: {', '.join(known)}")
-
-
-def require_not_negative(scheme: str, why: str = "", **values: float) -> None:
-    """Raise ValueError, naming scheme, parameter and formula, unless every value is >= 0 (infinity is allowed)."""
-    for name, value in values.items():
-        if not value >= 0:
-            raise ValueError(f"{scheme}: {name} is {value!r}; it must be >= 0{why and ': ' + why}")

@@ -35,9 +35,13 @@ def detect(
     contacts: Contacts,
     status: Ints,
     margin: float,
+    cutoff: float,
 ) -> bool:
-    """Bring neighbours and contacts of environment ``e`` up to date; False (with the reason in `status`) if it cannot."""
-    status[e] = update_neighbours(e, g, boundary, bodies, state, near, margin)
+    """Bring neighbours and contacts of environment ``e`` up to date; False (with the reason in `status`) if it cannot.
+
+    Contacts have a gap below ``margin``; the neighbour list also holds whoever is nearer than ``cutoff``.
+    """
+    status[e] = update_neighbours(e, g, boundary, bodies, state, near, max(margin, cutoff))
     if status[e] != OK:
         return False
     find_contacts(e, g, boundary, bodies, state, near, contacts, margin)
@@ -45,15 +49,20 @@ def detect(
 
 
 @kernel
-def record_contacts(
-    e: int, near: NeighbourList, contacts: Contacts, push: Floats, crush: Floats, sums: Diagnostics
-) -> None:
-    """Add this step's impulses and overlaps to the sums, and leave the impulses with their pairs for the next step."""
-    begin = near.entry_start[e]
-    for c in range(begin, begin + contacts.number[e]):
+def remember_impulses(first: int, last: int, contacts: Contacts, history: Floats) -> None:
+    """Leave the impulses of the contacts ``first:last`` with their pairs, where the next step starts from them."""
+    for c in range(first, last):
+        history[contacts.entry[c], 0] = contacts.impulse[c, 0]
+        history[contacts.entry[c], 1] = contacts.impulse[c, 1]
+
+
+@kernel
+def record_pushes(first: int, last: int, contacts: Contacts, push: Floats, crush: Floats, share: float) -> None:
+    """Add a share of the impulses of the contacts ``first:last`` to what people have got in this call."""
+    for c in range(first, last):
         i, j = contacts.i[c], contacts.j[c]
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
-        normal, tangent = contacts.impulse[c, 0], contacts.impulse[c, 1]
+        normal, tangent = share * contacts.impulse[c, 0], share * contacts.impulse[c, 1]
         px, py = normal * nx - tangent * ny, normal * ny + tangent * nx
         size = np.sqrt(px * px + py * py)
         push[i, 0] += px
@@ -63,14 +72,18 @@ def record_contacts(
             push[j, 0] -= px
             push[j, 1] -= py
             crush[j] += size
-        near.impulse[contacts.entry[c], 0] = normal
-        near.impulse[contacts.entry[c], 1] = tangent
+
+
+@kernel
+def record_overlaps(e: int, first: int, last: int, contacts: Contacts, sums: Diagnostics) -> None:
+    """Add the overlaps of the contacts ``first:last`` to the sums."""
+    for c in range(first, last):
         overlap = -contacts.gap[c]
         if overlap > 0.0:
             sums.max_overlap[e] = max(sums.max_overlap[e], overlap)
             sums.overlap_sum[e] += overlap
             sums.overlap_count[e] += 1
-            if j < 0:
+            if contacts.j[c] < 0:
                 sums.max_outside[e] = max(sums.max_outside[e], overlap)
 
 
@@ -83,10 +96,8 @@ def record_solver(e: int, sums: Diagnostics, sweeps: int, residual: float, toler
 
 
 @kernel
-def leave(
-    e: int, g: int, boundary: Boundary, bodies: Bodies, state: CrowdState, previous: Floats, progress: Ints, dt: float
-) -> None:
-    """Take out whoever's centre crossed an exit line outwards during this step; advance the clock."""
+def leave(e: int, g: int, boundary: Boundary, bodies: Bodies, state: CrowdState, previous: Floats, dt: float) -> None:
+    """Take out whoever's centre crossed an exit line outwards during this step."""
     first, stop = boundary.exit_start[g], boundary.exit_start[g + 1]
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
         if not state.active[i]:
@@ -108,5 +119,10 @@ def leave(
                 state.active[i] = False
                 state.exit_time[i] = state.time[e] + part * dt
                 state.exit_index[i] = k - first
-    state.time[e] += dt
+
+
+@kernel
+def tick(e: int, time: Floats, progress: Ints, dt: float) -> None:
+    """Advance the clock of environment ``e`` by the step that is done."""
+    time[e] += dt
     progress[e] += 1

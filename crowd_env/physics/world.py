@@ -51,6 +51,9 @@ class Memory(NamedTuple):
     force: Floats  # (P, 2) N
     previous: Floats  # (P, 2) position at the start of the step
     before: Floats  # (P, 2) velocity at the start of the step
+    heading: Floats  # (P, 2) desired direction times the anisotropy of the social force
+    torque: Floats  # (P,)   N m
+    phase: Ints  # (E,)   how far a step is that needs the forces of the one before; 0 = they are not known
     push: Floats  # (P, 2) N s  sum of contact impulses on each person during the call
     crush: Floats  # (P,)   N s  sum of their magnitudes
     progress: Ints  # (E,)   steps done in the current call
@@ -107,6 +110,9 @@ def allocate_memory(bodies: Bodies, per_person: int = 12) -> Memory:
         force=reals(people, 2),
         previous=reals(people, 2),
         before=reals(people, 2),
+        heading=reals(people, 2),
+        torque=reals(people),
+        phase=counts(),
         push=reals(people, 2),
         crush=reals(people),
         progress=counts(),
@@ -116,7 +122,7 @@ def allocate_memory(bodies: Bodies, per_person: int = 12) -> Memory:
 
 
 def grow_memory(memory: Memory, bodies: Bodies) -> Memory:
-    """Return the same memory with twice the room for neighbours; impulses of the last step are kept."""
+    """Return the same memory with twice the room for neighbours; the history of every pair is kept."""
     people = len(bodies.radius)
     now = (int(memory.near.entry_start[-1]) - 16 * (len(bodies.env_start) - 1)) // max(people, 1)
     near = grow_neighbours(memory.near, bodies, 2 * now)

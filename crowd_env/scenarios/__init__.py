@@ -4,11 +4,13 @@ from collections.abc import Callable
 from typing import Any
 
 from crowd_env.scenario import Scenario
+from crowd_env.scenarios.lin_room import lin_room
 from crowd_env.scenarios.room import room
 
 # Name -> function that makes the scenario; its keyword arguments are the scenario's options.
 SCENARIOS: dict[str, Callable[..., Scenario]] = {
     "room-v0": room,
+    "lin-room-v0": lin_room,
 }
 
 

@@ -1,0 +1,294 @@
+"""Hertz: discs with a Hertzian contact, dry friction with memory, and rotation, as Lin, Ma, Lo write it (eqs 1-11).
+
+With overlap d, R = r_i r_j / (r_i + r_j), m = m_i m_j / (m_i + m_j), alpha = sqrt(d R); at a wall R = r_i and m = m_i:
+    F_n = alpha (k_n d + m gamma_n v_n)                                   v_n: closing speed             (eq 3)
+    F_t = -alpha (k_t s + m gamma_t v_t),  |F_t| <= mu |F_n|               v_t: slip of the surfaces      (eq 4)
+    ds/dt = v_t while the contact lasts; while it slides, s is what gives exactly the limit
+    I dw/dt = -r sum F_t,   I = m r^2 / 2                                                                 (eqs 5, 6)
+    k_n = 2 E / (3 (1 - sigma^2)),   k_t = 2 E / ((1 + sigma) (2 - sigma))
+The formulas and parameters are those of granular flow codes, which settles what the paper leaves open: gamma is a rate per
+length.  In two dimensions s is one number, in the frame that turns with the contact; it lives with the pair in the list.
+
+Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new place with the HALF-step velocity, half a kick.  The forces of
+the last step are kept for the first half kick of the next.
+
+What the paper leaves open about WALLS decides whether the crowd blocks: with the friction of people (the literal reading) it
+freezes above 1 m/s already.  The default wall, mu = 0.1 and a social force of 300 N, is FITTED to the paper's Figure 7.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+
+from crowd_env._jit import kernel
+from crowd_env.physics.contacts import Contacts
+from crowd_env.physics.forces import desired_velocities, regular_forces
+from crowd_env.physics.require import require_known, require_not_negative, require_positive
+from crowd_env.physics.scheme import SchemeInfo
+from crowd_env.physics.social import SocialForce, SocialLaw, social_law
+from crowd_env.physics.step import detect, leave, record_overlaps, record_pushes, tick, unfinished
+from crowd_env.physics.world import Batch
+from crowd_env.state import Bodies, CrowdState, Floats
+
+DampingUnit = Literal["rate per length", "rate", "critical"]
+
+INFO = SchemeInfo(
+    name="hertz",
+    title="Hertz contact, friction with memory, rotation, social force; walls fitted",
+    reference="Lin, Ma, Lo: Discrete element crowd model for pedestrian evacuation through an exit, eqs 1-11",
+    order=1,
+    conserves_energy_at_contact=False,
+    overlap="(5 m v^2 / (4 k_n sqrt R))^(2/5), 3 cm for two who run into each other at 1 m/s each, and the push of the crowd",
+    stable_step="2 / omega, omega^2 = 1.5 k_n alpha / m_e at the overlap bound, and 2 tau_min",
+    default_dt=1e-3,
+    contacts_at="end",
+)
+
+# Phases of a step, in Memory.phase: the forces at the present place are not known; are known; the step has drifted.
+_UNKNOWN, _KNOWN, _DRIFTED = 0, 1, 2
+
+_FITTED = SocialForce(wall_strength=300.0)  # eq 2 with Table 1; the walls' share is ours
+
+
+class HertzLaw(NamedTuple):
+    """The contact as kernels read it."""
+
+    normal_stiffness: float  # Pa
+    tangential_stiffness: float  # Pa
+    normal_damping: float
+    tangential_damping: float
+    damping_unit: int  # row of DampingUnit
+    friction: float
+    wall_friction: float
+    rotation: bool
+
+
+@dataclass(frozen=True)
+class Hertz:
+    """Discs with Hertzian contacts, friction and spin.
+
+    The defaults are the preset "calibrated": Table 1 of the paper, with the two wall parameters fitted.  `Hertz.literal` is the
+    text as printed.
+
+    Parameters
+    ----------
+    youngs_modulus, poisson_ratio : Pa and 1, Table 1.
+    normal_damping, tangential_damping : gamma, 0.8 in Table 1, without a unit.
+    damping_unit : reading of gamma: "rate per length" [1/(m s)] as in eqs 3 and 4; "rate" [1/s], without alpha; "critical",
+        the share of the critical damping of the contact at its present overlap.
+    friction : Coulomb coefficient of people on people.
+    wall_friction : Coulomb coefficient of people on walls; 0.1 is fitted, 0.5 literal.
+    rotation : False switches eqs 5 and 6 off: nobody turns.
+    social : eq 2; its ``wall_strength`` of 300 N is fitted, 0 literal.  None = no social force.
+    """
+
+    youngs_modulus: float = 5e6
+    poisson_ratio: float = 0.25
+    normal_damping: float = 0.8
+    tangential_damping: float = 0.8
+    damping_unit: DampingUnit = "rate per length"
+    friction: float = 0.5
+    wall_friction: float = 0.1
+    rotation: bool = True
+    social: SocialForce | None = _FITTED
+
+    def __post_init__(self) -> None:
+        require_positive("hertz", "k_n = 2 E / (3 (1 - sigma^2)) has to push", youngs_modulus=self.youngs_modulus)
+        require_not_negative(
+            "hertz",
+            "a contact dissipates (eqs 3, 4)",
+            normal_damping=self.normal_damping,
+            tangential_damping=self.tangential_damping,
+            friction=self.friction,
+            wall_friction=self.wall_friction,
+        )
+        if not -1.0 < self.poisson_ratio <= 0.5:
+            raise ValueError(f"hertz: poisson_ratio is {self.poisson_ratio!r}; it must be above -1 and at most 0.5")
+        require_known("hertz", "damping_unit", self.damping_unit, get_args(DampingUnit))
+
+    @staticmethod
+    def literal() -> "Hertz":
+        """Return the paper's text as printed: walls rub like people do and have no social force."""
+        return Hertz(wall_friction=0.5, social=SocialForce())
+
+    @property
+    def info(self) -> SchemeInfo:
+        """Facts about the scheme."""
+        if self != Hertz.literal():
+            return INFO
+        return replace(
+            INFO, name="hertz-literal", title="Hertz contact, friction with memory, rotation, social force; as printed"
+        )
+
+    @property
+    def normal_stiffness(self) -> float:
+        """``k_n`` [Pa]."""
+        return 2.0 * self.youngs_modulus / (3.0 * (1.0 + self.poisson_ratio) * (1.0 - self.poisson_ratio))
+
+    @property
+    def tangential_stiffness(self) -> float:
+        """``k_t`` [Pa]."""
+        return 2.0 * self.youngs_modulus / ((1.0 + self.poisson_ratio) * (2.0 - self.poisson_ratio))
+
+    def stable_dt(self, bodies: Bodies) -> float:
+        """Return 2 / omega at the overlap bound, or 2 tau of the quickest drive."""
+        alpha = np.sqrt(self.overlap_bound(bodies, 0.0) * 0.5 * bodies.radius.max())
+        omega = np.sqrt(1.5 * self.normal_stiffness * alpha / (0.5 * bodies.mass.min()))
+        return float(min(2.0 / omega, 2.0 * bodies.relaxation_time.min()))
+
+    def overlap_bound(self, bodies: Bodies, dt: float) -> float:
+        """Return the overlap of a head-on impact plus that under the push of the largest crowd leaning on one contact.
+
+        Raises nothing; the social force, which pushes apart, is left out.  An impact of people who stand still by themselves is
+        taken at 1 m/s each.
+        """
+        speed = 2.0 * max(float(bodies.desired_speed.max()), 1.0)
+        stiffness = self.normal_stiffness * np.sqrt(0.5 * bodies.radius.min())
+        impact = (1.25 * 0.5 * bodies.mass.max() * speed**2 / stiffness) ** 0.4
+        drive = bodies.mass * bodies.desired_speed / bodies.relaxation_time
+        lean = (np.add.reduceat(drive, bodies.env_start[:-1]).max() / stiffness) ** (2.0 / 3.0)
+        return float(impact + lean)
+
+    def check(self, driving: bool) -> None:
+        """Accept both uses."""
+
+    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+        """Advance the environments ``first:stop`` in place."""
+        law = HertzLaw(
+            self.normal_stiffness,
+            self.tangential_stiffness,
+            self.normal_damping,
+            self.tangential_damping,
+            get_args(DampingUnit).index(self.damping_unit),
+            self.friction,
+            self.wall_friction,
+            self.rotation,
+        )
+        social = social_law(self.social, batch.control.driving)
+        _advance_range(batch, dt, n_substeps, first, stop, law, social)
+
+
+@kernel
+def _touch(
+    first: int,
+    last: int,
+    contacts: Contacts,
+    history: Floats,
+    bodies: Bodies,
+    velocity: Floats,
+    spin: Floats,
+    force: Floats,
+    torque: Floats,
+    dt: float,
+    elapsed: float,
+    law: HertzLaw,
+) -> None:
+    """Add the forces and torques of the contacts ``first:last`` (eqs 3, 4, 6); ``elapsed`` is what the springs stretch over.
+
+    With the normal from j to i and the tangent t = normal turned left, the contact point of i moves with v_i - w_i r_i t and
+    that of j with v_j + w_j r_j t; a tangential force F_t t on i turns both the same way, by -r F_t.
+    """
+    kn, kt, turning = law.normal_stiffness, law.tangential_stiffness, law.rotation
+    for c in range(first, last):
+        i, j, entry, overlap = contacts.i[c], contacts.j[c], contacts.entry[c], -contacts.gap[c]
+        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
+        reduced, mass, limit = bodies.radius[i], bodies.mass[i], law.wall_friction
+        ux, uy, turn = velocity[i, 0], velocity[i, 1], bodies.radius[i] * spin[i]
+        if j >= 0:
+            other, heft = bodies.radius[j], bodies.mass[j]
+            reduced, mass, limit = reduced * other / (reduced + other), mass * heft / (mass + heft), law.friction
+            ux, uy, turn = ux - velocity[j, 0], uy - velocity[j, 1], turn + other * spin[j]
+        closing, slip = -(ux * nx + uy * ny), uy * nx - ux * ny - turn
+        alpha = np.sqrt(overlap * reduced)
+        cn, ct = mass * law.normal_damping, mass * law.tangential_damping  # N s/m, per alpha
+        if law.damping_unit == 1:
+            cn, ct = cn / alpha, ct / alpha
+        elif law.damping_unit == 2:
+            cn = 2.0 * law.normal_damping * np.sqrt(1.5 * kn * mass / alpha)
+            ct = 2.0 * law.tangential_damping * np.sqrt(kt * mass / alpha)
+        push = kn * overlap + cn * closing
+        stretch = history[entry, 0] + slip * elapsed
+        rub = -(kt * stretch + ct * slip)
+        most = limit * abs(push)
+        if abs(rub) > most:  # slides: the spring is let go to where it gives the limit
+            rub = most if rub > 0.0 else -most
+            stretch = -(rub + ct * slip) / kt
+        history[entry, 0] = stretch
+        push *= alpha
+        rub *= alpha
+        contacts.impulse[c, 0], contacts.impulse[c, 1] = push * dt, rub * dt
+        px, py = push * nx - rub * ny, push * ny + rub * nx
+        force[i, 0] += px
+        force[i, 1] += py
+        if turning:
+            torque[i] -= bodies.radius[i] * rub
+        if j >= 0:
+            force[j, 0] -= px
+            force[j, 1] -= py
+            if turning:
+                torque[j] -= bodies.radius[j] * rub
+
+
+@kernel
+def _kick(begin: int, end: int, bodies: Bodies, state: CrowdState, force: Floats, torque: Floats, half: float) -> None:
+    """Half a kick (eqs 9, 11)."""
+    for i in range(begin, end):
+        if state.active[i]:
+            rate = half / bodies.mass[i]
+            state.velocity[i, 0] += rate * force[i, 0]
+            state.velocity[i, 1] += rate * force[i, 1]
+            state.spin[i] += half * torque[i] / bodies.inertia[i]
+
+
+@kernel
+def _drift(begin: int, end: int, state: CrowdState, previous: Floats, dt: float) -> None:
+    """Move and turn (eq 10)."""
+    for i in range(begin, end):
+        if state.active[i]:
+            for k in range(2):
+                previous[i, k] = state.position[i, k]
+                state.position[i, k] += dt * state.velocity[i, k]
+            state.angle[i] += dt * state.spin[i]
+
+
+@kernel
+def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: HertzLaw, social: SocialLaw) -> None:
+    world, bodies, state, control, memory = batch
+    near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
+    force, torque, phase = memory.force, memory.torque, memory.phase
+    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
+    while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
+        first = near.entry_start[e]
+        last = first + contacts.number[e]
+        if phase[e] == _KNOWN:
+            record_pushes(first, last, contacts, memory.push, memory.crush, 0.5)  # those of the last step
+            _kick(begin, end, bodies, state, force, torque, 0.5 * dt)
+            _drift(begin, end, state, memory.previous, dt)
+            leave(e, g, world.boundary, bodies, state, memory.previous, dt)
+            phase[e] = _DRIFTED
+        if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, 0.0, social.cutoff):
+            return  # goes on from here, with more room
+        desired_velocities(e, world, bodies, state, control, memory.desired)
+        regular_forces(
+            e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, force, social
+        )
+        for i in range(begin, end):
+            torque[i] = 0.0
+        last = first + contacts.number[e]
+        elapsed = dt if phase[e] == _DRIFTED else 0.0  # the first forces of all are those of springs not yet stretched
+        _touch(first, last, contacts, near.history, bodies, state.velocity, state.spin, force, torque, dt, elapsed, law)
+        if phase[e] == _DRIFTED:
+            record_pushes(first, last, contacts, memory.push, memory.crush, 0.5)
+            record_overlaps(e, first, last, contacts, memory.diagnostics)
+            _kick(begin, end, bodies, state, force, torque, 0.5 * dt)
+            tick(e, state.time, memory.progress, dt)
+        phase[e] = _KNOWN
+
+
+@kernel
+def _advance_range(
+    batch: Batch, dt: float, n_substeps: int, first: int, stop: int, law: HertzLaw, social: SocialLaw
+) -> None:
+    for e in range(first, stop):
+        _advance_one(e, batch, dt, n_substeps, law, social)

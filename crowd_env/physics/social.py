@@ -1,0 +1,167 @@
+"""Social force: people keep their distance before they touch; available to every scheme.
+
+    f_i = A exp(-D / B) (1 + phi cos beta_i) n        on i, along n away from the other
+    cos beta_i                                         between the desired direction of i and the direction to the other
+
+Lin, Ma, Lo (eq 2) write it so: phi > 0 makes whoever stands in front count for more.  Helbing's form, eq 12 of
+Pécol et al. 2011,
+    f_i = A exp(-D / B) (Lambda + (1 - Lambda) (1 + cos beta_i) / 2) n
+is the same with strength A (1 + Lambda) / 2 and phi = (1 - Lambda) / (1 + Lambda).  (The paper prints the unit vector that
+attracts; here it pushes apart.)
+
+The two of a pair look different ways, so the force of the one on the other is NOT minus the force of the other on the one.
+It acts in contact too, for any overlap.  Someone who wants to go nowhere has no front: cos beta is 0.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from crowd_env._jit import kernel
+from crowd_env.geometry import Boundary
+from crowd_env.physics.contacts import gap_to_feature
+from crowd_env.physics.neighbors import NeighbourList
+from crowd_env.physics.require import require_not_negative, require_positive
+from crowd_env.state import Bodies, CrowdState, Floats
+
+
+class SocialLaw(NamedTuple):
+    """A social force as kernels read it."""
+
+    strength: float
+    length: float
+    anisotropy: float
+    wall_strength: float
+    cutoff: float  # 0: no social force at all
+
+
+@dataclass(frozen=True)
+class SocialForce:
+    """Anisotropic, non-reciprocal repulsion at a distance.
+
+    Parameters
+    ----------
+    strength : N, ``A``: the force at zero distance from someone at the side.
+    length : m, ``B``: the distance over which it falls to 1/e.
+    anisotropy : ``phi``; at zero distance the force is A (1 + phi) from someone in front and A (1 - phi) from someone behind.
+    wall_strength : N, the same for walls; neither paper gives walls a social force, so 0 is the literal reading.
+    cutoff : m, distance beyond which nobody is noticed; at 8 lengths the force has fallen to 1/3000.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range.
+    """
+
+    strength: float = 300.0
+    length: float = 0.05
+    anisotropy: float = 0.3
+    wall_strength: float = 0.0
+    cutoff: float = 0.4
+
+    def __post_init__(self) -> None:
+        require_not_negative("social force", strength=self.strength, wall_strength=self.wall_strength)
+        require_positive("social force", length=self.length, cutoff=self.cutoff)
+        if not -1.0 <= self.anisotropy <= 1.0:
+            raise ValueError(
+                f"social force: anisotropy is {self.anisotropy!r}; it must be in [-1, 1]: outside, the force would attract"
+            )
+        if not np.isfinite([self.strength, self.wall_strength, self.length, self.cutoff]).all():
+            raise ValueError("social force: strength, wall_strength, length and cutoff must be finite")
+
+    @staticmethod
+    def helbing(strength: float = 2000.0, length: float = 0.08, behind: float = 0.0) -> "SocialForce":
+        """Return Helbing's force, eq 12 and Table 6 of Pécol et al. 2011.
+
+        Parameters
+        ----------
+        strength : N, ``A_i``: the force at zero distance from someone straight ahead.
+        length : m, ``B_i``.
+        behind : ``Lambda_i``: share of it from someone straight behind, 0 to 1.
+        """
+        if not 0.0 <= behind <= 1.0:
+            raise ValueError(f"social force: behind (Lambda) is {behind!r}; it must be in [0, 1]")
+        half = 0.5 * (1.0 + behind)
+        return SocialForce(strength * half, length, (1.0 - behind) / (1.0 + behind), cutoff=8.0 * length)
+
+    def law(self) -> SocialLaw:
+        """Return the force as kernels read it."""
+        return SocialLaw(self.strength, self.length, self.anisotropy, self.wall_strength, self.cutoff)
+
+
+NO_SOCIAL_LAW = SocialLaw(0.0, 1.0, 0.0, 0.0, 0.0)
+
+# Name -> social force; what the command line knows.
+SOCIAL_FORCES: dict[str, SocialForce | None] = {
+    "none": None,
+    "helbing": SocialForce.helbing(),
+    "lin": SocialForce(),
+}
+
+
+def social_law(social: SocialForce | None, driving: bool) -> SocialLaw:
+    """Return what kernels read; passive grains feel no social force."""
+    return NO_SOCIAL_LAW if social is None or not driving else social.law()
+
+
+@kernel
+def add_social_forces(
+    e: int,
+    g: int,
+    boundary: Boundary,
+    bodies: Bodies,
+    state: CrowdState,
+    near: NeighbourList,
+    desired: Floats,
+    heading: Floats,
+    force: Floats,
+    law: SocialLaw,
+) -> None:
+    """Add the social forces [N] on everyone in environment ``e`` to ``force`` (P, 2).
+
+    The neighbour list must be complete up to the cut-off.  ``heading`` (P, 2) is working memory.
+    """
+    active, position, radius, partner = state.active, state.position, bodies.radius, near.partner
+    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
+    strength, cutoff, per_length = law.strength, law.cutoff, 1.0 / law.length
+    for i in range(begin, end):
+        x, y = desired[i, 0], desired[i, 1]
+        speed = np.sqrt(x * x + y * y)
+        share = law.anisotropy / speed if speed > 0.0 else 0.0
+        heading[i, 0], heading[i, 1] = share * x, share * y
+    for i in range(begin, end):
+        if not active[i]:
+            continue
+        x, y, r, ahead_x, ahead_y = position[i, 0], position[i, 1], radius[i], heading[i, 0], heading[i, 1]
+        total_x, total_y = 0.0, 0.0
+        entry, stop = near.row_begin[i], near.row_end[i]
+        while entry < stop:
+            j = partner[entry]
+            if j < 0:  # walls come last
+                break
+            entry += 1
+            dx, dy, reach = x - position[j, 0], y - position[j, 1], r + radius[j] + cutoff
+            square = dx * dx + dy * dy
+            if square >= reach * reach or not active[j]:
+                continue
+            distance = np.sqrt(square)
+            nx, ny = 1.0, 0.0
+            if distance > 0.0:
+                nx, ny = dx / distance, dy / distance
+            size = strength * np.exp((reach - cutoff - distance) * per_length)
+            mine = size * (1.0 - (ahead_x * nx + ahead_y * ny))
+            other = size * (1.0 + (heading[j, 0] * nx + heading[j, 1] * ny))
+            total_x += mine * nx
+            total_y += mine * ny
+            force[j, 0] -= other * nx
+            force[j, 1] -= other * ny
+        if law.wall_strength > 0.0:
+            for k in range(entry, stop):
+                gap, nx, ny = gap_to_feature(x, y, r, boundary, g, -1 - partner[k])
+                if gap < cutoff:
+                    size = law.wall_strength * np.exp(-gap * per_length) * (1.0 - (ahead_x * nx + ahead_y * ny))
+                    total_x += size * nx
+                    total_y += size * ny
+        force[i, 0] += total_x
+        force[i, 1] += total_y
