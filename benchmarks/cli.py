@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import batch, cold, room20, train
+from benchmarks import batch, cold, particles, room20, train
 from benchmarks.measuring import Effort, Row
 
 # Name -> function that measures.
@@ -18,6 +18,7 @@ CASES: dict[str, Callable[[Effort], list[Row]]] = {
     "batch": batch.rows,
     "train": train.rows,
     "room20": room20.rows,
+    "particles": particles.rows,
     "cold": cold.rows,
 }
 _notes = Console(stderr=True, highlight=False)

@@ -1,7 +1,7 @@
 """Actions: what an agent decides is a desired velocity, as a multiple of its pedestrian's desired speed.
 
-In the frame "path" the first axis is the direction of the shortest path at the pedestrian's place, looked up anew at every
-physics step, and the second points to its left: (1, 0) is exactly what the rule "walk the shortest path" does.  In the frame
+In the frame "path" the first axis is the direction of the shortest path at the pedestrian's place, looked up anew every
+0.01 s, and the second points to its left: (1, 0) is exactly what the rule "walk the shortest path" does.  In the frame
 "world" the axes are x and y.  A vector longer than 1 is shortened to 1: nobody wants to be faster than the desired speed.
 """
 

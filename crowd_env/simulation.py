@@ -202,6 +202,7 @@ class Simulation:
         state.time[e] = 0.0
         near = self.memory.near
         self.memory.phase[e] = 0
+        self.memory.way_age[e] = np.inf
         near.reach[e] = -1.0
         near.row_begin[people] = near.entry_start[e]
         near.row_end[people] = near.entry_start[e]

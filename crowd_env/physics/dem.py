@@ -108,7 +108,7 @@ def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, stiffness: fl
     while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
         if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, 0.0, social.cutoff):
             return
-        desired_velocities(e, world, bodies, state, control, memory.desired)
+        desired_velocities(e, world, bodies, state, control, memory, dt)
         regular_forces(
             e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, memory.force, social
         )

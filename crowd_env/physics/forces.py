@@ -8,42 +8,61 @@ from crowd_env.geometry import Boundary
 from crowd_env.navigation import direction_at, quick_direction
 from crowd_env.physics.neighbors import NeighbourList
 from crowd_env.physics.social import SocialLaw, add_social_forces
-from crowd_env.physics.world import Control, World
-from crowd_env.state import Bodies, CrowdState, Floats
+from crowd_env.physics.world import Control, Memory, World
+from crowd_env.state import Bodies, Bools, CrowdState, Floats
+
+
+# The way out is looked up anew after so long: at every step of 0.01 s, at every tenth of 0.001 s.  It costs as much as two
+# contacts, and nobody gets 2 cm further in between.
+_LOOK_EVERY = 0.01  # s
 
 
 @kernel
 def desired_velocities(
-    e: int, world: World, bodies: Bodies, state: CrowdState, control: Control, desired: Floats
+    e: int, world: World, bodies: Bodies, state: CrowdState, control: Control, memory: Memory, dt: float
 ) -> None:
-    """Write the desired velocity [m/s] of everyone in environment ``e`` into ``desired`` (P, 2).
+    """Write the desired velocity [m/s] of everyone in environment ``e`` into ``Memory.desired`` (P, 2).
 
     A command is a multiple of the own desired speed.  A relative one turns with the direction of the shortest path, which
-    is looked up anew at every physics step: command (1, 0) is the rule "walk the shortest path".
+    is looked up anew every 0.01 s: command (1, 0) is the rule "walk the shortest path".
     """
+    if memory.way_age[e] > _LOOK_EVERY - 0.5 * dt:
+        # Who may be told to follow the way within the next 0.01 s needs it too.
+        everyone = dt < _LOOK_EVERY
+        _look_for_the_way(e, world, bodies, state, control.relative, everyone, memory.way)
+        memory.way_age[e] = 0.0
+    memory.way_age[e] += dt
+    command, relative, way, desired, time = control.command, control.relative, memory.way, memory.desired, state.time[e]
+    for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
+        if not state.active[i]:
+            continue
+        speed = bodies.desired_speed[i] if time >= bodies.response_time[i] else 0.0
+        cx, cy = command[i, 0], command[i, 1]
+        if relative[i]:
+            ex, ey = way[i, 0], way[i, 1]
+            cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
+        desired[i, 0], desired[i, 1] = speed * cx, speed * cy
+
+
+@kernel
+def _look_for_the_way(e: int, world: World, bodies: Bodies, state: CrowdState, relative: Bools, everyone: bool, way: Floats) -> None:
     g = world.geometry_of_env[e]
     field, boundary = world.field, world.boundary
     cell, direction, exit_line = field.cell, field.direction, boundary.exit
     rows, cols, margin = field.shape[g, 0], field.shape[g, 1], field.margin[g]
     start, left, bottom, spacing = field.node_start[g], field.origin[g, 0], field.origin[g, 1], field.spacing[g]
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-        if not state.active[i]:
+        if not (state.active[i] and (relative[i] or everyone)):
             continue
-        speed = bodies.desired_speed[i]
-        if state.time[e] < bodies.response_time[i]:
-            speed = 0.0
-        cx, cy = control.command[i, 0], control.command[i, 1]
-        if control.relative[i]:
-            x, y, radius = state.position[i, 0], state.position[i, 1], bodies.radius[i]
-            plain, ex, ey = False, 0.0, 0.0
-            if cols > 0:
-                plain, ex, ey = quick_direction(
-                    cell, direction, exit_line, start, rows, cols, left, bottom, spacing, margin, x, y, radius
-                )
-            if not plain:
-                ex, ey = direction_at(field, boundary, g, x, y, radius)
-            cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
-        desired[i, 0], desired[i, 1] = speed * cx, speed * cy
+        x, y, radius = state.position[i, 0], state.position[i, 1], bodies.radius[i]
+        plain, ex, ey = False, 0.0, 0.0
+        if cols > 0:
+            plain, ex, ey = quick_direction(
+                cell, direction, exit_line, start, rows, cols, left, bottom, spacing, margin, x, y, radius
+            )
+        if not plain:
+            ex, ey = direction_at(field, boundary, g, x, y, radius)
+        way[i, 0], way[i, 1] = ex, ey
 
 
 @kernel

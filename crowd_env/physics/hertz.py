@@ -269,7 +269,7 @@ def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: HertzLaw
             phase[e] = _DRIFTED
         if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, 0.0, social.cutoff):
             return  # goes on from here, with more room
-        desired_velocities(e, world, bodies, state, control, memory.desired)
+        desired_velocities(e, world, bodies, state, control, memory, dt)
         regular_forces(
             e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, force, social
         )

@@ -174,7 +174,7 @@ def _advance_one(
     world, bodies, state, control, memory = batch
     near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
     while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
-        desired_velocities(e, world, bodies, state, control, memory.desired)
+        desired_velocities(e, world, bodies, state, control, memory, dt)
         if social.cutoff > 0.0:
             memory.status[e] = update_neighbours(e, g, world.boundary, bodies, state, near, social.cutoff)
             if memory.status[e] != OK:

@@ -105,6 +105,25 @@ def social_law(social: SocialForce | None, driving: bool) -> SocialLaw:
     return NO_SOCIAL_LAW if social is None or not driving else social.law()
 
 
+_POWERS = 2.0 ** np.arange(-160.0, 161.0)
+
+
+@kernel
+def _exp(x: float) -> float:
+    """Return exp(x) to a relative 1e-10, for |x| < 110; half the time of the library's, which is half of the whole force.
+
+    2^k times the Taylor series of what is left, at most ln 2 / 2, paired up so that the processor need not wait for each term.
+    """
+    x = min(max(x, -110.0), 110.0)
+    k = np.floor(x * 1.4426950408889634 + 0.5)
+    y = x - k * 0.6931471805599453
+    y2 = y * y
+    y4 = y2 * y2
+    low = (1.0 + y) + y2 * (0.5 + y * (1.0 / 6.0))
+    high = (1.0 / 24.0 + y * (1.0 / 120.0)) + y2 * (1.0 / 720.0 + y * (1.0 / 5040.0))
+    return _POWERS[int(k) + 160] * (low + y4 * (high + y4 * (1.0 / 40320.0 + y * (1.0 / 362880.0))))
+
+
 @kernel
 def add_social_forces(
     e: int,
@@ -148,8 +167,9 @@ def add_social_forces(
             distance = np.sqrt(square)
             nx, ny = 1.0, 0.0
             if distance > 0.0:
-                nx, ny = dx / distance, dy / distance
-            size = strength * np.exp((reach - cutoff - distance) * per_length)
+                per_distance = 1.0 / distance
+                nx, ny = per_distance * dx, per_distance * dy
+            size = strength * _exp((reach - cutoff - distance) * per_length)
             mine = size * (1.0 - (ahead_x * nx + ahead_y * ny))
             other = size * (1.0 + (heading[j, 0] * nx + heading[j, 1] * ny))
             total_x += mine * nx
@@ -160,7 +180,7 @@ def add_social_forces(
             for k in range(entry, stop):
                 gap, nx, ny = gap_to_feature(x, y, r, boundary, g, -1 - partner[k])
                 if gap < cutoff:
-                    size = law.wall_strength * np.exp(-gap * per_length) * (1.0 - (ahead_x * nx + ahead_y * ny))
+                    size = law.wall_strength * _exp(-gap * per_length) * (1.0 - (ahead_x * nx + ahead_y * ny))
                     total_x += size * nx
                     total_y += size * ny
         force[i, 0] += total_x

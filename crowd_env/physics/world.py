@@ -47,6 +47,8 @@ class Memory(NamedTuple):
     near: NeighbourList
     contacts: Contacts
     problem: Problem
+    way: Floats  # (P, 2) direction of the shortest path when it was last looked up
+    way_age: Floats  # (E,)   s since then
     desired: Floats  # (P, 2) m/s
     force: Floats  # (P, 2) N
     previous: Floats  # (P, 2) position at the start of the step
@@ -106,6 +108,8 @@ def allocate_memory(bodies: Bodies, per_person: int = 12) -> Memory:
         near=near,
         contacts=allocate_contacts(near),
         problem=allocate_problem(people, len(near.partner)),
+        way=reals(people, 2),
+        way_age=np.full(environments, np.inf),
         desired=reals(people, 2),
         force=reals(people, 2),
         previous=reals(people, 2),
