@@ -16,6 +16,7 @@ from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, So
 from crowd_env.population import Normal, Population, Uniform
 from crowd_env.pressure import contact_pressure, crowd_pressure
 from crowd_env.reward import RewardWeights
+from crowd_env.routes import Comfort, ControlRule, Route, SpeedZone
 from crowd_env.scenario import Scenario, read_starts, scenario_from_wkt
 from crowd_env.scenarios import SCENARIOS, make_scenario
 from crowd_env.simulation import Simulation
@@ -31,6 +32,8 @@ __all__ = [
     "SCHEMES",
     "SOCIAL_FORCES",
     "Bodies",
+    "Comfort",
+    "ControlRule",
     "CrowdEnv",
     "CrowdGymEnv",
     "CrowdParallelEnv",
@@ -43,9 +46,11 @@ __all__ = [
     "ObservationLayout",
     "Population",
     "RewardWeights",
+    "Route",
     "Scenario",
     "Simulation",
     "SocialForce",
+    "SpeedZone",
     "Step",
     "Uniform",
     "contact_pressure",

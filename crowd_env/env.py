@@ -61,6 +61,8 @@ class CrowdEnv:
     autoreset : start a new episode in the step in which an environment finishes; the last observations of the finished one
         are then in ``info["final_observation"]``.
     threads : spread environments over threads; results do not depend on it.
+    strategy, rules : how people choose their way, and whether the scenario's control rules are in force, see
+        `Scenario.ways`.
     scenario_options : options of the scenario if it is given by name.
 
     Raises
@@ -92,6 +94,8 @@ class CrowdEnv:
         time_limit: float | None = None,
         autoreset: bool = False,
         threads: int = 1,
+        strategy: str = "shortest",
+        rules: bool = True,
         **scenario_options: Any,
     ) -> None:
         if num_envs < 1:
@@ -127,13 +131,15 @@ class CrowdEnv:
         ]
         self.env_start = np.concatenate([[0], np.cumsum([len(position) for _, position in draws])]).astype(np.int64)
         columns = [np.concatenate(column) for column in zip(*(bodies[:-1] for bodies, _ in draws), strict=True)]
+        self.strategy = strategy
+        self.ways = [s.ways(strategy, rules=rules) for s in self.scenarios]
         self.simulation = Simulation(
             [s.geometry for s in self.scenarios],
             Bodies._make([*columns, self.env_start]),
             make_state(np.concatenate([position for _, position in draws]), environments=num_envs),
             scheme=scheme,
             dt=dt,
-            fields=[s.field() for s in self.scenarios],
+            fields=self.ways,
             geometry_of_env=which,
             threads=threads,
         )
@@ -267,7 +273,9 @@ class CrowdEnv:
 
     def _restart(self, e: int) -> None:
         scenario = self.scenario_of_env[e]
-        self.simulation.restart(e, *scenario.population.draw(self._generators[e], scenario.geometry))
+        bodies, position = scenario.population.draw(self._generators[e], scenario.geometry)
+        ways = self.ways[e % len(self.scenarios)]
+        self.simulation.restart(e, bodies, position, route=scenario.choose(ways, self.strategy, position))
         self._impulse[self.people(e)] = 0.0
         self._last_exit[e] = 0.0
         self.finished[e] = False
@@ -291,7 +299,8 @@ class CrowdEnv:
         simulation = self.simulation
         world, bodies, state, memory = simulation.world, simulation.bodies, simulation.state, simulation.memory
         direction, travel_time = self._direction, self._travel_time
-        look_ahead(world.field, world.boundary, world.geometry_of_env, bodies, state, seen, direction, travel_time)
+        routes = world.guidance.field_of_route
+        look_ahead(world.field, world.boundary, routes, memory.followed, bodies, state, seen, direction, travel_time)
         view = View(
             boundary=world.boundary,
             geometry_of_env=world.geometry_of_env,

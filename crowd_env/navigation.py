@@ -5,7 +5,7 @@ narrow; scikit-fmm solves ``|grad T| = 1`` on what is left.  People may still st
 pushed, or are smaller): there the field is extended along straight lines to the dilated area.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,9 @@ from crowd_env.navigation_plan import (
     Plan,
     choose_spacing,
     dilate,
+    in_goal,
     make_plan,
+    node_places,
     require_reached,
     source_distance,
 )
@@ -34,6 +36,7 @@ __all__ = [
     "exit_target",
     "join_fields",
     "quick_direction",
+    "regions_along",
     "straight_field",
     "travel_time_at",
     "travel_time_field",
@@ -51,7 +54,7 @@ class NavigationField:
     Attributes
     ----------
     travel_time
-        (rows, cols) travel time at 1 m/s [s], i.e. length of the path of the centre [m]; nan outside of the area.
+        (rows, cols) travel time at 1 m/s on plain floor [s], there the length of the path of the centre [m]; nan outside.
     direction
         (rows, cols, 2) unit vector along the shortest path; 0 outside.
     direct
@@ -67,6 +70,10 @@ class NavigationField:
         Radius of the disc that the field is made for [m].
     margin
         Distance kept from the ends of an exit one aims at [m]; nan = the own radius.
+    through
+        (rows, cols) bit k: the way from the node leads through region k of the geometry; None = not known.
+    free
+        (rows, cols) whether the centre of the disc can be there; None = not known.
     """
 
     travel_time: Floats
@@ -77,6 +84,8 @@ class NavigationField:
     spacing: float
     radius: float
     margin: float = float("nan")
+    through: Ints | None = None
+    free: Bools | None = None
 
 
 def travel_time_field(
@@ -86,8 +95,10 @@ def travel_time_field(
     exits: Iterable[str] | None = None,
     spacing: float | None = None,
     min_radius: float | None = None,
+    goal: str | None = None,
+    speed: Callable[[Floats, Floats], Floats] | None = None,
 ) -> NavigationField:
-    """Return the field that leads discs to the nearest of the exits.
+    """Return the field that leads discs to the nearest of the exits, or into a region.
 
     Parameters
     ----------
@@ -103,15 +114,19 @@ def travel_time_field(
     min_radius
         Radius of the smallest body [m], ``radius`` by default.  Where only smaller bodies get through, the field is made
         for the largest radius that does, with a warning.
+    goal
+        Name of the region to lead to instead of exits; all exits then count as walls.
+    speed
+        Walking speed at places x, y [m], relative to that on plain floor; > 0.  The way is the quickest one then.
 
     Raises
     ------
     ValueError
-        If an exit is unknown or too narrow for the smallest body, or a part of the area cannot reach any exit.
+        If a region or exit is unknown, an exit is too narrow for the smallest body, or a part of the area reaches no exit.
     """
-    plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius)
+    plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal)
     nodes, used, reached = dilate(plan, choose_spacing(plan, spacing))
-    return _solve(plan, nodes, used, reached)
+    return _solve(plan, nodes, used, reached, None if speed is None else speed(*node_places(nodes)))
 
 
 def straight_field(field: NavigationField, geometry: Geometry, margin: float) -> NavigationField:
@@ -132,8 +147,15 @@ def straight_field(field: NavigationField, geometry: Geometry, margin: float) ->
     return replace(field, cell=cell, margin=margin)
 
 
-def join_fields(fields: Sequence[NavigationField | None], boundary: Boundary) -> FieldArrays:
-    """Return the fields of the geometries of ``boundary`` one behind the other; None = no field there.
+def join_fields(
+    fields: Sequence[NavigationField | None], boundary: Boundary, geometry_of_field: Sequence[int] | None = None
+) -> FieldArrays:
+    """Return fields one behind the other, each on a geometry of ``boundary``; None = no field.
+
+    Parameters
+    ----------
+    geometry_of_field
+        Row of the geometry of each field; by default there is one field a geometry.
 
     Raises
     ------
@@ -141,12 +163,14 @@ def join_fields(fields: Sequence[NavigationField | None], boundary: Boundary) ->
         If there is not one entry per geometry.
     """
     count = len(boundary.exit_start) - 1
-    if len(fields) != count:
+    if geometry_of_field is None and len(fields) != count:
         raise ValueError(f"{len(fields)} fields for {count} geometries; give one (or None) for each")
-    made = [(field, boundary.exit_start[g]) for g, field in enumerate(fields) if field is not None]
+    place = np.arange(count) if geometry_of_field is None else np.asarray(geometry_of_field)
+    made = [(field, boundary.exit_start[g]) for g, field in zip(place, fields, strict=True) if field is not None]
     shapes = [(0, 0) if field is None else field.travel_time.shape for field in fields]
     sizes = [rows * cols for rows, cols in shapes]
     return FieldArrays(
+        geometry=place.astype(np.int64),
         node_start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
         shape=np.array(shapes, dtype=np.int64).reshape(-1, 2),
         origin=np.array([(0.0, 0.0) if f is None else f.origin for f in fields], dtype=np.float64).reshape(-1, 2),
@@ -156,7 +180,18 @@ def join_fields(fields: Sequence[NavigationField | None], boundary: Boundary) ->
         direct=np.concatenate([np.empty(0, dtype=np.int64), *(_offset(f.direct, first) for f, first in made)]),
         cell=np.concatenate([np.empty(0, dtype=np.int64), *(_offset(f.cell, first) for f, first in made)]),
         margin=np.array([np.nan if f is None else f.margin for f in fields], dtype=np.float64),
+        through=np.concatenate([np.empty(0, dtype=np.int64), *(_through(f) for f, _ in made)]),
     )
+
+
+def _through(field: NavigationField) -> Ints:
+    shape = field.travel_time.size
+    return np.zeros(shape, dtype=np.int64) if field.through is None else field.through.ravel()
+
+
+def regions_along(field: NavigationField, region: Ints) -> Ints:
+    """Return (rows, cols) the regions (bits) that the way from every node leads through; ``region``: where the nodes lie."""
+    return np.asarray(directions.regions_on_the_way(field.travel_time, region))
 
 
 def _offset(exits: Ints, first: int) -> Ints:
@@ -164,20 +199,19 @@ def _offset(exits: Ints, first: int) -> Ints:
     return np.where(exits >= 0, exits + first, exits).ravel()
 
 
-def _solve(plan: Plan, nodes: Grid, radius: float, reached: Bools) -> NavigationField:
+def _solve(plan: Plan, nodes: Grid, radius: float, reached: Bools, speed: Floats | None) -> NavigationField:
     """March through the free nodes, extend to all walkable ones, and find directions and straight lines."""
     h = nodes.spacing
     rows, cols = reached.shape
     # Half a spacing of fringe, so that the ragged edge of the nodes lies at the radius on average, not beyond it.
     free = grid.with_fringe(reached, nodes.inside & (nodes.clearance >= radius - h / 2))
-    distance = source_distance(plan.exits, nodes, radius, cap=4 * SOURCE * h)
-    seeds = free & (distance < SOURCE * h)
-    time = np.where(seeds, distance, np.nan)
-    if (free & ~seeds).any():
-        level = np.ma.MaskedArray(distance - SOURCE * h, ~free)
-        marched = skfmm.travel_time(level, np.ones((rows, cols)), dx=h, order=2)
-        far = free & ~seeds & ~np.ma.getmaskarray(marched)
-        time[far] = np.ma.getdata(marched)[far] + SOURCE * h
+    pace = np.ones((rows, cols)) if speed is None else np.asarray(speed, dtype=np.float64)
+    time, level = _sources(plan, nodes, radius, free, pace)
+    known = ~np.isnan(time)
+    if (free & ~known).any():
+        marched = skfmm.travel_time(np.ma.MaskedArray(level, ~free), pace, dx=h, order=2)
+        far = free & ~known & ~np.ma.getmaskarray(marched)
+        time[far] = np.ma.getdata(marched)[far] + (SOURCE * h if plan.goal is None else 0.0)
     direction = directions.descend(time, h)
     band, reach = radius, radius + SOURCE * h
     while directions.extend_once(
@@ -186,7 +220,11 @@ def _solve(plan: Plan, nodes: Grid, radius: float, reached: Bools) -> Navigation
         band = 0.0  # further passes fill gaps that are narrower than the disc: straight to the better end
     require_reached(plan, nodes, np.isnan(time))
     directions.fill_from_nearest(time, direction, nodes.inside, ~np.isnan(time), h)
-    direct = directions.straight_lines(time, direction, plan.walls, plan.exits, plan.rows, nodes.origin, h, radius)
+    # Where the floor is not the same all the way, a straight line is taken only if it takes no longer than on plain floor.
+    detour = np.inf if speed is None else 0.02
+    direct = directions.straight_lines(
+        time, direction, plan.walls, plan.exits, plan.rows, nodes.origin, h, radius, detour
+    )
     return NavigationField(
         travel_time=time,
         direction=direction,
@@ -195,4 +233,15 @@ def _solve(plan: Plan, nodes: Grid, radius: float, reached: Bools) -> Navigation
         origin=nodes.origin,
         spacing=h,
         radius=radius,
+        free=free,
     )
+
+
+def _sources(plan: Plan, nodes: Grid, radius: float, free: Bools, pace: Floats) -> tuple[Floats, Floats]:
+    """Return the travel times [s] of the nodes that start the march (nan elsewhere), and the level set it starts from."""
+    h = nodes.spacing
+    if plan.goal is None:
+        distance = source_distance(plan.exits, nodes, radius, cap=4 * SOURCE * h)
+        return np.where(free & (distance < SOURCE * h), distance / pace, np.nan), distance - SOURCE * h
+    inside = in_goal(plan, nodes)
+    return np.where(free & inside, 0.0, np.nan), np.where(inside, -0.5, 0.5) * h

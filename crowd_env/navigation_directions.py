@@ -242,12 +242,13 @@ def passes(walls: Floats, x: float, y: float, tx: float, ty: float, radius: floa
 @allocating_kernel
 def straight_lines(
     time: Floats, direction: Floats, walls: Floats, exits: Floats, rows_of_exits: Ints, origin: Floats,
-    spacing: float, radius: float,
+    spacing: float, radius: float, detour: float,
 ) -> Ints:  # fmt: skip
     """Return for every node the exit that a disc of ``radius`` reaches in a straight line (-1 = none).
 
     There ``time`` and ``direction`` become exact.  The line must keep the disc off the walls, or, where the disc stands
-    closer than that, must not come any closer; and it must be the best way by the time found so far.
+    closer than that, must not come any closer; and it must be the best way by the time found so far, which must not exceed
+    its length by more than the share ``detour``: then slow ground lies in between.
     """
     rows, cols = time.shape
     direct = np.full((rows, cols), -1, dtype=np.int64)
@@ -262,6 +263,8 @@ def straight_lines(
                 if not length <= limit or (direct[i, j] >= 0 and length >= time[i, j]):
                     continue
                 if (bx - ax) * (y - ay) - (by - ay) * (x - ax) < -1e-6:  # behind the exit line
+                    continue
+                if time[i, j] > (1.0 + detour) * length + 1.5 * spacing:
                     continue
                 if not passes(walls, x, y, tx, ty, radius):
                     continue
@@ -295,3 +298,25 @@ def cell_kinds(time: Floats, direct: Ints, blocked: NDArray[np.uint8]) -> Ints:
                     least, most = min(least, direct[p, q]), max(most, direct[p, q])
             kind[i, j] = most if least == most else BLEND
     return kind
+
+
+@allocating_kernel
+def regions_on_the_way(time: Floats, region: Ints) -> Ints:
+    """Return for every node the regions (bits of ``region``) that the way from it leads through, its own included.
+
+    The way is followed from node to node, always to the neighbour of the eight that is reached soonest.
+    """
+    rows, cols = time.shape
+    through = region.copy()
+    order = np.argsort(time.ravel())  # nan last
+    for n in order:
+        i, j = n // cols, n % cols
+        if np.isnan(time[i, j]):
+            break
+        least, p, q = time[i, j], i, j
+        for k in range(max(i - 1, 0), min(i + 2, rows)):
+            for m in range(max(j - 1, 0), min(j + 2, cols)):
+                if time[k, m] < least:
+                    least, p, q = time[k, m], k, m
+        through[i, j] |= through[p, q]
+    return through

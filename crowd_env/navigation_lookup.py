@@ -1,6 +1,6 @@
 """Reading a travel-time field at a place: what the physics calls for every pedestrian at every step.
 
-All functions are free of allocation; ``g`` is the row of the geometry within the batch.
+All functions are free of allocation; ``f`` is the row of the field within the batch.
 """
 
 from typing import NamedTuple
@@ -24,17 +24,19 @@ ALONE = -2  # cell: a wall runs through it, or no corner is walkable; follow a s
 
 
 class FieldArrays(NamedTuple):
-    """What kernels read of the navigation fields; the nodes of G geometries lie one behind the other."""
+    """What kernels read of the navigation fields; the nodes of F fields lie one behind the other."""
 
-    node_start: NDArray[np.int64]  # (G+1,)  first node of each geometry; nodes run row by row
-    shape: NDArray[np.int64]  # (G, 2)  rows (y), columns (x)
-    origin: NDArray[np.float64]  # (G, 2)  m   place of node [0, 0]
-    spacing: NDArray[np.float64]  # (G,)    m   between nodes
+    geometry: NDArray[np.int64]  # (F,)    geometry that each field is made for
+    node_start: NDArray[np.int64]  # (F+1,)  first node of each field; nodes run row by row
+    shape: NDArray[np.int64]  # (F, 2)  rows (y), columns (x)
+    origin: NDArray[np.float64]  # (F, 2)  m   place of node [0, 0]
+    spacing: NDArray[np.float64]  # (F,)    m   between nodes
     travel_time: NDArray[np.float64]  # (M,)    s   at 1 m/s; nan outside of the walkable area
     direction: NDArray[np.float64]  # (M, 2)  unit vector along the shortest path; 0 outside
     direct: NDArray[np.int64]  # (M,)    row of Boundary.exit reached in a straight line; -1 = none
     cell: NDArray[np.int64]  # (M,)    cell right of and above: exit that all its corners are direct to, BLEND, ALONE
-    margin: NDArray[np.float64]  # (G,)    m   kept from the ends of an exit one aims at; nan = the own radius
+    margin: NDArray[np.float64]  # (F,)    m   kept from the ends of an exit one aims at; nan = the own radius
+    through: NDArray[np.int64]  # (M,)    bit k: the way from here leads through region k
 
 
 @kernel
@@ -136,27 +138,28 @@ def _nearest_node(travel_time: Floats, start: int, rows: int, cols: int, i0: int
 
 
 @kernel
-def _node_for(field: FieldArrays, boundary: Boundary, g: int, x: float, y: float, first: int) -> int:
+def _node_for(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, first: int) -> int:
     """Return the one node to follow in a cell that a wall runs through or that has no walkable corner; -1 = none.
 
     Of the corners on this side of the wall it is the nearest one; of a cell outside of the area, the nearest node at all.
     """
-    cols = field.shape[g, 1]
-    start, h = field.node_start[g], field.spacing[g]
+    cols = field.shape[f, 1]
+    start, h = field.node_start[f], field.spacing[f]
     i, j = (first - start) // cols, (first - start) % cols
     best, least = -1, np.inf
     for hidden in (False, True):  # better a node behind the wall than none
         for c in range(4):
             node = first + (c >> 1) * cols + (c & 1)
-            px, py = field.origin[g, 0] + (j + (c & 1)) * h, field.origin[g, 1] + (i + (c >> 1)) * h
+            px, py = field.origin[f, 0] + (j + (c & 1)) * h, field.origin[f, 1] + (i + (c >> 1)) * h
             square = (px - x) ** 2 + (py - y) ** 2
             if field.travel_time[node] < np.inf and square < least:  # false for nan
+                g = field.geometry[f]
                 w0, w1 = boundary.wall_start[g], boundary.wall_start[g + 1]
                 if hidden or _sees(boundary.wall, w0, w1, x, y, px, py):
                     best, least = node, square
         if best >= 0:
             return best
-    return _nearest_node(field.travel_time, start, field.shape[g, 0], cols, i, j)
+    return _nearest_node(field.travel_time, start, field.shape[f, 0], cols, i, j)
 
 
 @kernel
@@ -203,13 +206,13 @@ def quick_direction(
 
 @kernel
 def direction_at(
-    field: FieldArrays, boundary: Boundary, g: int, x: float, y: float, radius: float
+    field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, radius: float
 ) -> tuple[float, float]:
-    """Return the unit vector of the way out at (x, y) for a disc of ``radius`` [m]; (0, 0) without a field."""
-    rows, cols = field.shape[g, 0], field.shape[g, 1]
+    """Return the unit vector of the way out at (x, y) for a disc of ``radius`` [m] by field ``f``; (0, 0) without one."""
+    rows, cols = field.shape[f, 0], field.shape[f, 1]
     if cols == 0:
         return 0.0, 0.0
-    start, spacing, left, bottom = field.node_start[g], field.spacing[g], field.origin[g, 0], field.origin[g, 1]
+    start, spacing, left, bottom = field.node_start[f], field.spacing[f], field.origin[f, 0], field.origin[f, 1]
     plain, ex, ey = quick_direction(
         field.cell,
         field.direction,
@@ -220,7 +223,7 @@ def direction_at(
         left,
         bottom,
         spacing,
-        field.margin[g],
+        field.margin[f],
         x,
         y,
         radius,
@@ -233,28 +236,28 @@ def direction_at(
     if field.cell[first] == BLEND:
         best = _best_corner(field.travel_time, first, cols)  # two ways of equal length: take one
     else:
-        best = _node_for(field, boundary, g, x, y, first)
+        best = _node_for(field, boundary, f, x, y, first)
         if best < 0:
             return 0.0, 0.0
     return field.direction[best, 0], field.direction[best, 1]
 
 
 @kernel
-def travel_time_at(field: FieldArrays, boundary: Boundary, g: int, x: float, y: float, radius: float) -> float:
+def travel_time_at(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, radius: float) -> float:
     """Return the length of the way out from (x, y) [m], i.e. the travel time at 1 m/s [s]; nan without a field."""
-    cols = field.shape[g, 1]
+    cols = field.shape[f, 1]
     if cols == 0:
         return np.nan
-    j, u = _cell((x - field.origin[g, 0]) / field.spacing[g], cols)
-    i, v = _cell((y - field.origin[g, 1]) / field.spacing[g], field.shape[g, 0])
-    first = field.node_start[g] + i * cols + j
+    j, u = _cell((x - field.origin[f, 0]) / field.spacing[f], cols)
+    i, v = _cell((y - field.origin[f, 1]) / field.spacing[f], field.shape[f, 0])
+    first = field.node_start[f] + i * cols + j
     k = field.cell[first]
     if k >= 0:
-        margin = field.margin[g]
+        margin = field.margin[f]
         tx, ty = exit_target(boundary, k, x, y, margin if margin >= 0.0 else radius)
         return np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
     if k != BLEND:
-        node = _node_for(field, boundary, g, x, y, first)
+        node = _node_for(field, boundary, f, x, y, first)
         return field.travel_time[node] if node >= 0 else np.nan
     total, weights = 0.0, 0.0
     for c in range(4):

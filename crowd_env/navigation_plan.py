@@ -45,18 +45,27 @@ class Plan(NamedTuple):
     widest: dict[str, float]  # m   the widest segment of each exit
     radius: float  # m
     min_radius: float  # m
+    goal: str | None = None  # region where the way leads instead of to exits
 
 
-def make_plan(geometry: Geometry, radius: float, exits: Iterable[str] | None, min_radius: float) -> Plan:
-    """Return the plan of a field that leads to the ``exits`` (names; None = all).
+def make_plan(
+    geometry: Geometry, radius: float, exits: Iterable[str] | None, min_radius: float, goal: str | None = None
+) -> Plan:
+    """Return the plan of a field that leads to the ``exits`` (names; None = all), or into the region ``goal``.
 
     Raises
     ------
     ValueError
-        If a radius is impossible, or an exit is unknown or narrower than the smallest body.
+        If a radius is impossible, a region is unknown, or an exit is unknown or narrower than the smallest body.
     """
     if not 0 < min_radius <= radius < np.inf:
         raise ValueError(f"radius {radius:g} m and min_radius {min_radius:g} m must satisfy 0 < min_radius <= radius")
+    if goal is not None:
+        if goal not in geometry.regions:
+            raise ValueError(f"unknown region {goal!r}; known: {', '.join(geometry.regions) or 'none'}")
+        walls = np.concatenate([geometry.walls, geometry.exits])
+        two_sided = np.concatenate([geometry.two_sided, np.zeros(len(geometry.exits), dtype=bool)])
+        return Plan(geometry, walls, two_sided, geometry.exits[:0], np.arange(0), [], {}, radius, min_radius, goal)
     known = list(dict.fromkeys(geometry.exit_names))
     if not known:
         raise ValueError("the geometry has no exit to lead to")
@@ -133,7 +142,7 @@ def _attempts(plan: Plan, spacing: float) -> Iterator[tuple[float, float, float]
         and np.prod([1.0 * n for n in _nodes(plan.geometry, finer[-1] / 2)]) < _FINE_NODES
     ):
         finer.append(finer[-1] / 2)
-    fits = min(plan.widest.values()) / 2 + _TOUCH
+    fits = min(plan.widest.values(), default=np.inf) / 2 + _TOUCH
     for body in np.linspace(plan.radius, plan.min_radius, 5 if plan.min_radius < plan.radius else 1).tolist():
         if body > fits:
             continue
@@ -157,7 +166,7 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, float, Bools]:
         if nodes is None or nodes.spacing != h:
             nodes = _make_grid(plan, h)
         free = nodes.inside & (nodes.clearance >= radius - _TOUCH)
-        seeds = np.zeros_like(free)
+        seeds = free & in_goal(plan, nodes)
         closed = set(plan.widest)
         for segment, name in zip(plan.exits, plan.names, strict=True):
             near = free & (source_distance(segment[None], nodes, radius) < SOURCE * h)
@@ -177,10 +186,28 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, float, Bools]:
         if closed:
             problem = f"the way to exit {sorted(closed)[0]!r} is blocked right in front of it"
         else:
-            problem = f"no exit can be reached from ({lost[0]:.2f}, {lost[1]:.2f})"  # type: ignore[index]
+            what = "no exit" if plan.goal is None else "the region that the way leads to"
+            problem = f"{what} can be reached from ({lost[0]:.2f}, {lost[1]:.2f})"  # type: ignore[index]
     raise ValueError(
         f"{problem} for a body of diameter {2 * plan.min_radius:.2f} m; widen the passage or open an exit there"
     )
+
+
+def in_goal(plan: Plan, nodes: Grid) -> Bools:
+    """Return (rows, cols) which nodes lie in the region that the way leads to."""
+    if plan.goal is None:
+        return np.zeros_like(nodes.inside)
+    x, y = node_places(nodes)
+    places = np.stack([x.ravel(), y.ravel()], axis=1)
+    return plan.geometry.contains(places, plan.goal).reshape(x.shape)
+
+
+def node_places(nodes: Grid) -> tuple[Floats, Floats]:
+    """Return x and y (rows, cols) of the nodes [m]."""
+    rows, cols = nodes.inside.shape
+    x, y = nodes.origin[0] + nodes.spacing * np.arange(cols), nodes.origin[1] + nodes.spacing * np.arange(rows)
+    grid_x, grid_y = np.meshgrid(x, y)
+    return grid_x, grid_y
 
 
 def _lost_part(label: Ints, nodes: Grid, min_radius: float) -> tuple[float, float] | None:

@@ -45,25 +45,26 @@ class View(NamedTuple):
 def look_ahead(
     field: FieldArrays,
     boundary: Boundary,
-    geometry_of_env: Ints,
+    field_of_route: Ints,
+    followed: Ints,
     bodies: Bodies,
     state: CrowdState,
     seen: Bools,
     direction: Floats,
     travel_time: Floats,
 ) -> None:
-    """Write direction (P, 2) and travel time (P,) of everyone who is seen."""
+    """Write direction (P, 2) and travel time (P,) of the followed route of everyone who is seen."""
     for e in range(len(state.time)):
-        g = geometry_of_env[e]
         for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
             if not seen[i]:
                 continue
+            f = field_of_route[e, followed[i]]
             x, y, r = state.position[i, 0], state.position[i, 1], bodies.radius[i]
-            direction[i, 0], direction[i, 1] = direction_at(field, boundary, g, x, y, r)
+            direction[i, 0], direction[i, 1] = direction_at(field, boundary, f, x, y, r)
             travel_time[i] = 0.0
             if state.active[i]:
                 # Someone who does not want to move would need for ever: the time at a slow walk stands in.
-                travel_time[i] = travel_time_at(field, boundary, g, x, y, r) / max(bodies.desired_speed[i], 0.1)
+                travel_time[i] = travel_time_at(field, boundary, f, x, y, r) / max(bodies.desired_speed[i], 0.1)
 
 
 def _in_frame(view: View, vectors: Floats) -> Floats:

@@ -9,12 +9,13 @@ from typing import Literal, get_args
 import numpy as np
 
 from crowd_env.geometry import Geometry, parse_exit
-from crowd_env.navigation import NavigationField, straight_field, travel_time_field
+from crowd_env.navigation import NavigationField
 from crowd_env.population import Population
-from crowd_env.state import Floats
+from crowd_env.routes import ControlRule, Route, SpeedZone
+from crowd_env.state import Floats, Ints
+from crowd_env.ways import Target, Ways, find_ways
 
-Target = Literal["path", "nearest", "centre", "width"]
-_MARGINS = {"nearest": float("nan"), "centre": float("inf"), "width": 0.0}
+Strategy = Literal["shortest", "nearest", "fastest", "comfortable"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +42,9 @@ class Scenario:
     reference: str = ""  # where the numbers come from
     target: Target = "path"
     blocked_after: float = np.inf  # s without anyone getting out, after which the exits count as blocked
+    routes: tuple[Route, ...] = ()  # ways that rules and controllers can send people on, beside every exit by its name
+    zones: tuple[SpeedZone, ...] = ()
+    rules: tuple[ControlRule, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < self.time_limit < np.inf:
@@ -55,12 +59,51 @@ class Scenario:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
 
     def field(self) -> NavigationField:
-        """Return the travel-time field for the largest body of the population."""
-        radius = self.population.radius
-        field = travel_time_field(self.geometry, radius.high, min_radius=radius.low)
-        if self.target == "path":
-            return field
-        return straight_field(field, self.geometry, _MARGINS[self.target])
+        """Return the travel-time field of the shortest way out, for the largest body of the population."""
+        return self.ways(rules=False).ways[0].field
+
+    def ways(self, strategy: str = "shortest", *, rules: bool = True) -> Ways:
+        """Return all ways out that people of this strategy, rules and controllers may take; way 0 leads to any exit.
+
+        Parameters
+        ----------
+        strategy : "shortest"; "fastest", by the time it takes through the crowd as it is; "comfortable", which avoids stairs
+            and turns; "nearest": the exit that is nearest at the start, once and for all; or the name of a route.
+        rules : whether the control rules are in force.
+
+        Raises
+        ------
+        ValueError
+            If the strategy is unknown or a way leads nowhere.
+        """
+        radius, routes = self.population.radius, list(self.routes)
+        exits = tuple(dict.fromkeys(self.geometry.exit_names))
+        names = [route.name for route in routes]
+        if strategy in ("fastest", "comfortable") and strategy not in names:
+            routes.append(Route(strategy, strategy=strategy))  # type: ignore[arg-type]  # one of the two
+        elif strategy == "nearest" or strategy in exits:
+            routes += [Route(name, (name,)) for name in exits if name not in names]
+        elif strategy != "shortest" and strategy not in names:
+            known = (*get_args(Strategy), *names, *exits)
+            raise ValueError(f"{self.name}: unknown strategy {strategy!r}; known: {', '.join(known)}")
+        return find_ways(
+            self.geometry,
+            radius.high,
+            min_radius=radius.low,
+            routes=routes,
+            zones=self.zones,
+            rules=self.rules if rules else (),
+            target=self.target,
+            walking_speed=0.5 * (self.population.desired_speed.low + self.population.desired_speed.high) or 1.0,
+        )
+
+    def choose(self, ways: Ways, strategy: str, position: Floats) -> Ints:
+        """Return the number of the way (K,) that people of this strategy at ``position`` (K, 2) mean to take."""
+        if strategy == "shortest":
+            return np.zeros(len(position), dtype=np.int64)
+        if strategy == "nearest":
+            return ways.nearest(tuple(dict.fromkeys(self.geometry.exit_names)), position)
+        return np.full(len(position), ways.number(strategy), dtype=np.int64)
 
 
 def scenario_from_wkt(

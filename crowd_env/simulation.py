@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env.geometry import Geometry, join_boundaries
+from crowd_env.guidance import Guidance
 from crowd_env.navigation import NavigationField, join_fields, travel_time_field
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.neighbors import DIVERGED, FULL
@@ -20,7 +21,9 @@ from crowd_env.physics.world import (
     grow_memory,
     no_diagnostics,
 )
+from crowd_env.replanning import Replanner
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.ways import Ways, join_ways
 
 
 class ContactList(NamedTuple):
@@ -43,7 +46,8 @@ class Simulation:
     bodies, state : arrays of all environments; the simulation works on them in place.
     scheme : name in ``SCHEMES`` or a scheme with its own parameters.
     dt : s, physics step; by default the scheme's own, 0.01 or (hertz) 0.001.
-    fields : travel-time fields, one a geometry; made here for geometries with exits if not given.
+    fields : travel-time field, or all the ways, of each geometry; made here for geometries with exits if not given.
+    replan_every : s, how often the fastest ways are found anew.
     driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
     threads : spread environments over this many threads; the result does not depend on it.
     allow_unstable : accept a ``dt`` above the scheme's stable step (to show what happens).
@@ -62,10 +66,11 @@ class Simulation:
         *,
         scheme: str | ContactScheme = "nsm2",
         dt: float | None = None,
-        fields: Sequence[NavigationField | None] | None = None,
+        fields: Sequence[Ways | NavigationField | None] | None = None,
         geometry_of_env: Ints | None = None,
         driving: bool = True,
         threads: int = 1,
+        replan_every: float = 1.0,
         allow_unstable: bool = False,
     ) -> None:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
@@ -94,8 +99,17 @@ class Simulation:
                 f"geometry_of_env must name, for each of {environments} environments, "
                 f"one of {len(self.geometries)} geometries, 0 to {len(self.geometries) - 1}"
             )
-        self.world = World(boundary, join_fields(self.fields, boundary), np.asarray(which, dtype=np.int64))
-        self.memory = allocate_memory(bodies)
+        which = np.asarray(which, dtype=np.int64)
+        if len(self.fields) != len(self.geometries):
+            raise ValueError(
+                f"{len(self.fields)} fields for {len(self.geometries)} geometries; give one (or None) for each"
+            )
+        fields_of_all, place_of_field, guidance = join_ways(self.fields, which)
+        self.world = World(boundary, join_fields(fields_of_all, boundary, place_of_field), which, guidance)
+        self.replanner = Replanner(self.fields, which, replan_every)
+        self.memory = allocate_memory(bodies, rules=int(np.diff(guidance.rule.start).max(initial=0)))
+        _check_routes(state, guidance, bodies)
+        self.memory.followed[:] = state.route
         # Overlaps, residuals and solver effort since the start of each environment.
         self.diagnostics = no_diagnostics(environments)
         self._pool: ThreadPoolExecutor | None = None
@@ -152,6 +166,16 @@ class Simulation:
         for sums in memory.diagnostics:
             sums[:] = 0
         control = Control(command, relative, external_force, self.driving)
+        target = 0
+        while target < n_substeps:
+            self.replanner.update(self.world, self.bodies, self.state)
+            wait = self.replanner.steps_until_due(self.state, self.dt, self.inside)
+            target = n_substeps if wait is None else min(n_substeps, target + wait)
+            self._run_until(target, control)
+        add_diagnostics(self.diagnostics, self.memory.diagnostics)
+
+    def _run_until(self, n_substeps: int, control: Control) -> None:
+        """Advance every environment to step ``n_substeps`` of this call."""
         while True:
             batch = Batch(self.world, self.bodies, self.state, control, self.memory)
             self._run(batch, n_substeps)
@@ -163,7 +187,6 @@ class Simulation:
                     f"{self.state.time[e]:g} s with dt = {self.dt:g} s; take a smaller dt"
                 )
             if not (status == FULL).any():
-                add_diagnostics(self.diagnostics, self.memory.diagnostics)
                 return
             self.memory = grow_memory(self.memory, self.bodies)  # the environments that were full go on where they were
 
@@ -178,8 +201,12 @@ class Simulation:
             self._pool = ThreadPoolExecutor(self.threads)
         list(self._pool.map(lambda a, b: self.scheme.advance(batch, self.dt, n_substeps, a, b), edges[:-1], edges[1:]))
 
-    def restart(self, e: int, bodies: Bodies, position: Floats, velocity: Floats | None = None) -> None:
+    def restart(
+        self, e: int, bodies: Bodies, position: Floats, velocity: Floats | None = None, route: Ints | int = 0
+    ) -> None:
         """Begin a new episode in environment ``e`` with other people, as many as before; the others are not touched.
+
+        ``route`` is the number of the way that each means to take.
 
         Raises
         ------
@@ -199,6 +226,10 @@ class Simulation:
         state.active[people] = True
         state.exit_time[people] = np.nan
         state.exit_index[people] = -1
+        state.route[people] = route
+        self.memory.followed[people] = route
+        self.replanner.restart(e)
+        self.memory.rule_on[e] = False
         state.time[e] = 0.0
         near = self.memory.near
         self.memory.phase[e] = 0
@@ -250,6 +281,16 @@ def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable:
         raise ValueError(
             f"dt = {dt:g} s is above the stable step of {scheme.info.name}, {limit:.4g} s for these people: "
             f"{scheme.info.stable_step}"
+        )
+
+
+def _check_routes(state: CrowdState, guidance: Guidance, bodies: Bodies) -> None:
+    env = np.repeat(np.arange(len(state.time)), np.diff(bodies.env_start))
+    known = (guidance.field_of_route >= 0).sum(axis=1)[env]
+    bad = np.flatnonzero((state.route < 0) | (state.route >= known))
+    if len(bad):
+        raise ValueError(
+            f"route of pedestrian {bad[0]} is {state.route[bad[0]]}; it must be from 0 to {known[bad[0]] - 1}"
         )
 
 

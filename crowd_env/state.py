@@ -36,6 +36,7 @@ class CrowdState(NamedTuple):
     active: Bools  # (P,)    still inside
     exit_time: Floats  # (P,)    s        when the centre crossed an exit line, interpolated within the step; nan before
     exit_index: Ints  # (P,)    row of Geometry.exits that was crossed; -1 before
+    route: Ints  # (P,)    way that one means to take: a number among those of the place
     time: Floats  # (E,)    s        clock of each environment
 
     def copy(self) -> "CrowdState":
@@ -99,6 +100,7 @@ def make_state(position: Floats, velocity: Floats | None = None, *, environments
         active=np.ones(count, dtype=np.bool_),
         exit_time=np.full(count, np.nan),
         exit_index=np.full(count, -1, dtype=np.int64),
+        route=np.zeros(count, dtype=np.int64),
         time=np.zeros(environments),
     )
 

@@ -3,14 +3,16 @@
 Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a = m (v_d e_d - u) / tau.
 """
 
+import numpy as np
+
 from crowd_env._jit import kernel
 from crowd_env.geometry import Boundary
-from crowd_env.navigation import direction_at, quick_direction
+from crowd_env.guidance import apply_rules, notice_regions
+from crowd_env.navigation import FieldArrays, direction_at, quick_direction
 from crowd_env.physics.neighbors import NeighbourList
 from crowd_env.physics.social import SocialLaw, add_social_forces
 from crowd_env.physics.world import Control, Memory, World
-from crowd_env.state import Bodies, Bools, CrowdState, Floats
-
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 # The way out is looked up anew after so long: at every step of 0.01 s, at every tenth of 0.001 s.  It costs as much as two
 # contacts, and nobody gets 2 cm further in between.
@@ -23,20 +25,48 @@ def desired_velocities(
 ) -> None:
     """Write the desired velocity [m/s] of everyone in environment ``e`` into ``Memory.desired`` (P, 2).
 
-    A command is a multiple of the own desired speed.  A relative one turns with the direction of the shortest path, which
-    is looked up anew every 0.01 s: command (1, 0) is the rule "walk the shortest path".
+    A command is a multiple of the desired speed, which is one's own but for what a region says.  A relative one turns with
+    the direction of the route one follows, looked up anew every 0.01 s: command (1, 0) is the rule "walk the way out".
     """
     if memory.way_age[e] > _LOOK_EVERY - 0.5 * dt:
+        g = world.geometry_of_env[e]
+        guidance, now = world.guidance, state.time[e]
+        notice_regions(e, g, guidance.region, bodies, state, memory.here, memory.pace)
+        apply_rules(
+            e,
+            g,
+            now,
+            world.field,
+            guidance,
+            bodies,
+            state,
+            memory.here,
+            memory.followed,
+            memory.rule_on,
+            memory.rule_since,
+        )
         # Who may be told to follow the way within the next 0.01 s needs it too.
         everyone = dt < _LOOK_EVERY
-        _look_for_the_way(e, world, bodies, state, control.relative, everyone, memory.way)
+        look_for_the_way(
+            e,
+            world.field,
+            world.boundary,
+            guidance.field_of_route,
+            bodies,
+            state,
+            control.relative,
+            everyone,
+            memory.followed,
+            memory.way,
+        )
         memory.way_age[e] = 0.0
     memory.way_age[e] += dt
-    command, relative, way, desired, time = control.command, control.relative, memory.way, memory.desired, state.time[e]
+    command, relative, way, pace, desired = control.command, control.relative, memory.way, memory.pace, memory.desired
+    time = state.time[e]
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
         if not state.active[i]:
             continue
-        speed = bodies.desired_speed[i] if time >= bodies.response_time[i] else 0.0
+        speed = pace[i] if time >= bodies.response_time[i] else 0.0
         cx, cy = command[i, 0], command[i, 1]
         if relative[i]:
             ex, ey = way[i, 0], way[i, 1]
@@ -45,15 +75,29 @@ def desired_velocities(
 
 
 @kernel
-def _look_for_the_way(e: int, world: World, bodies: Bodies, state: CrowdState, relative: Bools, everyone: bool, way: Floats) -> None:
-    g = world.geometry_of_env[e]
-    field, boundary = world.field, world.boundary
+def look_for_the_way(
+    e: int,
+    field: FieldArrays,
+    boundary: Boundary,
+    field_of_route: Ints,
+    bodies: Bodies,
+    state: CrowdState,
+    relative: Bools,
+    everyone: bool,
+    followed: Ints,
+    way: Floats,
+) -> None:
+    """Write the direction (P, 2) of the followed route of those whose command is relative to it, or of everyone."""
     cell, direction, exit_line = field.cell, field.direction, boundary.exit
-    rows, cols, margin = field.shape[g, 0], field.shape[g, 1], field.margin[g]
-    start, left, bottom, spacing = field.node_start[g], field.origin[g, 0], field.origin[g, 1], field.spacing[g]
+    f, rows, cols, start, margin, left, bottom, spacing = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
         if not (state.active[i] and (relative[i] or everyone)):
             continue
+        mine = field_of_route[e, followed[i]]
+        if mine != f:
+            f = mine
+            rows, cols, margin = field.shape[f, 0], field.shape[f, 1], field.margin[f]
+            start, left, bottom, spacing = field.node_start[f], field.origin[f, 0], field.origin[f, 1], field.spacing[f]
         x, y, radius = state.position[i, 0], state.position[i, 1], bodies.radius[i]
         plain, ex, ey = False, 0.0, 0.0
         if cols > 0:
@@ -61,7 +105,7 @@ def _look_for_the_way(e: int, world: World, bodies: Bodies, state: CrowdState, r
                 cell, direction, exit_line, start, rows, cols, left, bottom, spacing, margin, x, y, radius
             )
         if not plain:
-            ex, ey = direction_at(field, boundary, g, x, y, radius)
+            ex, ey = direction_at(field, boundary, f, x, y, radius)
         way[i, 0], way[i, 1] = ex, ey
 
 

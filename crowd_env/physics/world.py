@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env.geometry import Boundary
+from crowd_env.guidance import Guidance
 from crowd_env.navigation import FieldArrays
 from crowd_env.physics.contacts import Contacts, allocate_contacts
 from crowd_env.physics.neighbors import NeighbourList, allocate_neighbours, grow_neighbours
@@ -16,8 +17,9 @@ class World(NamedTuple):
     """Everything that stands still."""
 
     boundary: Boundary  # walls, corners and exits of all geometries
-    field: FieldArrays  # directions and travel times of all geometries
+    field: FieldArrays  # directions and travel times of all routes
     geometry_of_env: Ints  # (E,)
+    guidance: Guidance  # routes, regions and control rules
 
 
 class Control(NamedTuple):
@@ -49,6 +51,11 @@ class Memory(NamedTuple):
     problem: Problem
     way: Floats  # (P, 2) direction of the shortest path when it was last looked up
     way_age: Floats  # (E,)   s since then
+    followed: Ints  # (P,)   route that one follows: one's own, or that of a control rule
+    here: Ints  # (P,)   regions that one stands in (bits)
+    pace: Floats  # (P,)   m/s  desired speed there
+    rule_on: Bools  # (E, K) control rules of each environment
+    rule_since: Floats  # (E, K) s  when they were switched on
     desired: Floats  # (P, 2) m/s
     force: Floats  # (P, 2) N
     previous: Floats  # (P, 2) position at the start of the step
@@ -93,8 +100,8 @@ def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
         getattr(total, name)[:] += getattr(call, name)
 
 
-def allocate_memory(bodies: Bodies, per_person: int = 12) -> Memory:
-    """Return working memory with ``per_person`` neighbour entries a pedestrian."""
+def allocate_memory(bodies: Bodies, per_person: int = 12, rules: int = 0) -> Memory:
+    """Return working memory with ``per_person`` neighbour entries a pedestrian and so many control rules."""
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     near = allocate_neighbours(bodies, per_person)
 
@@ -110,6 +117,11 @@ def allocate_memory(bodies: Bodies, per_person: int = 12) -> Memory:
         problem=allocate_problem(people, len(near.partner)),
         way=reals(people, 2),
         way_age=np.full(environments, np.inf),
+        followed=np.zeros(people, dtype=np.int64),
+        here=np.zeros(people, dtype=np.int64),
+        pace=bodies.desired_speed.copy(),
+        rule_on=np.zeros((environments, rules), dtype=np.bool_),
+        rule_since=reals(environments, rules),
         desired=reals(people, 2),
         force=reals(people, 2),
         previous=reals(people, 2),

@@ -8,9 +8,10 @@ from typing import get_args
 import numpy as np
 
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme, make_scheme
-from crowd_env.scenario import Scenario, Target
+from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
 from crowd_env.state import make_bodies
+from crowd_env.ways import Target
 
 # What the options of one scheme alone act on.
 _SCHEME_OF_OPTION = {"stiffness": "dem", "k_normal": "nsm2", "k_tangent": "nsm2"}

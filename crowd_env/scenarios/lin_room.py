@@ -2,7 +2,8 @@
 
 from crowd_env.geometry import Geometry, box
 from crowd_env.population import Population, Uniform
-from crowd_env.scenario import Scenario, Target
+from crowd_env.scenario import Scenario
+from crowd_env.ways import Target
 
 REFERENCE = "Lin, Ma, Lo: Discrete element crowd model for pedestrian evacuation through an exit, section 3 and Table 1"
 

@@ -2,7 +2,8 @@
 
 from crowd_env.geometry import Geometry, box
 from crowd_env.population import Population
-from crowd_env.scenario import Scenario, Target
+from crowd_env.scenario import Scenario
+from crowd_env.ways import Target
 
 # "A square room of side 5 m, where 20 pedestrians want to escape by a door of 82 cm width"; the door is centred (the paper
 # does not say), walls are thin and the jambs are hard points.

@@ -1,0 +1,108 @@
+"""Ways out as data: routes with a strategy each, control rules and speed zones.
+
+Strategies (Pécol et al. 2011, section 3): the shortest path; the fastest, by the time it takes through the crowd as it is now;
+the most comfortable, with a cost on stairs and turns.  Each is a travel-time field by fast marching with its own speed map.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+Strategy = Literal["shortest", "fastest", "comfortable"]
+
+OUT = "out"  # name of the route that everyone knows: all exits
+
+
+@dataclass(frozen=True)
+class Route:
+    """A way out that people may take or be sent on.
+
+    Parameters
+    ----------
+    name : what rules, groups and controllers call it.
+    exits : names of the exits that it may lead to, the best of them; () = all.
+    via : region to walk to first.
+    strategy : "shortest", "fastest" or "comfortable".
+    """
+
+    name: str
+    exits: tuple[str, ...] = ()
+    via: str | None = None
+    strategy: Strategy = "shortest"
+
+    def __post_init__(self) -> None:
+        if self.strategy not in get_args(Strategy):
+            raise ValueError(
+                f"route {self.name!r}: unknown strategy {self.strategy!r}; known: {', '.join(get_args(Strategy))}"
+            )
+
+
+@dataclass(frozen=True)
+class SpeedZone:
+    """A region where people walk at another speed, such as stairs.
+
+    Parameters
+    ----------
+    region : its name.
+    speed : m/s, everyone's desired speed there; None = one's own.
+    factor : multiple of it, > 0.
+    """
+
+    region: str
+    speed: float | None = None
+    factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.speed is not None and not 0 < self.speed < np.inf:
+            raise ValueError(f"speed zone {self.region!r}: speed is {self.speed!r} m/s; it must be > 0 and finite")
+        if not 0 < self.factor < np.inf:
+            raise ValueError(f"speed zone {self.region!r}: factor is {self.factor!r}; it must be > 0 and finite")
+
+
+@dataclass(frozen=True)
+class ControlRule:
+    """If a region is crowded, whoever is elsewhere and would come through it takes another route.
+
+    Parameters
+    ----------
+    region : where people are counted.
+    at_least : so many people switch the rule on.
+    route : name of a route or exit that the others take meanwhile.
+    below : fewer than so many switch it off again; by default ``at_least``.
+    hold : s, it stays on for so long at least.
+    commits : whoever has been sent another way keeps to it, even when the rule is off.
+    """
+
+    region: str
+    at_least: int
+    route: str
+    below: int | None = None
+    hold: float = 0.0
+    commits: bool = False
+
+    def __post_init__(self) -> None:
+        if self.at_least < 1:
+            raise ValueError(f"control rule on {self.region!r}: at_least is {self.at_least}; it must be at least 1")
+        if self.below is not None and not 0 <= self.below <= self.at_least:
+            raise ValueError(
+                f"control rule on {self.region!r}: below is {self.below}; it must be from 0 to at_least, {self.at_least}"
+            )
+        if not 0 <= self.hold < np.inf:
+            raise ValueError(f"control rule on {self.region!r}: hold is {self.hold!r} s; it must be >= 0 and finite")
+
+
+@dataclass(frozen=True)
+class Comfort:
+    """What the most comfortable way costs, in metres of plain floor.
+
+    Parameters
+    ----------
+    stairs : a metre in a slow zone counts as so many more.
+    turn : passing a corner that juts into the way counts as so many more metres.
+    reach : m, how near to a corner that cost is spread; it also keeps the way off corners.
+    """
+
+    stairs: float = 3.0
+    turn: float = 1.0
+    reach: float = 0.6

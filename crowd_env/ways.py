@@ -1,0 +1,310 @@
+"""Routes made ready: their travel-time fields, and the arrays that the compiled step reads of routes, regions and rules."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from crowd_env.geometry import Boundary, Geometry
+from crowd_env.guidance import MOST_REGIONS, Guidance, RegionArrays, RuleArrays
+from crowd_env.navigation import NavigationField, regions_along, straight_field, travel_time_field
+from crowd_env.remarching import Remarcher
+from crowd_env.routes import OUT, Comfort, ControlRule, Route, SpeedZone
+from crowd_env.state import Floats, Ints
+
+Target = Literal["path", "nearest", "centre", "width"]
+_MARGINS = {"nearest": float("nan"), "centre": float("inf"), "width": 0.0}
+_REGION_CELL = 0.05  # m
+
+
+class Way(NamedTuple):
+    """One route of a place, ready to be looked up."""
+
+    name: str
+    field: NavigationField
+    goal: int  # region that it leads to; -1 = exits
+    following: int  # way that takes over there; -1 = none
+    remarcher: Remarcher | None  # makes the field anew from the crowd of each environment; None = it never changes
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """All routes of one place with its regions and rules; made by `find_ways`."""
+
+    geometry: Geometry
+    ways: tuple[Way, ...]
+    zones: tuple[SpeedZone, ...]
+    rules: tuple[ControlRule, ...]
+    radius: float  # m
+
+    def number(self, name: str) -> int:
+        """Return the number of a route.
+
+        Raises
+        ------
+        ValueError
+            If it is unknown.
+        """
+        names = [way.name for way in self.ways]
+        if name not in names:
+            raise ValueError(f"unknown route {name!r}; known: {', '.join(n for n in names if '/' not in n)}")
+        return names.index(name)
+
+    def nearest(self, exits: Sequence[str], position: Floats) -> Ints:
+        """Return for each position (K, 2) the number of the route, among those of ``exits``, that is shortest from there."""
+        numbers = [self.number(name) for name in exits]
+        times = np.stack([_travel_time(self.ways[k].field, position) for k in numbers])
+        return np.array(numbers, dtype=np.int64)[np.nanargmin(times, axis=0)]
+
+
+def find_ways(
+    geometry: Geometry,
+    radius: float,
+    *,
+    min_radius: float | None = None,
+    routes: Sequence[Route] = (),
+    zones: Sequence[SpeedZone] = (),
+    rules: Sequence[ControlRule] = (),
+    target: Target = "path",
+    walking_speed: float = 1.4,
+    comfort: Comfort | None = None,
+) -> Ways:
+    """Return the routes of a place: first "out", the shortest way to any exit; then ``routes``; then what rules need.
+
+    The name of an exit is a route too: the shortest way to that exit.
+
+    Parameters
+    ----------
+    radius, min_radius : m, of the largest and smallest body.
+    target : what the shortest ways aim at, see `crowd_env.scenario.Scenario`.
+    walking_speed : m/s, of the people, to compare fixed speeds of zones with.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or taken, or an exit or region cannot be reached.
+    """
+    _check_names(geometry, routes, zones, rules)
+    wanted = {route.name: route for route in (Route(OUT), *routes)}
+    for rule in rules:
+        if rule.route not in wanted:
+            wanted[rule.route] = Route(rule.route, (rule.route,))
+    pace = _Pace(geometry, zones, walking_speed, comfort or Comfort())
+    made: list[Way] = []
+    names = list(wanted)
+    following = len(names)  # the second halves of ways that lead via a region come last
+
+    def way(name: str, route: Route, goal: int, then: int) -> Way:
+        via = route.via if goal >= 0 else None
+        exits = route.exits or None if via is None else None
+        speed = {"shortest": None, "comfortable": pace.comfortable, "fastest": pace}[route.strategy]
+        found = travel_time_field(geometry, radius, exits=exits, min_radius=min_radius, goal=via, speed=speed)
+        if route.strategy == "fastest":
+            remarcher = Remarcher(found, geometry, pace)
+            return Way(name, remarcher.march(), goal, then, remarcher)
+        if target != "path" and via is None and route.strategy == "shortest":
+            found = straight_field(found, geometry, _MARGINS[target])
+        return Way(name, found, goal, then, None)
+
+    second: list[Way] = []
+    for route in wanted.values():
+        if route.via is None:
+            made.append(way(route.name, route, -1, -1))
+        else:
+            goal = list(geometry.regions).index(route.via)
+            made.append(way(route.name, route, goal, following + len(second)))
+            second.append(way(f"{route.name}/then", route, -1, -1))
+    ways = [*made, *second]
+    if rules:
+        ways = [found._replace(field=_with_regions(found.field, geometry)) for found in ways]
+    return Ways(geometry, tuple(ways), tuple(zones), tuple(rules), radius)
+
+
+def _check_names(
+    geometry: Geometry, routes: Sequence[Route], zones: Sequence[SpeedZone], rules: Sequence[ControlRule]
+) -> None:
+    exits, regions = list(dict.fromkeys(geometry.exit_names)), list(geometry.regions)
+    if len(regions) > MOST_REGIONS:
+        raise ValueError(f"{len(regions)} regions; at most {MOST_REGIONS} can be told apart")
+
+    def known(kind: str, name: str, names: Sequence[str], what: str) -> None:
+        if name not in names:
+            raise ValueError(f"{kind} names an unknown {what} {name!r}; known: {', '.join(names) or 'none'}")
+
+    taken = {OUT}
+    for route in routes:
+        if route.name in taken or "/" in route.name:
+            raise ValueError(f"route {route.name!r}: the name is taken or holds a '/'; take another")
+        if route.name in exits and route.exits != (route.name,):
+            raise ValueError(f"route {route.name!r} has the name of an exit; it must lead to that exit alone")
+        taken.add(route.name)
+        for name in route.exits:
+            known(f"route {route.name!r}", name, exits, "exit")
+        if route.via is not None:
+            known(f"route {route.name!r}", route.via, regions, "region")
+    for zone in zones:
+        known("speed zone", zone.region, regions, "region")
+    for rule in rules:
+        known("control rule", rule.region, regions, "region")
+        known(f"control rule on {rule.region!r}", rule.route, [*taken, *exits], "route")
+
+
+class _Pace:
+    """Speed maps: that of the zones, and that of comfort."""
+
+    def __init__(self, geometry: Geometry, zones: Sequence[SpeedZone], walking_speed: float, comfort: Comfort) -> None:
+        self.geometry, self.zones, self.walking_speed, self.comfort = geometry, zones, walking_speed, comfort
+
+    def __call__(self, x: Floats, y: Floats) -> Floats:
+        """Return the speed at places x, y relative to plain floor."""
+        pace = np.ones(x.shape)
+        places = np.stack([x.ravel(), y.ravel()], axis=1)
+        for zone in self.zones:
+            inside = self.geometry.contains(places, zone.region).reshape(x.shape)
+            pace[inside] = zone.factor * (1.0 if zone.speed is None else zone.speed / self.walking_speed)
+        return pace
+
+    def comfortable(self, x: Floats, y: Floats) -> Floats:
+        """Return 1 / (cost of a metre)."""
+        slow = self(x, y) < 1.0
+        cost = np.where(slow, 1.0 + self.comfort.stairs, 1.0)
+        for cx, cy in jutting_corners(self.geometry.boundary):
+            near = np.hypot(x - cx, y - cy) < self.comfort.reach
+            cost[near] += self.comfort.turn / (2.0 * self.comfort.reach)
+        return 1.0 / cost
+
+
+def jutting_corners(boundary: Boundary) -> Floats:
+    """Return the corners (V, 2) of a geometry that jut into the walkable area: where ways turn."""
+    found = []
+    for v in range(len(boundary.corner)):
+        rows = boundary.corner_wall[boundary.corner_wall_start[v] : boundary.corner_wall_start[v + 1]]
+        if len(rows) == 2 and not boundary.two_sided[rows].any():
+            into = boundary.wall[rows[np.hypot(*(boundary.wall[rows, 1] - boundary.corner[v]).T) < 1e-9]]
+            out = boundary.wall[rows[np.hypot(*(boundary.wall[rows, 0] - boundary.corner[v]).T) < 1e-9]]
+            if len(into) and len(out):
+                a, b = into[0, 1] - into[0, 0], out[0, 1] - out[0, 0]
+                turn = (a[0] * b[1] - a[1] * b[0]) / (np.hypot(*a) * np.hypot(*b))
+                if turn > -0.3:  # walls turn left (walkable side) or hardly at all: concave
+                    continue
+        found.append(boundary.corner[v])
+    return np.array(found).reshape(-1, 2)
+
+
+def region_masks(geometry: Geometry, x: Floats, y: Floats) -> Ints:
+    """Return which regions places x, y (any shape) lie in, as bits."""
+    mask = np.zeros(x.shape, dtype=np.int64)
+    places = np.stack([x.ravel(), y.ravel()], axis=1)
+    for k, name in enumerate(geometry.regions):
+        mask[geometry.contains(places, name).reshape(x.shape)] |= 1 << k
+    return mask
+
+
+def _nodes(field: NavigationField) -> tuple[Floats, Floats]:
+    rows, cols = field.travel_time.shape
+    x, y = np.meshgrid(
+        field.origin[0] + field.spacing * np.arange(cols), field.origin[1] + field.spacing * np.arange(rows)
+    )
+    return x, y
+
+
+def region_masks_of(field: NavigationField, geometry: Geometry) -> Ints:
+    """Return which regions the nodes of a field lie in (rows, cols), as bits."""
+    return region_masks(geometry, *_nodes(field))
+
+
+def _with_regions(field: NavigationField, geometry: Geometry) -> NavigationField:
+    return replace(field, through=regions_along(field, region_masks_of(field, geometry)))
+
+
+def _travel_time(field: NavigationField, position: Floats) -> Floats:
+    """Return the travel time at the nearest node to each position (K, 2)."""
+    rows, cols = field.travel_time.shape
+    j, i = np.rint((position - field.origin) / field.spacing).astype(np.int64).T
+    return np.asarray(field.travel_time[np.clip(i, 0, rows - 1), np.clip(j, 0, cols - 1)])
+
+
+def join_ways(
+    places: Sequence[Ways | NavigationField | None], geometry_of_env: Ints
+) -> tuple[list[NavigationField | None], list[int], Guidance]:
+    """Return all fields of a batch, the geometry of each, and the guidance that says which route is which.
+
+    Places without `Ways` have one route, their field.  A dynamic way has a field of its own in every environment.
+    """
+    fields: list[NavigationField | None] = []
+    geometry_of_field: list[int] = []
+    first: list[int] = []
+    for g, place in enumerate(places):
+        first.append(len(fields))
+        of_place = [way.field for way in place.ways] if isinstance(place, Ways) else [place]
+        fields += of_place
+        geometry_of_field += [g] * len(of_place)
+    most = max(len(place.ways) if isinstance(place, Ways) else 1 for place in places)
+    table = np.full((3, len(geometry_of_env), most), -1, dtype=np.int64)
+    for e, g in enumerate(geometry_of_env):
+        place = places[g]
+        if not isinstance(place, Ways):
+            table[0, e, 0] = first[g]
+            continue
+        for r, way in enumerate(place.ways):
+            table[:, e, r] = first[g] + r, way.goal, way.following
+            if way.remarcher is not None:
+                table[0, e, r] = len(fields)
+                fields.append(way.field)
+                geometry_of_field.append(int(g))
+    guidance = Guidance(table[0].copy(), table[1].copy(), table[2].copy(), _join_regions(places), _join_rules(places))
+    return fields, geometry_of_field, guidance
+
+
+def _join_regions(places: Sequence[Ways | NavigationField | None]) -> RegionArrays:
+    count = len(places)
+    shape, origin = np.zeros((count, 2), dtype=np.int64), np.zeros((count, 2))
+    fixed, factor = np.full((count, MOST_REGIONS), np.nan), np.ones((count, MOST_REGIONS))
+    masks: list[Ints] = []
+    for g, place in enumerate(places):
+        needed = isinstance(place, Ways) and (place.zones or place.rules or any(way.goal >= 0 for way in place.ways))
+        if not needed or not isinstance(place, Ways):
+            masks.append(np.zeros(0, dtype=np.int64))
+            continue
+        geometry = place.geometry
+        x0, y0, x1, y1 = geometry.bounds
+        cols, rows = (int(np.ceil(length / _REGION_CELL)) + 1 for length in (x1 - x0, y1 - y0))
+        middle = np.meshgrid(x0 + _REGION_CELL * (np.arange(cols) + 0.5), y0 + _REGION_CELL * (np.arange(rows) + 0.5))
+        masks.append(region_masks(geometry, *middle).ravel())
+        shape[g], origin[g] = (rows, cols), (x0, y0)
+        names = list(geometry.regions)
+        for zone in place.zones:
+            k = names.index(zone.region)
+            fixed[g, k] = np.nan if zone.speed is None else zone.speed
+            factor[g, k] = zone.factor
+    start = np.concatenate([[0], np.cumsum([len(mask) for mask in masks])]).astype(np.int64)
+    spacing = np.full(count, _REGION_CELL)
+    return RegionArrays(start, shape, origin, spacing, np.concatenate(masks), fixed, factor)
+
+
+def _join_rules(places: Sequence[Ways | NavigationField | None]) -> RuleArrays:
+    rows: list[tuple[int, int, int, float, int, bool]] = []
+    start = [0]
+    for place in places:
+        if isinstance(place, Ways):
+            names = list(place.geometry.regions)
+            for rule in place.rules:
+                below = rule.at_least if rule.below is None else rule.below
+                number = place.number(rule.route)
+                rows.append((names.index(rule.region), rule.at_least, below, rule.hold, number, rule.commits))
+        start.append(len(rows))
+    columns = list(zip(*rows, strict=True)) or [()] * 6
+
+    def whole(k: int) -> Ints:
+        return np.array(columns[k], dtype=np.int64)
+
+    return RuleArrays(
+        np.array(start, dtype=np.int64),
+        whole(0),
+        whole(1),
+        whole(2),
+        np.array(columns[3], dtype=np.float64),
+        whole(4),
+        np.array(columns[5], dtype=np.bool_),
+    )
