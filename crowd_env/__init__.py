@@ -16,7 +16,7 @@ from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, So
 from crowd_env.population import Normal, Population, Uniform
 from crowd_env.pressure import contact_pressure, crowd_pressure
 from crowd_env.reward import RewardWeights
-from crowd_env.routes import Comfort, ControlRule, Route, SpeedZone
+from crowd_env.routes import Comfort, ControlRule, DoorEvent, Route, SpeedZone
 from crowd_env.scenario import Scenario, read_starts, scenario_from_wkt
 from crowd_env.scenarios import SCENARIOS, make_scenario
 from crowd_env.simulation import Simulation
@@ -39,6 +39,7 @@ __all__ = [
     "CrowdParallelEnv",
     "CrowdState",
     "CrowdVectorEnv",
+    "DoorEvent",
     "EpisodeMetrics",
     "Geometry",
     "Hertz",

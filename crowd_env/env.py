@@ -303,6 +303,7 @@ class CrowdEnv:
         look_ahead(world.field, world.boundary, routes, memory.followed, bodies, state, seen, direction, travel_time)
         view = View(
             boundary=world.boundary,
+            door_open=memory.door_open,
             geometry_of_env=world.geometry_of_env,
             bodies=bodies,
             state=state,

@@ -3,7 +3,7 @@
 All segments are oriented with the walkable area to their LEFT, so the outward normal of an exit is to the right of it.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
+from crowd_env.geometry_doors import read_doors
 from crowd_env.geometry_edges import SLIVER, open_boundary, solid_depth
 from crowd_env.geometry_input import (
     Area,
@@ -38,8 +39,10 @@ class Boundary(NamedTuple):
     wall: NDArray[np.float64]  # (W, 2, 2)  m   ends a, b; walkable area to the left of a -> b
     depth: NDArray[np.float64]  # (W,)    m   half the thickness of what is solid behind the wall, 0.25 m at most
     two_sided: NDArray[np.bool_]  # (W,)    thin wall inside the area: touches from both sides
+    wall_door: NDArray[np.int64]  # (W,)    door of its geometry that the wall closes; -1 = it stands for good
     wall_start: NDArray[np.int64]  # (G+1,)  first wall of each geometry
     corner: NDArray[np.float64]  # (V, 2)  m   distinct ends of walls: door jambs, corners of obstacles
+    corner_door: NDArray[np.int64]  # (V,)    door of its geometry that the corner belongs to; -1 = none
     corner_start: NDArray[np.int64]  # (G+1,)  first corner of each geometry
     corner_wall_start: NDArray[
         np.int64
@@ -67,6 +70,12 @@ class Geometry:
         Name of each row of ``exits``; the segments of one exit share a name.
     regions
         Named areas [m] that rules refer to: stairs, decision areas, where people start.
+    doors
+        Names of the doors.
+    door_of_wall
+        (W,) row of ``doors`` that a wall closes, which stands only while that door is closed; -1 = it stands for good.
+    exits_of_door
+        For each door the name of the exit that it closes, or None if it stands inside.
     """
 
     walkable: Area
@@ -75,6 +84,9 @@ class Geometry:
     exits: NDArray[np.float64]
     exit_names: tuple[str, ...]
     regions: Mapping[str, Area]
+    doors: tuple[str, ...]
+    door_of_wall: NDArray[np.int64]
+    exits_of_door: tuple[str | None, ...]
 
     @classmethod
     def from_polygon(
@@ -85,6 +97,7 @@ class Geometry:
         obstacles: Iterable[Shape] | BaseGeometry = (),
         thin_walls: Iterable[Shape] | BaseGeometry = (),
         regions: Mapping[str, Shape] | None = None,
+        doors: Mapping[str, Shape] | None = None,
     ) -> "Geometry":
         """Return the geometry of an area.
 
@@ -101,6 +114,8 @@ class Geometry:
             Lines inside the area that are walls without thickness.
         regions
             Name -> area that overlaps the walkable area.
+        doors
+            Name -> what can be closed: the name of an exit, or a line across a passage inside the area.
 
         Raises
         ------
@@ -115,13 +130,18 @@ class Geometry:
         )
         walls, exit_rows, exit_names = open_boundary(area, shapes)
         thin = _thin_walls(area, read_lines(thin_walls, "thin wall"))
+        leaves, door_of_leaf, exits_of_door = read_doors(doors or {}, area, exit_rows, exit_names)
+        fixed = len(walls) + len(thin)
         return cls(
             walkable=area,
-            walls=np.concatenate([walls, thin]),
-            two_sided=np.arange(len(walls) + len(thin)) >= len(walls),
+            walls=np.concatenate([walls, thin, leaves]),
+            two_sided=np.arange(fixed + len(leaves)) >= len(walls),
             exits=exit_rows,
             exit_names=exit_names,
             regions=_regions(area, regions or {}, shapes),
+            doors=tuple(doors or {}),
+            door_of_wall=np.concatenate([np.full(fixed, -1, dtype=np.int64), door_of_leaf]),
+            exits_of_door=exits_of_door,
         )
 
     @classmethod
@@ -133,10 +153,19 @@ class Geometry:
         obstacles: Iterable[Shape] | BaseGeometry = (),
         thin_walls: Iterable[Shape] | BaseGeometry = (),
         regions: Mapping[str, Shape] | None = None,
+        doors: Mapping[str, Shape] | None = None,
     ) -> "Geometry":
         """Return the geometry whose walkable area is the WKT ``text``; the rest as in `from_polygon`."""
         walkable = from_wkt(text, "walkable area")
-        return cls.from_polygon(walkable, exits=exits, obstacles=obstacles, thin_walls=thin_walls, regions=regions)
+        return cls.from_polygon(
+            walkable, exits=exits, obstacles=obstacles, thin_walls=thin_walls, regions=regions, doors=doors
+        )
+
+    def walls_when(self, closed: Collection[str] = ()) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the walls (W, 2, 2) and which are two-sided (W,) while these doors are closed and all others open."""
+        numbers = [-1, *(k for k, name in enumerate(self.doors) if name in closed)]
+        stands = np.isin(self.door_of_wall, numbers)
+        return self.walls[stands], self.two_sided[stands]
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -156,8 +185,10 @@ class Geometry:
             wall=self.walls,
             depth=solid_depth(self.walls, self.walkable),
             two_sided=self.two_sided,
+            wall_door=self.door_of_wall,
             wall_start=np.array([0, len(self.walls)], dtype=np.int64),
             corner=corner,
+            corner_door=_doors_of_corners(self.door_of_wall, start, rows),
             corner_start=np.array([0, len(corner)], dtype=np.int64),
             corner_wall_start=start,
             corner_wall=rows,
@@ -210,8 +241,10 @@ def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:
         wall=np.concatenate([np.empty((0, 2, 2)), *(part.wall for part in parts)]),
         depth=np.concatenate([np.empty(0), *(part.depth for part in parts)]),
         two_sided=np.concatenate([np.empty(0, dtype=bool), *(part.two_sided for part in parts)]),
+        wall_door=np.concatenate([np.empty(0, dtype=np.int64), *(part.wall_door for part in parts)]),
         wall_start=wall_start,
         corner=np.concatenate([np.empty((0, 2)), *(part.corner for part in parts)]),
+        corner_door=np.concatenate([np.empty(0, dtype=np.int64), *(part.corner_door for part in parts)]),
         corner_start=starts([len(part.corner) for part in parts]),
         corner_wall_start=np.concatenate([*link_starts, link_start[-1:]]).astype(np.int64),
         corner_wall=np.concatenate([np.empty(0, dtype=np.int64), *corner_wall]),
@@ -289,3 +322,12 @@ def _corners(walls: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
     order = np.argsort(corner_of_end, kind="stable")
     start = np.concatenate([[0], np.cumsum(np.bincount(corner_of_end, minlength=len(distinct)))])
     return ends[distinct].copy(), start.astype(np.int64), (order // 2).astype(np.int64)
+
+
+def _doors_of_corners(
+    door_of_wall: NDArray[np.int64], start: NDArray[np.int64], rows: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the door (V,) that each corner belongs to: a leaf shares its ends with nothing that stands for good."""
+    if len(start) < 2:
+        return np.empty(0, dtype=np.int64)
+    return np.asarray(np.maximum.reduceat(door_of_wall[rows], start[:-1]), dtype=np.int64)

@@ -5,7 +5,7 @@ narrow; scikit-fmm solves ``|grad T| = 1`` on what is left.  People may still st
 pushed, or are smaller): there the field is extended along straight lines to the dilated area.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,6 +97,7 @@ def travel_time_field(
     min_radius: float | None = None,
     goal: str | None = None,
     speed: Callable[[Floats, Floats], Floats] | None = None,
+    closed: Collection[str] = (),
 ) -> NavigationField:
     """Return the field that leads discs to the nearest of the exits, or into a region.
 
@@ -116,6 +117,8 @@ def travel_time_field(
         for the largest radius that does, with a warning.
     goal
         Name of the region to lead to instead of exits; all exits then count as walls.
+    closed
+        Names of the doors that are closed.
     speed
         Walking speed at places x, y [m], relative to that on plain floor; > 0.  The way is the quickest one then.
 
@@ -124,7 +127,7 @@ def travel_time_field(
     ValueError
         If a region or exit is unknown, an exit is too narrow for the smallest body, or a part of the area reaches no exit.
     """
-    plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal)
+    plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal, closed)
     nodes, used, reached = dilate(plan, choose_spacing(plan, spacing))
     return _solve(plan, nodes, used, reached, None if speed is None else speed(*node_places(nodes)))
 

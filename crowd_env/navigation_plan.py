@@ -1,7 +1,7 @@
 """What a travel-time field is made for, and the dilation of the walls at which everyone reaches an exit."""
 
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -49,9 +49,16 @@ class Plan(NamedTuple):
 
 
 def make_plan(
-    geometry: Geometry, radius: float, exits: Iterable[str] | None, min_radius: float, goal: str | None = None
+    geometry: Geometry,
+    radius: float,
+    exits: Iterable[str] | None,
+    min_radius: float,
+    goal: str | None = None,
+    closed: Collection[str] = (),
 ) -> Plan:
     """Return the plan of a field that leads to the ``exits`` (names; None = all), or into the region ``goal``.
+
+    Doors that are ``closed`` are walls; an exit behind one is no exit.
 
     Raises
     ------
@@ -63,8 +70,9 @@ def make_plan(
     if goal is not None:
         if goal not in geometry.regions:
             raise ValueError(f"unknown region {goal!r}; known: {', '.join(geometry.regions) or 'none'}")
-        walls = np.concatenate([geometry.walls, geometry.exits])
-        two_sided = np.concatenate([geometry.two_sided, np.zeros(len(geometry.exits), dtype=bool)])
+        fixed, sides = geometry.walls_when(closed)
+        walls = np.concatenate([fixed, geometry.exits])
+        two_sided = np.concatenate([sides, np.zeros(len(geometry.exits), dtype=bool)])
         return Plan(geometry, walls, two_sided, geometry.exits[:0], np.arange(0), [], {}, radius, min_radius, goal)
     known = list(dict.fromkeys(geometry.exit_names))
     if not known:
@@ -73,6 +81,10 @@ def make_plan(
     unknown = [name for name in wanted if name not in known]
     if unknown or not wanted:
         raise ValueError(f"exits {unknown or wanted} are not among those of the geometry; choose from {known}")
+    shut = {e for name, e in zip(geometry.doors, geometry.exits_of_door, strict=True) if name in closed}
+    wanted = [name for name in wanted if name not in shut]
+    if not wanted:
+        raise ValueError(f"all exits that the way may lead to are closed: {', '.join(sorted(filter(None, shut)))}")
     use = np.array([name in wanted for name in geometry.exit_names])
     segments = geometry.exits[use]
     names = [name for name in geometry.exit_names if name in wanted]
@@ -83,8 +95,9 @@ def make_plan(
             raise ValueError(
                 f"exit {name!r} is {width:.2f} m wide, narrower than the smallest body ({2 * min_radius:.2f} m)"
             )
-    walls = np.concatenate([geometry.walls, geometry.exits[~use]])
-    two_sided = np.concatenate([geometry.two_sided, np.zeros(int((~use).sum()), dtype=bool)])
+    fixed, sides = geometry.walls_when(closed)
+    walls = np.concatenate([fixed, geometry.exits[~use]])
+    two_sided = np.concatenate([sides, np.zeros(int((~use).sum()), dtype=bool)])
     return Plan(geometry, walls, two_sided, segments, np.flatnonzero(use), names, widest, radius, min_radius)
 
 
@@ -130,7 +143,7 @@ def _make_grid(plan: Plan, spacing: float) -> Grid:
     inside = geometry.contains(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(rows, cols)
     border = np.concatenate([geometry.walls[~geometry.two_sided], geometry.exits])
     inside |= distance(border, 2 * _TOUCH) < _TOUCH  # nodes on the border, whichever way they were rounded
-    inside &= distance(geometry.walls[geometry.two_sided], 2 * _TOUCH) > _TOUCH  # a node on a thin wall has no side
+    inside &= distance(plan.walls[plan.two_sided], 2 * _TOUCH) > _TOUCH  # a node on a thin wall has no side
     return Grid(origin, spacing, inside, distance(plan.walls, plan.radius + 2 * spacing))
 
 

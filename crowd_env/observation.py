@@ -29,6 +29,7 @@ class View(NamedTuple):
     """What an observation is made from."""
 
     boundary: Boundary
+    door_open: Bools  # (E, D)
     geometry_of_env: Ints  # (E,)
     bodies: Bodies
     state: CrowdState
@@ -138,6 +139,7 @@ def walls(view: View, out: Floats) -> None:
     bodies = view.bodies
     _cast_rays(
         view.boundary,
+        view.door_open,
         view.geometry_of_env,
         bodies.env_start,
         bodies.radius,
@@ -152,6 +154,7 @@ def walls(view: View, out: Floats) -> None:
 @kernel
 def _cast_rays(
     boundary: Boundary,
+    door_open: Bools,
     geometry_of_env: Ints,
     env_start: Ints,
     radius: Floats,
@@ -173,6 +176,8 @@ def _cast_rays(
                 dx, dy = c * axis[i, 0] - s * axis[i, 1], s * axis[i, 0] + c * axis[i, 1]
                 free = SIGHT + radius[i]
                 for w in range(boundary.wall_start[g], boundary.wall_start[g + 1]):
+                    if boundary.wall_door[w] >= 0 and door_open[e, boundary.wall_door[w]]:
+                        continue
                     ax, ay = boundary.wall[w, 0, 0] - x, boundary.wall[w, 0, 1] - y
                     tx, ty = boundary.wall[w, 1, 0] - x - ax, boundary.wall[w, 1, 1] - y - ay
                     cross = dx * ty - dy * tx

@@ -13,7 +13,6 @@ import skfmm
 
 from crowd_env import navigation_directions as directions
 from crowd_env import navigation_grid as grid
-from crowd_env.geometry import Geometry
 from crowd_env.navigation import NavigationField
 from crowd_env.navigation_plan import SOURCE
 from crowd_env.state import Bools, Floats
@@ -37,11 +36,11 @@ class Remarcher:
     Parameters
     ----------
     fine : field on the full grid, to the exits (or the region) in question.
-    geometry : the place.
+    walls : (W, 2, 2) m, those that stand.
     pace : speed of the floor at x, y, relative to plain floor.
     """
 
-    def __init__(self, fine: NavigationField, geometry: Geometry, pace: Callable[[Floats, Floats], Floats]) -> None:
+    def __init__(self, fine: NavigationField, walls: Floats, pace: Callable[[Floats, Floats], Floats]) -> None:
         stride = max(1, round(SPACING / fine.spacing))
         self.spacing = stride * fine.spacing
         self.origin = fine.origin
@@ -54,7 +53,6 @@ class Remarcher:
             self.origin[0] + self.spacing * np.arange(cols), self.origin[1] + self.spacing * np.arange(rows)
         )
         self._pace = pace(x, y)
-        walls = geometry.walls
         blocked = grid.blocked_lines(walls, rows, cols, self.origin, self.spacing)
         # Within a metre of a door the straight line to it is the way, whatever the crowd.
         near_door = (fine.direct >= 0) & (fine.travel_time < 1.0)

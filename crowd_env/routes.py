@@ -106,3 +106,37 @@ class Comfort:
     stairs: float = 3.0
     turn: float = 1.0
     reach: float = 0.6
+
+
+@dataclass(frozen=True)
+class DoorEvent:
+    """A door opens or closes, once an episode: at a time, or when enough people are somewhere or have left.
+
+    Parameters
+    ----------
+    door : its name.
+    opens : True opens it, False closes it.
+    at : s, when; or
+    at_least : when so many people stand in ``region``, or have left by ``exit``.
+    region, exit : names; one of them goes with ``at_least``.
+    """
+
+    door: str
+    opens: bool
+    at: float | None = None
+    at_least: int | None = None
+    region: str | None = None
+    exit: str | None = None
+
+    def __post_init__(self) -> None:
+        counted = (self.region is not None) + (self.exit is not None)
+        by_time = self.at is not None and self.at_least is None and counted == 0
+        by_count = self.at is None and self.at_least is not None and counted == 1
+        if not (by_time or by_count):
+            raise ValueError(
+                f"event of door {self.door!r}: give either a time `at`, or `at_least` with one of `region` and `exit`"
+            )
+        if self.at is not None and not 0 <= self.at < np.inf:
+            raise ValueError(f"event of door {self.door!r}: at is {self.at!r} s; it must be >= 0 and finite")
+        if self.at_least is not None and self.at_least < 1:
+            raise ValueError(f"event of door {self.door!r}: at_least is {self.at_least}; it must be at least 1")

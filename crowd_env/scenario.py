@@ -11,7 +11,7 @@ import numpy as np
 from crowd_env.geometry import Geometry, parse_exit
 from crowd_env.navigation import NavigationField
 from crowd_env.population import Population
-from crowd_env.routes import ControlRule, Route, SpeedZone
+from crowd_env.routes import ControlRule, DoorEvent, Route, SpeedZone
 from crowd_env.state import Floats, Ints
 from crowd_env.ways import Target, Ways, find_ways
 
@@ -45,6 +45,8 @@ class Scenario:
     routes: tuple[Route, ...] = ()  # ways that rules and controllers can send people on, beside every exit by its name
     zones: tuple[SpeedZone, ...] = ()
     rules: tuple[ControlRule, ...] = ()
+    closed_doors: tuple[str, ...] = ()  # at the start
+    door_events: tuple[DoorEvent, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < self.time_limit < np.inf:
@@ -94,6 +96,8 @@ class Scenario:
             zones=self.zones,
             rules=self.rules if rules else (),
             target=self.target,
+            closed_at_start=self.closed_doors,
+            events=self.door_events,
             walking_speed=0.5 * (self.population.desired_speed.low + self.population.desired_speed.high) or 1.0,
         )
 

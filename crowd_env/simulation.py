@@ -1,14 +1,15 @@
 """A batch of crowds that walk, touch and leave.  No rewards, no agents: give it commands, advance it, read its arrays."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env.doors import CHECK_EVERY, Doorkeeper
 from crowd_env.geometry import Geometry, join_boundaries
 from crowd_env.guidance import Guidance
-from crowd_env.navigation import NavigationField, join_fields, travel_time_field
+from crowd_env.navigation import NavigationField, travel_time_field
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.neighbors import DIVERGED, FULL
 from crowd_env.physics.world import (
@@ -21,9 +22,9 @@ from crowd_env.physics.world import (
     grow_memory,
     no_diagnostics,
 )
-from crowd_env.replanning import Replanner
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
-from crowd_env.ways import Ways, join_ways
+from crowd_env.wayfinding import Wayfinder
+from crowd_env.ways import Ways
 
 
 class ContactList(NamedTuple):
@@ -104,12 +105,19 @@ class Simulation:
             raise ValueError(
                 f"{len(self.fields)} fields for {len(self.geometries)} geometries; give one (or None) for each"
             )
-        fields_of_all, place_of_field, guidance = join_ways(self.fields, which)
-        self.world = World(boundary, join_fields(fields_of_all, boundary, place_of_field), which, guidance)
-        self.replanner = Replanner(self.fields, which, replan_every)
-        self.memory = allocate_memory(bodies, rules=int(np.diff(guidance.rule.start).max(initial=0)))
+        self.wayfinder = Wayfinder(self.fields, which, boundary, replan_every)
+        guidance = self.wayfinder.guidance
+        self.world = World(boundary, self.wayfinder.field, which, guidance)
+        doors_of_places = [(p.closed_at_start, p.events) if isinstance(p, Ways) else ((), ()) for p in self.fields]
+        self._doorkeeper = Doorkeeper(
+            self.geometries, [closed for closed, _ in doors_of_places], [events for _, events in doors_of_places], which
+        )
+        doors = max(len(place.doors) for place in self.geometries)
+        self.memory = allocate_memory(bodies, rules=int(np.diff(guidance.rule.start).max(initial=0)), doors=doors)
         _check_routes(state, guidance, bodies)
         self.memory.followed[:] = state.route
+        for e in range(environments):
+            self.close_doors(e, self._doorkeeper.restart(e))
         # Overlaps, residuals and solver effort since the start of each environment.
         self.diagnostics = no_diagnostics(environments)
         self._pool: ThreadPoolExecutor | None = None
@@ -168,11 +176,37 @@ class Simulation:
         control = Control(command, relative, external_force, self.driving)
         target = 0
         while target < n_substeps:
-            self.replanner.update(self.world, self.bodies, self.state)
-            wait = self.replanner.steps_until_due(self.state, self.dt, self.inside)
-            target = n_substeps if wait is None else min(n_substeps, target + wait)
+            for e in self._doorkeeper.update(self.bodies, self.state):
+                self.close_doors(e, self._doorkeeper.closed[e])
+            self.wayfinder.update(self.bodies, self.state)
+            waits = [self.wayfinder.steps_until_due(self.state.time, self.dt, self.inside)]
+            if not self._doorkeeper.idle:
+                waits.append(max(1, round(CHECK_EVERY / self.dt)))
+            target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
             self._run_until(target, control)
         add_diagnostics(self.diagnostics, self.memory.diagnostics)
+
+    def close_doors(self, e: int, closed: Iterable[str]) -> None:
+        """Close these doors of environment ``e`` and open all others; ways are found accordingly.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown.
+        """
+        names, shut = self.geometries[self.world.geometry_of_env[e]].doors, frozenset(closed)
+        for name in shut:
+            if name not in names:
+                raise ValueError(f"unknown door {name!r}; known: {', '.join(names) or 'none'}")
+        stands_open = np.array([name not in shut for name in names], dtype=np.bool_)
+        if not len(names) or (self.memory.door_open[e, : len(names)] == stands_open).all():
+            return
+        self._doorkeeper.closed[e] = shut
+        self.memory.door_open[e, : len(names)] = stands_open
+        self.memory.near.reach[e] = -1.0
+        self.memory.way_age[e] = np.inf
+        self.wayfinder.close(e, shut)
+        self.world = self.world._replace(field=self.wayfinder.field)
 
     def _run_until(self, n_substeps: int, control: Control) -> None:
         """Advance every environment to step ``n_substeps`` of this call."""
@@ -228,7 +262,8 @@ class Simulation:
         state.exit_index[people] = -1
         state.route[people] = route
         self.memory.followed[people] = route
-        self.replanner.restart(e)
+        self.wayfinder.restart(e)
+        self.close_doors(e, self._doorkeeper.restart(e))
         self.memory.rule_on[e] = False
         state.time[e] = 0.0
         near = self.memory.near

@@ -1,7 +1,8 @@
 """Routes made ready: their travel-time fields, and the arrays that the compiled step reads of routes, regions and rules."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from crowd_env.geometry import Boundary, Geometry
 from crowd_env.guidance import MOST_REGIONS, Guidance, RegionArrays, RuleArrays
 from crowd_env.navigation import NavigationField, regions_along, straight_field, travel_time_field
 from crowd_env.remarching import Remarcher
-from crowd_env.routes import OUT, Comfort, ControlRule, Route, SpeedZone
+from crowd_env.routes import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
 from crowd_env.state import Floats, Ints
 
 Target = Literal["path", "nearest", "centre", "width"]
@@ -37,6 +38,29 @@ class Ways:
     zones: tuple[SpeedZone, ...]
     rules: tuple[ControlRule, ...]
     radius: float  # m
+    closed_at_start: tuple[str, ...]  # doors
+    events: tuple[DoorEvent, ...]
+    again: Callable[..., "Ways"]  # makes the same ways while other doors are closed
+    _closed: dict[frozenset[str], "Ways"] = field(default_factory=dict)
+
+    @property
+    def is_dynamic(self) -> bool:
+        """Whether some way follows the crowd."""
+        return any(way.remarcher is not None for way in self.ways)
+
+    def when(self, closed: frozenset[str]) -> "Ways":
+        """Return the same ways while these doors are closed, made once.
+
+        Raises
+        ------
+        ValueError
+            If someone would be locked in, or a way leads to closed exits alone.
+        """
+        if not closed:
+            return self
+        if closed not in self._closed:
+            self._closed[closed] = self.again(closed=closed)
+        return self._closed[closed]
 
     def number(self, name: str) -> int:
         """Return the number of a route.
@@ -69,6 +93,9 @@ def find_ways(
     target: Target = "path",
     walking_speed: float = 1.4,
     comfort: Comfort | None = None,
+    closed: frozenset[str] = frozenset(),
+    closed_at_start: Sequence[str] = (),
+    events: Sequence[DoorEvent] = (),
 ) -> Ways:
     """Return the routes of a place: first "out", the shortest way to any exit; then ``routes``; then what rules need.
 
@@ -79,6 +106,8 @@ def find_ways(
     radius, min_radius : m, of the largest and smallest body.
     target : what the shortest ways aim at, see `crowd_env.scenario.Scenario`.
     walking_speed : m/s, of the people, to compare fixed speeds of zones with.
+    closed : names of the doors that are closed; the ways are those of that moment.
+    closed_at_start, events : doors that are closed at first, and what happens to doors.
 
     Raises
     ------
@@ -86,6 +115,7 @@ def find_ways(
         If a name is unknown or taken, or an exit or region cannot be reached.
     """
     _check_names(geometry, routes, zones, rules)
+    _check_doors(geometry, closed_at_start, events)
     wanted = {route.name: route for route in (Route(OUT), *routes)}
     for rule in rules:
         if rule.route not in wanted:
@@ -99,9 +129,11 @@ def find_ways(
         via = route.via if goal >= 0 else None
         exits = route.exits or None if via is None else None
         speed = {"shortest": None, "comfortable": pace.comfortable, "fastest": pace}[route.strategy]
-        found = travel_time_field(geometry, radius, exits=exits, min_radius=min_radius, goal=via, speed=speed)
+        found = travel_time_field(
+            geometry, radius, exits=exits, min_radius=min_radius, goal=via, speed=speed, closed=closed
+        )
         if route.strategy == "fastest":
-            remarcher = Remarcher(found, geometry, pace)
+            remarcher = Remarcher(found, geometry.walls_when(closed)[0], pace)
             return Way(name, remarcher.march(), goal, then, remarcher)
         if target != "path" and via is None and route.strategy == "shortest":
             found = straight_field(found, geometry, _MARGINS[target])
@@ -118,7 +150,20 @@ def find_ways(
     ways = [*made, *second]
     if rules:
         ways = [found._replace(field=_with_regions(found.field, geometry)) for found in ways]
-    return Ways(geometry, tuple(ways), tuple(zones), tuple(rules), radius)
+    again = partial(
+        find_ways,
+        geometry,
+        radius,
+        min_radius=min_radius,
+        routes=tuple(routes),
+        zones=tuple(zones),
+        rules=tuple(rules),
+        target=target,
+        walking_speed=walking_speed,
+        comfort=comfort,
+    )
+    doors = (tuple(closed_at_start), tuple(events))
+    return Ways(geometry, tuple(ways), tuple(zones), tuple(rules), radius, *doors, again)
 
 
 def _check_names(
@@ -148,6 +193,18 @@ def _check_names(
     for rule in rules:
         known("control rule", rule.region, regions, "region")
         known(f"control rule on {rule.region!r}", rule.route, [*taken, *exits], "route")
+
+
+def _check_doors(geometry: Geometry, closed_at_start: Sequence[str], events: Sequence[DoorEvent]) -> None:
+    def known(name: str | None, names: Sequence[str], what: str) -> None:
+        if name is not None and name not in names:
+            raise ValueError(f"unknown {what} {name!r} in what happens to doors; known: {', '.join(names) or 'none'}")
+
+    for name in (*closed_at_start, *(event.door for event in events)):
+        known(name, geometry.doors, "door")
+    for event in events:
+        known(event.region, list(geometry.regions), "region")
+        known(event.exit, geometry.exit_names, "exit")
 
 
 class _Pace:

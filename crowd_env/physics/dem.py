@@ -106,7 +106,9 @@ def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, stiffness: fl
     world, bodies, state, control, memory = batch
     near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
     while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
-        if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, 0.0, social.cutoff):
+        if not detect(
+            e, g, world.boundary, memory.door_open, bodies, state, near, contacts, memory.status, 0.0, social.cutoff
+        ):
             return
         desired_velocities(e, world, bodies, state, control, memory, dt)
         regular_forces(

@@ -267,7 +267,9 @@ def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: HertzLaw
             _drift(begin, end, state, memory.previous, dt)
             leave(e, g, world.boundary, bodies, state, memory.previous, dt)
             phase[e] = _DRIFTED
-        if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, 0.0, social.cutoff):
+        if not detect(
+            e, g, world.boundary, memory.door_open, bodies, state, near, contacts, memory.status, 0.0, social.cutoff
+        ):
             return  # goes on from here, with more room
         desired_velocities(e, world, bodies, state, control, memory, dt)
         regular_forces(

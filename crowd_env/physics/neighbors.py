@@ -86,7 +86,14 @@ def grow_neighbours(old: NeighbourList, bodies: Bodies, per_person: int) -> Neig
 
 @kernel
 def update_neighbours(
-    e: int, g: int, boundary: Boundary, bodies: Bodies, state: CrowdState, near: NeighbourList, margin: float
+    e: int,
+    g: int,
+    boundary: Boundary,
+    door_open: Bools,
+    bodies: Bodies,
+    state: CrowdState,
+    near: NeighbourList,
+    margin: float,
 ) -> int:
     """Rebuild the list of environment ``e`` if a gap below ``margin`` could be missing from it.
 
@@ -105,7 +112,7 @@ def update_neighbours(
         return OK
     _keep_old_rows(e, begin, end, near)
     reach = margin + max(SKIN, 0.375 * margin)  # 0.15 m beyond the 0.4 m of a social force was measured to be best
-    if not _build_rows(e, g, begin, end, boundary, bodies, state, near, reach):
+    if not _build_rows(e, g, begin, end, boundary, door_open, bodies, state, near, reach):
         _restore_old_rows(e, begin, end, near)
         near.reach[e] = -1.0
         return FULL
@@ -190,6 +197,7 @@ def _build_rows(
     begin: int,
     end: int,
     boundary: Boundary,
+    door_open: Bools,
     bodies: Bodies,
     state: CrowdState,
     near: NeighbourList,
@@ -228,7 +236,8 @@ def _build_rows(
                         k -= 1
                     near.partner[k] = j
                     entry += 1
-        entry = _add_walls(g, boundary, position[i, 0], position[i, 1], radius[i] + reach, near.partner, entry, last)
+        limit = radius[i] + reach
+        entry = _add_walls(e, g, boundary, door_open, position[i, 0], position[i, 1], limit, near.partner, entry, last)
         if entry < 0:
             return False
         near.row_end[i] = entry
@@ -238,14 +247,25 @@ def _build_rows(
 
 @kernel
 def _add_walls(
-    g: int, boundary: Boundary, x: float, y: float, limit: float, partner: Ints, entry: int, last: int
+    e: int,
+    g: int,
+    boundary: Boundary,
+    door_open: Bools,
+    x: float,
+    y: float,
+    limit: float,
+    partner: Ints,
+    entry: int,
+    last: int,
 ) -> int:
-    """Append the wall features nearer than ``limit``; returns the next free entry, -1 if there is none."""
+    """Append the wall features nearer than ``limit``, but for open doors; returns the next free entry, -1 if there is none."""
     first, stop = boundary.wall_start[g], boundary.wall_start[g + 1]
     for k in range(first, stop):
         ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
         bx, by = boundary.wall[k, 1, 0], boundary.wall[k, 1, 1]
         if x < min(ax, bx) - limit or x > max(ax, bx) + limit or y < min(ay, by) - limit or y > max(ay, by) + limit:
+            continue
+        if boundary.wall_door[k] >= 0 and door_open[e, boundary.wall_door[k]]:
             continue
         length = np.hypot(bx - ax, by - ay)
         if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) < limit * length:
@@ -257,6 +277,8 @@ def _add_walls(
     for k in range(boundary.corner_start[g], boundary.corner_start[g + 1]):
         dx, dy = x - boundary.corner[k, 0], y - boundary.corner[k, 1]
         if dx * dx + dy * dy < limit * limit:
+            if boundary.corner_door[k] >= 0 and door_open[e, boundary.corner_door[k]]:
+                continue
             if entry == last:
                 return -1
             partner[entry] = -1 - walls - (k - boundary.corner_start[g])

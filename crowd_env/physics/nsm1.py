@@ -144,7 +144,7 @@ def _project(
         _try_velocities(e, bodies, state, memory.force, v, dt, spontaneous)
         if margin < 0.0:
             margin = 2.2 * dt * fastest_speed(begin, end, state.active, v) + 1e-3
-        if not detect(e, g, boundary, bodies, state, near, contacts, memory.status, margin, cutoff):
+        if not detect(e, g, boundary, memory.door_open, bodies, state, near, contacts, memory.status, margin, cutoff):
             return False
         first = near.entry_start[e]
         last = first + contacts.number[e]
@@ -176,7 +176,9 @@ def _advance_one(
     while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
         desired_velocities(e, world, bodies, state, control, memory, dt)
         if social.cutoff > 0.0:
-            memory.status[e] = update_neighbours(e, g, world.boundary, bodies, state, near, social.cutoff)
+            memory.status[e] = update_neighbours(
+                e, g, world.boundary, memory.door_open, bodies, state, near, social.cutoff
+            )
             if memory.status[e] != OK:
                 return
         regular_forces(

@@ -193,7 +193,19 @@ def _advance_one(
     near, contacts, problem, g = memory.near, memory.contacts, memory.problem, world.geometry_of_env[e]
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
     while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
-        if not detect(e, g, world.boundary, bodies, state, near, contacts, memory.status, _TOUCHING, social.cutoff):
+        if not detect(
+            e,
+            g,
+            world.boundary,
+            memory.door_open,
+            bodies,
+            state,
+            near,
+            contacts,
+            memory.status,
+            _TOUCHING,
+            social.cutoff,
+        ):
             return
         desired_velocities(e, world, bodies, state, control, memory, dt)
         regular_forces(

@@ -29,6 +29,7 @@ def detect(
     e: int,
     g: int,
     boundary: Boundary,
+    door_open: Bools,
     bodies: Bodies,
     state: CrowdState,
     near: NeighbourList,
@@ -41,7 +42,7 @@ def detect(
 
     Contacts have a gap below ``margin``; the neighbour list also holds whoever is nearer than ``cutoff``.
     """
-    status[e] = update_neighbours(e, g, boundary, bodies, state, near, max(margin, cutoff))
+    status[e] = update_neighbours(e, g, boundary, door_open, bodies, state, near, max(margin, cutoff))
     if status[e] != OK:
         return False
     find_contacts(e, g, boundary, bodies, state, near, contacts, margin)

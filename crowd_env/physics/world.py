@@ -56,6 +56,7 @@ class Memory(NamedTuple):
     pace: Floats  # (P,)   m/s  desired speed there
     rule_on: Bools  # (E, K) control rules of each environment
     rule_since: Floats  # (E, K) s  when they were switched on
+    door_open: Bools  # (E, D)
     desired: Floats  # (P, 2) m/s
     force: Floats  # (P, 2) N
     previous: Floats  # (P, 2) position at the start of the step
@@ -100,8 +101,8 @@ def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
         getattr(total, name)[:] += getattr(call, name)
 
 
-def allocate_memory(bodies: Bodies, per_person: int = 12, rules: int = 0) -> Memory:
-    """Return working memory with ``per_person`` neighbour entries a pedestrian and so many control rules."""
+def allocate_memory(bodies: Bodies, per_person: int = 12, rules: int = 0, doors: int = 0) -> Memory:
+    """Return working memory with ``per_person`` neighbour entries a pedestrian and so many control rules and doors."""
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     near = allocate_neighbours(bodies, per_person)
 
@@ -122,6 +123,7 @@ def allocate_memory(bodies: Bodies, per_person: int = 12, rules: int = 0) -> Mem
         pace=bodies.desired_speed.copy(),
         rule_on=np.zeros((environments, rules), dtype=np.bool_),
         rule_since=reals(environments, rules),
+        door_open=np.ones((environments, doors), dtype=np.bool_),
         desired=reals(people, 2),
         force=reals(people, 2),
         previous=reals(people, 2),

@@ -1,0 +1,72 @@
+"""When doors open and close, environment by environment."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crowd_env.geometry import Geometry
+from crowd_env.routes import DoorEvent
+from crowd_env.state import Bodies, CrowdState, Ints
+
+CHECK_EVERY = 0.1  # s
+
+
+class Doorkeeper:
+    """Watches for the events that open and close doors; each happens once an episode.
+
+    Parameters
+    ----------
+    geometries, closed_at_start, events : of every place; ``closed_at_start`` names the doors that are closed at first.
+    geometry_of_env : (E,)
+    """
+
+    def __init__(
+        self,
+        geometries: Sequence[Geometry],
+        closed_at_start: Sequence[Sequence[str]],
+        events: Sequence[Sequence[DoorEvent]],
+        geometry_of_env: Ints,
+    ) -> None:
+        self._geometries = [geometries[g] for g in geometry_of_env]
+        self._closed_at_start = [frozenset(closed_at_start[g]) for g in geometry_of_env]
+        self._events = [list(events[g]) for g in geometry_of_env]
+        self.closed: list[frozenset[str]] = [frozenset() for _ in geometry_of_env]
+        self._happened: list[set[int]] = [set() for _ in geometry_of_env]
+
+    def restart(self, e: int) -> frozenset[str]:
+        """Begin environment ``e`` anew; returns the doors that are closed."""
+        self.closed[e] = self._closed_at_start[e]
+        self._happened[e] = set()
+        return self.closed[e]
+
+    @property
+    def idle(self) -> bool:
+        """Whether no door can move by itself any more."""
+        return all(len(done) == len(events) for done, events in zip(self._happened, self._events, strict=True))
+
+    def update(self, bodies: Bodies, state: CrowdState) -> list[int]:
+        """Let what is due happen; returns the environments in which a door moved."""
+        moved = []
+        for e, events in enumerate(self._events):
+            if len(self._happened[e]) == len(events):
+                continue
+            people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
+            before = self.closed[e]
+            for k, event in enumerate(events):
+                if k not in self._happened[e] and self._is_due(e, event, state, people):
+                    self._happened[e].add(k)
+                    self.closed[e] = self.closed[e] - {event.door} if event.opens else self.closed[e] | {event.door}
+            if self.closed[e] != before:
+                moved.append(e)
+        return moved
+
+    def _is_due(self, e: int, event: DoorEvent, state: CrowdState, people: slice) -> bool:
+        if event.at is not None:
+            return bool(state.time[e] >= event.at - 1e-9)
+        geometry = self._geometries[e]
+        assert event.at_least is not None
+        if event.region is not None:
+            position = state.position[people][state.active[people]]
+            return int(geometry.contains(position, event.region).sum()) >= event.at_least
+        rows = [k for k, name in enumerate(geometry.exit_names) if name == event.exit]
+        return int(np.isin(state.exit_index[people], rows).sum()) >= event.at_least
