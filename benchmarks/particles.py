@@ -1,6 +1,6 @@
 """One big crowd that walks to one door: particle-steps per CPU second, everything a step needs included.
 
-People of Lin, Ma, Lo (radius 0.25 to 0.35 m), at each scheme's default time step.  ``hertz`` and ``dem`` push with their forces,
+People of Lin, Ma, Lo (radius 0.25 to 0.35 m), at each scheme's default time step.  ``hertz`` and ``dem`` push with forces,
 so a step is short; a step of ``nsm1`` and ``nsm2`` solves a system and is ten times longer.  Before anything is measured the
 crowd walks for ``_SETTLE`` seconds and packs before the door.
 """

@@ -11,7 +11,6 @@ from crowd_env.physics.social import SocialLaw, add_social_forces
 from crowd_env.physics.world import Control, Memory, World
 from crowd_env.state import Bodies, Bools, CrowdState, Floats
 
-
 # The way out is looked up anew after so long: at every step of 0.01 s, at every tenth of 0.001 s.  It costs as much as two
 # contacts, and nobody gets 2 cm further in between.
 _LOOK_EVERY = 0.01  # s
@@ -45,7 +44,9 @@ def desired_velocities(
 
 
 @kernel
-def _look_for_the_way(e: int, world: World, bodies: Bodies, state: CrowdState, relative: Bools, everyone: bool, way: Floats) -> None:
+def _look_for_the_way(
+    e: int, world: World, bodies: Bodies, state: CrowdState, relative: Bools, everyone: bool, way: Floats
+) -> None:
     g = world.geometry_of_env[e]
     field, boundary = world.field, world.boundary
     cell, direction, exit_line = field.cell, field.direction, boundary.exit
