@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from crowd_env.clogging_command import clog
 from crowd_env.console import notes, progress_bar, said_plainly
 from crowd_env.experiment import report, run_rule
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
@@ -104,6 +105,20 @@ def run(
     ] = None,
     seed: Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0)] = 0,
     film: Annotated[Path | None, typer.Option(help="Also film the first run: .gif or .mp4.")] = None,
+    force_network: Annotated[
+        Path | None,
+        typer.Option(help="Also draw who presses on whom in the first run: .png, lines as wide as the force."),
+    ] = None,
+    at: Annotated[
+        float | None,
+        typer.Option(help="Moment of --force-network in s; default the end if the exits block, else the hardest push."),
+    ] = None,
+    around: Annotated[
+        float | None,
+        typer.Option(
+            help="How far around the exit --force-network shows, in m; inf for all; default 3.5 in big places."
+        ),
+    ] = None,
     as_json: Annotated[bool, _JSON] = False,
 ) -> None:
     """Evacuate a place many times, everyone walking the shortest path, and report how it went.
@@ -117,12 +132,15 @@ def run(
         contact = make_scheme(scheme, social)
         if film is not None:
             _check_film(film)
+        _check_network(force_network, at, around)
         begin = time.monotonic()
         with progress_bar(f"{place.name}, {scheme}", runs) as progress:
             episodes = run_rule(place, contact, runs, seed=seed, dt=dt, progress=progress)
         figures = report(place, scheme, episodes)
         if film is not None:
             _film(place, contact, seed, dt, film)
+        if force_network is not None:
+            _draw_network(place, contact, seed, dt, at, around, force_network)
     if as_json:
         typer.echo(json.dumps(figures))
         return
@@ -151,6 +169,43 @@ def _film(place: Scenario, scheme: ContactScheme, seed: int, dt: float | None, p
         recorder.snap()
     write_film(path, recorder.recording(f"{place.name}, {scheme.info.name}"))
     notes.print(f"film: {path}", markup=False)
+
+
+def _check_network(path: Path | None, at: float | None, around: float | None) -> None:
+    for option, value in (("--at", at), ("--around", around)):
+        if value is not None and path is None:
+            raise ValueError(f"{option} belongs to --force-network, which is not given")
+        if value is not None and not value > 0:
+            raise ValueError(f"{option} is {value:g}; it must be > 0")
+    if path is None:
+        return
+    from crowd_env.rendering.canvas import new_figure
+    from crowd_env.rendering.saving import check_suffix
+
+    check_suffix(path, (".png",))
+    if not path.absolute().parent.is_dir():
+        raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
+    try:
+        new_figure((1.0, 1.0))  # says now, not after the work, that the drawing library is missing
+    except ModuleNotFoundError as error:
+        raise ValueError(str(error)) from None
+
+
+def _draw_network(
+    place: Scenario,
+    scheme: ContactScheme,
+    seed: int,
+    dt: float | None,
+    at: float | None,
+    around: float | None,
+    path: Path,
+) -> None:
+    from crowd_env.rendering import write_force_network
+    from crowd_env.rendering.force_moment import forces_of_run
+
+    forces = forces_of_run(place, scheme, seed=seed, dt=dt, at=at)
+    write_force_network(path, forces, around=around, title=f"{place.name}, {scheme.info.name}")
+    notes.print(f"forces: {path}, mean of 0.1 s until {forces.time:.1f} s", markup=False, soft_wrap=True)
 
 
 def _table(figures: dict[str, Any], seconds: float) -> Table:
@@ -223,6 +278,7 @@ def warmup(
 
 
 app.command("reproduce")(reproduce)
+app.command("clogging")(clog)
 
 
 def main() -> None:

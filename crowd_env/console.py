@@ -12,10 +12,10 @@ notes = Console(stderr=True, highlight=False)
 
 @contextmanager
 def said_plainly() -> Iterator[None]:
-    """Turn a user's mistake into one line and exit code 2."""
+    """Turn a user's mistake, or an extra that is not installed, into one line and exit code 2."""
     try:
         yield
-    except (ValueError, FloatingPointError) as error:
+    except (ValueError, FloatingPointError, ModuleNotFoundError) as error:
         notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         raise typer.Exit(2) from None
 

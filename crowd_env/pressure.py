@@ -1,12 +1,30 @@
 """How hard a crowd presses: on a body, and as a crowd."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env._jit import kernel
+from crowd_env.geometry import Geometry
 from crowd_env.physics.neighbors import NeighbourList, sort_into_cells
 from crowd_env.simulation import Simulation
-from crowd_env.state import CrowdState, Floats, Ints
+from crowd_env.state import Bools, CrowdState, Floats, Ints
+
+
+class ContactForces(NamedTuple):
+    """Who presses on whom in a crowd of N, and how hard: C contacts."""
+
+    geometry: Geometry
+    time: float  # s
+    position: Floats  # (N, 2)  m
+    radius: Floats  # (N,)    m
+    active: Bools  # (N,)    still inside
+    i: Ints  # (C,)    person
+    j: Ints  # (C,)    other person > i, or -1 - k: wall feature k
+    at: Floats  # (C, 2)  m, the centre of j, or where i touches the wall
+    force: Floats  # (C,)    N, normal; > 0 pushes apart
 
 
 def contact_pressure(impulse: ArrayLike, duration: float, radius: ArrayLike) -> Floats:
@@ -22,6 +40,61 @@ def contact_pressure(impulse: ArrayLike, duration: float, radius: ArrayLike) -> 
     """
     circumference = 2.0 * np.pi * np.asarray(radius, dtype=np.float64)
     return np.asarray(impulse, dtype=np.float64) / (duration * circumference)
+
+
+def contact_forces(simulation: Simulation, e: int = 0) -> ContactForces:
+    """Return the contacts of environment ``e`` with their normal forces: the normal impulses of the last step over its length.
+
+    Solvers of impulses leave forces that flicker from step to step; `mean_contact_forces` of many steps is calmer.
+    """
+    people = slice(int(simulation.bodies.env_start[e]), int(simulation.bodies.env_start[e + 1]))
+    position, radius = simulation.state.position[people].copy(), simulation.bodies.radius[people].copy()
+    active, contacts = simulation.state.active[people].copy(), simulation.contacts(e)
+    inside = _both_inside(active, contacts.i, contacts.j)
+    i, j = contacts.i[inside], contacts.j[inside]
+    touch = position[i] - contacts.normal[inside] * (radius[i] + contacts.gap[inside])[:, None]
+    return ContactForces(
+        geometry=simulation.geometries[simulation.world.geometry_of_env[e]],
+        time=float(simulation.state.time[e]),
+        position=position,
+        radius=radius,
+        active=active,
+        i=i,
+        j=j,
+        at=np.where((j < 0)[:, None], touch, position[np.maximum(j, 0)]),
+        force=contacts.impulse[inside, 0] / simulation.dt,
+    )
+
+
+def mean_contact_forces(samples: Sequence[ContactForces]) -> ContactForces:
+    """Return the time average of the normal forces over ``samples`` of one crowd, people standing as in the last one.
+
+    A contact counts as 0 N in samples in which it does not exist; contacts of people who left meanwhile are left out.
+
+    Raises
+    ------
+    ValueError
+        If there is no sample.
+    """
+    if not samples:
+        raise ValueError("a mean of contact forces needs at least one sample")
+    last = samples[-1]
+    i, j, at, force = (np.concatenate([getattr(s, name) for s in samples]) for name in ("i", "j", "at", "force"))
+    stays = _both_inside(last.active, i, j)
+    i, j, at, force = i[stays], j[stays], at[stays], force[stays]
+    pairs, which = np.unique(np.stack([i, j], axis=1), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    mean, place = np.zeros(len(pairs)), np.zeros((len(pairs), 2))
+    np.add.at(mean, which, force / len(samples))
+    place[which] = at  # of several, the last one
+    i, j = pairs.T.copy()
+    at = np.where((j < 0)[:, None], place, last.position[np.maximum(j, 0)])
+    return last._replace(i=i, j=j, at=at, force=mean)
+
+
+def _both_inside(active: Bools, i: Ints, j: Ints) -> Bools:
+    """Return which contacts (C,) are of people who are still inside, and walls."""
+    return active[i] & ((j < 0) | active[np.maximum(j, 0)])
 
 
 def crowd_pressure(simulation: Simulation, radius: float = 1.0) -> Floats:

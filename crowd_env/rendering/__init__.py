@@ -2,9 +2,12 @@
 
 from crowd_env.rendering.figures import egress_comparison, egress_curves, learning_curve
 from crowd_env.rendering.film import write_film, write_still, write_strip
+from crowd_env.rendering.force_moment import forces_of_run
+from crowd_env.rendering.force_network import write_force_network
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.palette import FULL_PRESSURE
 from crowd_env.rendering.recordings import Recording
+from crowd_env.rendering.survival import survival_curves
 from crowd_env.rendering.window import Window
 
 __all__ = [
@@ -14,8 +17,11 @@ __all__ = [
     "Window",
     "egress_comparison",
     "egress_curves",
+    "forces_of_run",
     "learning_curve",
+    "survival_curves",
     "write_film",
+    "write_force_network",
     "write_still",
     "write_strip",
 ]

@@ -6,16 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.palette import INK, QUIET, SERIES, Colour
-from crowd_env.rendering.saving import check_suffix, written
+from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure, shade
+from crowd_env.rendering.palette import INK, QUIET, SERIES
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_DPI = 160
 # The paper's words: "the situation before contact is black, during the contact light-grey, after contact dark-grey".
 _PHASES = {"before": "#000000", "during": "#b9b9b9", "after": "#5f5f5f"}
 
@@ -41,27 +39,27 @@ def velocity_error(
     fit : slope and intercept of log10(error) against log10(step).
     stable : s, largest stable step.
     """
-    figure = _figure((6.4, 4.2))
-    axes = _quiet(figure.add_subplot(), "time step $h$ [s]", r"$|u_x - 2|$ after the contact [m/s]", grid=True)
+    figure = new_figure((6.4, 4.2))
+    axes = quiet_axes(figure.add_subplot(), "time step $h$ [s]", r"$|u_x - 2|$ after the contact [m/s]", grid=True)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.plot(*sweep, ".", color="#bcbab5", markersize=4, label=f"{len(sweep[0])} other steps")
     line = np.array([steps.min(), stable])
     axes.plot(
-        line, 10 ** (fit[1] + fit[0] * np.log10(line)), color=_hex(SERIES[0]), lw=1.4, label=f"slope {fit[0]:.2f}"
+        line, 10 ** (fit[1] + fit[0] * np.log10(line)), color=hex_of(SERIES[0]), lw=1.4, label=f"slope {fit[0]:.2f}"
     )
-    axes.plot(steps, error, "o", color=_hex(SERIES[0]), markersize=6, label="here")
+    axes.plot(steps, error, "o", color=hex_of(SERIES[0]), markersize=6, label="here")
     axes.plot(steps, printed, "x", color="black", markersize=11, mew=1.4, label="paper, as printed")
     axes.plot(steps[-1], mended, "+", color="black", markersize=12, mew=1.4, label="paper, a zero put back")
-    axes.axvline(stable, color=_hex(QUIET), lw=1.0, dashes=(4, 3))
+    axes.axvline(stable, color=hex_of(QUIET), lw=1.0, dashes=(4, 3))
     axes.text(
         stable * 0.93, 1e-9, rf"stable up to $2/\omega$ = {stable:.3f} s", rotation=90, ha="right", va="bottom",
-        color=_hex(QUIET), fontsize=8.5,
+        color=hex_of(QUIET), fontsize=8.5,
     )  # fmt: skip
     axes.set_xlim(6e-6, 0.2)
     axes.set_ylim(5e-10, 60)
     axes.legend(frameon=False, fontsize=9.5, loc="upper left")
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def collisions(
@@ -78,11 +76,11 @@ def collisions(
         that was avoided or None.
     radius : m.
     """
-    figure = _figure((9.6, 8.4))
+    figure = new_figure((9.6, 8.4))
     grid = figure.subplots(2, 2, sharex=True, sharey=True)
     for axes, (title, places, phases, avoided) in zip(grid.flat, panels, strict=True):
         _collision(axes, places, phases, avoided, radius)
-        axes.set_title(title, loc="left", fontsize=11, color=_hex(INK))
+        axes.set_title(title, loc="left", fontsize=11, color=hex_of(INK))
         axes.set_aspect("equal")
         axes.set_xlim(-0.28, 1.2)
         axes.set_ylim(-0.88, 0.36)
@@ -92,7 +90,7 @@ def collisions(
     for axes in grid[:, 0]:
         axes.set_ylabel("$y$ [m]", fontsize=10)
     _name_phases(figure)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def _collision(
@@ -162,17 +160,17 @@ def meetings(
     form : tau and closed form of the recoil distance.
     recoils : label -> measured recoil for each tau [m].
     """
-    figure = _figure((10.4, 4.4))
+    figure = new_figure((10.4, 4.4))
     left, right = figure.subplots(1, 2, width_ratios=[1.75, 1.0])
     _meeting(left, taus, trajectories, radius)
-    _quiet(right, r"relaxation time $\tau$ [s]", "recoil, exactly head-on [m]", grid=True)
-    right.plot(*form, color=_hex(INK), lw=1.3, label=r"$\tau v_d\,(1-\ln 2)$, from eq. 11")
+    quiet_axes(right, r"relaxation time $\tau$ [s]", "recoil, exactly head-on [m]", grid=True)
+    right.plot(*form, color=hex_of(INK), lw=1.3, label=r"$\tau v_d\,(1-\ln 2)$, from eq. 11")
     for (label, values), mark, colour in zip(recoils.items(), "os", (SERIES[0], SERIES[1]), strict=False):
-        right.plot(taus, values, mark, color=_hex(colour), markersize=6.5, label=label)
+        right.plot(taus, values, mark, color=hex_of(colour), markersize=6.5, label=label)
     right.set_xlim(0.0, form[0][-1])
     right.set_ylim(bottom=0.0)
     right.legend(frameon=False, fontsize=9.5, loc="upper left")
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def _meeting(axes: "Axes", taus: Sequence[float], trajectories: Sequence[Floats], radius: float) -> None:
@@ -187,9 +185,9 @@ def _meeting(axes: "Axes", taus: Sequence[float], trajectories: Sequence[Floats]
         axes.annotate("", (side * 0.72, y), (side * 1.2, y), arrowprops=arrow, zorder=6)
         axes.text(side * (reach - 0.08), y, f"${name}$", ha="center", va="center", fontsize=13)
     for k, (tau, places) in enumerate(zip(taus, trajectories, strict=True)):
-        shade = _shade(k / max(len(taus) - 1, 1))
+        colour = shade(k / max(len(taus) - 1, 1))
         for who in (0, 1):
-            axes.plot(*places[:, who].T, color=shade, lw=1.7, zorder=3, label=None if who else rf"$\tau$ = {tau:g} s")
+            axes.plot(*places[:, who].T, color=colour, lw=1.7, zorder=3, label=None if who else rf"$\tau$ = {tau:g} s")
     axes.plot(*touch.T, "o", color="black", markersize=4.5, zorder=5)
     axes.set_xlim(-reach, reach)
     axes.set_aspect("equal", adjustable="box")
@@ -212,8 +210,8 @@ def exits_against_time(
     slope, start : of the line, 1/s and people at t = 0; nan draws none.
     printed : what the paper says to it.
     """
-    figure = _figure((6.6, 4.6))
-    axes = _quiet(figure.add_subplot(), "time [s]", "pedestrians out")
+    figure = new_figure((6.6, 4.6))
+    axes = quiet_axes(figure.add_subplot(), "time [s]", "pedestrians out")
     people = exit_times.shape[1]
     known = exit_times[np.isfinite(exit_times)]
     end = _end_of_time(exit_times)
@@ -231,9 +229,9 @@ def exits_against_time(
     axes.set_xlim(0.0, end)
     axes.set_ylim(0.0, 1.04 * people)
     axes.locator_params(axis="y", integer=True)
-    axes.set_title(title, loc="left", color=_hex(INK), fontsize=11)
+    axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11)
     axes.legend(frameon=False, fontsize=9.5, loc="lower right")
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def _end_of_time(exit_times: Floats) -> float:
@@ -263,18 +261,18 @@ def flows(
     others : scheme -> other estimators by name.
     printed, experiment : the paper's flows and the experiment's.
     """
-    figure = _figure((7.6, 5.0))
-    axes = _quiet(figure.add_subplot(), "", "flow through the door [persons/s]", grid=True)
+    figure = new_figure((7.6, 5.0))
+    axes = quiet_axes(figure.add_subplot(), "", "flow through the door [persons/s]", grid=True)
     from matplotlib.lines import Line2D
 
     rng = np.random.default_rng(0)  # for the places of the points sideways
-    axes.axhline(experiment, color=_hex(QUIET), lw=1.2, dashes=(4, 3), zorder=1)
+    axes.axhline(experiment, color=hex_of(QUIET), lw=1.2, dashes=(4, 3), zorder=1)
     axes.annotate(
         f"experiment {experiment:g}", (1.0, experiment), (4, 0), xycoords=("axes fraction", "data"),
-        textcoords="offset points", color=_hex(QUIET), fontsize=9, va="center", annotation_clip=False,
+        textcoords="offset points", color=hex_of(QUIET), fontsize=9, va="center", annotation_clip=False,
     )  # fmt: skip
     for k, (name, runs) in enumerate(slopes.items()):
-        colour = _hex(SERIES[k % len(SERIES)])
+        colour = hex_of(SERIES[k % len(SERIES)])
         known = runs[np.isfinite(runs)]
         axes.plot(k - 0.16 + _spread(known, rng), known, ".", color=colour, alpha=0.45, markersize=6, mew=0, zorder=2)
         mean, interval = means[name]
@@ -286,11 +284,11 @@ def flows(
         values = list(others[name].values())
         axes.plot(np.full(len(values), k + 0.24), values, "_", color=colour, markersize=11, mew=1.3, zorder=3)
         axes.plot(k + 0.37, printed[name], "D", mfc="white", mec="black", mew=1.5, markersize=7, zorder=5)
-    axes.set_xticks(range(len(slopes)), [_SPOKEN.get(name, name) for name in slopes], fontsize=10, color=_hex(INK))
+    axes.set_xticks(range(len(slopes)), [_SPOKEN.get(name, name) for name in slopes], fontsize=10, color=hex_of(INK))
     axes.set_xlim(-0.5, len(slopes) - 0.4)
     axes.set_ylim(bottom=0.0)
-    axes.set_title(title, loc="left", color=_hex(INK), fontsize=11)
-    grey: dict[str, Any] = {"color": _hex(QUIET), "ls": ""}
+    axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11)
+    grey: dict[str, Any] = {"color": hex_of(QUIET), "ls": ""}
     marks = [
         Line2D([], [], marker=".", ms=6, mew=0, label="one draw", **grey),
         Line2D([], [], marker="o", ms=7, label="mean of the draws, 95 % interval", **grey),
@@ -298,7 +296,7 @@ def flows(
         Line2D([], [], marker="D", ms=7, mew=1.5, mfc="white", mec="black", ls="", label="paper, Table 5"),
     ]
     figure.legend(handles=marks, loc="outside lower center", ncols=4, frameon=False, fontsize=9, columnspacing=1.4)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 _SPOKEN = {"dem": "DEM", "nsm1": "NSM1\nspontaneous", "nsm1-inertial": "NSM1\ninertial", "nsm2": "NSM2"}
@@ -307,45 +305,3 @@ _SPOKEN = {"dem": "DEM", "nsm1": "NSM1\nspontaneous", "nsm1-inertial": "NSM1\nin
 def _spread(values: Floats, rng: np.random.Generator) -> Floats:
     """Return sideways offsets that keep points of similar value apart."""
     return rng.uniform(-0.13, 0.13, len(values))
-
-
-def _shade(level: float) -> str:
-    """Return a colour from light to dark teal."""
-    light, dark = np.array([142, 203, 205]), np.array([8, 52, 66])
-    r, g, b = (round(float(v)) for v in light + level * (dark - light))
-    return _hex((r, g, b))
-
-
-def _figure(size: tuple[float, float]) -> "Figure":
-    with drawing_library():
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    figure = Figure(figsize=size, dpi=_DPI, facecolor="white", layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)  # type: ignore[union-attr,call-arg]
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _quiet(axes: "Axes", xlabel: str, ylabel: str, *, grid: bool = False) -> "Axes":
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color("#c9c6bf")
-    axes.tick_params(colors=_hex(QUIET), labelsize=9, length=3)
-    if grid:
-        axes.grid(axis="y", color="#eeece7", linewidth=0.8)
-        axes.set_axisbelow(True)
-    axes.set_xlabel(xlabel, color=_hex(INK), fontsize=10)
-    axes.set_ylabel(ylabel, color=_hex(INK), fontsize=10)
-    return axes
-
-
-def _save(figure: "Figure", path: str | Path) -> Path:
-    path = check_suffix(path, (".png",))
-    with written(path) as part:
-        figure.savefig(part, format="png", dpi=_DPI)
-    return path
-
-
-def _hex(colour: Colour) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*colour)

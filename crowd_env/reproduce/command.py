@@ -2,116 +2,226 @@
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
 from crowd_env.console import notes, progress_bar, said_plainly
 from crowd_env.physics import SCHEMES
-from crowd_env.reproduce import REPRODUCTIONS, Reproduction, Result, Settings, find
+from crowd_env.reproduce import LIN, PECOL, REPRODUCTIONS, LinSettings, Reproduction, Result, Settings, find
+from crowd_env.reproduce.lin_pool import Interrupted, all_cores, complete, distinct
+from crowd_env.reproduce.lin_settings import check
+from crowd_env.reproduce.lin_store import Store
 from crowd_env.reproduce.settings import flag
+from crowd_env.reproduce.telling import as_object, show, show_names
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
-_WIDTH = 100
 _ROOM = "Room of fig3 and table5"
+_LIN = "Lin, Ma, Lo"
+_INTERRUPTED = 130  # exit code, as shells have it
 
 
 @app.command()
 def reproduce(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help=", ".join(REPRODUCTIONS) + "; all of them: all; what they are: list.")
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help=", ".join(REPRODUCTIONS) + "; those of one paper: pecol, lin; both: all; what they are: list.",
+        ),
     ],
-    runs: Annotated[int, typer.Option(help="Draws of fig3 and table5; the others have no chance in them.")] = 50,
-    seed: Annotated[int, typer.Option(help="Draw k has the seed SEED + k.")] = 0,
+    runs: Annotated[
+        int | None, typer.Option(help="Draws of fig3 and table5, default 50; of each point of lin-*, default 10.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Draw k has the seed SEED + k; default 0.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
-    out: Annotated[Path, typer.Option(help="Folder for the CSV files and the figure.")] = Path("reproduce"),
+    out: Annotated[Path, typer.Option(help="Folder for the CSV files, the figure and, of lin-*, the runs.")] = Path(
+        "reproduce"
+    ),
+    dt: Annotated[float | None, typer.Option(help="Time step, s; default 0.01, lin-* 0.001.")] = None,
+    target: Annotated[
+        str | None,
+        typer.Option(
+            help="What people walk to: path (shortest path of a disc, default of fig3 and table5), or straight to the "
+            "centre of the door (default of lin-*), its nearest point that keeps off the jambs (nearest), or the nearest "
+            "point of its whole width."
+        ),
+    ] = None,
     scheme: Annotated[
-        str | None, typer.Option(help="Scheme that fig3 draws: " + ", ".join(SCHEMES) + "; default nsm2.")
+        str | None,
+        typer.Option(help="Scheme that fig3 draws: " + ", ".join(SCHEMES) + "; default nsm2.", rich_help_panel=_ROOM),
     ] = None,
     door_width: Annotated[float | None, typer.Option(help="m; default 0.82.", rich_help_panel=_ROOM)] = None,
     side: Annotated[float | None, typer.Option(help="Of the square room, m; default 5.", rich_help_panel=_ROOM)] = None,
     n: Annotated[int | None, typer.Option(help="Number of people; default 20.", rich_help_panel=_ROOM)] = None,
-    target: Annotated[
-        str | None,
-        typer.Option(
-            help="What people walk to: path (shortest path of a disc, default), or straight to the nearest point of the "
-            "door that keeps off the jambs (nearest), its centre, or the nearest point of its whole width.",
-            rich_help_panel=_ROOM,
-        ),
-    ] = None,
     exit_line: Annotated[
         float | None,
         typer.Option(
             help="How far beyond the door people are counted and removed, m; default 0.", rich_help_panel=_ROOM
         ),
     ] = None,
-    dt: Annotated[float | None, typer.Option(help="Time step h, s; default 0.01.", rich_help_panel=_ROOM)] = None,
     stiffness: Annotated[
         float | None, typer.Option(help="k of dem, N/m; default 1.2e5.", rich_help_panel=_ROOM)
     ] = None,
     k_normal: Annotated[float | None, typer.Option(help="K_N of nsm2, kg; default 1e5.", rich_help_panel=_ROOM)] = None,
     k_tangent: Annotated[float | None, typer.Option(help="K_T of nsm2, kg; default 0.", rich_help_panel=_ROOM)] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            help="calibrated (default): friction and social force of walls, which the paper leaves open, fitted to its "
+            "Figure 7; literal: its text as printed.",
+            rich_help_panel=_LIN,
+        ),
+    ] = None,
+    wall_friction: Annotated[
+        float | None,
+        typer.Option(help="Friction of people on walls; calibrated 0.1, literal 0.5.", rich_help_panel=_LIN),
+    ] = None,
+    wall_social: Annotated[
+        float | None,
+        typer.Option(
+            help="Social force of walls at zero distance, N; calibrated 300, literal 0.", rich_help_panel=_LIN
+        ),
+    ] = None,
+    anisotropy: Annotated[
+        float | None, typer.Option(help="phi of the social force; default 0.3.", rich_help_panel=_LIN)
+    ] = None,
+    no_rotation: Annotated[
+        bool, typer.Option("--no-rotation", help="Nobody turns (lin-fig5 compares both).", rich_help_panel=_LIN)
+    ] = False,
+    damping: Annotated[
+        str | None,
+        typer.Option(
+            help="Reading of gamma = 0.8: per-length (1/(m s), default), rate (1/s) or critical (share of the critical "
+            "damping).",
+            rich_help_panel=_LIN,
+        ),
+    ] = None,
+    exit_depth: Annotated[
+        float | None,
+        typer.Option(help="How far behind the wall people count as out, m; default 0.", rich_help_panel=_LIN),
+    ] = None,
+    cutoff: Annotated[
+        float | None,
+        typer.Option(help="Distance beyond which there is no social force, m; default 0.4.", rich_help_panel=_LIN),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(help="Processes; default one a core. Results do not depend on it.", rich_help_panel=_LIN),
+    ] = None,
+    fresh: Annotated[
+        bool,
+        typer.Option("--fresh", help="Compute all runs again instead of taking those kept.", rich_help_panel=_LIN),
+    ] = False,
 ) -> None:
-    """Redo a table or figure of Pécol et al. 2011 and print the paper's numbers beside ours.
+    """Redo a table or figure of Pécol et al. 2011, or of Lin, Ma, Lo, and print the paper's numbers beside ours.
 
     Writes NAME.csv, the numbers behind it and NAME.png into the folder --out.
+
+    Runs of lin-* are kept in the folder runs inside it: after an interruption, or for another figure, they are there.
 
     Examples: crowd-env reproduce table3
 
     crowd-env reproduce table5 --runs 50 --door-width 0.9
+
+    crowd-env reproduce lin-fig7 --preset literal --runs 5
     """
     if name == "list":
-        _list(as_json)
+        show_names(as_json)
         return
-    of_room = {
-        "door_width": door_width,
-        "side": side,
-        "n": n,
-        "target": target,
-        "exit_line": exit_line,
-        "dt": dt,
-        "stiffness": stiffness,
-        "k_normal": k_normal,
-        "k_tangent": k_tangent,
-    }
-    given = {key: value for key, value in {"scheme": scheme, **of_room}.items() if value is not None}
+    asked = locals()
+    given = {key: asked[key] for key in _OPTIONS if asked[key] is not None and asked[key] is not False}
     with said_plainly():
-        chosen = dict(REPRODUCTIONS) if name == "all" else {name: find(name)}
-        settings = _settings(chosen, runs, seed, given)
-        _check_folder(out)
+        work = _plan(name, given, out)
     told: list[Result] = []
-    with said_plainly():
-        for each, reproduction in chosen.items():
-            result = _run(each, reproduction, settings)
+    with said_plainly(), _interruptible():
+        for result in work.results():
             paths = _write(result, out)
             told.append(result)
             if not as_json:
-                _show(result)
+                show(result)
             notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
     if as_json:
-        typer.echo(json.dumps(_json(name, told), allow_nan=False))
+        typer.echo(json.dumps(as_object(name, told), allow_nan=False))
 
 
-def _settings(chosen: dict[str, Reproduction], runs: int, seed: int, given: dict[str, Any]) -> Settings:
-    """Return the settings, checked with all that is to run."""
-    rooms = [key for key, reproduction in REPRODUCTIONS.items() if reproduction.schemes is not None]
-    if given and not set(chosen) & set(rooms):
-        raise ValueError(
-            f"{flag(next(iter(given)))} belongs to {' and '.join(rooms)}; {next(iter(chosen))} has no room"
-        )
-    if "scheme" in given and "fig3" not in chosen:
-        raise ValueError(f"--scheme belongs to fig3; {next(iter(chosen))} has its own schemes")
-    settings = Settings(runs=runs, seed=seed, **given)
-    schemes = [name for each in chosen.values() if each.schemes is not None for name in each.schemes(settings)]
+_OPTIONS = tuple({option: None for each in REPRODUCTIONS.values() for option in sorted(each.options)})
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What is to be done, all of it checked."""
+
+    chosen: Collection[str]
+    settings: Settings
+    lin_settings: LinSettings
+    store: Store
+    workers: int
+    fresh: bool
+
+    def results(self) -> Iterator[Result]:
+        """Yield one result after the other."""
+        for name in self.chosen:
+            if name in PECOL:
+                yield _run(name, PECOL[name], self.settings)
+        figures = [LIN[name] for name in self.chosen if name in LIN]
+        if not figures:
+            return
+        runs = distinct(run for figure in figures for run in figure.runs(self.lin_settings))
+        with progress_bar("runs", len(runs)) as progress:
+            records = complete(runs, self.store, workers=self.workers, fresh=self.fresh, progress=progress)
+        for figure in figures:
+            yield figure.tell(self.lin_settings, records)
+
+
+def _plan(name: str, given: Mapping[str, Any], out: Path) -> _Work:
+    """Return what is to be done.
+
+    An option goes to all the chosen that take it.
+
+    Raises
+    ------
+    ValueError
+        In one sentence, if a name or an option is wrong or belongs to nothing that is chosen.
+    """
+    chosen = find(name)
+    for option in given:
+        if not any(option in each.options for each in chosen.values()):
+            raise ValueError(f"{flag(option)} belongs to {_owners(option)}; {name} has no use for it")
+    pecol, lin = [name for name in chosen if name in PECOL], [name for name in chosen if name in LIN]
+    settings = Settings(**_meant_for(pecol, given, Settings))
+    schemes = [s for key in pecol if (of := PECOL[key].schemes) is not None for s in of(settings)]
     if schemes:
         settings.check(dict.fromkeys(schemes))
-    return settings
+    lin_settings = LinSettings(**_meant_for(lin, given, LinSettings))
+    check(run for key in lin for run in LIN[key].runs(lin_settings))
+    workers = given.get("workers", all_cores())
+    if workers < 1:
+        raise ValueError(f"--workers is {workers}; it must be at least 1")
+    _check_folder(out)
+    return _Work(list(chosen), settings, lin_settings, Store(out / "runs"), workers, given.get("fresh", False))
+
+
+def _meant_for(
+    names: Collection[str], given: Mapping[str, Any], kind: type[Settings] | type[LinSettings]
+) -> dict[str, Any]:
+    taken = {option for name in names for option in REPRODUCTIONS[name].options} & {f.name for f in fields(kind)}
+    return {option: value for option, value in given.items() if option in taken}
+
+
+def _owners(option: str) -> str:
+    """Return in words who takes an option."""
+    owners = [name for name in PECOL if option in PECOL[name].options]
+    lin = [name for name in LIN if option in LIN[name].options]
+    without = [name for name in LIN if name not in lin]
+    if lin:
+        owners.append("lin" + (f" (all but {', '.join(without)})" if without else ""))
+    return " and ".join([", ".join(owners[:-1]), owners[-1]] if owners[:-1] else owners)
 
 
 def _check_folder(out: Path) -> None:
@@ -128,6 +238,16 @@ def _run(name: str, reproduction: Reproduction, settings: Settings) -> Result:
         return reproduction.run(settings, progress)
 
 
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Turn Ctrl-C into one line that says what is kept."""
+    try:
+        yield
+    except Interrupted as interrupted:
+        notes.print(str(interrupted), style="yellow", markup=False, soft_wrap=True)
+        raise typer.Exit(_INTERRUPTED) from None
+
+
 def _write(result: Result, out: Path) -> list[Path]:
     """Write the CSV files and, if it can be drawn, the figure."""
     try:
@@ -139,64 +259,3 @@ def _write(result: Result, out: Path) -> list[Path]:
     except OSError as error:
         raise ValueError(f"cannot write the results: {error}") from None
     return paths
-
-
-def _json(name: str, told: list[Result]) -> dict[str, Any]:
-    if name != "all":
-        return told[0].as_json()
-    parts = [result.as_json() for result in told]
-    rows = [{"of": part["name"], **row} for part in parts for row in part["rows"]]
-    remarks = [f"{part['name']}: {remark}" for part in parts for remark in part["remarks"]]
-    options = {key: value for part in parts for key, value in part["options"].items()}
-    return {"name": name, "rows": rows, "remarks": remarks, "options": options}
-
-
-def _list(as_json: bool) -> None:
-    if as_json:
-        typer.echo(json.dumps({"names": {name: each.title for name, each in REPRODUCTIONS.items()}}))
-        return
-    table = Table(show_header=False)
-    for name, each in REPRODUCTIONS.items():
-        table.add_row(name, each.title)
-    _console().print(table)
-
-
-def _console() -> Console:
-    """Return the standard output, at most 100 columns wide so that tables look the same in a file and on a screen."""
-    console = Console(highlight=False)
-    console.width = min(_WIDTH, console.width) if console.is_terminal else _WIDTH
-    return console
-
-
-def _show(result: Result) -> None:
-    console = _console()
-    table = Table(title=result.title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("quantity", max_width=34)
-    for head in ("paper", "here", "difference"):
-        table.add_column(head, justify="right")
-    table.add_column("n", justify="right")
-    table.add_column("estimator and reading used", ratio=1)
-    for row, last in _with_sections(result):
-        quantity = row.quantity if row.unit in ("1", "share", result.unit) else f"{row.quantity} [{row.unit}]"
-        cells = (quantity, row.paper or "-", row.shown(), row.difference(), str(row.n), row.explained())
-        table.add_row(*(_plain(cell) for cell in cells), end_section=last)
-    console.print(table)
-    if result.options:
-        changed = ", ".join(f"{flag(key)} {value}" for key, value in result.options.items())
-        console.print(f"Options that differ from the defaults: {changed}", markup=False)
-    for remark in result.remarks:
-        console.print(f"* {remark}", markup=False)
-    console.print()
-
-
-def _plain(text: str) -> str:
-    """Return text that rich does not take for its markup."""
-    return text.replace("[", r"\[")
-
-
-def _with_sections(result: Result) -> Iterator[tuple[Any, bool]]:
-    """Yield each row and whether a line follows it: after what is left of one scheme or panel."""
-    rows = list(result.rows)
-    for row, following in zip(rows, [*rows[1:], None], strict=True):
-        ends = row.quantity.startswith("unfinished")
-        yield row, following is not None and (ends or following.quantity.startswith("flow, experiment"))

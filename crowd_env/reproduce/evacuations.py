@@ -83,7 +83,7 @@ def flow_rows(done: Evacuations) -> list[Row]:
     people, runs = done.unfinished
     where = "at the time limit"
     rows.append(Row(f"left inside, {done.scheme}", None, people, "people", done.exit_times.size, where))
-    rows.append(Row(f"unfinished, {done.scheme}", None, runs, "runs", len(done.exit_times), where))
+    rows.append(Row(f"unfinished, {done.scheme}", None, runs, "runs", len(done.exit_times), where, closes=True))
     return rows
 
 

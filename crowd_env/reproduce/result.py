@@ -26,6 +26,7 @@ class Row:
     expected: float | None = None  # closed form of the same quantity
     sd: float | None = None  # over runs
     ci95: tuple[float, float] | None = None  # bootstrap over runs
+    closes: bool = False  # the last of a section of the table
 
     @property
     def places(self) -> int:
@@ -39,6 +40,8 @@ class Row:
         value = 0.0 if abs(self.here) < 1e-12 else self.here
         if self.places >= 4:
             return f"{value:.{self.places}f}"
+        if self.unit == "s":
+            return f"{value:.1f}"
         return f"{value:.2f}" if self.unit in ("1/s", "share") else f"{value:.6g}"
 
     def difference(self) -> str:
@@ -48,9 +51,9 @@ class Row:
         if self.paper is None:
             assert self.expected is not None
             return _percent(self.here, self.expected)
-        if self.unit == "1/s":
-            return _percent(self.here, float(self.paper), 1)
         apart = self.here - float(self.paper)
+        if self.unit in ("1/s", "s"):
+            return _percent(self.here, float(self.paper), 1) if float(self.paper) else f"{apart:+.2f}"
         if self._rounds_to_it() and (self.places >= 4 or abs(apart) < _EQUAL):
             return "exact"
         return f"{apart:+.2g}"
@@ -61,7 +64,7 @@ class Row:
         if self.expected is not None and self.here is not None:
             met = _percent(self.here, self.expected) == "0"
             text += "; meets the closed form" if met else f"; closed form {self.expected:.6g}"
-        if self.unit != "1/s" and self._rounds_to_it() and self.difference() != "exact":
+        if self.unit not in ("1/s", "s") and self._rounds_to_it() and self.difference() != "exact":
             text += "; rounds to the printed one"
         if self.sd is not None:
             text += f"; sd {self.sd:.2f}"

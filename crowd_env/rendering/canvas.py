@@ -1,0 +1,68 @@
+"""What the figures of the papers share: paper, quiet axes, shades, and a file that appears whole or not at all."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.palette import INK, QUIET, Colour
+from crowd_env.rendering.saving import check_suffix, written
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_DPI = 160
+_LIGHT, _DARK = np.array([142, 203, 205]), np.array([8, 52, 66])  # teal
+
+
+def new_figure(size: tuple[float, float]) -> "Figure":
+    """Return an empty figure of ``size`` inches that belongs to no window.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If matplotlib is not installed; the message says how to install it.
+    """
+    with drawing_library():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    figure = Figure(figsize=size, dpi=_DPI, facecolor="white", layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)  # type: ignore[union-attr,call-arg]
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def quiet_axes(axes: "Axes", xlabel: str, ylabel: str, *, grid: bool = False) -> "Axes":
+    """Return ``axes`` with thin grey lines, so that what is measured stands out."""
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color("#c9c6bf")
+    axes.tick_params(colors=hex_of(QUIET), labelsize=9, length=3)
+    if grid:
+        axes.grid(axis="y", color="#eeece7", linewidth=0.8)
+        axes.set_axisbelow(True)
+    axes.set_xlabel(xlabel, color=hex_of(INK), fontsize=10)
+    axes.set_ylabel(ylabel, color=hex_of(INK), fontsize=10)
+    return axes
+
+
+def save_figure(figure: "Figure", path: str | Path) -> Path:
+    """Write ``figure`` to ``path``, which ends in .png, and return it."""
+    path = check_suffix(path, (".png",))
+    with written(path) as part:
+        figure.savefig(part, format="png", dpi=_DPI)
+    return path
+
+
+def hex_of(colour: Colour) -> str:
+    """Return ``colour`` as matplotlib reads it."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def shade(level: float) -> str:
+    """Return a colour from light (0) to dark (1) teal."""
+    r, g, b = (round(float(v)) for v in _LIGHT + level * (_DARK - _LIGHT))
+    return hex_of((r, g, b))
