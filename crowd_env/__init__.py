@@ -8,12 +8,14 @@ import pettingzoo
 
 from crowd_env.env import CrowdEnv, Step
 from crowd_env.geometry import Geometry
+from crowd_env.groups import Groups
 from crowd_env.gymnasium_env import CrowdGymEnv, CrowdVectorEnv, make_vec
 from crowd_env.metrics import EpisodeMetrics
+from crowd_env.navigation import OneWay
 from crowd_env.observation import ObservationLayout
 from crowd_env.parallel_env import CrowdParallelEnv, parallel_env
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
-from crowd_env.population import Normal, Population, Uniform
+from crowd_env.population import LogNormal, Normal, Population, Uniform
 from crowd_env.pressure import contact_pressure, crowd_pressure
 from crowd_env.reward import RewardWeights
 from crowd_env.routes import Comfort, ControlRule, DoorEvent, Route, SpeedZone
@@ -42,9 +44,12 @@ __all__ = [
     "DoorEvent",
     "EpisodeMetrics",
     "Geometry",
+    "Groups",
     "Hertz",
+    "LogNormal",
     "Normal",
     "ObservationLayout",
+    "OneWay",
     "Population",
     "RewardWeights",
     "Route",

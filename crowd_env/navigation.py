@@ -7,15 +7,16 @@ pushed, or are smaller): there the field is extended along straight lines to the
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-import skfmm
 from numpy.typing import NDArray
 
 from crowd_env import navigation_directions as directions
 from crowd_env import navigation_grid as grid
 from crowd_env.geometry import Boundary, Geometry
 from crowd_env.navigation_lookup import FieldArrays, direction_at, exit_target, quick_direction, travel_time_at
+from crowd_env.navigation_march import gate, lead_through, march, march_through
 from crowd_env.navigation_plan import (
     SOURCE,
     Grid,
@@ -32,6 +33,7 @@ from crowd_env.navigation_plan import (
 __all__ = [
     "FieldArrays",
     "NavigationField",
+    "OneWay",
     "direction_at",
     "exit_target",
     "join_fields",
@@ -45,6 +47,40 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class OneWay:
+    """A door that people mean to pass one way only; a crowd may still push somebody back through it.
+
+    Parameters
+    ----------
+    door : its name.
+    to : "left" or "right": the side that one comes out at, seen from the first towards the last point of its line.
+    """
+
+    door: str
+    to: Literal["left", "right"]
+
+    def __post_init__(self) -> None:
+        if self.to not in ("left", "right"):
+            raise ValueError(f"one-way door {self.door!r}: to is {self.to!r}; it must be 'left' or 'right'")
+
+    def lines(self, geometry: Geometry) -> list[Floats]:
+        """Return the lines (2, 2) [m] of its leaves, each passed from right to left.
+
+        Raises
+        ------
+        ValueError
+            If the door is unknown, or leads out of the area.
+        """
+        if self.door not in geometry.doors:
+            raise ValueError(f"unknown one-way door {self.door!r}; known: {', '.join(geometry.doors) or 'none'}")
+        number = geometry.doors.index(self.door)
+        if geometry.exits_of_door[number] is not None:
+            raise ValueError(f"one-way door {self.door!r} closes an exit; those are passed outwards anyway")
+        leaves = geometry.walls[geometry.door_of_wall == number]
+        return [leaf if self.to == "left" else leaf[::-1] for leaf in leaves]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +134,7 @@ def travel_time_field(
     goal: str | None = None,
     speed: Callable[[Floats, Floats], Floats] | None = None,
     closed: Collection[str] = (),
+    one_way: Sequence[OneWay] = (),
 ) -> NavigationField:
     """Return the field that leads discs to the nearest of the exits, or into a region.
 
@@ -119,6 +156,8 @@ def travel_time_field(
         Name of the region to lead to instead of exits; all exits then count as walls.
     closed
         Names of the doors that are closed.
+    one_way
+        Doors that nobody passes the other way.
     speed
         Walking speed at places x, y [m], relative to that on plain floor; > 0.  The way is the quickest one then.
 
@@ -129,7 +168,9 @@ def travel_time_field(
     """
     plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal, closed)
     nodes, used, reached = dilate(plan, choose_spacing(plan, spacing))
-    return _solve(plan, nodes, used, reached, None if speed is None else speed(*node_places(nodes)))
+    pace = None if speed is None else speed(*node_places(nodes))
+    lines = [line for door in one_way if door.door not in closed for line in door.lines(geometry)]
+    return _solve(plan, nodes, used, reached, pace, lines)
 
 
 def straight_field(field: NavigationField, geometry: Geometry, margin: float) -> NavigationField:
@@ -202,7 +243,9 @@ def _offset(exits: Ints, first: int) -> Ints:
     return np.where(exits >= 0, exits + first, exits).ravel()
 
 
-def _solve(plan: Plan, nodes: Grid, radius: float, reached: Bools, speed: Floats | None) -> NavigationField:
+def _solve(
+    plan: Plan, nodes: Grid, radius: float, reached: Bools, speed: Floats | None, one_way: Sequence[Floats] = ()
+) -> NavigationField:
     """March through the free nodes, extend to all walkable ones, and find directions and straight lines."""
     h = nodes.spacing
     rows, cols = reached.shape
@@ -210,12 +253,14 @@ def _solve(plan: Plan, nodes: Grid, radius: float, reached: Bools, speed: Floats
     free = grid.with_fringe(reached, nodes.inside & (nodes.clearance >= radius - h / 2))
     pace = np.ones((rows, cols)) if speed is None else np.asarray(speed, dtype=np.float64)
     time, level = _sources(plan, nodes, radius, free, pace)
-    known = ~np.isnan(time)
-    if (free & ~known).any():
-        marched = skfmm.travel_time(np.ma.MaskedArray(level, ~free), pace, dx=h, order=2)
-        far = free & ~known & ~np.ma.getmaskarray(marched)
-        time[far] = np.ma.getdata(marched)[far] + (SOURCE * h if plan.goal is None else 0.0)
+    start = SOURCE * h if plan.goal is None else 0.0
+    gates = [gate(line, free, *node_places(nodes), h) for line in one_way]
+    if gates:
+        time = march_through(time, level, free, pace, h, start, gates)
+    else:
+        time = march(time, level, free, pace, h, start)
     direction = directions.descend(time, h)
+    lead_through(time, direction, gates)
     band, reach = radius, radius + SOURCE * h
     while directions.extend_once(
         time, direction, nodes.inside, plan.walls, plan.two_sided, nodes.origin, h, reach, band
@@ -225,9 +270,10 @@ def _solve(plan: Plan, nodes: Grid, radius: float, reached: Bools, speed: Floats
     directions.fill_from_nearest(time, direction, nodes.inside, ~np.isnan(time), h)
     # Where the floor is not the same all the way, a straight line is taken only if it takes no longer than on plain floor.
     detour = np.inf if speed is None else 0.02
-    direct = directions.straight_lines(
-        time, direction, plan.walls, plan.exits, plan.rows, nodes.origin, h, radius, detour
-    )
+    walls = np.concatenate(
+        [plan.walls, *(line[None] for line in one_way)]
+    )  # no straight line may lead back through one
+    direct = directions.straight_lines(time, direction, walls, plan.exits, plan.rows, nodes.origin, h, radius, detour)
     return NavigationField(
         travel_time=time,
         direction=direction,

@@ -9,7 +9,7 @@ import numpy as np
 
 from crowd_env.geometry import Boundary, Geometry
 from crowd_env.guidance import MOST_REGIONS, Guidance, RegionArrays, RuleArrays
-from crowd_env.navigation import NavigationField, regions_along, straight_field, travel_time_field
+from crowd_env.navigation import NavigationField, OneWay, regions_along, straight_field, travel_time_field
 from crowd_env.remarching import Remarcher
 from crowd_env.routes import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
 from crowd_env.state import Floats, Ints
@@ -96,6 +96,7 @@ def find_ways(
     closed: frozenset[str] = frozenset(),
     closed_at_start: Sequence[str] = (),
     events: Sequence[DoorEvent] = (),
+    one_way: Sequence[OneWay] = (),
 ) -> Ways:
     """Return the routes of a place: first "out", the shortest way to any exit; then ``routes``; then what rules need.
 
@@ -108,6 +109,7 @@ def find_ways(
     walking_speed : m/s, of the people, to compare fixed speeds of zones with.
     closed : names of the doors that are closed; the ways are those of that moment.
     closed_at_start, events : doors that are closed at first, and what happens to doors.
+    one_way : doors that nobody means to pass the other way.
 
     Raises
     ------
@@ -130,9 +132,11 @@ def find_ways(
         exits = route.exits or None if via is None else None
         speed = {"shortest": None, "comfortable": pace.comfortable, "fastest": pace}[route.strategy]
         found = travel_time_field(
-            geometry, radius, exits=exits, min_radius=min_radius, goal=via, speed=speed, closed=closed
+            geometry, radius, exits=exits, min_radius=min_radius, goal=via, speed=speed, closed=closed, one_way=one_way
         )
         if route.strategy == "fastest":
+            if one_way:
+                raise ValueError(f"route {name!r}: the fastest way does not know one-way doors; take another strategy")
             remarcher = Remarcher(found, geometry.walls_when(closed)[0], pace)
             return Way(name, remarcher.march(), goal, then, remarcher)
         if target != "path" and via is None and route.strategy == "shortest":
@@ -161,6 +165,9 @@ def find_ways(
         target=target,
         walking_speed=walking_speed,
         comfort=comfort,
+        closed_at_start=tuple(closed_at_start),
+        events=tuple(events),
+        one_way=tuple(one_way),
     )
     doors = (tuple(closed_at_start), tuple(events))
     return Ways(geometry, tuple(ways), tuple(zones), tuple(rules), radius, *doors, again)

@@ -10,10 +10,11 @@ import numpy as np
 from crowd_env.navigation import NavigationField
 from crowd_env.physics import Hertz, SocialForce
 from crowd_env.physics.hertz import DampingUnit
-from crowd_env.scenario import Scenario, Target
+from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
 from crowd_env.simulation import Simulation, check_step
 from crowd_env.state import Floats, make_bodies, make_state
+from crowd_env.ways import Target
 
 _LOOK = 1.0  # s, how often we look whether it is over; the result does not depend on it
 

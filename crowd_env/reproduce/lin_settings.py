@@ -9,7 +9,7 @@ from crowd_env.physics import Hertz
 from crowd_env.physics.hertz import DampingUnit
 from crowd_env.reproduce.lin_run import Run
 from crowd_env.reproduce.settings import flag
-from crowd_env.scenario import Target
+from crowd_env.ways import Target
 
 Preset = Literal["calibrated", "literal"]
 Damping = Literal["per-length", "rate", "critical"]
