@@ -26,6 +26,8 @@ from crowd_env.state import Bodies, CrowdState, make_bodies, make_state
 
 __version__ = "0.1.0"
 
+ROUTING = "crowd_env/Routing-v0"  # one controller that sends people to exits
+
 __all__ = [
     "DEM",
     "NSM1",
@@ -87,6 +89,12 @@ def register() -> None:
             )
         if identity not in pettingzoo.parallel_registry:
             pettingzoo.register("parallel", identity, "crowd_env.parallel_env:parallel_env", kwargs=options)
+    if ROUTING not in gymnasium.registry:
+        gymnasium.register(
+            ROUTING,
+            entry_point="crowd_env.routing_env:RoutingEnv",
+            vector_entry_point="crowd_env.routing_env:RoutingVectorEnv",
+        )
 
 
 register()

@@ -41,7 +41,7 @@ class Ways:
     closed_at_start: tuple[str, ...]  # doors
     events: tuple[DoorEvent, ...]
     again: Callable[..., "Ways"]  # makes the same ways while other doors are closed
-    _closed: dict[frozenset[str], "Ways"] = field(default_factory=dict)
+    _closed: dict[frozenset[str], "Ways | str"] = field(default_factory=dict)  # or why there are none
 
     @property
     def is_dynamic(self) -> bool:
@@ -54,13 +54,19 @@ class Ways:
         Raises
         ------
         ValueError
-            If someone would be locked in, or a way leads to closed exits alone.
+            If someone would be locked in.
         """
         if not closed:
             return self
         if closed not in self._closed:
-            self._closed[closed] = self.again(closed=closed)
-        return self._closed[closed]
+            try:
+                self._closed[closed] = self.again(closed=closed)
+            except ValueError as error:
+                self._closed[closed] = str(error)
+        found = self._closed[closed]
+        if isinstance(found, str):
+            raise ValueError(found)
+        return found
 
     def number(self, name: str) -> int:
         """Return the number of a route.
@@ -123,6 +129,7 @@ def find_ways(
         if rule.route not in wanted:
             wanted[rule.route] = Route(rule.route, (rule.route,))
     pace = _Pace(geometry, zones, walking_speed, comfort or Comfort())
+    behind = {e for door, e in zip(geometry.doors, geometry.exits_of_door, strict=True) if door in closed}
     made: list[Way] = []
     names = list(wanted)
     following = len(names)  # the second halves of ways that lead via a region come last
@@ -130,14 +137,16 @@ def find_ways(
     def way(name: str, route: Route, goal: int, then: int) -> Way:
         via = route.via if goal >= 0 else None
         exits = route.exits or None if via is None else None
+        # A way to closed exits alone stays as it is: who means to take it waits there.
+        shut = closed if exits is None or set(exits) - behind else frozenset()
         speed = {"shortest": None, "comfortable": pace.comfortable, "fastest": pace}[route.strategy]
         found = travel_time_field(
-            geometry, radius, exits=exits, min_radius=min_radius, goal=via, speed=speed, closed=closed, one_way=one_way
+            geometry, radius, exits=exits, min_radius=min_radius, goal=via, speed=speed, closed=shut, one_way=one_way
         )
         if route.strategy == "fastest":
             if one_way:
                 raise ValueError(f"route {name!r}: the fastest way does not know one-way doors; take another strategy")
-            remarcher = Remarcher(found, geometry.walls_when(closed)[0], pace)
+            remarcher = Remarcher(found, geometry.walls_when(shut)[0], pace)
             return Way(name, remarcher.march(), goal, then, remarcher)
         if target != "path" and via is None and route.strategy == "shortest":
             found = straight_field(found, geometry, _MARGINS[target])
