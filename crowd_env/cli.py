@@ -2,7 +2,6 @@
 
 import json
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,7 +16,7 @@ from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
 from crowd_env.population import Population, Uniform
 from crowd_env.reproduce.command import reproduce
 from crowd_env.scenario import Scenario, read_starts, scenario_from_wkt
-from crowd_env.scenarios import SCENARIOS, make_scenario
+from crowd_env.scenarios import SCENARIOS, about, is_file, make_scenario
 
 app = typer.Typer(
     help="Crowds that really touch each other: run evacuations from the command line.",
@@ -52,7 +51,7 @@ def _read_scenario(
     recorded = None if starts is None else read_starts(starts)
     if recorded is not None and count not in (None, len(recorded)):
         raise ValueError(f"--n is {count}, but {starts} holds {len(recorded)} positions")
-    people: dict[str, Any] = {"starts": recorded}
+    people: dict[str, Any] = {} if recorded is None else {"starts": recorded, "start_region": None}
     number = count if recorded is None else len(recorded)
     if number is not None:
         people["count"] = number
@@ -61,20 +60,25 @@ def _read_scenario(
     if speed is not None:
         people["desired_speed"] = _range(speed, "--speed")
     timing = {} if limit is None else {"time_limit": limit}
-    if name in SCENARIOS:
+    if name in SCENARIOS or is_file(name):
         if exits:
             raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
-        return make_scenario(name, population=replace(make_scenario(name).population, **people), **timing)
+        if not people:
+            return make_scenario(name, **timing)
+        return make_scenario(name, population=make_scenario(name).population.changed(**people), **timing)
     if not Path(name).suffix and not Path(name).exists():
         raise ValueError(
-            f"unknown scenario {name!r}; known: {', '.join(SCENARIOS)}, or the path of a floor plan (.wkt)"
+            f"unknown scenario {name!r}; known: {', '.join(SCENARIOS)}, or the path of a scenario (.toml, .json) "
+            "or of a floor plan (.wkt)"
         )
     return scenario_from_wkt(name, exits, Population(**{"count": 20, **people}), **timing)
 
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="Name of a scenario, or a floor plan in WKT (metres).")] = "room-v0",
+    scenario: Annotated[
+        str, typer.Argument(help="Name of a scenario, a scenario file (.toml, .json), or a floor plan in WKT (metres).")
+    ] = "room-v0",
     scheme: Annotated[str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".")] = "nsm2",
     runs: Annotated[int, typer.Option(help="Number of evacuations, each with other people in other places.")] = 50,
     exit: Annotated[
@@ -103,6 +107,11 @@ def run(
     dt: Annotated[
         float | None, typer.Option(help="Physics step in s; default the scheme's, 0.01 or (hertz) 0.001.")
     ] = None,
+    strategy: Annotated[
+        str,
+        typer.Option(help="How people choose their way: shortest, nearest, fastest, comfortable, or a route or exit."),
+    ] = "shortest",
+    rules: Annotated[bool, typer.Option(" /--no-rules", help="Leave out the scenario's control rules.")] = True,
     seed: Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0)] = 0,
     film: Annotated[Path | None, typer.Option(help="Also film the first run: .gif or .mp4.")] = None,
     force_network: Annotated[
@@ -121,7 +130,7 @@ def run(
     ] = None,
     as_json: Annotated[bool, _JSON] = False,
 ) -> None:
-    """Evacuate a place many times, everyone walking the shortest path, and report how it went.
+    """Evacuate a place many times, everyone walking as the strategy says, and report how it went.
 
     Examples: crowd-env run room-v0 --scheme nsm2 --runs 50 --json
 
@@ -135,10 +144,12 @@ def run(
         _check_network(force_network, at, around)
         begin = time.monotonic()
         with progress_bar(f"{place.name}, {scheme}", runs) as progress:
-            episodes = run_rule(place, contact, runs, seed=seed, dt=dt, progress=progress)
+            episodes = run_rule(
+                place, contact, runs, seed=seed, dt=dt, strategy=strategy, rules=rules, progress=progress
+            )
         figures = report(place, scheme, episodes)
         if film is not None:
-            _film(place, contact, seed, dt, film)
+            _film(place, film, seed, scheme=contact, dt=dt, strategy=strategy, rules=rules)
         if force_network is not None:
             _draw_network(place, contact, seed, dt, at, around, force_network)
     if as_json:
@@ -155,12 +166,12 @@ def _check_film(path: Path) -> None:
         raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
 
 
-def _film(place: Scenario, scheme: ContactScheme, seed: int, dt: float | None, path: Path) -> None:
+def _film(place: Scenario, path: Path, seed: int, *, scheme: ContactScheme, **options: Any) -> None:
     from crowd_env.env import CrowdEnv
     from crowd_env.rendering import write_film
     from crowd_env.rendering.live import Recorder
 
-    env = CrowdEnv(place, scheme=scheme, dt=dt)
+    env = CrowdEnv(place, scheme=scheme, **options)
     env.reset([seed])
     recorder = Recorder(env)
     recorder.snap()
@@ -237,7 +248,7 @@ def _table(figures: dict[str, Any], seconds: float) -> Table:
 @app.command("list")
 def list_names(as_json: Annotated[bool, _JSON] = False) -> None:
     """List the scenarios and contact schemes."""
-    scenarios = {name: f"{place.title} ({place.reference})" for name, place in ((n, m()) for n, m in SCENARIOS.items())}
+    scenarios = {name: "{} ({})".format(*about(name)) for name in SCENARIOS}
     schemes = {name: f"{scheme.info.title} ({scheme.info.reference})" for name, scheme in SCHEMES.items()}
     if as_json:
         typer.echo(json.dumps({"scenarios": scenarios, "schemes": schemes}))
@@ -247,6 +258,20 @@ def list_names(as_json: Annotated[bool, _JSON] = False) -> None:
         for name, text in names.items():
             table.add_row(name, text)
         Console().print(table)
+
+
+@app.command()
+def plan(
+    scenario: Annotated[list[str], typer.Argument(help="Names of scenarios or scenario files; several make a sheet.")],
+    out: Annotated[Path, typer.Option(help="Image to write, .png.")] = Path("plan.png"),
+    seed: Annotated[int, typer.Option(help="Where people stand.", min=0)] = 0,
+) -> None:
+    """Draw plans: walls, exits, regions and where people start, coloured by the group they belong to."""
+    with said_plainly():
+        from crowd_env.rendering.sheet import draw_sheet
+
+        draw_sheet(out, [make_scenario(name) for name in scenario], seed=seed)
+    notes.print(f"plan: {out}", markup=False)
 
 
 @app.command()

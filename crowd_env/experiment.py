@@ -22,12 +22,15 @@ def run_rule(
     seed: int = 0,
     dt: float | None = None,
     decision_dt: float = 0.1,
+    strategy: str = "shortest",
+    rules: bool = True,
     progress: Callable[[int], None] | None = None,
 ) -> list[EpisodeMetrics]:
-    """Run ``runs`` evacuations in which everyone walks the shortest path; run ``k`` is the draw ``seed + k``.
+    """Run ``runs`` evacuations in which everyone walks as the strategy says; run ``k`` is the draw ``seed + k``.
 
     Parameters
     ----------
+    strategy, rules : see `crowd_env.scenario.Scenario.ways`.
     progress : called with the number of runs that have just finished.
 
     Raises
@@ -45,7 +48,15 @@ def run_rule(
     for begin in range(0, runs, at_once):
         seeds = list(range(seed + begin, seed + min(begin + at_once, runs)))
         if env is None or env.num_envs != len(seeds):
-            env = CrowdEnv(scenario, num_envs=len(seeds), scheme=scheme, dt=dt, decision_dt=decision_dt)
+            env = CrowdEnv(
+                scenario,
+                num_envs=len(seeds),
+                scheme=scheme,
+                dt=dt,
+                decision_dt=decision_dt,
+                strategy=strategy,
+                rules=rules,
+            )
         env.reset(seeds)
         while not env.finished.all():
             ended = env.step(None).info["finished"]

@@ -199,8 +199,8 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, float, Bools]:
         if closed:
             problem = f"the way to exit {sorted(closed)[0]!r} is blocked right in front of it"
         else:
-            what = "no exit" if plan.goal is None else "the region that the way leads to"
-            problem = f"{what} can be reached from ({lost[0]:.2f}, {lost[1]:.2f})"  # type: ignore[index]
+            what = "no exit can" if plan.goal is None else "the region that the way leads to cannot"
+            problem = f"{what} be reached from ({lost[0]:.2f}, {lost[1]:.2f})"  # type: ignore[index]
     raise ValueError(
         f"{problem} for a body of diameter {2 * plan.min_radius:.2f} m; widen the passage or open an exit there"
     )

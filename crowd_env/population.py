@@ -1,13 +1,28 @@
 """Who is in the building: how many, the distributions of their bodies, and where they stand at the start."""
 
-from dataclasses import dataclass, field
-from typing import Protocol
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from crowd_env._jit import kernel
+from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform
 from crowd_env.geometry import Boundary, Geometry
 from crowd_env.state import Bodies, Floats, Ints, make_bodies
+
+__all__ = [
+    "Distribution",
+    "LogNormal",
+    "Normal",
+    "Population",
+    "Standing",
+    "Uniform",
+    "check_starts",
+    "closest_pair",
+    "place",
+    "require_names",
+]
 
 # Equal discs cannot cover more of the plane than a hexagonal packing does.
 _CLOSEST_PACKING = np.pi / np.sqrt(12.0)
@@ -15,12 +30,16 @@ _CLOSEST_PACKING = np.pi / np.sqrt(12.0)
 _RANDOM_LIMIT = 0.45
 _ROUNDS = 400
 
+Standing = tuple[Floats, Floats]
+"""Positions (K, 2) and radii (K,) [m] of people who stand already."""
+
 
 @dataclass(frozen=True, eq=False)
 class Population:
-    """How many people, of which kind, starting where.
+    """How many people, of which kind, starting where and going where.
 
-    Defaults are Table 4 of Pécol et al. 2011 (uniform within the ranges); nobody hesitates.
+    Defaults are Table 4 of Pécol et al. 2011 (uniform within the ranges); nobody hesitates; all take the way of the run's
+    strategy.  Crowds of several kinds are `crowd_env.groups.Groups`.
     """
 
     count: int
@@ -30,7 +49,10 @@ class Population:
     relaxation_time: Distribution = field(default_factory=lambda: Uniform(0.1, 0.5))  # s
     response_time: Distribution = field(default_factory=lambda: Uniform(0.0, 0.0))  # s
     start_region: str | None = None  # name of a region of the geometry; None = anywhere inside
-    starts: Floats | None = None  # (count, 2) m, recorded positions instead of random ones
+    starts: Floats | None = None  # (K, 2) m, recorded positions or seats; of more than ``count``, some are drawn
+    route: str | None = None  # name of the route or exit that they mean to take, whatever the strategy of the run
+    exits: tuple[str, ...] = ()  # names of the exits that they know: they take the best of them; () = all
+    name: str = ""
 
     def __post_init__(self) -> None:
         if self.count < 1:
@@ -41,8 +63,25 @@ class Population:
         for name in ("desired_speed", "response_time"):
             if getattr(self, name).low < 0:
                 raise ValueError(f"population: {name} must be >= 0, but can be as low as {getattr(self, name).low:g}")
-        if self.starts is not None and np.shape(self.starts) != (self.count, 2):
-            raise ValueError(f"starts must have the shape ({self.count}, 2), not {np.shape(self.starts)}")
+        if self.starts is not None:
+            shape = np.shape(self.starts)
+            if len(shape) != 2 or shape[1] != 2 or shape[0] < self.count:
+                raise ValueError(
+                    f"starts must have the shape ({self.count}, 2), not {shape}, or more rows to draw from"
+                )
+            if self.start_region is not None:
+                raise ValueError(f"people have recorded starts or the start region {self.start_region!r}, not both")
+        if self.route is not None and self.exits:
+            raise ValueError(f"people take the route {self.route!r} or the best of some exits, not both")
+
+    @property
+    def parts(self) -> tuple["Population", ...]:
+        """Its parts, one kind of people each: itself alone."""
+        return (self,)
+
+    def changed(self, **options: Any) -> "Population":
+        """Return the population with other ``options``."""
+        return replace(self, **options)
 
     def draw(self, rng: np.random.Generator, geometry: Geometry) -> tuple[Bodies, Floats]:
         """Draw one crowd: its bodies, and positions (count, 2) without overlap.
@@ -52,18 +91,37 @@ class Population:
         ValueError
             If the people do not fit.
         """
+        bodies = self.draw_bodies(rng)
+        if self.starts is not None:
+            return bodies, self.draw_starts(rng, geometry, bodies.radius)
+        return bodies, place(geometry, bodies.radius, rng, self.start_region)
+
+    def draw_bodies(self, rng: np.random.Generator) -> Bodies:
+        """Draw the bodies alone."""
         radius = self.radius.sample(rng, self.count)
-        bodies = make_bodies(
+        return make_bodies(
             radius,
             self.mass.sample(rng, self.count),
             desired_speed=self.desired_speed.sample(rng, self.count),
             relaxation_time=self.relaxation_time.sample(rng, self.count),
             response_time=self.response_time.sample(rng, self.count),
         )
-        if self.starts is not None:
-            check_starts(geometry, self.starts, radius)
-            return bodies, np.array(self.starts, dtype=np.float64)
-        return bodies, place(geometry, radius, rng, self.start_region)
+
+    def draw_starts(self, rng: np.random.Generator, geometry: Geometry, radius: Floats) -> Floats:
+        """Return the recorded positions (count, 2), or some drawn from them, checked for bodies of ``radius`` (count,)."""
+        starts = np.array(self.starts, dtype=np.float64)
+        if len(starts) > self.count:
+            starts = starts[rng.permutation(len(starts))[: self.count]]
+        check_starts(geometry, starts, radius)
+        return starts
+
+
+def require_names(kind: str, names: Iterable[str | None], known: Iterable[str]) -> None:
+    """Raise ValueError, listing the known ones, if a name is not known; None is."""
+    known = list(known)
+    for name in names:
+        if name is not None and name not in known:
+            raise ValueError(f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}")
 
 
 def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:
@@ -87,8 +145,14 @@ def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:
         )
 
 
-def place(geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None = None) -> Floats:
-    """Return random positions (N, 2) of discs that overlap neither walls nor each other.
+def place(
+    geometry: Geometry,
+    radius: Floats,
+    rng: np.random.Generator,
+    region: str | None = None,
+    standing: Standing | None = None,
+) -> Floats:
+    """Return random positions (N, 2) of discs that overlap neither walls nor each other, nor those who stand already.
 
     One after the other, each uniform over what is free (Pécol et al. 2011, section 4.2: random initial positions); a crowd
     too dense for that stands on a hexagonal lattice with random holes.
@@ -98,18 +162,17 @@ def place(geometry: Geometry, radius: Floats, rng: np.random.Generator, region: 
     ValueError
         If they do not fit, or the region is unknown.
     """
-    if region is not None and region not in geometry.regions:
-        raise ValueError(f"unknown start region {region!r}; known: {', '.join(geometry.regions) or 'none'}")
+    require_names("start region", [region], geometry.regions)
     area = geometry.area_of(region)
     cover = float((np.pi * radius**2).sum())
     if cover > _CLOSEST_PACKING * area:
         most = int(_CLOSEST_PACKING * area / (np.pi * float((radius**2).mean())))
         raise ValueError(_too_many(radius, area, f"even the closest packing leaves room for at most {most}"))
     if cover < _RANDOM_LIMIT * area:
-        placed = _place_randomly(geometry, radius, rng, region)
+        placed = _place_randomly(geometry, radius, rng, region, standing)
         if placed is not None:
             return placed
-    return _place_on_lattice(geometry, radius, rng, region, area)
+    return _place_on_lattice(geometry, radius, rng, region, area, standing)
 
 
 def _too_many(radius: Floats, area: float, room: str) -> str:
@@ -141,16 +204,28 @@ def _clearances(points: Floats, boundary: Boundary, clearance: Floats) -> None:
         clearance[k] = nearest if inside else -1.0
 
 
-def _usable(geometry: Geometry, points: Floats, region: str | None) -> Floats:
-    """Wall clearance (K,) of points in the area and region, -1 elsewhere."""
+def _usable(geometry: Geometry, points: Floats, region: str | None, standing: Standing | None) -> Floats:
+    """Distance (K,) of points to walls and to people who stand already; -1 outside of the area or region."""
     clearance = np.empty(len(points))
     _clearances(points, geometry.boundary, clearance)
     if region is not None:
         clearance[~geometry.contains(points, region)] = -1.0
+    if standing is not None:
+        _keep_off(points, *standing, clearance)
     return clearance
 
 
-def _place_randomly(geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None) -> Floats | None:
+@kernel
+def _keep_off(points: Floats, position: Floats, radius: Floats, clearance: Floats) -> None:
+    for k in range(len(points)):
+        for j in range(len(radius)):
+            gap = np.hypot(points[k, 0] - position[j, 0], points[k, 1] - position[j, 1]) - radius[j]
+            clearance[k] = min(clearance[k], gap)
+
+
+def _place_randomly(
+    geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None, standing: Standing | None
+) -> Floats | None:
     low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
     size = 2.0 * float(radius.max())
     columns, rows = int((high_x - low_x) / size) + 1, int((high_y - low_y) / size) + 1
@@ -160,7 +235,7 @@ def _place_randomly(geometry: Geometry, radius: Floats, rng: np.random.Generator
     done = 0
     for _ in range(_ROUNDS):
         points = rng.uniform((low_x, low_y), (high_x, high_y), (16 + 3 * len(radius), 2))
-        clearance = _usable(geometry, points, region)
+        clearance = _usable(geometry, points, region, standing)
         done = _accept(points, clearance, radius, placed, done, head, following, columns, rows, low_x, low_y, size)
         if done == len(radius):
             return placed
@@ -207,7 +282,12 @@ def _accept(
 
 
 def _place_on_lattice(
-    geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None, area: float
+    geometry: Geometry,
+    radius: Floats,
+    rng: np.random.Generator,
+    region: str | None,
+    area: float,
+    standing: Standing | None,
 ) -> Floats:
     low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
     step = 2.0 * float(radius.max()) * (1.0 + 1e-9)
@@ -221,11 +301,12 @@ def _place_on_lattice(
         )
         x[1::2] += 0.5 * step
         points = np.column_stack([x.ravel(), y.ravel()])
-        points = points[_usable(geometry, points, region) >= radius.max() - 1e-12]
+        points = points[_usable(geometry, points, region, standing) >= radius.max() - 1e-12]
         most = max(most, len(points))
         if len(points) >= len(radius):
             return points[rng.permutation(len(points))[: len(radius)]]
-    raise ValueError(_too_many(radius, area, f"a regular lattice holds {most} there"))
+    beside = "" if standing is None else f" beside the {len(standing[1])} who stand already"
+    raise ValueError(_too_many(radius, area, f"a regular lattice holds {most} there{beside}"))
 
 
 @kernel

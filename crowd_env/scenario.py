@@ -2,20 +2,22 @@
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from crowd_env.geometry import Geometry, parse_exit
-from crowd_env.navigation import NavigationField
-from crowd_env.population import Population
-from crowd_env.routes import ControlRule, DoorEvent, Route, SpeedZone
+from crowd_env.groups import Groups
+from crowd_env.navigation import NavigationField, OneWay
+from crowd_env.population import Population, require_names
+from crowd_env.routes import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
 from crowd_env.state import Floats, Ints
 from crowd_env.ways import Target, Ways, find_ways
 
 Strategy = Literal["shortest", "nearest", "fastest", "comfortable"]
+People: TypeAlias = Population | Groups
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +33,12 @@ class Scenario:
     Raises
     ------
     ValueError
-        If the geometry has no exit, no exit can be reached by the smallest body, or a time is not positive.
+        If the geometry has no exit, a time is not positive, or people start or go somewhere that does not exist.
     """
 
     name: str
     geometry: Geometry
-    population: Population
+    population: People
     time_limit: float  # s
     title: str = ""  # a line for people
     reference: str = ""  # where the numbers come from
@@ -47,6 +49,8 @@ class Scenario:
     rules: tuple[ControlRule, ...] = ()
     closed_doors: tuple[str, ...] = ()  # at the start
     door_events: tuple[DoorEvent, ...] = ()
+    one_way: tuple[OneWay, ...] = ()
+    comfort: Comfort = field(default_factory=Comfort)
 
     def __post_init__(self) -> None:
         if not 0 < self.time_limit < np.inf:
@@ -59,13 +63,21 @@ class Scenario:
             raise ValueError(f"scenario {self.name!r}: blocked_after is {self.blocked_after!r} s; it must be > 0")
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
+        for part in self.population.parts:
+            require_names("start region", [part.start_region], self.geometry.regions)
+            require_names("exit", part.exits, self._exits)
+            require_names("route", [part.route], [*(route.name for route in self.routes), *self._exits])
+
+    @property
+    def _exits(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(self.geometry.exit_names))
 
     def field(self) -> NavigationField:
         """Return the travel-time field of the shortest way out, for the largest body of the population."""
         return self.ways(rules=False).ways[0].field
 
     def ways(self, strategy: str = "shortest", *, rules: bool = True) -> Ways:
-        """Return all ways out that people of this strategy, rules and controllers may take; way 0 leads to any exit.
+        """Return all ways out that people of this strategy, groups, rules and controllers may take; way 0 leads to any exit.
 
         Parameters
         ----------
@@ -78,16 +90,14 @@ class Scenario:
         ValueError
             If the strategy is unknown or a way leads nowhere.
         """
-        radius, routes = self.population.radius, list(self.routes)
-        exits = tuple(dict.fromkeys(self.geometry.exit_names))
-        names = [route.name for route in routes]
-        if strategy in ("fastest", "comfortable") and strategy not in names:
-            routes.append(Route(strategy, strategy=strategy))  # type: ignore[arg-type]  # one of the two
-        elif strategy == "nearest" or strategy in exits:
-            routes += [Route(name, (name,)) for name in exits if name not in names]
-        elif strategy != "shortest" and strategy not in names:
-            known = (*get_args(Strategy), *names, *exits)
+        routes = list(self.routes)
+        known = (*get_args(Strategy), *(route.name for route in routes), *self._exits)
+        if strategy not in known:
             raise ValueError(f"{self.name}: unknown strategy {strategy!r}; known: {', '.join(known)}")
+        for part in self.population.parts:
+            names = [OUT, *(route.name for route in routes)]
+            routes += [route for route in self._taken(part, strategy) if route.name not in names]
+        radius = self.population.radius
         return find_ways(
             self.geometry,
             radius.high,
@@ -96,24 +106,59 @@ class Scenario:
             zones=self.zones,
             rules=self.rules if rules else (),
             target=self.target,
+            comfort=self.comfort,
             closed_at_start=self.closed_doors,
             events=self.door_events,
+            one_way=self.one_way,
             walking_speed=0.5 * (self.population.desired_speed.low + self.population.desired_speed.high) or 1.0,
         )
 
-    def choose(self, ways: Ways, strategy: str, position: Floats) -> Ints:
-        """Return the number of the way (K,) that people of this strategy at ``position`` (K, 2) mean to take."""
-        if strategy == "shortest":
-            return np.zeros(len(position), dtype=np.int64)
+    def _taken(self, part: Population, strategy: str) -> list[Route]:
+        """Return the routes that a group takes if this is the strategy of the run; of several, the nearest."""
+        own = {route.name: route for route in self.routes}
+        if part.route is not None:
+            return [own.get(part.route, Route(part.route, (part.route,)))]
+        if strategy in own or strategy in self._exits:
+            if not part.exits or strategy in part.exits:
+                return [own.get(strategy, Route(strategy, (strategy,)))]
+            return [_best_of(part.exits, "shortest")]
         if strategy == "nearest":
-            return ways.nearest(tuple(dict.fromkeys(self.geometry.exit_names)), position)
-        return np.full(len(position), ways.number(strategy), dtype=np.int64)
+            return [own.get(name, Route(name, (name,))) for name in part.exits or self._exits]
+        return [_best_of(part.exits, strategy)]
+
+    def choose(self, ways: Ways, strategy: str, position: Floats) -> Ints:
+        """Return the number of the way (K,) that people mean to take who start at ``position`` (K, 2).
+
+        Raises
+        ------
+        ValueError
+            If the groups have ways of their own, and there are not as many people as in all of them.
+        """
+        parts = self.population.parts
+        if len(parts) > 1 and len(position) != self.population.count:
+            raise ValueError(f"{len(position)} positions for groups of {self.population.count} people")
+        chosen = np.zeros(len(position), dtype=np.int64)
+        end = 0
+        for part in parts:
+            begin, end = end, len(position) if len(parts) == 1 else end + part.count
+            names = [route.name for route in self._taken(part, strategy)]
+            one = len(names) == 1
+            chosen[begin:end] = ways.number(names[0]) if one else ways.nearest(names, position[begin:end])
+        return chosen
+
+
+def _best_of(exits: tuple[str, ...], strategy: str) -> Route:
+    """Return the route to the best of these exits; () = all."""
+    name = " or ".join(exits)
+    if strategy == "shortest":
+        return Route(name or OUT, exits)
+    return Route(f"{strategy} to {name}" if name else strategy, exits, strategy=strategy)  # type: ignore[arg-type]  # one of two
 
 
 def scenario_from_wkt(
     path: str | Path,
     exits: Sequence[str],
-    population: Population,
+    population: People,
     *,
     time_limit: float = 300.0,
 ) -> Scenario:

@@ -1,6 +1,7 @@
 """Every table and figure of two papers that can be redone, the paper's number beside ours: ``crowd-env reproduce NAME``.
 
-Pécol et al. 2011 (`PECOL`), one file each; section 4.3 (the theatre: Table 7, Figures 4 to 6) cannot: its plan is not given.
+Pécol et al. 2011 (`PECOL`), one file each; of section 4.3 (the theatre: Table 7, Figures 4 to 6) the plan is not given, so
+that Table 7 and Figure 6 are illustrations on a synthetic one.
 Lin, Ma, Lo (`LIN`), files that begin with ``lin_``; their figures share runs, which are computed once and kept.
 """
 
@@ -8,7 +9,21 @@ from collections.abc import Callable
 from dataclasses import fields
 from typing import NamedTuple
 
-from crowd_env.reproduce import fig1, fig2, fig3, lin_fig4, lin_fig5, lin_fig6, lin_fig9, lin_fig10, table3, table5
+from crowd_env.reproduce import (
+    fig1,
+    fig2,
+    fig3,
+    fig6,
+    lin_fig4,
+    lin_fig5,
+    lin_fig6,
+    lin_fig9,
+    lin_fig10,
+    table3,
+    table5,
+    table7,
+    theatre,
+)
 from crowd_env.reproduce.lin_run import Run
 from crowd_env.reproduce.lin_sample import Records
 from crowd_env.reproduce.lin_settings import LinSettings
@@ -46,6 +61,7 @@ class Reproduction(NamedTuple):
     schemes: Callable[[Settings], tuple[str, ...]] | None = None  # that run in the room; None: no room
     options: frozenset[str] = _DRAWS  # of the command line, that it takes
     about: str = "1 s"  # running time with the defaults, once the kernels are compiled
+    runs: int = Settings.runs  # default number of draws
 
 
 class LinFigure(NamedTuple):
@@ -64,6 +80,8 @@ PECOL: dict[str, Reproduction] = {
     "fig2": Reproduction(fig2.TITLE, fig2.reproduce, fig2.steps),
     "fig3": Reproduction(fig3.TITLE, fig3.reproduce, fig3.steps, fig3.schemes, _ROOM | {"scheme"}, "2 s"),
     "table5": Reproduction(table5.TITLE, table5.reproduce, table5.steps, table5.schemes, _ROOM, "5 s"),
+    "table7": Reproduction(table7.TITLE, table7.reproduce, table7.steps, about="1 min", runs=theatre.RUNS),
+    "fig6": Reproduction(fig6.TITLE, fig6.reproduce, fig6.steps, about="40 s", runs=theatre.RUNS),
 }
 LIN: dict[str, LinFigure] = {
     "lin-fig4": LinFigure(lin_fig4.TITLE, lin_fig4.runs, lin_fig4.tell, "30 s"),

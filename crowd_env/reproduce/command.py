@@ -36,7 +36,10 @@ def reproduce(
         ),
     ],
     runs: Annotated[
-        int | None, typer.Option(help="Draws of fig3 and table5, default 50; of each point of lin-*, default 10.")
+        int | None,
+        typer.Option(
+            help="Draws of fig3 and table5, default 50; of table7 and fig6, default 100; of each point of lin-*, default 10."
+        ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Draw k has the seed SEED + k; default 0.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
@@ -158,7 +161,7 @@ class _Work:
     """What is to be done, all of it checked."""
 
     chosen: Collection[str]
-    settings: Settings
+    settings: Mapping[str, Settings]
     lin_settings: LinSettings
     store: Store
     workers: int
@@ -168,7 +171,7 @@ class _Work:
         """Yield one result after the other."""
         for name in self.chosen:
             if name in PECOL:
-                yield _run(name, PECOL[name], self.settings)
+                yield _run(name, PECOL[name], self.settings[name])
         figures = [LIN[name] for name in self.chosen if name in LIN]
         if not figures:
             return
@@ -194,10 +197,11 @@ def _plan(name: str, given: Mapping[str, Any], out: Path) -> _Work:
         if not any(option in each.options for each in chosen.values()):
             raise ValueError(f"{flag(option)} belongs to {_owners(option)}; {name} has no use for it")
     pecol, lin = [name for name in chosen if name in PECOL], [name for name in chosen if name in LIN]
-    settings = Settings(**_meant_for(pecol, given, Settings))
-    schemes = [s for key in pecol if (of := PECOL[key].schemes) is not None for s in of(settings)]
+    meant = _meant_for(pecol, given, Settings)
+    settings = {key: Settings(**{"runs": PECOL[key].runs, **meant}) for key in pecol}
+    schemes = [s for key in pecol if (of := PECOL[key].schemes) is not None for s in of(settings[key])]
     if schemes:
-        settings.check(dict.fromkeys(schemes))
+        Settings(**meant).check(dict.fromkeys(schemes))
     lin_settings = LinSettings(**_meant_for(lin, given, LinSettings))
     check(run for key in lin for run in LIN[key].runs(lin_settings))
     workers = given.get("workers", all_cores())

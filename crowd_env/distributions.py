@@ -1,0 +1,120 @@
+"""What body parameters are drawn from; every distribution has bounds, so that what can happen is known beforehand."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from crowd_env.state import Floats
+
+_LEAST_SHARE = 0.01  # of what is drawn has to lie within the bounds: what lies outside is drawn again
+
+
+class Distribution(Protocol):
+    """Something to draw a body parameter from; ``low`` and ``high`` bound every draw."""
+
+    @property
+    def low(self) -> float:
+        """Smallest possible value."""
+        ...
+
+    @property
+    def high(self) -> float:
+        """Largest possible value."""
+        ...
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw ``count`` values."""
+        ...
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Uniform on [low, high]; equal bounds give a constant."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.low) and np.isfinite(self.high)):
+            raise ValueError(f"uniform distribution from {self.low:g} to {self.high:g}: both must be finite")
+        if not self.low <= self.high:
+            raise ValueError(f"uniform distribution from {self.low:g} to {self.high:g}: the first must not be larger")
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw ``count`` values."""
+        return rng.uniform(self.low, self.high, count)
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal with ``mean`` and ``sd``, drawn again wherever it falls outside [low, high]."""
+
+    mean: float
+    sd: float
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([self.mean, self.sd, self.low, self.high]).all():
+            raise ValueError(
+                f"normal distribution with mean {self.mean:g}, sd {self.sd:g}: all its numbers must be finite"
+            )
+        if not (self.sd >= 0 and self.low <= self.mean <= self.high and self.low < self.high):
+            raise ValueError(
+                f"normal distribution with mean {self.mean:g}, sd {self.sd:g}: the mean must lie in "
+                f"[{self.low:g}, {self.high:g}] and the sd must be >= 0"
+            )
+        if self.sd > 0:
+            _require_share("normal", self.low, self.high, *((x - self.mean) / self.sd for x in (self.low, self.high)))
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw ``count`` values."""
+        values = rng.normal(self.mean, self.sd, count)
+        while (bad := (values < self.low) | (values > self.high)).any():
+            values[bad] = rng.normal(self.mean, self.sd, int(bad.sum()))
+        return values
+
+
+@dataclass(frozen=True)
+class LogNormal:
+    """Log-normal, drawn again wherever it falls outside [low, high]: the usual one for response times.
+
+    Half of all draws (before they are cut) lie below ``median``; ``sigma`` is the standard deviation of the logarithm, so
+    that about two thirds lie between ``median / exp(sigma)`` and ``median * exp(sigma)``.
+    """
+
+    median: float
+    sigma: float
+    high: float
+    low: float = 0.0
+
+    def __post_init__(self) -> None:
+        what = f"log-normal distribution with median {self.median:g}, sigma {self.sigma:g}"
+        if not np.isfinite([self.median, self.sigma, self.low, self.high]).all():
+            raise ValueError(f"{what}: all its numbers must be finite")
+        if not (
+            self.median > 0 and self.sigma >= 0 and 0 <= self.low <= self.median <= self.high and self.low < self.high
+        ):
+            raise ValueError(
+                f"{what}: the median must be > 0 and lie in [{self.low:g}, {self.high:g}], the sigma must be >= 0, and "
+                "the lower bound >= 0"
+            )
+        if self.sigma > 0:
+            ends = (-math.inf if x == 0 else math.log(x / self.median) / self.sigma for x in (self.low, self.high))
+            _require_share("log-normal", self.low, self.high, *ends)
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw ``count`` values."""
+        values = self.median * np.exp(self.sigma * rng.standard_normal(count))
+        while (bad := (values < self.low) | (values > self.high)).any():
+            values[bad] = self.median * np.exp(self.sigma * rng.standard_normal(int(bad.sum())))
+        return values
+
+
+def _require_share(kind: str, low: float, high: float, from_sd: float, to_sd: float) -> None:
+    """Raise ValueError if hardly anything lies between two bounds, given in standard deviations from the mean."""
+    share = 0.5 * (math.erf(to_sd / math.sqrt(2.0)) - math.erf(from_sd / math.sqrt(2.0)))
+    if share < _LEAST_SHARE:
+        raise ValueError(f"{kind} distribution: only {share:.2g} of it lies in [{low:g}, {high:g}]; set wider bounds")

@@ -1,0 +1,177 @@
+"""Plans on a sheet: walls, exits, regions, doors, and where people start, one panel a scenario."""
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.palette import BACKGROUND, EXIT, FLOOR, INK, OBSTACLE, QUIET, SERIES, WALL, Colour
+from crowd_env.rendering.saving import check_suffix, written
+from crowd_env.scenario import Scenario
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_PANEL = (5.2, 4.3)  # inch
+_COLUMNS = 3
+_DPI = 110
+_DOOR: Colour = (196, 120, 32)
+_REGION: Colour = (74, 92, 160)
+_GROUPS: tuple[Colour, ...] = (SERIES[0], SERIES[1], SERIES[2], SERIES[4])
+
+
+def draw_sheet(path: str | Path, scenarios: Sequence[Scenario], *, seed: int = 0) -> Path:
+    """Draw the plans of scenarios and return the path.
+
+    Parameters
+    ----------
+    path : ends in .png.
+    seed : draws where people start.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another, there is no scenario, or the people do not fit.
+    """
+    path = check_suffix(path, (".png",))
+    if not scenarios:
+        raise ValueError("a sheet needs at least one scenario")
+    with drawing_library():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    columns = min(_COLUMNS, len(scenarios))
+    rows = -(-len(scenarios) // columns)
+    zoom = 1.6 if len(scenarios) == 1 else 1.0
+    size = (zoom * _PANEL[0] * columns, zoom * _PANEL[1] * rows)
+    figure = Figure(figsize=size, dpi=_DPI, facecolor=_hex(BACKGROUND), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in panels:
+        axes.set_axis_off()
+    for axes, scenario in zip(panels, scenarios, strict=False):
+        draw_scenario(axes, scenario, np.random.default_rng([seed, 0]))
+    with written(path) as part:
+        figure.savefig(part, format="png", dpi=_DPI)
+    return path
+
+
+def draw_scenario(axes: "Axes", scenario: Scenario, rng: np.random.Generator) -> None:
+    """Draw a plan and a crowd on axes."""
+    from matplotlib.collections import LineCollection
+
+    geometry = scenario.geometry
+    for part in getattr(geometry.walkable, "geoms", [geometry.walkable]):
+        _fill(axes, type(part)(part.exterior), OBSTACLE, 1.0, 0)
+    _fill(axes, geometry.walkable, FLOOR, 1.0, 1)
+    for name, area in geometry.regions.items():
+        _draw_region(axes, name, area.intersection(geometry.walkable))
+    fixed, thin = geometry.walls_when(())
+    axes.add_collection(LineCollection(list(fixed[~thin]), colors=_hex(WALL), linewidths=1.8, zorder=4))
+    axes.add_collection(LineCollection(list(fixed[thin]), colors=_hex(WALL), linewidths=1.0, zorder=4))
+    leaves = geometry.walls[geometry.door_of_wall >= 0]
+    axes.add_collection(LineCollection(list(leaves), colors=_hex(_DOOR), linewidths=2.4, zorder=5))
+    axes.add_collection(LineCollection(list(geometry.exits), colors=_hex(EXIT), linewidths=4.5, zorder=5))
+    _name_exits(axes, scenario)
+    _draw_people(axes, scenario, rng)
+    x0, y0, x1, y1 = geometry.bounds
+    margin = 0.09 * max(x1 - x0, y1 - y0)
+    axes.set_xlim(x0 - margin, x1 + margin)
+    axes.set_ylim(y0 - margin, y1 + margin)
+    axes.set_aspect("equal")
+    _scale_bar(axes, (x0, y0 - 0.62 * margin), x1 - x0)
+    words = textwrap.wrap(scenario.title, 60)
+    axes.set_title(scenario.name, loc="left", color=_hex(INK), fontsize=11, fontweight="bold", pad=6 + 11 * len(words))
+    above: dict[str, Any] = {
+        "xytext": (0, 4),
+        "textcoords": "offset points",
+        "xycoords": "axes fraction",
+        "va": "bottom",
+    }
+    axes.annotate("\n".join(words), (0.0, 1.0), color=_hex(QUIET), fontsize=8, **above)
+
+
+def _draw_region(axes: "Axes", name: str, area: Any) -> None:
+    """Tint a region, and write its name into the upper left corner of its first part."""
+    _fill(axes, area, _REGION, 0.16, 2)
+    first = getattr(area, "geoms", [area])[0]
+    left, _, _, top = first.bounds
+    near: dict[str, Any] = {
+        "xytext": (3, -3),
+        "textcoords": "offset points",
+        "ha": "left",
+        "va": "top",
+        "fontsize": 7,
+        "zorder": 7,
+    }
+    background = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.6}
+    axes.annotate(name, (left, top), color=_hex(_REGION), bbox=background, **near)
+
+
+def _fill(axes: "Axes", area: Any, colour: Colour, alpha: float, layer: float) -> None:
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    for part in getattr(area, "geoms", [area]):
+        if part.geom_type != "Polygon" or part.is_empty:
+            continue
+        rings = [np.asarray(ring.coords)[:, :2] for ring in (part.exterior, *part.interiors)]
+        outline = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
+        axes.add_patch(PathPatch(outline, facecolor=_hex(colour), alpha=alpha, edgecolor="none", zorder=layer))
+
+
+def _name_exits(axes: "Axes", scenario: Scenario) -> None:
+    geometry = scenario.geometry
+    x0, y0, x1, y1 = geometry.bounds
+    off = 0.035 * max(x1 - x0, y1 - y0)
+    for name in dict.fromkeys(geometry.exit_names):
+        a, b = geometry.exits[geometry.exit_names.index(name)]
+        along = (b - a) / np.hypot(*(b - a))
+        outward = np.array([along[1], -along[0]])
+        x, y = 0.5 * (a + b) + off * outward
+        upright = abs(outward[0]) > abs(outward[1])
+        turn = 90 if upright else 0
+        axes.text(
+            x,
+            y,
+            name,
+            color=_hex(EXIT),
+            fontsize=8,
+            fontweight="bold",
+            ha="center",
+            va="center",
+            rotation=turn,
+            zorder=8,
+        )
+
+
+def _draw_people(axes: "Axes", scenario: Scenario, rng: np.random.Generator) -> None:
+    from matplotlib.collections import EllipseCollection
+
+    bodies, position = scenario.population.draw(rng, scenario.geometry)
+    begin = 0
+    for k, part in enumerate(scenario.population.parts):
+        rows = slice(begin, begin + part.count)
+        begin += part.count
+        colour = _hex(_GROUPS[k % len(_GROUPS)])
+        size = 2.0 * bodies.radius[rows]
+        discs = EllipseCollection(
+            size, size, np.zeros(part.count), units="xy", offsets=position[rows], offset_transform=axes.transData
+        )
+        discs.set(facecolor=colour, edgecolor="white", linewidth=0.3, zorder=6)
+        axes.add_collection(discs)
+
+
+def _scale_bar(axes: "Axes", corner: tuple[float, float], width: float) -> None:
+    goal = 0.25 * width
+    power = 10.0 ** np.floor(np.log10(goal))
+    metres = power * max(step for step in (1, 2, 5) if step * power <= goal)
+    x, y = corner
+    axes.plot([x, x + metres], [y, y], color=_hex(QUIET), linewidth=1.5, solid_capstyle="butt")
+    axes.text(x + metres + 0.02 * width, y, f"{metres:g} m", color=_hex(QUIET), fontsize=7, va="center")
+
+
+def _hex(colour: Colour) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*colour)

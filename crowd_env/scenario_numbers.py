@@ -1,0 +1,64 @@
+"""Numbers that a scenario file leaves open: ``"{width / 2}"`` with the options of the file; arithmetic and nothing else."""
+
+import ast
+import operator
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+_BRACES = re.compile(r"\{([^{}]*)\}")
+_OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+}
+
+
+def fill_in(text: str, options: Mapping[str, float]) -> str | float:
+    """Return ``text`` with the value of every ``{expression}`` in its place; of a text that is one expression, the number.
+
+    Raises
+    ------
+    ValueError
+        If braces do not match, or an expression holds anything but numbers, options, + - * / // and parentheses.
+    """
+    rest = _BRACES.sub("", text)
+    if "{" in rest or "}" in rest:
+        raise ValueError(f"{text!r} has a brace without its partner")
+    whole = _BRACES.fullmatch(text)
+    if whole:
+        return evaluate(whole[1], options)
+    return _BRACES.sub(lambda found: f"{evaluate(found[1], options):.10g}", text)
+
+
+def evaluate(expression: str, options: Mapping[str, float]) -> float:
+    """Return the value of an expression such as ``(length - width) / 2``.
+
+    Raises
+    ------
+    ValueError
+        If it holds anything but numbers, options, + - * / // and parentheses, or has no value.
+    """
+    try:
+        return _value(ast.parse(expression.strip(), mode="eval").body, options)
+    except (SyntaxError, RecursionError, MemoryError):
+        raise ValueError(f"{{{expression}}} is not an expression of numbers, options, + - * / // and ()") from None
+    except (ZeroDivisionError, OverflowError) as error:
+        raise ValueError(f"{{{expression}}} has no value: {error}") from None
+
+
+def _value(node: ast.expr, options: Mapping[str, float]) -> float:
+    match node:
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return number
+        case ast.Name(id=name):
+            if name not in options:
+                raise ValueError(f"unknown option {name!r} in braces; known: {', '.join(options) or 'none'}")
+            return options[name]
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -_value(operand, options)
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+            return _OPERATORS[type(op)](_value(left, options), _value(right, options))
+    raise SyntaxError
