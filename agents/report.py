@@ -1,10 +1,19 @@
 """Tables of evaluations, for people and for programs."""
 
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
+import numpy as np
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
+from rich.text import Text
 
+from agents.comparison import last_times, mean_times, minus_first, ranking
 from agents.evaluation import Evaluation
+from crowd_env.state import Floats
+
+_EXITS = 4  # more do not fit side by side
 
 
 def _cell(summary: dict[str, Any], digits: int) -> str:
@@ -42,3 +51,142 @@ def comparison_table(results: list[Evaluation], title: str) -> Table:
             _cell(row["contact_impulse"], 0),
         )
     return table
+
+
+# ------------------------------------------------------------------------------------------ policies under many schemes
+
+
+def times_table(results: Sequence[Evaluation], title: str) -> Table:
+    """Return a table of how long policies took, and how much longer than the first one on the same draws."""
+    first, blocked = results[0].policy, any(result.row()["blocked_runs"] for result in results)
+    caption = (
+        f"Seconds. last: of the last person, ± sd over runs; Δ: longer than {first} on the same draws, and its 95 % interval; "
+        "faster: in so many runs; 95 %: when so many were out; mean: of all people; in: people left inside, who count at the "
+        "time limit (then ≥)."
+    )
+    names = ["last", "Δ last", "faster", "95 %", "mean", "Δ mean", "in", *(["blocked"] if blocked else [])]
+    table = _table(caption, *names, title=title)
+    for result, reference in _with_first(results, table):
+        row, difference, own = result.row(), minus_first(result, reference), result is reference
+        late, limit = np.isfinite(result.exit_time_95()), result.time_limit
+        _add(
+            table,
+            result.policy,
+            _at_least(last_times(result)) if row["unfinished"] else _with_spread(row["evacuation_time"], 1),
+            "" if own else _difference(difference["evacuation_time"]),
+            "" if own else f"{100 * difference['evacuation_time']['faster']:.0f} %",
+            _cell(row["exit_time_95"], 1) if late.all() else _at_least(np.where(late, result.exit_time_95(), limit)),
+            _at_least(mean_times(result)) if row["unfinished"] else _cell(row["mean_exit_time"], 1),
+            "" if own else _difference(difference["mean_exit_time"]),
+            str(row["unfinished"]),
+            *([str(row["blocked_runs"])] if blocked else []),
+        )
+    return table
+
+
+def crowding_table(results: Sequence[Evaluation]) -> Table:
+    """Return a table of how close people came, how hard they pressed, how far they walked, and what it took to compute."""
+    caption = (
+        "Means over runs, in brackets the greatest of all. density: greatest, people within 1 m; pressure: greatest contact "
+        "force on someone over circumference, mean of 0.1 s; impulse, way: per person; overlap: deepest; computing: "
+        "processor time per simulated second, and what re-planning takes of it."
+    )
+    if any(result.scheme == "nsm1" for result in results):
+        caption += " *nsm1 has no forces: its impulses keep bodies apart, nobody would feel that pressure."
+    names = ("flow\n1/s", "density\n1/m2", "pressure\nkN/m", "impulse\nkN s", "way\nm", "overlap\nmm")
+    table = _table(caption, *names, "computing\nms/s", "re-plan\nms/s")
+    for result, _ in _with_first(results, table):
+        row = result.row()
+        density, pressure = row["max_density"], row["max_pressure"]
+        replanning = row["replanning_per_simulated_second"]
+        _add(
+            table,
+            result.policy,
+            _cell(row["flow"], 2),
+            f"{density['mean']:.1f} ({density['max']:.1f})",
+            f"{pressure['mean'] / 1e3:.1f} ({pressure['max'] / 1e3:.1f})" + (" " if row["pressure_is_force"] else "*"),
+            f"{row['contact_impulse']['mean'] / 1e3:.2f}",
+            _cell(row["walked"], 1),
+            f"{1e3 * row['max_overlap']:.1f}",
+            f"{1e3 * (row['physics_per_simulated_second'] + replanning):.1f}",
+            f"{1e3 * replanning:.1f}",
+        )
+    return table
+
+
+def exits_table(results: Sequence[Evaluation]) -> Table | None:
+    """Return a table of who took which exit; None if there is but one, or too many for a table."""
+    names = list(dict.fromkeys(results[0].exit_names))
+    if not 1 < len(names) <= _EXITS:
+        return None
+    table = _table("People by each exit, and their mean exit time.", *names)
+    for result, _ in _with_first(results, table):
+        cells = []
+        for found in result.row()["exits"].values():
+            time = found["mean_exit_time"]
+            cells.append(_cell(found["people"], 1) + (f"  {time:6.1f} s" if time is not None else " " * 10))
+        _add(table, result.policy, *cells)
+    return table
+
+
+def ranking_lines(results: Sequence[Evaluation]) -> list[str]:
+    """Return the order of the policies under every scheme, and what to make of it, in words."""
+    found = ranking(results)
+    width = max(len(scheme) for scheme in found["schemes"])
+    lines = []
+    for scheme, row in found["schemes"].items():
+        lines.append(f"{scheme:{width}}  {_order(row['order'], row['times'])}")
+    if len(found["schemes"]) > 1:
+        taus = [tau for tau in found["tau"].values() if tau is not None]
+        agree = f" (Kendall's tau of the least alike: {min(taus):.2f})" if taus else ""
+        lines.append(f"The order is {'the same under all schemes' if found['same'] else 'not the same'}{agree}.")
+        for one in found["contradictions"]:
+            a, b = one["policies"]
+            under, against = (", ".join(one[key]) for key in ("first_faster_under", "second_faster_under"))
+            lines.append(
+                f"Contradiction: {a} is clearly faster than {b} under {under}, clearly slower under {against}."
+            )
+        if not found["same"] and not found["contradictions"]:
+            lines.append("No two schemes contradict each other beyond the 95 % intervals.")
+    return lines
+
+
+def _order(names: Sequence[str], times: dict[str, float]) -> str:
+    text = names[0]
+    for before, name in pairwise(names):
+        text += (" = " if times[before] == times[name] else " < ") + name
+    return text
+
+
+def _table(caption: str, *columns: str, title: str = "") -> Table:
+    left: dict[str, Any] = {"title_justify": "left", "caption_justify": "left"}
+    table = Table(title=title or None, caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), **left)
+    table.add_column("policy", overflow="fold", max_width=20)  # what is too long goes on below, numbers stay whole
+    for name in columns:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
+
+
+def _add(table: Table, policy: str, *cells: str) -> None:
+    table.add_row(Text(f" {policy}"), *(Text(cell) for cell in cells))
+
+
+def _with_first(results: Sequence[Evaluation], table: Table) -> Iterator[tuple[Evaluation, Evaluation]]:
+    """Yield each result with the one of the first policy under its scheme, and begin a section for each scheme."""
+    for scheme in dict.fromkeys(result.scheme for result in results):
+        those = [result for result in results if result.scheme == scheme]
+        table.add_section()
+        table.add_row(Text(scheme, style="bold"))
+        for result in those:
+            yield result, those[0]
+
+
+def _at_least(times: Floats) -> str:
+    return f"≥{times.mean():.{1 if times.mean() < 99.95 else 0}f}"
+
+
+def _difference(paired: dict[str, Any]) -> str:
+    low, high = paired["ci95"]
+    digits = 1 if max(abs(paired["mean"]), *(abs(bound or 0.0) for bound in (low, high))) < 99.95 else 0
+    interval = "" if low is None else f" ({low:+.{digits}f}..{high:+.{digits}f})"
+    return f"{paired['mean']:+.{digits}f}{interval}"

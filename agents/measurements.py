@@ -1,0 +1,166 @@
+"""What is measured while evacuations run, a sample every decision step: ways walked, crowding, pressure, and where."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowd_env import CrowdEnv, Geometry, Step, contact_pressure
+from crowd_env.state import Bools, Floats, Ints, as_grid
+
+REACH = 1.0  # m  the density at a place: people within that, over the area of the disc
+CELL = 0.25  # m  of the maps
+_FELT = 0.25  # m  a body is felt at places as near as that to its centre
+
+
+class Grid(NamedTuple):
+    """Square cells over a place and as far beyond it as a body is counted."""
+
+    origin: tuple[float, float]  # m  lower left corner
+    shape: tuple[int, int]  # rows (y), columns (x)
+
+    def cell_of(self, position: Floats) -> Ints:
+        """Return the number of the cell (K,) that holds each position (K, 2), row by row."""
+        column, row = np.floor((position - self.origin) / CELL).astype(np.int64).T
+        rows, columns = self.shape
+        return np.asarray(np.clip(row, 0, rows - 1) * columns + np.clip(column, 0, columns - 1))
+
+
+def grid_over(geometry: Geometry) -> Grid:
+    """Return the grid over a plan; everything within `REACH` of someone inside lies on it."""
+    x0, y0, x1, y1 = geometry.bounds
+    margin = CELL * (np.ceil(REACH / CELL) + 2)
+    shape = tuple(int(np.ceil((high - low + 2 * margin) / CELL)) for low, high in ((y0, y1), (x0, x1)))
+    return Grid((x0 - margin, y0 - margin), (shape[0], shape[1]))
+
+
+class Maps(NamedTuple):
+    """Where it was crowded and where people pressed, over all samples with someone inside; arrays (rows, columns)."""
+
+    density_mean: Floats  # 1/m2
+    density_max: Floats  # 1/m2
+    pressure_mean: Floats  # N/m  of whoever stood there; 0 while nobody did
+    pressure_max: Floats  # N/m
+
+
+class Measured(NamedTuple):
+    """R evacuations of N people."""
+
+    exit_index: Ints  # (R, N)  row of Geometry.exits; -1 = did not get out
+    walked: Floats  # (R, N)  m  until out, or until the end
+    max_density: Floats  # (R,)  1/m2  people within 1 m of someone, oneself included, over pi m2
+    max_pressure: Floats  # (R,)  N/m  contact force on someone over circumference, mean of one decision step
+    maps: Maps
+    grid: Grid
+    simulated: float  # s  of all evacuations together
+    computing: float  # s  of processor time to simulate them
+    replanning: float  # s  of that to find the fastest ways anew
+
+
+class Recorder:
+    """Watches a batch of equally large crowds: call `begin` after its reset, and `add` after every step.
+
+    One recorder can watch one batch after the other; the maps are over all of them.
+    """
+
+    def __init__(self, geometry: Geometry) -> None:
+        self.grid = grid_over(geometry)
+        cells = self.grid.shape[0] * self.grid.shape[1]
+        self._spread = _disc(REACH, self.grid.shape[1])
+        offset, cover = _disc(_FELT, self.grid.shape[1])
+        self._felt = offset[cover > 0.3]  # the cell and its four neighbours
+        self._sums, self._most = np.zeros((2, cells)), np.zeros((2, cells))
+        self._samples = 0
+        self._runs: list[tuple[Ints, Floats, Floats, Floats]] = []
+        self._simulated = 0.0
+
+    def begin(self, env: CrowdEnv) -> None:
+        """Forget the batch before, keep where everyone of ``env`` starts."""
+        people = env.num_people
+        self._position = env.simulation.state.position.copy()
+        self._walked = np.zeros(people)
+        self._max_density, self._max_pressure = np.zeros(env.num_envs), np.zeros(env.num_envs)
+        self._see(env, env.active, np.zeros(people))
+
+    def add(self, env: CrowdEnv, step: Step) -> None:
+        """Take what has changed in a step, and the present moment."""
+        state, simulation = env.simulation.state, env.simulation
+        inside = env.active | step.truncated
+        was_inside = inside | step.terminated
+        moved = np.hypot(*(state.position - self._position).T)
+        self._walked += np.where(was_inside, moved, 0.0)
+        out = np.flatnonzero(step.terminated)
+        # Whoever gets out walks on to the end of the physics step: that is not part of the way.
+        late = np.ceil(state.exit_time[out] / simulation.dt - 1e-9) * simulation.dt - state.exit_time[out]
+        self._walked[out] -= np.hypot(*state.velocity[out].T) * late
+        self._position[:] = state.position
+        pressure = contact_pressure(simulation.memory.crush, env.decision_dt, simulation.bodies.radius)
+        pressure = np.where(was_inside, pressure, 0.0)
+        np.maximum(self._max_pressure, as_grid(pressure, env.num_envs).max(axis=1), out=self._max_pressure)
+        self._see(env, inside, pressure)
+
+    def end(self, env: CrowdEnv) -> None:
+        """Keep what was measured of a batch whose evacuations are all over."""
+        state = env.simulation.state
+        each = (as_grid(state.exit_index, env.num_envs).copy(), as_grid(self._walked, env.num_envs))
+        self._runs.append((*each, self._max_density, self._max_pressure))
+        self._simulated += float(state.time.sum())
+
+    def measured(self, computing: float, replanning: float) -> Measured:
+        """Return all that was measured, with the processor seconds it took."""
+        exit_index, walked, density, pressure = (np.concatenate(column) for column in zip(*self._runs, strict=True))
+        mean, most = self._sums / max(self._samples, 1), self._most
+        maps = Maps(*(values.reshape(self.grid.shape) for values in (mean[0], most[0], mean[1], most[1])))
+        return Measured(exit_index, walked, density, pressure, maps, self.grid, self._simulated, computing, replanning)
+
+    def _see(self, env: CrowdEnv, inside: Bools, pressure: Floats) -> None:
+        position = env.simulation.state.position
+        near = most_within(as_grid(position, env.num_envs), as_grid(inside, env.num_envs), REACH)
+        density = near / (np.pi * REACH**2)
+        np.maximum(self._max_density, density, out=self._max_density)
+        cells = self._sums.shape[1]
+        who = np.flatnonzero(inside)
+        at = self.grid.cell_of(position[who])
+        offset, cover = self._spread
+        place = (env.env_of_person[who] * cells + at)[:, None] + offset
+        weights = np.broadcast_to(cover / (np.pi * REACH**2), place.shape)
+        crowd = np.bincount(place.ravel(), weights.ravel(), minlength=env.num_envs * cells).reshape(-1, cells)
+        felt = np.zeros(env.num_envs * cells)
+        pressed = pressure[who] > 0.0
+        place = (env.env_of_person[who[pressed]] * cells + at[pressed])[:, None] + self._felt
+        np.maximum.at(felt, place.ravel(), np.repeat(pressure[who[pressed]], len(self._felt)))
+        for k, field in enumerate((crowd, felt.reshape(-1, cells))):
+            self._sums[k] += field.sum(axis=0)
+            np.maximum(self._most[k], field.max(axis=0), out=self._most[k])
+        self._samples += int(as_grid(inside, env.num_envs).any(axis=1).sum())
+
+
+def most_within(position: Floats, inside: Bools, reach: float) -> Ints:
+    """Return the largest number (E,) of people ``inside`` (E, N) less than ``reach`` from one of them, oneself included.
+
+    ``position`` (E, N, 2) is of their centres.
+    """
+    most = int(inside.sum(axis=1).max(initial=0))
+    if most == 0:
+        return np.zeros(len(inside), dtype=np.int64)
+    those = np.argsort(~inside, axis=1, kind="stable")[:, :most]  # the crowd shrinks, and the work with its square
+    here = np.take_along_axis(inside, those, axis=1)[..., None]
+    # Nearer numbers, fewer digits lost below; nan is near nobody.
+    place = np.where(here, np.take_along_axis(position, those[..., None], axis=1) - position.mean(axis=(0, 1)), np.nan)
+    square = (place**2).sum(axis=2)
+    apart = square[:, :, None] + square[:, None, :] - 2.0 * place @ place.transpose(0, 2, 1)
+    return np.asarray((apart < reach**2).sum(axis=2).max(axis=1))
+
+
+def _disc(radius: float, columns: int) -> tuple[Ints, Floats]:
+    """Return the cells that a disc around the middle of a cell covers: offsets of their numbers, and shares covered.
+
+    The shares add up to the area of the disc in cells, so that a crowd spread by them is as many people as before.
+    """
+    reach, parts = int(np.ceil(radius / CELL)) + 1, 32
+    fine = (np.arange((2 * reach + 1) * parts) + 0.5) / parts - reach - 0.5  # in cells
+    covered = np.hypot(*np.meshgrid(fine, fine)) < radius / CELL
+    share: NDArray[np.float64] = covered.reshape(2 * reach + 1, parts, 2 * reach + 1, parts).mean(axis=(1, 3))
+    share *= np.pi * (radius / CELL) ** 2 / share.sum()
+    row, column = np.nonzero(share)
+    return (row - reach) * columns + column - reach, share[row, column]
