@@ -1,12 +1,13 @@
 """When doors open and close, environment by environment."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from crowd_env.geometry import Geometry
 from crowd_env.routes import DoorEvent
-from crowd_env.state import Bodies, CrowdState, Ints
+from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 CHECK_EVERY = 0.1  # s
 
@@ -32,23 +33,37 @@ class Doorkeeper:
         self._events = [list(events[g]) for g in geometry_of_env]
         self.closed: list[frozenset[str]] = [frozenset() for _ in geometry_of_env]
         self._happened: list[set[int]] = [set() for _ in geometry_of_env]
+        self._due = np.zeros(len(self._events))
 
     def restart(self, e: int) -> frozenset[str]:
         """Begin environment ``e`` anew; returns the doors that are closed."""
         self.closed[e] = self._closed_at_start[e]
         self._happened[e] = set()
+        self._due[e] = 0.0
         return self.closed[e]
 
-    @property
-    def idle(self) -> bool:
-        """Whether no door can move by itself any more."""
-        return all(len(done) == len(events) for done, events in zip(self._happened, self._events, strict=True))
+    def steps_until_due(self, time: Floats, dt: float) -> int | None:
+        """Return after how many steps the next environment must be looked at; None if no door moves any more."""
+        waits = [
+            max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9))
+            for e, events in enumerate(self._events)
+            if len(self._happened[e]) < len(events)
+        ]
+        return min(waits, default=None)
+
+    def _next_look(self, e: int, now: float) -> float:
+        """Return when to look next: at the time of an event, or every `CHECK_EVERY` of the episode while people are counted."""
+        pending = [event for k, event in enumerate(self._events[e]) if k not in self._happened[e]]
+        times = [event.at for event in pending if event.at is not None]
+        if any(event.at is None for event in pending):
+            times.append((math.floor(now / CHECK_EVERY + 1e-6) + 1) * CHECK_EVERY)
+        return min(times, default=math.inf)
 
     def update(self, bodies: Bodies, state: CrowdState) -> list[int]:
         """Let what is due happen; returns the environments in which a door moved."""
         moved = []
         for e, events in enumerate(self._events):
-            if len(self._happened[e]) == len(events):
+            if len(self._happened[e]) == len(events) or state.time[e] < self._due[e] - 1e-9:
                 continue
             people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
             before = self.closed[e]
@@ -56,6 +71,7 @@ class Doorkeeper:
                 if k not in self._happened[e] and self._is_due(e, event, state, people):
                     self._happened[e].add(k)
                     self.closed[e] = self.closed[e] - {event.door} if event.opens else self.closed[e] | {event.door}
+            self._due[e] = self._next_look(e, float(state.time[e]))
             if self.closed[e] != before:
                 moved.append(e)
         return moved

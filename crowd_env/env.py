@@ -15,7 +15,7 @@ from crowd_env.reward import RewardWeights, Transition
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
 from crowd_env.simulation import Simulation, check_step
-from crowd_env.state import Bodies, Bools, Floats, make_bodies, make_state
+from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies, make_state
 
 
 class Step(NamedTuple):
@@ -210,11 +210,13 @@ class CrowdEnv:
         simulation, state = self.simulation, self.simulation.state
         command, relative = self._command(action, rule)
         inside = state.active.copy()
-        started = state.time.copy()
+        started, followed = state.time.copy(), self._fields_followed()
         simulation.advance(command, relative=relative, n_substeps=self.n_substeps)
         left = inside & ~state.active
         before = self._travel_time.copy()
         observation = self._observe(inside)
+        elsewhere = self._fields_followed() != followed  # another way is no progress
+        before[elsewhere] = self._travel_time[elsewhere]
         self._impulse += simulation.memory.crush
         clock = np.where(left, state.exit_time, state.time[self.env_of_person])
         reward, terms = self.reward_weights.evaluate(
@@ -268,14 +270,20 @@ class CrowdEnv:
             unconverged=int(sums.unconverged[e]),
         )
 
+    def _fields_followed(self) -> Ints:
+        """Return the row (P,) of the field that everyone is led by."""
+        return self.simulation.world.guidance.field_of_route[self.env_of_person, self.simulation.memory.followed]
+
     def _is_blocked(self, e: int) -> bool:
         return bool(self.simulation.state.time[e] - self._last_exit[e] > self._blocked_after[e])
 
     def _restart(self, e: int) -> None:
         scenario = self.scenario_of_env[e]
         bodies, position = scenario.population.draw(self._generators[e], scenario.geometry)
-        ways = self.ways[e % len(self.scenarios)]
-        self.simulation.restart(e, bodies, position, route=scenario.choose(ways, self.strategy, position))
+        self.simulation.restart(e, bodies, position)
+        ways = self.simulation.wayfinder.ways(e)  # as the doors stand at the start
+        assert ways is not None
+        self.simulation.send(e, scenario.choose(ways, self.strategy, position))
         self._impulse[self.people(e)] = 0.0
         self._last_exit[e] = 0.0
         self.finished[e] = False

@@ -235,7 +235,7 @@ def _through(field: NavigationField) -> Ints:
 
 def regions_along(field: NavigationField, region: Ints) -> Ints:
     """Return (rows, cols) the regions (bits) that the way from every node leads through; ``region``: where the nodes lie."""
-    return np.asarray(directions.regions_on_the_way(field.travel_time, region))
+    return np.asarray(directions.regions_on_the_way(field.travel_time, field.direction, region))
 
 
 def _offset(exits: Ints, first: int) -> Ints:

@@ -301,10 +301,11 @@ def cell_kinds(time: Floats, direct: Ints, blocked: NDArray[np.uint8]) -> Ints:
 
 
 @allocating_kernel
-def regions_on_the_way(time: Floats, region: Ints) -> Ints:
+def regions_on_the_way(time: Floats, direction: Floats, region: Ints) -> Ints:
     """Return for every node the regions (bits of ``region``) that the way from it leads through, its own included.
 
-    The way is followed from node to node, always to the neighbour of the eight that is reached soonest.
+    The way is walked for 16 spacings along the directions, then goes on as from the node it has come nearest to; where that
+    one is not reached sooner, as from the neighbour that is reached soonest.
     """
     rows, cols = time.shape
     through = region.copy()
@@ -313,10 +314,37 @@ def regions_on_the_way(time: Floats, region: Ints) -> Ints:
         i, j = n // cols, n % cols
         if np.isnan(time[i, j]):
             break
-        least, p, q = time[i, j], i, j
-        for k in range(max(i - 1, 0), min(i + 2, rows)):
-            for m in range(max(j - 1, 0), min(j + 2, cols)):
-                if time[k, m] < least:
-                    least, p, q = time[k, m], k, m
+        y, x, p, q = float(i), float(j), i, j
+        for _ in range(16):
+            ex, ey = _direction_between(direction, x, y)
+            if ex == 0.0 and ey == 0.0:
+                break
+            x, y = min(max(x + ex, 0.0), cols - 1.0), min(max(y + ey, 0.0), rows - 1.0)
+            k, m = int(y + 0.5), int(x + 0.5)
+            if np.isnan(time[k, m]):
+                break
+            p, q = k, m
+            through[i, j] |= region[p, q]
+        if not time[p, q] < time[i, j]:
+            least, p, q = time[i, j], i, j
+            for k in range(max(i - 1, 0), min(i + 2, rows)):
+                for m in range(max(j - 1, 0), min(j + 2, cols)):
+                    if time[k, m] < least:
+                        least, p, q = time[k, m], k, m
         through[i, j] |= through[p, q]
     return through
+
+
+@kernel
+def _direction_between(direction: Floats, x: float, y: float) -> tuple[float, float]:
+    """Return the direction at column ``x`` and row ``y``, between the nodes; (0, 0) where there is none."""
+    rows, cols = direction.shape[0], direction.shape[1]
+    i, j = min(int(y), rows - 2), min(int(x), cols - 2)
+    v, u = y - i, x - j
+    ex, ey = 0.0, 0.0
+    for c in range(4):
+        weight = (u if c & 1 else 1.0 - u) * (v if c >> 1 else 1.0 - v)
+        ex += weight * direction[i + (c >> 1), j + (c & 1), 0]
+        ey += weight * direction[i + (c >> 1), j + (c & 1), 1]
+    norm = np.sqrt(ex * ex + ey * ey)
+    return (ex / norm, ey / norm) if norm > 1e-3 else (0.0, 0.0)

@@ -45,6 +45,7 @@ class Plan(NamedTuple):
     widest: dict[str, float]  # m   the widest segment of each exit
     radius: float  # m
     min_radius: float  # m
+    partial: bool = False  # doors are closed: not everybody need reach an exit
     goal: str | None = None  # region where the way leads instead of to exits
 
 
@@ -73,7 +74,9 @@ def make_plan(
         fixed, sides = geometry.walls_when(closed)
         walls = np.concatenate([fixed, geometry.exits])
         two_sided = np.concatenate([sides, np.zeros(len(geometry.exits), dtype=bool)])
-        return Plan(geometry, walls, two_sided, geometry.exits[:0], np.arange(0), [], {}, radius, min_radius, goal)
+        return Plan(
+            geometry, walls, two_sided, geometry.exits[:0], np.arange(0), [], {}, radius, min_radius, bool(closed), goal
+        )
     known = list(dict.fromkeys(geometry.exit_names))
     if not known:
         raise ValueError("the geometry has no exit to lead to")
@@ -98,7 +101,9 @@ def make_plan(
     fixed, sides = geometry.walls_when(closed)
     walls = np.concatenate([fixed, geometry.exits[~use]])
     two_sided = np.concatenate([sides, np.zeros(int((~use).sum()), dtype=bool)])
-    return Plan(geometry, walls, two_sided, segments, np.flatnonzero(use), names, widest, radius, min_radius)
+    return Plan(
+        geometry, walls, two_sided, segments, np.flatnonzero(use), names, widest, radius, min_radius, bool(closed)
+    )
 
 
 def _nodes(geometry: Geometry, spacing: float) -> tuple[int, int]:
@@ -188,6 +193,12 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, float, Bools]:
                 closed.discard(name)
         label = np.asarray(grid.connected_parts(free, seeds))
         lost = _lost_part(label, nodes, plan.min_radius)
+        if lost is not None and plan.partial:
+            warnings.warn(
+                f"as the doors stand, no exit can be reached from ({lost[0]:.2f}, {lost[1]:.2f}): people wait there",
+                stacklevel=3,
+            )
+            lost = None
         if not closed and lost is None:
             if body < plan.radius:
                 warnings.warn(
@@ -247,6 +258,8 @@ def source_distance(exits: Floats, nodes: Grid, radius: float, cap: float | None
 
 def require_reached(plan: Plan, nodes: Grid, unknown: Bools) -> None:
     """Refuse a place that the smallest body stands in but that the extension did not reach."""
+    if plan.partial:
+        return
     stands = unknown & nodes.inside & (nodes.clearance >= plan.min_radius - _TOUCH)
     label = grid.connected_parts(stands, np.zeros_like(stands))
     lost = _lost_part(np.asarray(label), nodes, plan.min_radius)

@@ -17,7 +17,7 @@ from crowd_env.navigation import NavigationField
 from crowd_env.navigation_plan import SOURCE
 from crowd_env.state import Bools, Floats
 
-SPACING = 0.2  # m
+SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
 SLOWEST = 0.08  # of the free speed: a jam of 5.4 /m2 passes 0.6 people per second and metre at 1.4 m/s
 _JAM = 5.4  # 1/m2
 _SMOOTHING = 0.5  # m, half width of the window that density is averaged over, twice
@@ -41,7 +41,7 @@ class Remarcher:
     """
 
     def __init__(self, fine: NavigationField, walls: Floats, pace: Callable[[Floats, Floats], Floats]) -> None:
-        stride = max(1, round(SPACING / fine.spacing))
+        stride = max(1, int(min(SPACING, 0.8 * fine.radius) / fine.spacing + 1e-9))
         self.spacing = stride * fine.spacing
         self.origin = fine.origin
         walkable = ~np.isnan(fine.travel_time)

@@ -32,6 +32,13 @@ class Route:
     strategy: Strategy = "shortest"
 
     def __post_init__(self) -> None:
+        if not self.name:
+            raise ValueError("a route needs a name")
+        exits: object = self.exits  # what is annotated is not always what is given
+        if isinstance(exits, str):
+            raise ValueError(
+                f"route {self.name!r}: exits is {self.exits!r}; it must be a tuple of names: ({self.exits!r},)"
+            )
         if self.strategy not in get_args(Strategy):
             raise ValueError(
                 f"route {self.name!r}: unknown strategy {self.strategy!r}; known: {', '.join(get_args(Strategy))}"
@@ -82,7 +89,7 @@ class ControlRule:
     commits: bool = False
 
     def __post_init__(self) -> None:
-        if self.at_least < 1:
+        if self.at_least != int(self.at_least) or self.at_least < 1:
             raise ValueError(f"control rule on {self.region!r}: at_least is {self.at_least}; it must be at least 1")
         if self.below is not None and not 0 <= self.below <= self.at_least:
             raise ValueError(
@@ -106,6 +113,14 @@ class Comfort:
     stairs: float = 3.0
     turn: float = 1.0
     reach: float = 0.6
+
+    def __post_init__(self) -> None:
+        for name in ("stairs", "turn", "reach"):
+            value = getattr(self, name)
+            if not (0 <= value < np.inf and (value > 0 or name != "reach")):
+                raise ValueError(
+                    f"comfort: {name} is {value!r}; it must be {'> 0' if name == 'reach' else '>= 0'} and finite"
+                )
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.doors import CHECK_EVERY, Doorkeeper
+from crowd_env.doors import Doorkeeper
 from crowd_env.geometry import Geometry, join_boundaries
-from crowd_env.guidance import Guidance
 from crowd_env.navigation import NavigationField, travel_time_field
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.neighbors import DIVERGED, FULL
@@ -114,7 +113,9 @@ class Simulation:
         )
         doors = max(len(place.doors) for place in self.geometries)
         self.memory = allocate_memory(bodies, rules=int(np.diff(guidance.rule.start).max(initial=0)), doors=doors)
-        _check_routes(state, guidance, bodies)
+        known = (guidance.field_of_route >= 0).sum(axis=1)
+        self._routes_of_person = np.repeat(known, np.diff(bodies.env_start))
+        _check_routes(state.route, self._routes_of_person)
         self.memory.followed[:] = state.route
         for e in range(environments):
             self.close_doors(e, self._doorkeeper.restart(e))
@@ -167,6 +168,7 @@ class Simulation:
             raise ValueError(f"relative must have the shape ({people},), not {relative.shape}")
         if n_substeps < 0:
             raise ValueError(f"n_substeps is {n_substeps}; it must be >= 0")
+        _check_routes(self.state.route, self._routes_of_person)
         memory = self.memory
         memory.push[:] = 0.0
         memory.crush[:] = 0.0
@@ -180,8 +182,7 @@ class Simulation:
                 self.close_doors(e, self._doorkeeper.closed[e])
             self.wayfinder.update(self.bodies, self.state)
             waits = [self.wayfinder.steps_until_due(self.state.time, self.dt, self.inside)]
-            if not self._doorkeeper.idle:
-                waits.append(max(1, round(CHECK_EVERY / self.dt)))
+            waits.append(self._doorkeeper.steps_until_due(self.state.time, self.dt))
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
             self._run_until(target, control)
         add_diagnostics(self.diagnostics, self.memory.diagnostics)
@@ -240,7 +241,7 @@ class Simulation:
     ) -> None:
         """Begin a new episode in environment ``e`` with other people, as many as before; the others are not touched.
 
-        ``route`` is the number of the way that each means to take.
+        ``route`` is the number of the way that each means to take; `send` changes it later.
 
         Raises
         ------
@@ -250,6 +251,7 @@ class Simulation:
         people = slice(int(self.bodies.env_start[e]), int(self.bodies.env_start[e + 1]))
         if len(bodies.radius) != people.stop - people.start:
             raise ValueError(f"environment {e} holds {people.stop - people.start} people, not {len(bodies.radius)}")
+        _check_routes(np.broadcast_to(route, (people.stop - people.start,)), self._routes_of_person[people])
         for name in Bodies._fields[:-1]:
             getattr(self.bodies, name)[people] = getattr(bodies, name)
         state = self.state
@@ -277,6 +279,21 @@ class Simulation:
         self.memory.crush[people] = 0.0
         for total in (*self.diagnostics, *self.memory.diagnostics):
             total[e] = 0
+
+    def send(self, e: int, route: Ints | int) -> None:
+        """Let everyone in environment ``e`` take another way: one number for all, or one each.
+
+        Raises
+        ------
+        ValueError
+            If there is no such way.
+        """
+        people = slice(int(self.bodies.env_start[e]), int(self.bodies.env_start[e + 1]))
+        wanted = np.broadcast_to(np.asarray(route, dtype=np.int64), (people.stop - people.start,))
+        _check_routes(wanted, self._routes_of_person[people])
+        self.state.route[people] = wanted
+        self.memory.followed[people] = wanted
+        self.memory.way_age[e] = np.inf
 
     def contacts(self, e: int = 0) -> ContactList:
         """Return a copy of the contacts of environment ``e``."""
@@ -319,14 +336,11 @@ def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable:
         )
 
 
-def _check_routes(state: CrowdState, guidance: Guidance, bodies: Bodies) -> None:
-    env = np.repeat(np.arange(len(state.time)), np.diff(bodies.env_start))
-    known = (guidance.field_of_route >= 0).sum(axis=1)[env]
-    bad = np.flatnonzero((state.route < 0) | (state.route >= known))
+def _check_routes(route: Ints, known: Ints) -> None:
+    """Raise ValueError unless everyone's route is one of those that are known to him: kernels look it up unseen."""
+    bad = np.flatnonzero((route < 0) | (route >= known))
     if len(bad):
-        raise ValueError(
-            f"route of pedestrian {bad[0]} is {state.route[bad[0]]}; it must be from 0 to {known[bad[0]] - 1}"
-        )
+        raise ValueError(f"route of pedestrian {bad[0]} is {route[bad[0]]}; it must be from 0 to {known[bad[0]] - 1}")
 
 
 def _check_people(bodies: Bodies, state: CrowdState) -> None:

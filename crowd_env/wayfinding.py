@@ -111,7 +111,11 @@ class Wayfinder:
             self._rows[key] = list(range(first, first + len(ways.ways)))
             self._fields += [way.field for way in ways.ways]
             self._geometry_of_field += [g] * len(ways.ways)
+            before = self.field
             self.field = join_fields(self._fields, self._boundary, self._geometry_of_field)
+            for name in ("travel_time", "direction", "through"):  # as they were: some follow their crowd
+                known = getattr(before, name)
+                getattr(self.field, name)[: len(known)] = known
         self.guidance.field_of_route[e, : len(ways.ways)] = self._rows[key]
         self._current[e] = ways
         self._due[e] = 0.0

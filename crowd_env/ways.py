@@ -7,9 +7,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env.geometry import Boundary, Geometry
+from crowd_env.geometry import Geometry
 from crowd_env.guidance import MOST_REGIONS, Guidance, RegionArrays, RuleArrays
 from crowd_env.navigation import NavigationField, OneWay, regions_along, straight_field, travel_time_field
+from crowd_env.pace import Pace
 from crowd_env.remarching import Remarcher
 from crowd_env.routes import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
 from crowd_env.state import Floats, Ints
@@ -26,6 +27,7 @@ class Way(NamedTuple):
     field: NavigationField
     goal: int  # region that it leads to; -1 = exits
     following: int  # way that takes over there; -1 = none
+    shut: bool  # it leads to closed exits alone
     remarcher: Remarcher | None  # makes the field anew from the crowd of each environment; None = it never changes
 
 
@@ -82,8 +84,9 @@ class Ways:
         return names.index(name)
 
     def nearest(self, exits: Sequence[str], position: Floats) -> Ints:
-        """Return for each position (K, 2) the number of the route, among those of ``exits``, that is shortest from there."""
+        """Return for each position (K, 2) the number of the route, among those of open ``exits``, that is shortest there."""
         numbers = [self.number(name) for name in exits]
+        numbers = [k for k in numbers if not self.ways[k].shut] or numbers
         times = np.stack([_travel_time(self.ways[k].field, position) for k in numbers])
         return np.array(numbers, dtype=np.int64)[np.nanargmin(times, axis=0)]
 
@@ -128,7 +131,7 @@ def find_ways(
     for rule in rules:
         if rule.route not in wanted:
             wanted[rule.route] = Route(rule.route, (rule.route,))
-    pace = _Pace(geometry, zones, walking_speed, comfort or Comfort())
+    pace = Pace(geometry, zones, walking_speed, comfort or Comfort())
     behind = {e for door, e in zip(geometry.doors, geometry.exits_of_door, strict=True) if door in closed}
     made: list[Way] = []
     names = list(wanted)
@@ -138,19 +141,20 @@ def find_ways(
         via = route.via if goal >= 0 else None
         exits = route.exits or None if via is None else None
         # A way to closed exits alone stays as it is: who means to take it waits there.
-        shut = closed if exits is None or set(exits) - behind else frozenset()
+        shut = exits is not None and not set(exits) - behind
+        at_this = frozenset() if shut else closed
         speed = {"shortest": None, "comfortable": pace.comfortable, "fastest": pace}[route.strategy]
         found = travel_time_field(
-            geometry, radius, exits=exits, min_radius=min_radius, goal=via, speed=speed, closed=shut, one_way=one_way
+            geometry, radius, exits=exits, min_radius=min_radius, goal=via, speed=speed, closed=at_this, one_way=one_way
         )
         if route.strategy == "fastest":
             if one_way:
                 raise ValueError(f"route {name!r}: the fastest way does not know one-way doors; take another strategy")
-            remarcher = Remarcher(found, geometry.walls_when(shut)[0], pace)
-            return Way(name, remarcher.march(), goal, then, remarcher)
+            remarcher = Remarcher(found, geometry.walls_when(at_this)[0], pace)
+            return Way(name, remarcher.march(), goal, then, shut, remarcher)
         if target != "path" and via is None and route.strategy == "shortest":
             found = straight_field(found, geometry, _MARGINS[target])
-        return Way(name, found, goal, then, None)
+        return Way(name, found, goal, then, shut, None)
 
     second: list[Way] = []
     for route in wanted.values():
@@ -163,6 +167,7 @@ def find_ways(
     ways = [*made, *second]
     if rules:
         ways = [found._replace(field=_with_regions(found.field, geometry)) for found in ways]
+        ways = [_with_rest(found, ways, geometry) for found in ways]
     again = partial(
         find_ways,
         geometry,
@@ -223,48 +228,6 @@ def _check_doors(geometry: Geometry, closed_at_start: Sequence[str], events: Seq
         known(event.exit, geometry.exit_names, "exit")
 
 
-class _Pace:
-    """Speed maps: that of the zones, and that of comfort."""
-
-    def __init__(self, geometry: Geometry, zones: Sequence[SpeedZone], walking_speed: float, comfort: Comfort) -> None:
-        self.geometry, self.zones, self.walking_speed, self.comfort = geometry, zones, walking_speed, comfort
-
-    def __call__(self, x: Floats, y: Floats) -> Floats:
-        """Return the speed at places x, y relative to plain floor."""
-        pace = np.ones(x.shape)
-        places = np.stack([x.ravel(), y.ravel()], axis=1)
-        for zone in self.zones:
-            inside = self.geometry.contains(places, zone.region).reshape(x.shape)
-            pace[inside] = zone.factor * (1.0 if zone.speed is None else zone.speed / self.walking_speed)
-        return pace
-
-    def comfortable(self, x: Floats, y: Floats) -> Floats:
-        """Return 1 / (cost of a metre)."""
-        slow = self(x, y) < 1.0
-        cost = np.where(slow, 1.0 + self.comfort.stairs, 1.0)
-        for cx, cy in jutting_corners(self.geometry.boundary):
-            near = np.hypot(x - cx, y - cy) < self.comfort.reach
-            cost[near] += self.comfort.turn / (2.0 * self.comfort.reach)
-        return 1.0 / cost
-
-
-def jutting_corners(boundary: Boundary) -> Floats:
-    """Return the corners (V, 2) of a geometry that jut into the walkable area: where ways turn."""
-    found = []
-    for v in range(len(boundary.corner)):
-        rows = boundary.corner_wall[boundary.corner_wall_start[v] : boundary.corner_wall_start[v + 1]]
-        if len(rows) == 2 and not boundary.two_sided[rows].any():
-            into = boundary.wall[rows[np.hypot(*(boundary.wall[rows, 1] - boundary.corner[v]).T) < 1e-9]]
-            out = boundary.wall[rows[np.hypot(*(boundary.wall[rows, 0] - boundary.corner[v]).T) < 1e-9]]
-            if len(into) and len(out):
-                a, b = into[0, 1] - into[0, 0], out[0, 1] - out[0, 0]
-                turn = (a[0] * b[1] - a[1] * b[0]) / (np.hypot(*a) * np.hypot(*b))
-                if turn > -0.3:  # walls turn left (walkable side) or hardly at all: concave
-                    continue
-        found.append(boundary.corner[v])
-    return np.array(found).reshape(-1, 2)
-
-
 def region_masks(geometry: Geometry, x: Floats, y: Floats) -> Ints:
     """Return which regions places x, y (any shape) lie in, as bits."""
     mask = np.zeros(x.shape, dtype=np.int64)
@@ -289,6 +252,17 @@ def region_masks_of(field: NavigationField, geometry: Geometry) -> Ints:
 
 def _with_regions(field: NavigationField, geometry: Geometry) -> NavigationField:
     return replace(field, through=regions_along(field, region_masks_of(field, geometry)))
+
+
+def _with_rest(way: Way, ways: Sequence[Way], geometry: Geometry) -> Way:
+    """Add to a way via a region the regions that lie on the rest of it."""
+    if way.following < 0 or way.field.through is None:
+        return way
+    rest, inside = ways[way.following].field, 1 << way.goal
+    assert rest.through is not None
+    at_goal = (region_masks_of(rest, geometry) & inside) > 0
+    beyond = int(np.bitwise_or.reduce(rest.through[at_goal], initial=0)) & ~inside
+    return way._replace(field=replace(way.field, through=way.field.through | beyond))
 
 
 def _travel_time(field: NavigationField, position: Floats) -> Floats:

@@ -120,8 +120,7 @@ def test_a_door_that_closes_on_people_pushes_them_to_one_side(name):
     assert np.hypot(*state.velocity[state.active].T).max(initial=0.0) < 5
 
 
-@pytest.mark.xfail(strict=True, reason="without a direction to be pushed in, one stays in the leaf")
-@pytest.mark.parametrize("name", ["nsm2"])
+@pytest.mark.parametrize("name", ["dem", "hertz"])  # nsm2 acts on velocities alone: it goes no deeper
 def test_who_stands_exactly_on_the_line_of_a_door_gets_off_it(name):
     simulation = simulate(ways_of(), [[5.0, 1.3]], name=name)
     simulation.close_doors(0, ["gate"])
@@ -219,7 +218,7 @@ def test_a_door_closes_when_so_many_have_left_by_an_exit():
     event = DoorEvent("east door", False, at_least=2, exit="east")
     at, simulation = moment([event], [position], door="east door", steps=900)
     left = np.sort(simulation.state.exit_time[:2])
-    assert at == pytest.approx(left[1], abs=0.02)
+    assert left[1] - 0.01 <= at <= left[1] + 0.11  # looked at every 0.1 s
     assert simulation.state.exit_index.tolist() == [1, 1, 0, 0]  # the third one walks back
 
 
@@ -231,10 +230,9 @@ def test_a_door_closes_when_so_many_stand_in_a_region():
         simulation.advance(n_substeps=1, **west)
     x = simulation.state.position[:, 0]
     assert (x < 5).sum() == 3  # the brute count, within the step of 1 cm
-    assert np.abs(np.sort(x)[2] - 5) < 0.04
+    assert np.abs(np.sort(x)[2] - 5) < 0.17  # looked at every 0.1 s
 
 
-@pytest.mark.xfail(strict=True, reason="doors are looked at from the start of a call on, not of the episode")
 def test_a_door_moves_at_the_same_time_however_calls_are_cut():
     event = DoorEvent("west door", False, at=0.55)
     runs = [moment([event], [[[4.0, 2.0]]], door="west door", per_call=n, steps=210)[1] for n in (1, 7, 10, 210)]
@@ -255,7 +253,6 @@ def test_fastest_ways_behind_closed_doors_follow_the_crowd_of_their_own_environm
     assert times[0] > times[1] + 1 > times[2] + 4  # a crowd in the way, an empty hall, and both exits open
 
 
-@pytest.mark.xfail(strict=True, reason="new ways of one environment put the fastest ways of all back to an empty place")
 def test_a_door_elsewhere_leaves_the_fastest_ways_as_they_are():
     ways = ways_of(routes=(Route("quick", strategy="fastest"),))
     rng = np.random.default_rng(0)
@@ -332,7 +329,6 @@ def test_unknown_names_of_events_are_refused_in_one_sentence(options, message):
         pytest.param(
             {"west": np.array([(5, 1), (5, 3)])},
             "door 'west' has the name of an exit",
-            marks=pytest.mark.xfail(strict=True, reason="an array is compared with a name"),
         ),
     ],
 )

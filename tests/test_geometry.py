@@ -170,7 +170,7 @@ def test_join_boundaries_keeps_each_geometry_and_shifts_the_rows():
 
 
 def test_join_of_nothing_is_empty():
-    assert [len(array) for array in join_boundaries([])] == [0, 0, 0, 1, 0, 1, 1, 0, 0, 1]
+    assert [len(array) for array in join_boundaries([])] == [0, 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1]
 
 
 def test_contains_counts_the_border_and_not_the_obstacles():

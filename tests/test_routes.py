@@ -16,10 +16,11 @@ from shapely.geometry import LineString, Point, box
 
 from crowd_env.geometry import Geometry
 from crowd_env.navigation import direction_at, join_fields, travel_time_at, travel_time_field
+from crowd_env.pace import jutting_corners
 from crowd_env.population import Population, Uniform
 from crowd_env.routes import Comfort, ControlRule, Route, SpeedZone
 from crowd_env.scenario import Scenario
-from crowd_env.ways import find_ways, jutting_corners, region_masks_of
+from crowd_env.ways import find_ways, region_masks_of
 
 RADIUS = 0.25
 WEST_EAST = {"west": [(0, 1), (0, 3)], "east": [(12, 1), (12, 3)]}
@@ -278,7 +279,6 @@ def test_regions_on_the_way_in_a_loop_of_corridors():
     np.testing.assert_array_equal((field.through >> 2 & 1)[inside & (y < 8)], False)
 
 
-@pytest.mark.xfail(strict=True, reason="the least of eight neighbours prefers diagonals, metres off the smooth path")
 def test_regions_on_the_way_are_those_that_the_path_walks_through():
     regions = {"on": box(4.5, 3.8, 5.5, 4.8), "off": box(4.5, 1, 5.5, 2.3)}
     geometry = Geometry.from_polygon(box(0, 0, 10, 8), exits={"door": [(10, 0.5), (10, 1.5)]}, regions=regions)

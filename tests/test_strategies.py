@@ -101,7 +101,6 @@ def test_speed_falls_with_density_as_weidmann_says():
     assert weidmann(np.array([0.0, 5.4, 9.0])).tolist() == [1.0, SLOWEST, SLOWEST]
 
 
-@pytest.mark.xfail(strict=True, reason="nodes 0.2 m apart on both sides of a thin wall count as connected")
 @pytest.mark.parametrize("radius", [0.2, 0.15])
 def test_the_fastest_way_does_not_lead_through_a_thin_wall(radius):
     wall, door = [(5.1, 0), (5.1, 4.8)], [(10, 0.5), (10, 2)]
@@ -341,7 +340,6 @@ simulation.advance(n_substeps=3)
 """
 
 
-@pytest.mark.xfail(strict=True, reason="kernels read past the end of their arrays: the process dies")
 def test_a_route_out_of_range_does_not_end_the_process():
     done = subprocess.run(
         [sys.executable, "-c", BAD_ROUTE], capture_output=True, text=True, cwd="tests",
