@@ -160,3 +160,17 @@ def test_plans_are_drawn(tmp_path):
     assert one.read_bytes()[:4] == sheet.read_bytes()[:4] == b"\x89PNG"
     wrong = call("plan", "floor-v0", "--out", tmp_path / "plan.gif")
     assert wrong.exit_code == 2 and ".png" in wrong.stderr
+
+
+@pytest.mark.parametrize("scheme", ["dem", "nsm2"])
+def test_two_equal_exits_share_a_crowd_that_starts_beside_one_of_them(scheme):
+    share, last = {}, {}
+    for strategy in ("nearest", "fastest"):
+        env = CrowdEnv("two-exit-hall-v0", num_envs=4, scheme=scheme, strategy=strategy)
+        env.reset([0, 1, 2, 3])
+        while not env.finished.all():
+            env.step(None)
+        share[strategy] = (env.simulation.state.exit_index == 0).mean()
+        last[strategy] = np.mean([env.metrics(e).evacuation_time for e in range(4)])
+    assert 0.4 < share["fastest"] < 0.6 < 0.95 < share["nearest"]
+    assert last["fastest"] < 0.95 * last["nearest"]
