@@ -60,29 +60,30 @@ def find_contacts(
 
     The starting impulse is the history of a pair that was in contact in the previous step, else zero.
     """
-    position, radius = state.position, bodies.radius
+    active, position, radius, partner, history = state.active, state.position, bodies.radius, near.partner, near.history
     c = near.entry_start[e]
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-        if not state.active[i]:
+        if not active[i]:
             continue
-        x, y = position[i, 0], position[i, 1]
+        x, y, r = position[i, 0], position[i, 1], radius[i]
         for entry in range(near.row_begin[i], near.row_end[i]):
-            j = near.partner[entry]
+            j = partner[entry]
+            gap, nx, ny = np.inf, 0.0, 0.0
             if j >= 0:
-                gap, nx, ny = np.inf, 0.0, 0.0
-                if state.active[j]:
-                    gap, nx, ny = _disc_on_point(x, y, radius[i] + radius[j], position[j, 0], position[j, 1], margin)
+                dx, dy, limit = x - position[j, 0], y - position[j, 1], r + radius[j] + margin
+                if dx * dx + dy * dy < limit * limit and active[j]:
+                    gap, nx, ny = _disc_on_point(dx, dy, r + radius[j])
             else:
-                gap, nx, ny = gap_to_feature(x, y, radius[i], boundary, g, -1 - j)
+                gap, nx, ny = gap_to_feature(x, y, r, boundary, g, -1 - j)
             if gap < margin:
                 contacts.i[c], contacts.j[c], contacts.gap[c] = i, j, gap
                 contacts.normal[c, 0], contacts.normal[c, 1] = nx, ny
-                contacts.impulse[c, 0], contacts.impulse[c, 1] = near.history[entry, 0], near.history[entry, 1]
+                contacts.impulse[c, 0], contacts.impulse[c, 1] = history[entry, 0], history[entry, 1]
                 contacts.entry[c] = entry
                 c += 1
-            else:
-                near.history[entry, 0] = 0.0
-                near.history[entry, 1] = 0.0
+            elif history[entry, 0] != 0.0 or history[entry, 1] != 0.0:  # rarely: to look is cheaper than to write
+                history[entry, 0] = 0.0
+                history[entry, 1] = 0.0
     contacts.number[e] = c - near.entry_start[e]
 
 
@@ -98,16 +99,9 @@ def gap_to_feature(
 
 
 @kernel
-def _disc_on_point(
-    x: float, y: float, radius: float, px: float, py: float, margin: float
-) -> tuple[float, float, float]:
-    """Gap and normal between a disc and a point (or, with ``radius`` the sum of two, between two discs)."""
-    dx, dy = x - px, y - py
-    limit = radius + margin
-    square = dx * dx + dy * dy
-    if square >= limit * limit:
-        return np.inf, 0.0, 0.0
-    distance = np.sqrt(square)
+def _disc_on_point(dx: float, dy: float, radius: float) -> tuple[float, float, float]:
+    """Gap and normal between a disc and a point (dx, dy) away (or, with ``radius`` the sum of two, between two discs)."""
+    distance = np.sqrt(dx * dx + dy * dy)
     if distance == 0.0:  # coincident centres: any direction will do, but always the same
         return -radius, 1.0, 0.0
     return distance - radius, dx / distance, dy / distance
@@ -148,8 +142,4 @@ def _disc_on_corner(x: float, y: float, radius: float, boundary: Boundary, v: in
             ox, oy = bx, by
         if (x - px) * (ox - px) + (y - py) * (oy - py) > 0.0:  # the segment itself is nearer
             return np.inf, 0.0, 0.0
-    dx, dy = x - px, y - py
-    distance = np.sqrt(dx * dx + dy * dy)
-    if distance == 0.0:
-        return -radius, 1.0, 0.0
-    return distance - radius, dx / distance, dy / distance
+    return _disc_on_point(x - px, y - py, radius)

@@ -127,13 +127,15 @@ def regular_forces(
 
     With a social force the neighbour list must be complete up to its cut-off.
     """
+    active, velocity, external = state.active, state.velocity, control.external_force
+    mass, relaxation_time, driving = bodies.mass, bodies.relaxation_time, control.driving
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-        if not state.active[i]:
+        if not active[i]:
             continue
-        force[i, 0], force[i, 1] = control.external_force[i, 0], control.external_force[i, 1]
-        if control.driving:
-            rate = bodies.mass[i] / bodies.relaxation_time[i]
-            force[i, 0] += rate * (desired[i, 0] - state.velocity[i, 0])
-            force[i, 1] += rate * (desired[i, 1] - state.velocity[i, 1])
+        force[i, 0], force[i, 1] = external[i, 0], external[i, 1]
+        if driving:
+            rate = mass[i] / relaxation_time[i]
+            force[i, 0] += rate * (desired[i, 0] - velocity[i, 0])
+            force[i, 1] += rate * (desired[i, 1] - velocity[i, 1])
     if social.cutoff > 0.0:
         add_social_forces(e, g, boundary, bodies, state, near, desired, heading, force, social)

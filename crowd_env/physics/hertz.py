@@ -233,23 +233,26 @@ def _touch(
 @kernel
 def _kick(begin: int, end: int, bodies: Bodies, state: CrowdState, force: Floats, torque: Floats, half: float) -> None:
     """Half a kick (eqs 9, 11)."""
+    active, velocity, spin, mass = state.active, state.velocity, state.spin, bodies.mass
     for i in range(begin, end):
-        if state.active[i]:
-            rate = half / bodies.mass[i]
-            state.velocity[i, 0] += rate * force[i, 0]
-            state.velocity[i, 1] += rate * force[i, 1]
-            state.spin[i] += half * torque[i] / bodies.inertia[i]
+        if active[i]:
+            rate = half / mass[i]
+            velocity[i, 0] += rate * force[i, 0]
+            velocity[i, 1] += rate * force[i, 1]
+            if torque[i] != 0.0:  # few touch, and a division is dear
+                spin[i] += half * torque[i] / bodies.inertia[i]
 
 
 @kernel
 def _drift(begin: int, end: int, state: CrowdState, previous: Floats, dt: float) -> None:
     """Move and turn (eq 10)."""
+    active, position, velocity, angle, spin = state.active, state.position, state.velocity, state.angle, state.spin
     for i in range(begin, end):
-        if state.active[i]:
-            for k in range(2):
-                previous[i, k] = state.position[i, k]
-                state.position[i, k] += dt * state.velocity[i, k]
-            state.angle[i] += dt * state.spin[i]
+        if active[i]:
+            previous[i, 0], previous[i, 1] = position[i, 0], position[i, 1]
+            position[i, 0] += dt * velocity[i, 0]
+            position[i, 1] += dt * velocity[i, 1]
+            angle[i] += dt * spin[i]
 
 
 @kernel
