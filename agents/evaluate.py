@@ -141,6 +141,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(json.dumps(told, allow_nan=False))
         return 0
     console = Console()
+    if not console.is_terminal:
+        console = Console(width=100)
     title = f"{scenario.name}: {scenario.population.count} people, {asked.runs} runs each"
     for table in (times_table(results, title), exits_table(results), crowding_table(results)):
         if table is not None:

@@ -87,14 +87,14 @@ def times_table(results: Sequence[Evaluation], title: str) -> Table:
 def crowding_table(results: Sequence[Evaluation]) -> Table:
     """Return a table of how close people came, how hard they pressed, how far they walked, and what it took to compute."""
     caption = (
-        "Means over runs, in brackets the greatest of all. density: greatest, people within 1 m; pressure: greatest contact "
-        "force on someone over circumference, mean of 0.1 s; impulse, way: per person; overlap: deepest; computing: "
-        "processor time per simulated second, and what re-planning takes of it."
+        "Means over runs. density: greatest, people within 1 m; pressure: greatest contact "
+        "force on someone over circumference, mean of 0.1 s; impulse, way: per person; overlap: deepest; comp.: "
+        "processor time per simulated second, and what planning anew takes of it."
     )
     if any(result.scheme == "nsm1" for result in results):
         caption += " *nsm1 has no forces: its impulses keep bodies apart, nobody would feel that pressure."
     names = ("flow\n1/s", "density\n1/m2", "pressure\nkN/m", "impulse\nkN s", "way\nm", "overlap\nmm")
-    table = _table(caption, *names, "computing\nms/s", "re-plan\nms/s")
+    table = _table(caption, *names, "comp.\nms/s", "plan\nms/s")
     for result, _ in _with_first(results, table):
         row = result.row()
         density, pressure = row["max_density"], row["max_pressure"]
@@ -103,8 +103,8 @@ def crowding_table(results: Sequence[Evaluation]) -> Table:
             table,
             result.policy,
             _cell(row["flow"], 2),
-            f"{density['mean']:.1f} ({density['max']:.1f})",
-            f"{pressure['mean'] / 1e3:.1f} ({pressure['max'] / 1e3:.1f})" + (" " if row["pressure_is_force"] else "*"),
+            f"{density['mean']:.1f}",
+            f"{pressure['mean'] / 1e3:.1f}" + (" " if row["pressure_is_force"] else "*"),
             f"{row['contact_impulse']['mean'] / 1e3:.2f}",
             _cell(row["walked"], 1),
             f"{1e3 * row['max_overlap']:.1f}",
