@@ -42,12 +42,12 @@ class Doorkeeper:
         self._due[e] = 0.0
         return self.closed[e]
 
-    def steps_until_due(self, time: Floats, dt: float) -> int | None:
+    def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
         """Return after how many steps the next environment must be looked at; None if no door moves any more."""
         waits = [
             max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9))
             for e, events in enumerate(self._events)
-            if len(self._happened[e]) < len(events)
+            if inside[e] > 0 and len(self._happened[e]) < len(events)  # the clock of an empty place stands still
         ]
         return min(waits, default=None)
 

@@ -181,8 +181,11 @@ class Simulation:
             for e in self._doorkeeper.update(self.bodies, self.state):
                 self.close_doors(e, self._doorkeeper.closed[e])
             self.wayfinder.update(self.bodies, self.state)
-            waits = [self.wayfinder.steps_until_due(self.state.time, self.dt, self.inside)]
-            waits.append(self._doorkeeper.steps_until_due(self.state.time, self.dt))
+            inside = self.inside
+            waits = [
+                self.wayfinder.steps_until_due(self.state.time, self.dt, inside),
+                self._doorkeeper.steps_until_due(self.state.time, self.dt, inside),
+            ]
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
             self._run_until(target, control)
         add_diagnostics(self.diagnostics, self.memory.diagnostics)

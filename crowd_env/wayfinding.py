@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from crowd_env.geometry import Boundary
-from crowd_env.guidance import Guidance
 from crowd_env.navigation import FieldArrays, NavigationField, join_fields, regions_along
 from crowd_env.remarching import write_field
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
@@ -125,8 +124,3 @@ class Wayfinder:
         place = self.places[self._geometry_of_env[e]]
         own = isinstance(place, Ways) and place.is_dynamic
         return (e if own else -1 - int(self._geometry_of_env[e])), closed
-
-
-def known_routes(guidance: Guidance) -> Ints:
-    """Return how many routes each environment has (E,)."""
-    return (guidance.field_of_route >= 0).sum(axis=1)

@@ -344,3 +344,14 @@ def test_unknown_doors_are_refused_when_they_are_closed():
         simulation.close_doors(0, ["window"])
     with pytest.raises(ValueError, match="unknown door 'gate'; known: none"):
         simulate(ways_of(False), [[2.0, 2.0]]).close_doors(0, ["gate"])
+
+
+def test_a_door_of_an_empty_place_does_not_cut_calls_short(monkeypatch):
+    event = DoorEvent("west door", False, at=50.0)  # never: everyone is out by then
+    simulation = simulate(ways_of(events=(event,)), [[0.5, 2.0]])
+    simulation.advance(n_substeps=300)
+    assert simulation.inside[0] == 0
+    targets = []
+    monkeypatch.setattr(simulation, "_run_until", lambda target, control: targets.append(target))
+    simulation.advance(n_substeps=100_000)
+    assert targets == [100_000]
