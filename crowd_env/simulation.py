@@ -271,12 +271,9 @@ class Simulation:
         self.close_doors(e, self._doorkeeper.restart(e))
         self.memory.rule_on[e] = False
         state.time[e] = 0.0
-        near = self.memory.near
         self.memory.phase[e] = 0
         self.memory.way_age[e] = np.inf
-        near.reach[e] = -1.0
-        near.row_begin[people] = near.entry_start[e]
-        near.row_end[people] = near.entry_start[e]
+        self.memory.near.reach[e] = -1.0
         self.memory.contacts.number[e] = 0
         self.memory.push[people] = 0.0
         self.memory.crush[people] = 0.0

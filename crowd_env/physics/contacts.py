@@ -15,7 +15,7 @@ import numpy as np
 
 from crowd_env._jit import kernel
 from crowd_env.geometry import Boundary
-from crowd_env.physics.neighbors import NeighbourList
+from crowd_env.physics.neighbors import NeighbourList, Places
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 
@@ -28,12 +28,16 @@ class Contacts(NamedTuple):
     gap: Floats  # (M,)    m     < 0 is overlap
     normal: Floats  # (M, 2)        unit, from j to i
     impulse: Floats  # (M, 2)  N s   normal, tangential, of the current step
-    entry: Ints  # (M,)          where the pair stands in the neighbour list
+    memory: Floats  # (M, 2)  what the scheme remembers of a contact while it lasts; 0 at first
+    #                nsm1, nsm2: normal and tangential impulse of the last step [N s]; hertz: tangential elongation [m], 0
+    old_key: Ints  # (M,)    scratch: what the contacts of the last step remember
+    old_memory: Floats  # (M, 2)
+    hit: Places  # (M,)    scratch: entries of the list that are contacts
 
 
 def allocate_contacts(near: NeighbourList) -> Contacts:
-    """Return contacts with as much room as the neighbour list."""
-    entries = len(near.partner)
+    """Return no contacts, with as much room as the neighbour list."""
+    entries = len(near.touch)
     return Contacts(
         number=np.zeros(len(near.reach), dtype=np.int64),
         i=np.zeros(entries, dtype=np.int64),
@@ -41,8 +45,27 @@ def allocate_contacts(near: NeighbourList) -> Contacts:
         gap=np.zeros(entries),
         normal=np.zeros((entries, 2)),
         impulse=np.zeros((entries, 2)),
-        entry=np.zeros(entries, dtype=np.int64),
+        memory=np.zeros((entries, 2)),
+        old_key=np.zeros(entries, dtype=np.int64),
+        old_memory=np.zeros((entries, 2)),
+        hit=np.zeros(entries, dtype=np.uint32),
     )
+
+
+def move_contacts(old: Contacts, old_start: Ints, new: Contacts, new_start: Ints) -> None:
+    """Copy the contacts of every environment to where they belong in longer arrays."""
+    new.number[:] = old.number
+    for e, number in enumerate(old.number.tolist()):
+        source = slice(int(old_start[e]), int(old_start[e]) + number)
+        target = slice(int(new_start[e]), int(new_start[e]) + number)
+        for name in ("i", "j", "gap", "normal", "impulse", "memory"):
+            getattr(new, name)[target] = getattr(old, name)[source]
+
+
+@kernel
+def contact_key(i: int, j: int) -> int:
+    """Where a contact stands in the order (i, j), walls last."""
+    return (i << 32) + (j if j >= 0 else (1 << 31) - 1 - j)
 
 
 @kernel
@@ -58,33 +81,108 @@ def find_contacts(
 ) -> None:
     """Narrow phase: write the contacts of environment ``e`` with a gap below ``margin``, sorted by (i, j), walls last.
 
-    The starting impulse is the history of a pair that was in contact in the previous step, else zero.
+    The starting impulse is what is remembered of a pair that was in contact in the previous step, else zero.
     """
-    active, position, radius, partner, history = state.active, state.position, bodies.radius, near.partner, near.history
-    c = near.entry_start[e]
-    for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-        if not active[i]:
+    first, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
+    owner, partner, touch, position, active = near.owner, near.partner, near.touch, state.position, state.active
+    contact_i, contact_j, contact_gap, normal, hit = contacts.i, contacts.j, contacts.gap, contacts.normal, contacts.hit
+    kept = _keep_memory(
+        first, first + contacts.number[e], contact_i, contact_j, contacts.memory, contacts.old_key, contacts.old_memory
+    )
+    # Near enough or not, every entry is written down: the processor would guess a branch wrong every third time, which
+    # costs more than all of the rest.
+    hits = first
+    for entry in range(first, pair_end):
+        i, j = owner[entry], partner[entry]
+        dx, dy, limit = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry] + margin
+        hit[hits] = entry
+        hits += dx * dx + dy * dy < limit * limit
+    c, wall = first, pair_end
+    for h in range(first, hits):
+        entry = hit[h]
+        i, j = owner[entry], partner[entry]
+        if wall < wall_end and owner[wall] < i:
+            wall, c = _touch_walls(
+                g, boundary, bodies.radius, state, near, contacts, margin, wall, wall_end, c, np.int64(i)
+            )
+        gap, nx, ny = _disc_on_point(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry])
+        if active[i] and active[j] and gap < margin:
+            contact_i[c], contact_j[c], contact_gap[c] = i, j, gap
+            normal[c, 0], normal[c, 1] = nx, ny
+            c += 1
+    if wall < wall_end:
+        _, c = _touch_walls(
+            g, boundary, bodies.radius, state, near, contacts, margin, wall, wall_end, c, bodies.env_start[e + 1]
+        )
+    contacts.number[e] = c - first
+    _recall(first, c, kept, contact_i, contact_j, contacts.impulse, contacts.memory, contacts.old_key, contacts.old_memory)
+
+
+@kernel
+def _touch_walls(
+    g: int,
+    boundary: Boundary,
+    radius: Floats,
+    state: CrowdState,
+    near: NeighbourList,
+    contacts: Contacts,
+    margin: float,
+    wall: int,
+    wall_end: int,
+    c: int,
+    person: int,
+) -> tuple[int, int]:
+    """Write the wall contacts of people before ``person`` from contact ``c`` on; returns the next wall entry and contact."""
+    while wall < wall_end and near.owner[wall] < person:
+        i = near.owner[wall]
+        feature = np.int64(near.partner[wall])
+        wall += 1
+        if not state.active[i]:
             continue
-        x, y, r = position[i, 0], position[i, 1], radius[i]
-        for entry in range(near.row_begin[i], near.row_end[i]):
-            j = partner[entry]
-            gap, nx, ny = np.inf, 0.0, 0.0
-            if j >= 0:
-                dx, dy, limit = x - position[j, 0], y - position[j, 1], r + radius[j] + margin
-                if dx * dx + dy * dy < limit * limit and active[j]:
-                    gap, nx, ny = _disc_on_point(dx, dy, r + radius[j])
-            else:
-                gap, nx, ny = gap_to_feature(x, y, r, boundary, g, -1 - j)
-            if gap < margin:
-                contacts.i[c], contacts.j[c], contacts.gap[c] = i, j, gap
-                contacts.normal[c, 0], contacts.normal[c, 1] = nx, ny
-                contacts.impulse[c, 0], contacts.impulse[c, 1] = history[entry, 0], history[entry, 1]
-                contacts.entry[c] = entry
-                c += 1
-            elif history[entry, 0] != 0.0 or history[entry, 1] != 0.0:  # rarely: to look is cheaper than to write
-                history[entry, 0] = 0.0
-                history[entry, 1] = 0.0
-    contacts.number[e] = c - near.entry_start[e]
+        gap, nx, ny = gap_to_feature(state.position[i, 0], state.position[i, 1], radius[i], boundary, g, feature)
+        if gap < margin:
+            contacts.i[c], contacts.j[c], contacts.gap[c] = i, -1 - feature, gap
+            contacts.normal[c, 0], contacts.normal[c, 1] = nx, ny
+            c += 1
+    return wall, c
+
+
+@kernel
+def _keep_memory(first: int, last: int, i: Ints, j: Ints, memory: Floats, old_key: Ints, old_memory: Floats) -> int:
+    """Put aside what the contacts ``first:last`` of the last step remember; returns one past the last of these."""
+    kept = first
+    for c in range(first, last):
+        if memory[c, 0] != 0.0 or memory[c, 1] != 0.0:
+            old_key[kept] = contact_key(i[c], j[c])
+            old_memory[kept, 0], old_memory[kept, 1] = memory[c, 0], memory[c, 1]
+            kept += 1
+    return kept
+
+
+@kernel
+def _recall(
+    first: int,
+    last: int,
+    kept: int,
+    i: Ints,
+    j: Ints,
+    impulse: Floats,
+    memory: Floats,
+    old_key: Ints,
+    old_memory: Floats,
+) -> None:
+    """Give the contacts ``first:last`` what the same contacts remembered, and start their impulses from it."""
+    old = first
+    for c in range(first, last):
+        normal, tangent = 0.0, 0.0
+        if old < kept:
+            key = contact_key(i[c], j[c])
+            while old < kept and old_key[old] < key:
+                old += 1
+            if old < kept and old_key[old] == key:
+                normal, tangent = old_memory[old, 0], old_memory[old, 1]
+        memory[c, 0], memory[c, 1] = normal, tangent
+        impulse[c, 0], impulse[c, 1] = normal, tangent
 
 
 @kernel

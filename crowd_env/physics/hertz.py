@@ -174,7 +174,7 @@ def _touch(
     first: int,
     last: int,
     contacts: Contacts,
-    history: Floats,
+    remembered: Floats,
     bodies: Bodies,
     velocity: Floats,
     spin: Floats,
@@ -191,7 +191,7 @@ def _touch(
     """
     kn, kt, turning = law.normal_stiffness, law.tangential_stiffness, law.rotation
     for c in range(first, last):
-        i, j, entry, overlap = contacts.i[c], contacts.j[c], contacts.entry[c], -contacts.gap[c]
+        i, j, overlap = contacts.i[c], contacts.j[c], -contacts.gap[c]
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
         reduced, mass, limit = bodies.radius[i], bodies.mass[i], law.wall_friction
         ux, uy, turn = velocity[i, 0], velocity[i, 1], bodies.radius[i] * spin[i]
@@ -208,13 +208,13 @@ def _touch(
             cn = 2.0 * law.normal_damping * np.sqrt(1.5 * kn * mass / alpha)
             ct = 2.0 * law.tangential_damping * np.sqrt(kt * mass / alpha)
         push = kn * overlap + cn * closing
-        stretch = history[entry, 0] + slip * elapsed
+        stretch = remembered[c, 0] + slip * elapsed
         rub = -(kt * stretch + ct * slip)
         most = limit * abs(push)
         if abs(rub) > most:  # slides: the spring is let go to where it gives the limit
             rub = most if rub > 0.0 else -most
             stretch = -(rub + ct * slip) / kt
-        history[entry, 0] = stretch
+        remembered[c, 0] = stretch
         push *= alpha
         rub *= alpha
         contacts.impulse[c, 0], contacts.impulse[c, 1] = push * dt, rub * dt
@@ -282,7 +282,7 @@ def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: HertzLaw
             torque[i] = 0.0
         last = first + contacts.number[e]
         elapsed = dt if phase[e] == _DRIFTED else 0.0  # the first forces of all are those of springs not yet stretched
-        _touch(first, last, contacts, near.history, bodies, state.velocity, state.spin, force, torque, dt, elapsed, law)
+        _touch(first, last, contacts, contacts.memory, bodies, state.velocity, state.spin, force, torque, dt, elapsed, law)
         if phase[e] == _DRIFTED:
             record_pushes(first, last, contacts, memory.push, memory.crush, 0.5)
             record_overlaps(e, first, last, contacts, memory.diagnostics)

@@ -190,7 +190,7 @@ def _advance_one(
         last = first + contacts.number[e]
         record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
         record_overlaps(e, first, last, contacts, memory.diagnostics)
-        remember_impulses(first, last, contacts, near.history)
+        remember_impulses(first, last, contacts.impulse, contacts.memory)
         _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
         leave(e, g, world.boundary, bodies, state, memory.previous, dt)
         tick(e, state.time, memory.progress, dt)

@@ -180,8 +180,8 @@ def _part(
         position[i, 1] += dt * shift[i, 1]
     for c in range(first, last):  # the percussions of the step are what is reported
         contacts.impulse[c, 0], contacts.impulse[c, 1] = (
-            near.history[contacts.entry[c], 0],
-            near.history[contacts.entry[c], 1],
+            contacts.memory[c, 0],
+            contacts.memory[c, 1],
         )
 
 
@@ -219,7 +219,7 @@ def _advance_one(
         record_solver(e, memory.diagnostics, iterations, residual, law.tolerance)
         record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
         record_overlaps(e, first, last, contacts, memory.diagnostics)
-        remember_impulses(first, last, contacts, near.history)
+        remember_impulses(first, last, contacts.impulse, contacts.memory)
         _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
         if options.correction > 0.0:
             _part(

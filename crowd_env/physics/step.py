@@ -50,11 +50,10 @@ def detect(
 
 
 @kernel
-def remember_impulses(first: int, last: int, contacts: Contacts, history: Floats) -> None:
-    """Leave the impulses of the contacts ``first:last`` with their pairs, where the next step starts from them."""
+def remember_impulses(first: int, last: int, impulse: Floats, memory: Floats) -> None:
+    """Leave the impulses of the contacts ``first:last`` where the next step starts from them."""
     for c in range(first, last):
-        history[contacts.entry[c], 0] = contacts.impulse[c, 0]
-        history[contacts.entry[c], 1] = contacts.impulse[c, 1]
+        memory[c, 0], memory[c, 1] = impulse[c, 0], impulse[c, 1]
 
 
 @kernel
