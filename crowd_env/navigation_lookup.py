@@ -40,28 +40,42 @@ class FieldArrays(NamedTuple):
 
 
 @kernel
-def nearest_on_exit(
-    ax: float, ay: float, bx: float, by: float, x: float, y: float, radius: float
-) -> tuple[float, float]:
-    """Return the point of segment a-b, shrunk by ``radius`` at both ends, nearest to (x, y); its middle if too narrow."""
-    ux, uy = bx - ax, by - ay
+def exit_frame(exit_line: Floats, k: int) -> tuple[float, float, float, float, float, float, float]:
+    """Return of exit ``k``: end a (2), the vector from there to end b (2), its length, and the unit vector out (2)."""
+    ax, ay = exit_line[k, 0, 0], exit_line[k, 0, 1]
+    ux, uy = exit_line[k, 1, 0] - ax, exit_line[k, 1, 1] - ay
     width = np.sqrt(ux * ux + uy * uy)
+    return ax, ay, ux, uy, width, uy / width, -ux / width
+
+
+@kernel
+def nearest_on_exit(
+    ax: float, ay: float, ux: float, uy: float, width: float, x: float, y: float, radius: float
+) -> tuple[float, float]:
+    """Return the point of an exit, shrunk by ``radius`` at both ends, nearest to (x, y); its middle if too narrow."""
     if width <= 2.0 * radius:
-        return 0.5 * (ax + bx), 0.5 * (ay + by)
+        return ax + 0.5 * ux, ay + 0.5 * uy
     s = ((x - ax) * ux + (y - ay) * uy) / width
     s = min(max(s, radius), width - radius) / width
     return ax + s * ux, ay + s * uy
 
 
 @kernel
-def towards_exit(
-    ax: float, ay: float, bx: float, by: float, x: float, y: float, radius: float, margin: float
+def through_exit(
+    ax: float,
+    ay: float,
+    ux: float,
+    uy: float,
+    width: float,
+    nx: float,
+    ny: float,
+    x: float,
+    y: float,
+    radius: float,
+    margin: float,
 ) -> tuple[float, float]:
-    """Return the unit vector that leads a disc at (x, y) out through exit a-b (walkable area to its left)."""
-    tx, ty = nearest_on_exit(ax, ay, bx, by, x, y, margin)
-    ux, uy = bx - ax, by - ay
-    width = np.sqrt(ux * ux + uy * uy)
-    nx, ny = uy / width, -ux / width  # out of the area
+    """Return the unit vector that leads a disc at (x, y) out through an exit (walkable area to its left)."""
+    tx, ty = nearest_on_exit(ax, ay, ux, uy, width, x, y, margin)
     depth = (ax - x) * nx + (ay - y) * ny  # in front of the line; negative beyond it
     beyond = max(_DOORSTEP * radius - depth, 0.0)
     dx, dy = tx - x + beyond * nx, ty - y + beyond * ny
@@ -74,8 +88,8 @@ def towards_exit(
 @kernel
 def exit_target(boundary: Boundary, k: int, x: float, y: float, radius: float) -> tuple[float, float]:
     """Return where on exit ``k`` a disc at (x, y) passes best [m]: the nearest point that keeps it off the jambs."""
-    line = boundary.exit
-    return nearest_on_exit(line[k, 0, 0], line[k, 0, 1], line[k, 1, 0], line[k, 1, 1], x, y, radius)
+    ax, ay, ux, uy, width, _, _ = exit_frame(boundary.exit, k)
+    return nearest_on_exit(ax, ay, ux, uy, width, x, y, radius)
 
 
 @kernel
@@ -163,6 +177,31 @@ def _node_for(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float
 
 
 @kernel
+def quick_cell(
+    start: int, rows: int, cols: int, left: float, bottom: float, spacing: float, x: float, y: float
+) -> tuple[int, float, float]:
+    """Return the first node of the cell that (x, y) lies in, and the place within it, right and up (0..1)."""
+    j, u = _cell((x - left) / spacing, cols)
+    i, v = _cell((y - bottom) / spacing, rows)
+    return start + i * cols + j, u, v
+
+
+@kernel
+def blended_direction(direction: Floats, first: int, cols: int, u: float, v: float) -> tuple[bool, float, float]:
+    """Return whether the ways of the walkable corners of a cell agree on one, and its unit vector."""
+    low, high = (1.0 - v) * (1.0 - u), v * (1.0 - u)  # corners outside of the area have direction 0, i.e. no weight
+    ex = low * direction[first, 0] + high * direction[first + cols, 0]
+    ey = low * direction[first, 1] + high * direction[first + cols, 1]
+    low, high = (1.0 - v) * u, v * u
+    ex += low * direction[first + 1, 0] + high * direction[first + cols + 1, 0]
+    ey += low * direction[first + 1, 1] + high * direction[first + cols + 1, 1]
+    norm = np.sqrt(ex * ex + ey * ey)
+    if norm > 1e-3:
+        return True, ex / norm, ey / norm
+    return False, 0.0, 0.0  # two ways of equal length
+
+
+@kernel
 def quick_direction(
     cell: Ints,
     direction: Floats,
@@ -182,26 +221,16 @@ def quick_direction(
 
     It takes the few arrays it reads apart from the rest: handing over a whole NamedTuple of arrays costs more than the look-up.
     """
-    j, u = _cell((x - left) / spacing, cols)
-    i, v = _cell((y - bottom) / spacing, rows)
-    first = start + i * cols + j
+    first, u, v = quick_cell(start, rows, cols, left, bottom, spacing, x, y)
     k = cell[first]
     if k >= 0:
-        ax, ay, bx, by = exit_line[k, 0, 0], exit_line[k, 0, 1], exit_line[k, 1, 0], exit_line[k, 1, 1]
-        ex, ey = towards_exit(ax, ay, bx, by, x, y, radius, margin if margin >= 0.0 else radius)
+        ax, ay, ux, uy, width, nx, ny = exit_frame(exit_line, k)
+        margin = margin if margin >= 0.0 else radius
+        ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, radius, margin)
         return True, ex, ey
     if k != BLEND:
         return False, 0.0, 0.0
-    low, high = (1.0 - v) * (1.0 - u), v * (1.0 - u)  # corners outside of the area have direction 0, i.e. no weight
-    ex = low * direction[first, 0] + high * direction[first + cols, 0]
-    ey = low * direction[first, 1] + high * direction[first + cols, 1]
-    low, high = (1.0 - v) * u, v * u
-    ex += low * direction[first + 1, 0] + high * direction[first + cols + 1, 0]
-    ey += low * direction[first + 1, 1] + high * direction[first + cols + 1, 1]
-    norm = np.sqrt(ex * ex + ey * ey)
-    if norm > 1e-3:
-        return True, ex / norm, ey / norm
-    return False, 0.0, 0.0  # two ways of equal length
+    return blended_direction(direction, first, cols, u, v)
 
 
 @kernel
@@ -230,9 +259,7 @@ def direction_at(
     )
     if plain:
         return ex, ey
-    j, _ = _cell((x - left) / spacing, cols)
-    i, _ = _cell((y - bottom) / spacing, rows)
-    first = start + i * cols + j
+    first, _, _ = quick_cell(start, rows, cols, left, bottom, spacing, x, y)
     if field.cell[first] == BLEND:
         best = _best_corner(field.travel_time, first, cols)  # two ways of equal length: take one
     else:

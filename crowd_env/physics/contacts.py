@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inlined_kernel, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.neighbors import NeighbourList, Places
-from crowd_env.state import Bodies, CrowdState, Floats, Ints
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
 class Contacts(NamedTuple):
@@ -68,7 +68,7 @@ def contact_key(i: int, j: int) -> int:
     return (i << 32) + (j if j >= 0 else (1 << 31) - 1 - j)
 
 
-@kernel
+@inlined_kernel
 def find_contacts(
     e: int,
     g: int,
@@ -83,68 +83,165 @@ def find_contacts(
 
     The starting impulse is what is remembered of a pair that was in contact in the previous step, else zero.
     """
-    first, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
-    owner, partner, touch, position, active = near.owner, near.partner, near.touch, state.position, state.active
-    contact_i, contact_j, contact_gap, normal, hit = contacts.i, contacts.j, contacts.gap, contacts.normal, contacts.hit
-    kept = _keep_memory(
-        first, first + contacts.number[e], contact_i, contact_j, contacts.memory, contacts.old_key, contacts.old_memory
-    )
-    # Near enough or not, every entry is written down: the processor would guess a branch wrong every third time, which
-    # costs more than all of the rest.
+    first, wall, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
+    kept = first
+    if contacts.number[e] > 0:
+        kept = _keep_memory(
+            first,
+            first + contacts.number[e],
+            contacts.i,
+            contacts.j,
+            contacts.memory,
+            contacts.old_key,
+            contacts.old_memory,
+        )
+    hits = _near_enough(first, wall, near.owner, near.partner, near.touch, state.position, margin, contacts.hit)
+    c = first
+    if wall < wall_end:
+        c = _touch_all(
+            g, first, hits, wall, wall_end, boundary, bodies.radius, state.active, state.position, near, contacts, margin
+        )
+    elif hits > first:
+        c = _touch_people(
+            first,
+            hits,
+            near.owner,
+            near.partner,
+            near.touch,
+            state.active,
+            state.position,
+            margin,
+            contacts.hit,
+            contacts.i,
+            contacts.j,
+            contacts.gap,
+            contacts.normal,
+            c,
+        )
+    contacts.number[e] = c - first
+    if c > first:
+        _recall(
+            first,
+            c,
+            kept,
+            contacts.i,
+            contacts.j,
+            contacts.impulse,
+            contacts.memory,
+            contacts.old_key,
+            contacts.old_memory,
+        )
+
+
+@kernel
+def _near_enough(
+    first: int, last: int, owner: Places, partner: Places, touch: Floats, position: Floats, margin: float, hit: Places
+) -> int:
+    """Write the entries ``first:last`` with a gap below ``margin`` into ``hit``; returns one past the last.
+
+    Every entry is written down, whether it counts or not: the processor would guess a branch wrong every third time, which
+    costs more than all of the rest.
+    """
     hits = first
-    for entry in range(first, pair_end):
+    for entry in range(first, last):
         i, j = owner[entry], partner[entry]
         dx, dy, limit = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry] + margin
         hit[hits] = entry
         hits += dx * dx + dy * dy < limit * limit
-    c, wall = first, pair_end
-    for h in range(first, hits):
+    return hits
+
+
+@kernel
+def _touch_people(
+    first: int,
+    last: int,
+    owner: Places,
+    partner: Places,
+    touch: Floats,
+    active: Bools,
+    position: Floats,
+    margin: float,
+    hit: Places,
+    contact_i: Ints,
+    contact_j: Ints,
+    contact_gap: Floats,
+    normal: Floats,
+    c: int,
+) -> int:
+    """Write the contacts of the hits ``first:last`` from contact ``c`` on; returns one past the last contact."""
+    for h in range(first, last):
         entry = hit[h]
         i, j = owner[entry], partner[entry]
-        if wall < wall_end and owner[wall] < i:
-            wall, c = _touch_walls(
-                g, boundary, bodies.radius, state, near, contacts, margin, wall, wall_end, c, np.int64(i)
-            )
         gap, nx, ny = _disc_on_point(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry])
         if active[i] and active[j] and gap < margin:
             contact_i[c], contact_j[c], contact_gap[c] = i, j, gap
             normal[c, 0], normal[c, 1] = nx, ny
             c += 1
-    if wall < wall_end:
-        _, c = _touch_walls(
-            g, boundary, bodies.radius, state, near, contacts, margin, wall, wall_end, c, bodies.env_start[e + 1]
-        )
-    contacts.number[e] = c - first
-    _recall(first, c, kept, contact_i, contact_j, contacts.impulse, contacts.memory, contacts.old_key, contacts.old_memory)
+    return c
 
 
 @kernel
-def _touch_walls(
+def _touch_all(
     g: int,
+    first: int,
+    last: int,
+    wall: int,
+    wall_end: int,
     boundary: Boundary,
     radius: Floats,
-    state: CrowdState,
+    active: Bools,
+    position: Floats,
     near: NeighbourList,
     contacts: Contacts,
     margin: float,
-    wall: int,
-    wall_end: int,
-    c: int,
-    person: int,
-) -> tuple[int, int]:
-    """Write the wall contacts of people before ``person`` from contact ``c`` on; returns the next wall entry and contact."""
-    while wall < wall_end and near.owner[wall] < person:
-        i = near.owner[wall]
-        feature = np.int64(near.partner[wall])
+) -> int:
+    """Write the contacts of the hits ``first:last`` and of the wall entries; returns one past the last contact."""
+    owner, hit, c, h = near.owner, contacts.hit, first, first
+    while wall < wall_end:
+        i, feature = owner[wall], np.int64(near.partner[wall])
         wall += 1
-        if not state.active[i]:
+        if not active[i]:
             continue
-        gap, nx, ny = gap_to_feature(state.position[i, 0], state.position[i, 1], radius[i], boundary, g, feature)
+        gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature)
         if gap < margin:
+            before = h
+            while h < last and owner[hit[h]] <= i:  # walls come after the people whom i touches
+                h += 1
+            c = _touch_people(
+                before,
+                h,
+                owner,
+                near.partner,
+                near.touch,
+                active,
+                position,
+                margin,
+                hit,
+                contacts.i,
+                contacts.j,
+                contacts.gap,
+                contacts.normal,
+                c,
+            )
             contacts.i[c], contacts.j[c], contacts.gap[c] = i, -1 - feature, gap
             contacts.normal[c, 0], contacts.normal[c, 1] = nx, ny
             c += 1
-    return wall, c
+    return _touch_people(
+        h,
+        last,
+        owner,
+        near.partner,
+        near.touch,
+        active,
+        position,
+        margin,
+        hit,
+        contacts.i,
+        contacts.j,
+        contacts.gap,
+        contacts.normal,
+        c,
+    )
 
 
 @kernel

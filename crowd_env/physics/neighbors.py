@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inlined_kernel, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
@@ -20,8 +20,13 @@ OK, FULL, DIVERGED = 0, 1, 2
 # Map coordinates are welcome; beyond this a run has blown up, and the number of cells would overflow.
 _FARTHEST = 1e8  # m
 
-# Skin of the Verlet list.  0.04 to 0.14 m were measured to be equally fast in a dense crowd.
-SKIN = 0.08  # m
+# The skin of an environment's list follows from how long the last one was good for: longer lists cost every step, new ones
+# cost as much as some thirty steps.  What is found does not depend on it.
+_SKIN, _LEAST_SKIN, _MOST_SKIN = 0.08, 0.04, 0.4  # m
+_SOON, _LATE = 20, 60  # steps
+
+# Up to so many people all pairs are looked at: quicker than to sort them into cells.
+_FEW = 40
 
 # Unsigned, because numba checks every signed index for being negative.
 Places = NDArray[np.uint32]
@@ -38,6 +43,8 @@ class NeighbourList(NamedTuple):
     touch: Floats  # (M,)   m    sum of the two radii of a pair
     origin: Floats  # (P, 2) m    positions when the list was built
     reach: Floats  # (E,)   m    gap up to which the list is complete at `origin`; -1 = must be built
+    skin: Floats  # (E,)   m    by how much it looks further than it has to
+    age: Ints  # (E,)   steps since it was built
     cell_start: Ints  # cell heads of the counting sort, environment e from 4 * env_start[e] + 64 * e
     cell_item: Ints  # (P,)
     cell_of: Ints  # (P,)
@@ -58,13 +65,15 @@ def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
         touch=np.zeros(entries),
         origin=np.zeros((people, 2)),
         reach=np.full(environments, -1.0),
+        skin=np.full(environments, _SKIN),
+        age=np.zeros(environments, dtype=np.int64),
         cell_start=np.zeros(4 * people + 64 * environments, dtype=np.int64),
         cell_item=np.zeros(people, dtype=np.int64),
         cell_of=np.zeros(people, dtype=np.int64),
     )
 
 
-@kernel
+@inlined_kernel
 def update_neighbours(
     e: int,
     g: int,
@@ -80,19 +89,45 @@ def update_neighbours(
     Returns OK; FULL if the entries do not fit; or DIVERGED if someone is nowhere near the world.
     """
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
+    near.age[e] += 1
     if is_complete(begin, end, state.position, near.origin, near.reach[e], margin):
         return OK
+    return _rebuild(
+        e, g, begin, end, boundary, door_open, bodies.radius, state.active, state.position, near, margin
+    )
+
+
+@kernel
+def _rebuild(
+    e: int,
+    g: int,
+    begin: int,
+    end: int,
+    boundary: Boundary,
+    door_open: Bools,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
+    near: NeighbourList,
+    margin: float,
+) -> int:
     for i in range(begin, end):
-        if state.active[i] and not (abs(state.position[i, 0]) < _FARTHEST and abs(state.position[i, 1]) < _FARTHEST):
+        if active[i] and not (abs(position[i, 0]) < _FARTHEST and abs(position[i, 1]) < _FARTHEST):
             return DIVERGED  # nan too
-    reach = margin + max(SKIN, 0.375 * margin)  # 0.15 m beyond the 0.4 m of a social force was measured to be best
+    if near.reach[e] >= margin:
+        if near.age[e] < _SOON:
+            near.skin[e] = min(1.3 * near.skin[e], _MOST_SKIN)
+        elif near.age[e] > _LATE:
+            near.skin[e] = max(near.skin[e] / 1.3, _LEAST_SKIN)
+    near.age[e] = 0
+    reach = margin + max(near.skin[e], 0.375 * margin)  # 0.15 m beyond the 0.4 m of a social force was measured to be best
     near.reach[e] = -1.0
-    if not _list_pairs(e, begin, end, bodies.radius, state.active, state.position, near, reach):
+    if not _list_pairs(e, begin, end, radius, active, position, near, reach):
         return FULL
-    if not _list_walls(e, g, begin, end, boundary, door_open, bodies.radius, state.active, state.position, near, reach):
+    if not _list_walls(e, g, begin, end, boundary, door_open, radius, active, position, near, reach):
         return FULL
     for i in range(begin, end):
-        near.origin[i, 0], near.origin[i, 1] = state.position[i, 0], state.position[i, 1]
+        near.origin[i, 0], near.origin[i, 1] = position[i, 0], position[i, 1]
     near.reach[e] = reach
     return OK
 
@@ -162,18 +197,95 @@ def _list_pairs(
     e: int, begin: int, end: int, radius: Floats, active: Bools, position: Floats, near: NeighbourList, reach: float
 ) -> bool:
     """Write all pairs nearer than ``reach``; False if they do not fit."""
+    first, last = near.entry_start[e], near.entry_start[e + 1]
+    owner, partner, touch = near.owner, near.partner, near.touch
+    if end - begin <= _FEW:
+        entry = _all_pairs(begin, end, radius, active, position, reach, first, last, owner, partner)
+    else:
+        grid = sort_into_cells(e, begin, end, active, position, near, 2.0 * _largest(begin, end, radius, active) + reach)
+        entry = _pairs_by_cell(
+            begin,
+            end,
+            radius,
+            active,
+            position,
+            reach,
+            grid,
+            near.cell_of,
+            near.cell_item,
+            near.cell_start,
+            first,
+            last,
+            owner,
+            partner,
+        )
+    if entry < 0:
+        return False
+    for k in range(first, entry):
+        touch[k] = radius[owner[k]] + radius[partner[k]]
+    near.pair_end[e] = entry
+    return True
+
+
+@kernel
+def _largest(begin: int, end: int, radius: Floats, active: Bools) -> float:
     largest = 0.0
     for i in range(begin, end):
         if active[i]:
             largest = max(largest, radius[i])
-    head, columns, rows = sort_into_cells(e, begin, end, active, position, near, 2.0 * largest + reach)
-    cell_of, cell_item, cell_start = near.cell_of, near.cell_item, near.cell_start
-    owner, partner, touch = near.owner, near.partner, near.touch
-    entry, last = near.entry_start[e], near.entry_start[e + 1]
+    return largest
+
+
+@kernel
+def _all_pairs(
+    begin: int,
+    end: int,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
+    reach: float,
+    entry: int,
+    last: int,
+    owner: Places,
+    partner: Places,
+) -> int:
+    """Write the near pairs of few people from ``entry`` on; returns one past the last, -1 if they do not fit."""
     for i in range(begin, end):
         if not active[i]:
             continue
-        x, y, r, row_begin = position[i, 0], position[i, 1], radius[i], entry
+        if entry + end - i > last:  # room for all: then none needs to be asked
+            return -1
+        x, y, limit = position[i, 0], position[i, 1], radius[i] + reach
+        for j in range(i + 1, end):
+            dx, dy, far = x - position[j, 0], y - position[j, 1], limit + radius[j]
+            owner[entry], partner[entry] = i, j
+            entry += (dx * dx + dy * dy < far * far) & active[j]
+    return entry
+
+
+@kernel
+def _pairs_by_cell(
+    begin: int,
+    end: int,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
+    reach: float,
+    grid: tuple[int, int, int],
+    cell_of: Ints,
+    cell_item: Ints,
+    cell_start: Ints,
+    entry: int,
+    last: int,
+    owner: Places,
+    partner: Places,
+) -> int:
+    """The same for many, who lie in cells no smaller than two radii and the reach."""
+    head, columns, rows = grid
+    for i in range(begin, end):
+        if not active[i]:
+            continue
+        x, y, limit, row_begin = position[i, 0], position[i, 1], radius[i] + reach, entry
         column, row = cell_of[i] % columns, cell_of[i] // columns
         for above in range(max(row - 1, 0), min(row + 2, rows)):
             first = head + above * columns + max(column - 1, 0)
@@ -182,22 +294,17 @@ def _list_pairs(
                 j = cell_item[item]
                 if j <= i:
                     continue
-                dx, dy = x - position[j, 0], y - position[j, 1]
-                limit = r + radius[j] + reach
-                if dx * dx + dy * dy < limit * limit:
+                dx, dy, far = x - position[j, 0], y - position[j, 1], limit + radius[j]
+                if dx * dx + dy * dy < far * far:
                     if entry == last:
-                        return False
+                        return -1
                     k = entry  # insertion sort by partner: there are few
                     while k > row_begin and partner[k - 1] > j:
                         partner[k] = partner[k - 1]
                         k -= 1
-                    partner[k] = j
+                    owner[entry], partner[k] = i, j
                     entry += 1
-        for k in range(row_begin, entry):
-            owner[k] = i
-            touch[k] = r + radius[partner[k]]
-    near.pair_end[e] = entry
-    return True
+    return entry
 
 
 @kernel
