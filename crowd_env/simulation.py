@@ -9,6 +9,7 @@ import numpy as np
 from crowd_env.doors import Doorkeeper
 from crowd_env.geometry import Geometry, join_boundaries
 from crowd_env.navigation import NavigationField, travel_time_field
+from crowd_env.ordering import SortedCrowd
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.neighbors import DIVERGED, FULL
 from crowd_env.physics.world import (
@@ -121,6 +122,7 @@ class Simulation:
             self.close_doors(e, self._doorkeeper.restart(e))
         # Overlaps, residuals and solver effort since the start of each environment.
         self.diagnostics = no_diagnostics(environments)
+        self._sorted = SortedCrowd(bodies, state, self.memory) if SortedCrowd.is_needed(bodies) else None
         self._pool: ThreadPoolExecutor | None = None
         self._no_force = np.zeros((len(bodies.radius), 2))
         self._forward = np.tile([1.0, 0.0], (len(bodies.radius), 1))
@@ -173,6 +175,7 @@ class Simulation:
         memory.push[:] = 0.0
         memory.crush[:] = 0.0
         memory.progress[:] = 0
+        memory.cut.gate[:] = 0
         for sums in memory.diagnostics:
             sums[:] = 0
         control = Control(command, relative, external_force, self.driving)
@@ -182,7 +185,10 @@ class Simulation:
                 self.close_doors(e, self._doorkeeper.closed[e])
             self.wayfinder.update(self.bodies, self.state)
             inside = self.inside
+            if self._sorted is not None:
+                self._sorted.update(self.bodies, self.state, self.memory)
             waits = [
+                self._sorted.steps_until_due(self.state.time, self.dt, inside) if self._sorted is not None else None,
                 self.wayfinder.steps_until_due(self.state.time, self.dt, inside),
                 self._doorkeeper.steps_until_due(self.state.time, self.dt, inside),
             ]
@@ -216,7 +222,11 @@ class Simulation:
         """Advance every environment to step ``n_substeps`` of this call."""
         while True:
             batch = Batch(self.world, self.bodies, self.state, control, self.memory)
-            self._run(batch, n_substeps)
+            if self._sorted is None:
+                self._run(batch, n_substeps)
+            else:
+                self._run(self._sorted.take_in(batch), n_substeps)
+                self._sorted.give_back(self.state, self.memory)
             status = self.memory.status
             if (status == DIVERGED).any():
                 e = int(np.argmax(status == DIVERGED))
@@ -268,6 +278,8 @@ class Simulation:
         state.route[people] = route
         self.memory.followed[people] = route
         self.wayfinder.restart(e)
+        if self._sorted is not None:
+            self._sorted.restart(e)
         self.close_doors(e, self._doorkeeper.restart(e))
         self.memory.rule_on[e] = False
         state.time[e] = 0.0
@@ -299,14 +311,16 @@ class Simulation:
         """Return a copy of the contacts of environment ``e``."""
         contacts, begin = self.memory.contacts, int(self.memory.near.entry_start[e])
         rows = slice(begin, begin + int(contacts.number[e]))
-        first = self.bodies.env_start[e]
-        j = contacts.j[rows]
+        first, i, j, normal = self.bodies.env_start[e], contacts.i[rows], contacts.j[rows], contacts.normal[rows]
+        order = slice(None)
+        if self._sorted is not None:
+            i, j, normal, order = self._sorted.by_slot(i, j, normal)
         return ContactList(
-            contacts.i[rows] - first,
+            i - first,
             np.where(j >= 0, j - first, j),
-            contacts.gap[rows].copy(),
-            contacts.normal[rows].copy(),
-            contacts.impulse[rows].copy(),
+            contacts.gap[rows][order].copy(),
+            normal.copy(),
+            contacts.impulse[rows][order].copy(),
             bool(self.diagnostics.unconverged[e] == 0),
         )
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import inlined_kernel, kernel
+from crowd_env._jit import index, inlined_kernel, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.neighbors import NeighbourList, Places
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
@@ -68,6 +68,11 @@ def contact_key(i: int, j: int) -> int:
     return (i << 32) + (j if j >= 0 else (1 << 31) - 1 - j)
 
 
+def contact_keys(i: Ints, j: Ints) -> Ints:
+    """The same for arrays (C,)."""
+    return np.asarray((i << 32) + np.where(j >= 0, j, (1 << 31) - 1 - j))
+
+
 @inlined_kernel
 def find_contacts(
     e: int,
@@ -99,7 +104,18 @@ def find_contacts(
     c = first
     if wall < wall_end:
         c = _touch_all(
-            g, first, hits, wall, wall_end, boundary, bodies.radius, state.active, state.position, near, contacts, margin
+            g,
+            first,
+            hits,
+            wall,
+            wall_end,
+            boundary,
+            bodies.radius,
+            state.active,
+            state.position,
+            near,
+            contacts,
+            margin,
         )
     elif hits > first:
         c = _touch_people(
@@ -142,13 +158,13 @@ def _near_enough(
     Every entry is written down, whether it counts or not: the processor would guess a branch wrong every third time, which
     costs more than all of the rest.
     """
-    hits = first
-    for entry in range(first, last):
+    hits = index(first)
+    for entry in range(index(first), index(last)):
         i, j = owner[entry], partner[entry]
         dx, dy, limit = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry] + margin
         hit[hits] = entry
-        hits += dx * dx + dy * dy < limit * limit
-    return hits
+        hits += index(dx * dx + dy * dy < limit * limit)
+    return np.int64(hits)
 
 
 @kernel
@@ -169,7 +185,7 @@ def _touch_people(
     c: int,
 ) -> int:
     """Write the contacts of the hits ``first:last`` from contact ``c`` on; returns one past the last contact."""
-    for h in range(first, last):
+    for h in range(index(first), index(last)):
         entry = hit[h]
         i, j = owner[entry], partner[entry]
         gap, nx, ny = _disc_on_point(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry])
@@ -270,7 +286,7 @@ def _recall(
 ) -> None:
     """Give the contacts ``first:last`` what the same contacts remembered, and start their impulses from it."""
     old = first
-    for c in range(first, last):
+    for c in range(index(first), index(last)):
         normal, tangent = 0.0, 0.0
         if old < kept:
             key = contact_key(i[c], j[c])

@@ -5,7 +5,7 @@ Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a 
 
 import numpy as np
 
-from crowd_env._jit import inlined_kernel, kernel
+from crowd_env._jit import index, inlined_kernel, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.guidance import apply_rules, notice_regions
 from crowd_env.navigation_lookup import (
@@ -24,7 +24,7 @@ from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 # The way out is looked up anew after so long: at every step of 0.01 s, at every tenth of 0.001 s.  It costs as much as two
 # contacts, and nobody gets 2 cm further in between.
-_LOOK_EVERY = 0.01  # s
+LOOK_EVERY = 0.01  # s
 
 
 @inlined_kernel
@@ -36,10 +36,11 @@ def desired_velocities(
     A command is a multiple of the desired speed, which is one's own but for what a region says.  A relative one turns with
     the direction of the route one follows, looked up anew every 0.01 s: command (1, 0) is the rule "walk the way out".
     """
-    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    if memory.way_age[e] > _LOOK_EVERY - 0.5 * dt:
-        # Who may be told to follow the way within the next 0.01 s needs it too.
-        look_around(e, begin, end, world, bodies, state, memory, control.relative, dt < _LOOK_EVERY)
+    begin, end, g = bodies.env_start[e], bodies.env_start[e + 1], world.geometry_of_env[e]
+    if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
+        if world.guidance.region.shape[g, 1] > 0:
+            follow_rules(e, g, world, bodies, state, memory)
+        look_around(e, g, begin, end, world, bodies, state, memory, control.relative, dt)
         memory.way_age[e] = 0.0
     memory.way_age[e] += dt
     _want(
@@ -56,8 +57,28 @@ def desired_velocities(
 
 
 @inlined_kernel
+def follow_rules(e: int, g: int, world: World, bodies: Bodies, state: CrowdState, memory: Memory) -> None:
+    """Bring pace and followed route up to date where there are regions."""
+    notice_regions(e, g, world.guidance.region, bodies, state, memory.here, memory.pace)
+    apply_rules(
+        e,
+        g,
+        state.time[e],
+        world.field,
+        world.guidance,
+        bodies,
+        state,
+        memory.here,
+        memory.followed,
+        memory.rule_on,
+        memory.rule_since,
+    )
+
+
+@inlined_kernel
 def look_around(
     e: int,
+    g: int,
     begin: int,
     end: int,
     world: World,
@@ -65,27 +86,13 @@ def look_around(
     state: CrowdState,
     memory: Memory,
     relative: Bools,
-    everyone: bool,
+    dt: float,
 ) -> None:
-    """Bring pace, followed route and way of the people of environment ``e`` up to date."""
-    g, field, guidance = world.geometry_of_env[e], world.field, world.guidance
-    if guidance.region.shape[g, 1] > 0:
-        notice_regions(e, g, guidance.region, bodies, state, memory.here, memory.pace)
-        apply_rules(
-            e,
-            g,
-            state.time[e],
-            field,
-            guidance,
-            bodies,
-            state,
-            memory.here,
-            memory.followed,
-            memory.rule_on,
-            memory.rule_since,
-        )
-    else:
+    """Bring the way of the people ``begin:end`` up to date."""
+    field, guidance = world.field, world.guidance
+    if guidance.region.shape[g, 1] == 0:
         _walk_freely(begin, end, bodies.desired_speed, state.route, memory.pace, memory.followed)
+    everyone = dt < LOOK_EVERY  # who may be told to follow the way before it is looked up again needs it too
     hard = look_for_the_way(
         e,
         begin,
@@ -126,7 +133,7 @@ def look_around(
 @kernel
 def _walk_freely(begin: int, end: int, desired_speed: Floats, route: Ints, pace: Floats, followed: Ints) -> None:
     """Where there are neither regions nor rules everyone walks at the own speed on the own route."""
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         pace[i] = desired_speed[i]
         followed[i] = route[i]
 
@@ -159,7 +166,7 @@ def look_for_the_way(
     """
     f, rows, cols, start, keep, left, bottom, size, hard = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0, 0
     aim, ax, ay, ux, uy, width, nx, ny = -1, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         if not (active[i] and (relative[i] or everyone)):
             continue
         mine = field_of_route[e, followed[i]]
@@ -203,7 +210,7 @@ def _look_harder(
     way: Floats,
 ) -> None:
     """Find the way of those for whom it is not plain: in cells that a wall runs through."""
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         if active[i] and np.isnan(way[i, 0]):
             f = field_of_route[e, followed[i]]
             way[i, 0], way[i, 1] = direction_at(field, boundary, f, position[i, 0], position[i, 1], radius[i])
@@ -221,7 +228,7 @@ def _want(
     response_time: Floats,
     desired: Floats,
 ) -> None:
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         speed = pace[i] if time >= response_time[i] else 0.0
         cx, cy = command[i, 0], command[i, 1]
         if relative[i]:
@@ -278,7 +285,7 @@ def _drive(
     force: Floats,
 ) -> None:
     """Write external and driving force."""
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         if not active[i]:
             continue
         force[i, 0], force[i, 1] = external[i, 0], external[i, 1]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import inlined_kernel, kernel
+from crowd_env._jit import index, inlined_kernel, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
@@ -20,10 +20,10 @@ OK, FULL, DIVERGED = 0, 1, 2
 # Map coordinates are welcome; beyond this a run has blown up, and the number of cells would overflow.
 _FARTHEST = 1e8  # m
 
-# The skin of an environment's list follows from how long the last one was good for: longer lists cost every step, new ones
-# cost as much as some thirty steps.  What is found does not depend on it.
+# The skin of an environment's list follows from how long the last one was good for and how many pairs it held in vain: a new
+# list costs as much as some forty looks at a pair.  What is found does not depend on it.
 _SKIN, _LEAST_SKIN, _MOST_SKIN = 0.08, 0.04, 0.4  # m
-_SOON, _LATE = 20, 60  # steps
+_LOOKS = 40.0
 
 # Up to so many people all pairs are looked at: quicker than to sort them into cells.
 _FEW = 40
@@ -33,13 +33,14 @@ Places = NDArray[np.uint32]
 
 
 class NeighbourList(NamedTuple):
-    """Half lists of all environments; ``e`` owns the entries from ``entry_start[e]``, pairs up to ``pair_end[e]``, then walls."""
+    """Half lists of all environments; ``e`` owns the entries from ``entry_start[e]`` on: pairs, then walls, then exits."""
 
     entry_start: Ints  # (E+1,)
     pair_end: Ints  # (E,)
     wall_end: Ints  # (E,)
+    exit_end: Ints  # (E,)
     owner: Places  # (M,)   person i
-    partner: Places  # (M,)   person j > i; of a wall entry its feature: wall k of the geometry, then corners
+    partner: Places  # (M,)   person j > i; or wall k of the geometry, then its corners; or exit k of the geometry
     touch: Floats  # (M,)   m    sum of the two radii of a pair
     origin: Floats  # (P, 2) m    positions when the list was built
     reach: Floats  # (E,)   m    gap up to which the list is complete at `origin`; -1 = must be built
@@ -60,6 +61,7 @@ def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
         entry_start=entry_start,
         pair_end=entry_start[:-1].copy(),
         wall_end=entry_start[:-1].copy(),
+        exit_end=entry_start[:-1].copy(),
         owner=np.zeros(entries, dtype=np.uint32),
         partner=np.zeros(entries, dtype=np.uint32),
         touch=np.zeros(entries),
@@ -92,9 +94,7 @@ def update_neighbours(
     near.age[e] += 1
     if is_complete(begin, end, state.position, near.origin, near.reach[e], margin):
         return OK
-    return _rebuild(
-        e, g, begin, end, boundary, door_open, bodies.radius, state.active, state.position, near, margin
-    )
+    return _rebuild(e, g, begin, end, boundary, door_open, bodies.radius, state.active, state.position, near, margin)
 
 
 @kernel
@@ -115,16 +115,17 @@ def _rebuild(
         if active[i] and not (abs(position[i, 0]) < _FARTHEST and abs(position[i, 1]) < _FARTHEST):
             return DIVERGED  # nan too
     if near.reach[e] >= margin:
-        if near.age[e] < _SOON:
-            near.skin[e] = min(1.3 * near.skin[e], _MOST_SKIN)
-        elif near.age[e] > _LATE:
-            near.skin[e] = max(near.skin[e] / 1.3, _LEAST_SKIN)
+        near.skin[e] = _better_skin(e, begin, end, radius, near)
     near.age[e] = 0
-    reach = margin + max(near.skin[e], 0.375 * margin)  # 0.15 m beyond the 0.4 m of a social force was measured to be best
+    reach = margin + max(
+        near.skin[e], 0.375 * margin
+    )  # 0.15 m beyond the 0.4 m of a social force was measured to be best
     near.reach[e] = -1.0
     if not _list_pairs(e, begin, end, radius, active, position, near, reach):
         return FULL
     if not _list_walls(e, g, begin, end, boundary, door_open, radius, active, position, near, reach):
+        return FULL
+    if not _list_exits(e, g, begin, end, boundary, active, position, near, 0.5 * reach):
         return FULL
     for i in range(begin, end):
         near.origin[i, 0], near.origin[i, 1] = position[i, 0], position[i, 1]
@@ -142,7 +143,7 @@ def is_complete(begin: int, end: int, position: Floats, origin: Floats, reach: f
         return False
     most = 0.25 * (reach - margin) * (reach - margin)
     gone = 0
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         dx, dy = position[i, 0] - origin[i, 0], position[i, 1] - origin[i, 1]
         gone += not dx * dx + dy * dy <= most
     return gone == 0
@@ -193,6 +194,26 @@ def sort_into_cells(
 
 
 @kernel
+def _better_skin(e: int, begin: int, end: int, radius: Floats, near: NeighbourList) -> float:
+    """Return the skin of the next list of environment ``e``: the cost of the last one's spare pairs is to be that of making it.
+
+    Where people stand evenly the share d^2 / (d + s)^2 of the pairs would be there without the skin s.
+    """
+    skin, mean = near.skin[e], 0.0
+    for i in range(index(begin), index(end)):
+        mean += 2.0 * radius[i]
+    diameter = mean / (end - begin)
+    pairs = (near.pair_end[e] - near.entry_start[e]) / (end - begin)
+    spare = pairs * (1.0 - (diameter / (diameter + skin)) ** 2)
+    looks = spare * near.age[e]
+    if looks < _LOOKS / 1.5:
+        return min(1.25 * skin, _MOST_SKIN)
+    if looks > _LOOKS * 1.5:
+        return max(skin / 1.25, _LEAST_SKIN)
+    return skin
+
+
+@kernel
 def _list_pairs(
     e: int, begin: int, end: int, radius: Floats, active: Bools, position: Floats, near: NeighbourList, reach: float
 ) -> bool:
@@ -202,7 +223,9 @@ def _list_pairs(
     if end - begin <= _FEW:
         entry = _all_pairs(begin, end, radius, active, position, reach, first, last, owner, partner)
     else:
-        grid = sort_into_cells(e, begin, end, active, position, near, 2.0 * _largest(begin, end, radius, active) + reach)
+        grid = sort_into_cells(
+            e, begin, end, active, position, near, 2.0 * _largest(begin, end, radius, active) + reach
+        )
         entry = _pairs_by_cell(
             begin,
             end,
@@ -256,7 +279,7 @@ def _all_pairs(
         if entry + end - i > last:  # room for all: then none needs to be asked
             return -1
         x, y, limit = position[i, 0], position[i, 1], radius[i] + reach
-        for j in range(i + 1, end):
+        for j in range(index(i + 1), index(end)):
             dx, dy, far = x - position[j, 0], y - position[j, 1], limit + radius[j]
             owner[entry], partner[entry] = i, j
             entry += (dx * dx + dy * dy < far * far) & active[j]
@@ -352,4 +375,35 @@ def _list_walls(
                 near.owner[entry], near.partner[entry] = i, stop - first + k - boundary.corner_start[g]
                 entry += 1
     near.wall_end[e] = entry
+    return True
+
+
+@kernel
+def _list_exits(
+    e: int,
+    g: int,
+    begin: int,
+    end: int,
+    boundary: Boundary,
+    active: Bools,
+    position: Floats,
+    near: NeighbourList,
+    limit: float,
+) -> bool:
+    """Write the exit lines that anyone's centre is nearer to than ``limit``; False if they do not fit."""
+    entry, last, line = near.wall_end[e], near.entry_start[e + 1], boundary.exit
+    for k in range(boundary.exit_start[g], boundary.exit_start[g + 1]):
+        ax, ay, bx, by = line[k, 0, 0], line[k, 0, 1], line[k, 1, 0], line[k, 1, 1]
+        left, right, low, high = min(ax, bx) - limit, max(ax, bx) + limit, min(ay, by) - limit, max(ay, by) + limit
+        length = np.hypot(bx - ax, by - ay)
+        for i in range(index(begin), index(end)):
+            x, y = position[i, 0], position[i, 1]
+            if x < left or x > right or y < low or y > high or not active[i]:
+                continue
+            if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) <= limit * length:
+                if entry == last:
+                    return False
+                near.owner[entry], near.partner[entry] = i, k - boundary.exit_start[g]
+                entry += 1
+    near.exit_end[e] = entry
     return True

@@ -13,9 +13,10 @@ from typing import Literal
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import index, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.forces import desired_velocities, regular_forces
+from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_known, require_positive
 from crowd_env.physics.scheme import SchemeInfo
@@ -23,7 +24,6 @@ from crowd_env.physics.social import SocialForce, SocialLaw, social_law
 from crowd_env.physics.solvers import SOLVERS, ContactLaw, SolverName, fastest_speed, pose_no_overlap, solve
 from crowd_env.physics.step import (
     detect,
-    leave,
     record_overlaps,
     record_pushes,
     record_solver,
@@ -112,7 +112,7 @@ def _try_velocities(
     A spontaneous velocity is what the forces would lead to if h were tau: without others, the desired velocity itself; an
     external or social force shifts it by tau f / m, where the drive balances it.
     """
-    for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
+    for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
         if state.active[i]:
             ahead = bodies.relaxation_time[i] if spontaneous else dt
             for k in range(2):
@@ -159,7 +159,7 @@ def _project(
 
 @kernel
 def _move(e: int, env_start: Ints, state: CrowdState, after: Floats, previous: Floats, dt: float) -> None:
-    for i in range(env_start[e], env_start[e + 1]):
+    for i in range(index(env_start[e]), index(env_start[e + 1])):
         if state.active[i]:
             for k in range(2):
                 previous[i, k] = state.position[i, k]

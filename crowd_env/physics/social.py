@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import index, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import gap_to_feature
 from crowd_env.physics.neighbors import NeighbourList
@@ -145,14 +145,14 @@ def add_social_forces(
     owner, partner, touch = near.owner, near.partner, near.touch
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
     strength, cutoff, per_length = law.strength, law.cutoff, 1.0 / law.length
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         x, y = desired[i, 0], desired[i, 1]
         speed = np.sqrt(x * x + y * y)
         share = law.anisotropy / speed if speed > 0.0 else 0.0
         heading[i, 0], heading[i, 1] = share * x, share * y
     entry, pair_end = near.entry_start[e], near.pair_end[e]
     wall, wall_end = pair_end, near.wall_end[e]
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         x, y, ahead_x, ahead_y = position[i, 0], position[i, 1], heading[i, 0], heading[i, 1]
         total_x, total_y = 0.0, 0.0
         while entry < pair_end and owner[entry] == i:

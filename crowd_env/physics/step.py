@@ -5,7 +5,7 @@ Kernels take the arrays they use, not the whole batch: numba spends about 10 ms 
 
 import numpy as np
 
-from crowd_env._jit import inlined_kernel, kernel
+from crowd_env._jit import inlined_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import Contacts, find_contacts
 from crowd_env.physics.neighbors import OK, NeighbourList, update_neighbours
@@ -93,63 +93,6 @@ def record_solver(e: int, sums: Diagnostics, sweeps: int, residual: float, toler
     sums.iterations[e] += sweeps
     sums.residual[e] = max(sums.residual[e], residual)
     sums.unconverged[e] += residual > tolerance
-
-
-@inlined_kernel
-def leave(e: int, g: int, boundary: Boundary, bodies: Bodies, state: CrowdState, previous: Floats, dt: float) -> None:
-    """Take out whoever's centre crossed an exit line outwards during this step."""
-    for k in range(boundary.exit_start[g], boundary.exit_start[g + 1]):
-        _cross(
-            bodies.env_start[e],
-            bodies.env_start[e + 1],
-            boundary.exit,
-            k,
-            k - boundary.exit_start[g],
-            previous,
-            state.position,
-            state.active,
-            state.time[e],
-            dt,
-            state.exit_time,
-            state.exit_index,
-        )
-
-
-@kernel
-def _cross(
-    begin: int,
-    end: int,
-    exit_line: Floats,
-    k: int,
-    number: int,
-    previous: Floats,
-    position: Floats,
-    active: Bools,
-    time: float,
-    dt: float,
-    exit_time: Floats,
-    exit_index: Ints,
-) -> None:
-    """Take out whoever crossed exit ``k``; of several that are crossed in one step the first counts."""
-    ax, ay = exit_line[k, 0, 0], exit_line[k, 0, 1]
-    tx, ty = exit_line[k, 1, 0] - ax, exit_line[k, 1, 1] - ay
-    for i in range(begin, end):
-        x1, y1 = position[i, 0], position[i, 1]
-        side1 = tx * (y1 - ay) - ty * (x1 - ax)  # > 0: inside
-        if side1 >= 0.0:
-            continue
-        x0, y0 = previous[i, 0], previous[i, 1]
-        side0 = tx * (y0 - ay) - ty * (x0 - ax)
-        if side0 < 0.0:
-            continue
-        part = side0 / (side0 - side1)
-        along = tx * (x0 + part * (x1 - x0) - ax) + ty * (y0 + part * (y1 - y0) - ay)
-        if 0.0 <= along <= tx * tx + ty * ty:
-            moment = time + part * dt
-            if active[i] or (exit_time[i] > moment and exit_time[i] > time):
-                active[i] = False
-                exit_time[i] = moment
-                exit_index[i] = number
 
 
 @inlined_kernel
