@@ -1,5 +1,6 @@
 """A batch of crowds that walk, touch and leave.  No rewards, no agents: give it commands, advance it, read its arrays."""
 
+import itertools
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -50,7 +51,8 @@ class Simulation:
     fields : travel-time field, or all the ways, of each geometry; made here for geometries with exits if not given.
     replan_every : s, how often the fastest ways are found anew.
     driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
-    threads : spread environments over this many threads; the result does not depend on it.
+    threads : spread environments, or with `dem` the parts of one large crowd, over this many threads; the result does not
+        depend on it.
     allow_unstable : accept a ``dt`` above the scheme's stable step (to show what happens).
 
     Raises
@@ -239,15 +241,27 @@ class Simulation:
             self.memory = grow_memory(self.memory, self.bodies)  # the environments that were full go on where they were
 
     def _run(self, batch: Batch, n_substeps: int) -> None:
-        """Advance ranges of environments side by side: the kernels hold no lock, and environments share no memory."""
-        count = len(self.state.time)
-        edges = np.linspace(0, count, min(self.threads, count) + 1).astype(int).tolist()
-        if len(edges) == 2:
-            self.scheme.advance(batch, self.dt, n_substeps, 0, count)
+        """Advance the batch on all threads: the kernels hold no lock.
+
+        Either ranges of environments side by side, which share no memory; or, where a crowd is large and the scheme knows how,
+        all threads go through all environments together.
+        """
+        count, threads = len(self.state.time), self.threads
+        if threads > 1 and self._is_shared(batch):
+            parts = [(0, count, thread, threads) for thread in range(threads)]
+        else:
+            edges = np.linspace(0, count, min(threads, count) + 1).astype(int).tolist()
+            parts = [(first, stop, 0, 1) for first, stop in itertools.pairwise(edges)]
+        if len(parts) == 1:
+            self.scheme.advance(batch, self.dt, n_substeps, *parts[0])
             return
         if self._pool is None:
-            self._pool = ThreadPoolExecutor(self.threads)
-        list(self._pool.map(lambda a, b: self.scheme.advance(batch, self.dt, n_substeps, a, b), edges[:-1], edges[1:]))
+            self._pool = ThreadPoolExecutor(threads)
+        list(self._pool.map(lambda part: self.scheme.advance(batch, self.dt, n_substeps, *part), parts))
+
+    def _is_shared(self, batch: Batch) -> bool:
+        """Whether several threads step one crowd together."""
+        return bool(self.scheme.slabs(int(np.diff(batch.bodies.env_start).max()), self.driving) > 1)
 
     def restart(
         self, e: int, bodies: Bodies, position: Floats, velocity: Floats | None = None, route: Ints | int = 0

@@ -89,6 +89,10 @@ class DEM:
     def check(self, driving: bool) -> None:
         """Accept both uses."""
 
+    def slabs(self, people: int, driving: bool) -> int:
+        """Return into how many slabs a crowd of so many is cut; the social force is not shared out."""
+        return 1 if self.social is not None and driving else int(slabs_of(people))
+
     def advance(
         self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:

@@ -154,7 +154,13 @@ class Hertz:
     def check(self, driving: bool) -> None:
         """Accept both uses."""
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+    def slabs(self, people: int, driving: bool) -> int:
+        """One: a crowd is stepped by one thread."""
+        return 1
+
+    def advance(
+        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+    ) -> None:
         """Advance the environments ``first:stop`` in place."""
         law = HertzLaw(
             self.normal_stiffness,

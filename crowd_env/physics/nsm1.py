@@ -90,7 +90,13 @@ class NSM1:
         if not driving and self.trial == "spontaneous":
             raise ValueError("nsm1: passive grains have no spontaneous velocity; use NSM1(trial='inertial')")
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+    def slabs(self, people: int, driving: bool) -> int:
+        """One: a crowd is stepped by one thread."""
+        return 1
+
+    def advance(
+        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+    ) -> None:
         """Advance the environments ``first:stop`` in place."""
         law = ContactLaw(np.inf, 0.0, self.tolerance, self.max_iterations, SOLVERS[self.solver], True)
         social = social_law(self.social, batch.control.driving)

@@ -120,7 +120,13 @@ class NSM2:
     def check(self, driving: bool) -> None:
         """Accept both uses."""
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+    def slabs(self, people: int, driving: bool) -> int:
+        """One: a crowd is stepped by one thread."""
+        return 1
+
+    def advance(
+        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+    ) -> None:
         """Advance the environments ``first:stop`` in place."""
         # Few contacts and hardly coupled: Gauss-Seidel was measured to be twice as fast at every size, and the impulses of
         # the last step no better a start than none.
