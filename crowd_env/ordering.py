@@ -18,10 +18,10 @@ MANY = 1000  # people from which on an environment is sorted: fewer lie in the c
 EVERY = 0.5  # s
 _CELL = 0.5  # m
 
-# What a person's memory is from one call to the next, besides what `Memory` shows to others.
+# What people remember from one call to the next: nobody else looks at it, so that it lies in the order of space itself; and
+# what others read or write, in slots.
 _KEPT = ("way", "here", "pace", "force", "torque")
 _SHOWN = ("followed", "push", "crush")
-_SCRATCH = ("desired", "previous", "before", "heading")
 
 
 class SortedCrowd:
@@ -39,8 +39,7 @@ class SortedCrowd:
         self._due = np.full(len(state.time), -math.inf)
         self._bodies = Bodies._make([*(array.copy() for array in bodies[:-1]), bodies.env_start])
         self._state = CrowdState._make([*(array.copy() for array in state[:-1]), state.time])
-        self._people = {name: getattr(memory, name).copy() for name in (*_KEPT, *_SHOWN)}
-        self._people |= {name: getattr(memory, name) for name in _SCRATCH}
+        self._shown = {name: getattr(memory, name).copy() for name in _SHOWN}
 
     @staticmethod
     def is_needed(bodies: Bodies) -> bool:
@@ -68,8 +67,9 @@ class SortedCrowd:
         slots = self.slot[people]
         order = _order_of_space(state.position[slots], state.active[slots])
         self.slot[people] = slots[order]
-        for array in self._people.values():
-            array[people] = array[people][order]
+        for array in (*self._shown.values(), *(getattr(memory, name) for name in _KEPT)):
+            if len(array):  # not every scheme uses all
+                array[people] = array[people][order]
         for copy, array in zip(self._bodies[:-1], bodies[:-1], strict=True):
             copy[people] = array[self.slot[people]]
         memory.near.reach[e] = -1.0
@@ -82,7 +82,7 @@ class SortedCrowd:
         for copy, array in zip(self._state[:-1], batch.state[:-1], strict=True):
             np.take(array, self.slot, axis=0, out=copy)
         for name in _SHOWN:
-            np.take(getattr(batch.memory, name), self.slot, axis=0, out=self._people[name])
+            np.take(getattr(batch.memory, name), self.slot, axis=0, out=self._shown[name])
         control = batch.control
         return Batch(
             batch.world,
@@ -93,7 +93,7 @@ class SortedCrowd:
                 relative=control.relative[self.slot],
                 external_force=control.external_force[self.slot],
             ),
-            batch.memory._replace(**self._people),
+            batch.memory._replace(**self._shown),
         )
 
     def give_back(self, state: CrowdState, memory: Memory) -> None:
@@ -101,7 +101,7 @@ class SortedCrowd:
         for copy, array in zip(self._state[:-1], state[:-1], strict=True):
             array[self.slot] = copy
         for name in _SHOWN:
-            getattr(memory, name)[self.slot] = self._people[name]
+            getattr(memory, name)[self.slot] = self._shown[name]
 
     def by_slot(self, i: Ints, j: Ints, normal: Floats) -> tuple[Ints, Ints, Floats, Ints]:
         """Return contacts between slots, i < j, sorted by (i, j), walls last; and the order they had."""

@@ -13,6 +13,7 @@ from crowd_env.navigation import NavigationField, travel_time_field
 from crowd_env.ordering import SortedCrowd
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.neighbors import DIVERGED, FULL
+from crowd_env.physics.scheme import scratch_of
 from crowd_env.physics.world import (
     Batch,
     Control,
@@ -115,7 +116,9 @@ class Simulation:
             self.geometries, [closed for closed, _ in doors_of_places], [events for _, events in doors_of_places], which
         )
         doors = max(len(place.doors) for place in self.geometries)
-        self.memory = allocate_memory(bodies, rules=int(np.diff(guidance.rule.start).max(initial=0)), doors=doors)
+        rules = int(np.diff(guidance.rule.start).max(initial=0))
+        self._scratch = scratch_of(self.scheme)
+        self.memory = allocate_memory(bodies, rules=rules, doors=doors, uses=self._scratch)
         known = (guidance.field_of_route >= 0).sum(axis=1)
         self._routes_of_person = np.repeat(known, np.diff(bodies.env_start))
         _check_routes(state.route, self._routes_of_person)
@@ -238,7 +241,9 @@ class Simulation:
                 )
             if not (status == FULL).any():
                 return
-            self.memory = grow_memory(self.memory, self.bodies)  # the environments that were full go on where they were
+            self.memory = grow_memory(
+                self.memory, self.bodies, self._scratch
+            )  # the environments that were full go on where they were
 
     def _run(self, batch: Batch, n_substeps: int) -> None:
         """Advance the batch on all threads: the kernels hold no lock.
@@ -326,7 +331,7 @@ class Simulation:
         contacts, begin = self.memory.contacts, int(self.memory.near.entry_start[e])
         rows = slice(begin, begin + int(contacts.number[e]))
         first, i, j, normal = self.bodies.env_start[e], contacts.i[rows], contacts.j[rows], contacts.normal[rows]
-        order = slice(None)
+        order = np.arange(len(i))
         if self._sorted is not None:
             i, j, normal, order = self._sorted.by_slot(i, j, normal)
         return ContactList(

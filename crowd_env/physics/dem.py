@@ -45,6 +45,7 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=True,
     overlap="v / omega, some centimetres at k = 1.2e5 N/m; it is the softness, not an error of the time step",
     stable_step="2 / sqrt(2 k / m_min), from h omega < 2 for two bodies of the smallest mass, and 2 tau_min",
+    uses=("lanes",),
 )
 
 
@@ -240,9 +241,7 @@ def _advance_one(
             book(low, high, dt, lanes.fx, lanes.push_x)
             book(low, high, dt, lanes.fy, lanes.push_y)
             book(low, high, dt, lanes.squeeze, lanes.crush)
-            cut.seen[row, STRAYS] = count_strays(
-                low, high, lanes.x, lanes.y, lanes.origin_x, lanes.origin_y, cut.most[e]
-            )
+            cut.seen[row, STRAYS] = count_strays(low, high, lanes.x, lanes.y, near.origin_x, near.origin_y, cut.most[e])
         wait_for_all(cut.gate, threads)
     for s in range(thread, slabs, threads):
         low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
@@ -271,9 +270,10 @@ def _begin(
         bodies.mass,
         bodies.relaxation_time,
         control.external_force,
-        near.origin,
         control.driving,
         lanes,
+        near.origin_x,
+        near.origin_y,
     )
     latest = 0.0
     for i in range(index(begin), index(end)):
@@ -287,8 +287,8 @@ def _follow_list(
 ) -> None:
     """Note where the list was built, how far anyone may go from there, and which entries belong to which slab."""
     for i in range(index(begin), index(end)):
-        if active[i]:
-            lanes.origin_x[i], lanes.origin_y[i] = near.origin[i, 0], near.origin[i, 1]
+        if not active[i]:  # whoever is parked stays so
+            near.origin_x[i], near.origin_y[i] = lanes.x[i], lanes.y[i]
     spare = max(near.reach[e] - margin, 0.0)
     cut.most[e], cut.stray[e] = 0.25 * spare * spare, False
     first, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
@@ -366,7 +366,7 @@ def _finish(
         )
     if left > 0:
         cut.inside[e] -= left
-        take_out_of_lanes(begin, end, state.active, lanes, state.position, state.velocity)
+        take_out_of_lanes(begin, end, state.active, lanes, near.origin_x, near.origin_y, state.position, state.velocity)
 
 
 @kernel

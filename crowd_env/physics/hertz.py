@@ -42,6 +42,7 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=False,
     overlap="(5 m v^2 / (4 k_n sqrt R))^(2/5), 3 cm for two who run into each other at 1 m/s each, and the push of the crowd",
     stable_step="2 / omega, omega^2 = 1.5 k_n alpha / m_e at the overlap bound, and 2 tau_min",
+    uses=("desired", "force", "previous", "torque"),
     default_dt=1e-3,
     contacts_at="end",
 )

@@ -33,8 +33,6 @@ class Lanes(NamedTuple):
     push_x: Floats  # N s  contact impulse since the start of the call
     push_y: Floats
     crush: Floats
-    origin_x: Floats  # m    where the neighbour list was built
-    origin_y: Floats
 
 
 def allocate_lanes(people: int) -> Lanes:
@@ -52,9 +50,10 @@ def enter_lanes(
     mass: Floats,
     relaxation_time: Floats,
     external: Floats,
-    origin: Floats,
     driving: bool,
     lanes: Lanes,
+    origin_x: Floats,
+    origin_y: Floats,
 ) -> int:
     """Copy the people ``begin:end`` into their lanes; returns how many are inside."""
     inside = 0
@@ -68,17 +67,16 @@ def enter_lanes(
             lanes.gx[i], lanes.gy[i] = external[i, 0], external[i, 1]
             lanes.per_mass[i] = 1.0 / mass[i]
             lanes.per_tau[i] = 1.0 / relaxation_time[i] if driving else 0.0
-            lanes.origin_x[i], lanes.origin_y[i] = origin[i, 0], origin[i, 1]
         else:
-            park(i, lanes)
+            park(i, lanes, origin_x, origin_y)
     return inside
 
 
 @kernel
-def park(i: int, lanes: Lanes) -> None:
-    """Take person ``i`` out of the way."""
-    lanes.x[i] = lanes.origin_x[i] = PARKED + 100.0 * i  # apart from each other
-    lanes.y[i] = lanes.origin_y[i] = PARKED
+def park(i: int, lanes: Lanes, origin_x: Floats, origin_y: Floats) -> None:
+    """Take person ``i`` out of the way, and let the list think that he has always been there."""
+    lanes.x[i], lanes.y[i] = PARKED + 100.0 * i, PARKED  # apart from each other
+    origin_x[i], origin_y[i] = lanes.x[i], lanes.y[i]
     lanes.vx[i] = lanes.vy[i] = lanes.gx[i] = lanes.gy[i] = 0.0
     lanes.per_tau[i] = lanes.per_mass[i] = lanes.wish_x[i] = lanes.wish_y[i] = 0.0
 

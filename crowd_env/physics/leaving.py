@@ -138,10 +138,19 @@ def _is_first(inside: bool, exit_time: float, begin: float, moment: float) -> bo
 
 
 @kernel
-def take_out_of_lanes(begin: int, end: int, active: Bools, lanes: Lanes, position: Floats, velocity: Floats) -> None:
+def take_out_of_lanes(
+    begin: int,
+    end: int,
+    active: Bools,
+    lanes: Lanes,
+    origin_x: Floats,
+    origin_y: Floats,
+    position: Floats,
+    velocity: Floats,
+) -> None:
     """Leave those who have just gone out where they are, for all to see, and park them."""
     for i in range(index(begin), index(end)):
         if not active[i] and lanes.x[i] < PARKED:
             position[i, 0], position[i, 1] = lanes.x[i], lanes.y[i]
             velocity[i, 0], velocity[i, 1] = lanes.vx[i], lanes.vy[i]
-            park(i, lanes)
+            park(i, lanes, origin_x, origin_y)

@@ -42,13 +42,14 @@ class NeighbourList(NamedTuple):
     owner: Places  # (M,)   person i
     partner: Places  # (M,)   person j > i; or wall k of the geometry, then its corners; or exit k of the geometry
     touch: Floats  # (M,)   m    sum of the two radii of a pair
-    origin: Floats  # (P, 2) m    positions when the list was built
+    origin_x: Floats  # (P,)   m    positions when the list was built
+    origin_y: Floats
     reach: Floats  # (E,)   m    gap up to which the list is complete at `origin`; -1 = must be built
     skin: Floats  # (E,)   m    by how much it looks further than it has to
     age: Ints  # (E,)   steps since it was built
-    cell_start: Ints  # cell heads of the counting sort, environment e from 4 * env_start[e] + 64 * e
-    cell_item: Ints  # (P,)
-    cell_of: Ints  # (P,)
+    cell_start: NDArray[np.int32]  # cell heads of the counting sort, environment e from 4 * env_start[e] + 64 * e
+    cell_item: NDArray[np.int32]  # (P,)
+    cell_of: NDArray[np.int32]  # (P,)
 
 
 def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
@@ -65,13 +66,14 @@ def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
         owner=np.zeros(entries, dtype=np.uint32),
         partner=np.zeros(entries, dtype=np.uint32),
         touch=np.zeros(entries),
-        origin=np.zeros((people, 2)),
+        origin_x=np.zeros(people),
+        origin_y=np.zeros(people),
         reach=np.full(environments, -1.0),
         skin=np.full(environments, _SKIN),
         age=np.zeros(environments, dtype=np.int64),
-        cell_start=np.zeros(4 * people + 64 * environments, dtype=np.int64),
-        cell_item=np.zeros(people, dtype=np.int64),
-        cell_of=np.zeros(people, dtype=np.int64),
+        cell_start=np.zeros(4 * people + 64 * environments, dtype=np.int32),
+        cell_item=np.zeros(people, dtype=np.int32),
+        cell_of=np.zeros(people, dtype=np.int32),
     )
 
 
@@ -92,7 +94,7 @@ def update_neighbours(
     """
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
     near.age[e] += 1
-    if is_complete(begin, end, state.position, near.origin, near.reach[e], margin):
+    if is_complete(begin, end, state.active, state.position, near.origin_x, near.origin_y, near.reach[e], margin):
         return OK
     return _rebuild(e, g, begin, end, boundary, door_open, bodies.radius, state.active, state.position, near, margin)
 
@@ -128,24 +130,33 @@ def _rebuild(
     if not _list_exits(e, g, begin, end, boundary, active, position, near, 0.5 * reach):
         return FULL
     for i in range(begin, end):
-        near.origin[i, 0], near.origin[i, 1] = position[i, 0], position[i, 1]
+        near.origin_x[i], near.origin_y[i] = position[i, 0], position[i, 1]
     near.reach[e] = reach
     return OK
 
 
 @kernel
-def is_complete(begin: int, end: int, position: Floats, origin: Floats, reach: float, margin: float) -> bool:
-    """Whether nobody has moved so far that a gap below ``margin`` could be missing.
+def is_complete(
+    begin: int,
+    end: int,
+    active: Bools,
+    position: Floats,
+    origin_x: Floats,
+    origin_y: Floats,
+    reach: float,
+    margin: float,
+) -> bool:
+    """Whether nobody inside has moved so far that a gap below ``margin`` could be missing.
 
-    To count is free of branches; nan counts.  Those who are out do not move.
+    To count is free of branches; nan counts.
     """
     if reach < margin:
         return False
     most = 0.25 * (reach - margin) * (reach - margin)
     gone = 0
     for i in range(index(begin), index(end)):
-        dx, dy = position[i, 0] - origin[i, 0], position[i, 1] - origin[i, 1]
-        gone += not dx * dx + dy * dy <= most
+        dx, dy = position[i, 0] - origin_x[i], position[i, 1] - origin_y[i]
+        gone += active[i] & (not dx * dx + dy * dy <= most)
     return gone == 0
 
 

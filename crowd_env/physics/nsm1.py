@@ -42,6 +42,7 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=False,
     overlap="solver tolerance times time step, 0.1 mm with the defaults; it does not accumulate",
     stable_step="2 tau_min with inertia, from the explicit driving force; none without",
+    uses=("problem", "desired", "force", "previous", "before"),
 )
 
 

@@ -50,6 +50,7 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=True,
     overlap="time step times closing speed, up to about 40 mm at 0.01 s in a room of 20; it shrinks with the time step",
     stable_step="2 tau_min, from the explicit driving force",
+    uses=("problem", "desired", "force", "previous", "before"),
 )
 
 # A contact has D <= 0; the narrow phase keeps what lies strictly below its margin.

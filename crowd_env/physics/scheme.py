@@ -19,8 +19,15 @@ class SchemeInfo:
     conserves_energy_at_contact: bool  # of two bodies, with the default parameters
     overlap: str  # what overlap its default parameters leave, in words
     stable_step: str  # formula of the largest stable time step
+    uses: tuple[str, ...]  # of the scratch in `world.SCRATCH`; a social force adds what it needs
     contacts_at: Literal["start", "end"] = "start"  # of the step: where the listed contacts are those of the positions
     default_dt: float = 0.01  # s  physics step if none is asked for: the paper's
+
+
+def scratch_of(scheme: "ContactScheme") -> frozenset[str]:
+    """Return the names of the scratch memory that a scheme works with."""
+    social = ("desired", "force", "heading") if scheme.social is not None else ()
+    return frozenset((*scheme.info.uses, *social))
 
 
 class ContactScheme(Protocol):

@@ -85,8 +85,7 @@ def first_entry(person: int, first: int, last: int, owner: Places) -> int:
     return first
 
 
-@intrinsic
-def _add_atomically(_context: Any, array: Any, index: Any, value: Any) -> Any:
+def _declare_atomic_add(_context: Any, array: Any, index: Any, value: Any) -> Any:
     """Add to an element and return what it was; all threads see one order of such calls."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -94,6 +93,9 @@ def _add_atomically(_context: Any, array: Any, index: Any, value: Any) -> Any:
         return builder.atomic_rmw("add", builder.gep(data, [args[1]]), args[2], "seq_cst")
 
     return types.int64(array, types.int64, types.int64), generate
+
+
+_add_atomically: Any = intrinsic(_declare_atomic_add)
 
 
 _CAN_YIELD = hasattr(os, "sched_yield")  # not on Windows: there a thread that waits only spins

@@ -1,5 +1,6 @@
 """What a step reads and what it remembers: the world around the crowd, what is asked of it, and the working memory."""
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -105,8 +106,17 @@ def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
         getattr(total, name)[:] += getattr(call, name)
 
 
-def allocate_memory(bodies: Bodies, per_person: int = 12, rules: int = 0, doors: int = 0) -> Memory:
-    """Return working memory with ``per_person`` neighbour entries a pedestrian and so many control rules and doors."""
+# What not every scheme works with: the fields of `Memory` that are left empty unless it says so (`SchemeInfo.uses`).
+SCRATCH = ("problem", "lanes", "desired", "force", "previous", "before", "heading", "torque")
+
+
+def allocate_memory(
+    bodies: Bodies, per_person: int = 12, rules: int = 0, doors: int = 0, uses: Collection[str] = SCRATCH
+) -> Memory:
+    """Return working memory with ``per_person`` neighbour entries a pedestrian and so many control rules and doors.
+
+    Of the `SCRATCH` only what is in ``uses`` gets any room.
+    """
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     near = allocate_neighbours(bodies, per_person)
 
@@ -116,11 +126,14 @@ def allocate_memory(bodies: Bodies, per_person: int = 12, rules: int = 0, doors:
     def counts() -> Ints:
         return np.zeros(environments, dtype=np.int64)
 
+    def room(name: str) -> int:
+        return people if name in uses else 0
+
     return Memory(
         near=near,
         contacts=allocate_contacts(near),
-        problem=allocate_problem(people, len(near.touch)),
-        lanes=allocate_lanes(people),
+        problem=allocate_problem(room("problem"), len(near.touch) if "problem" in uses else 0),
+        lanes=allocate_lanes(room("lanes")),
         cut=allocate_cut(environments),
         way=reals(people, 2),
         way_age=np.full(environments, np.inf),
@@ -130,12 +143,12 @@ def allocate_memory(bodies: Bodies, per_person: int = 12, rules: int = 0, doors:
         rule_on=np.zeros((environments, rules), dtype=np.bool_),
         rule_since=reals(environments, rules),
         door_open=np.ones((environments, doors), dtype=np.bool_),
-        desired=reals(people, 2),
-        force=reals(people, 2),
-        previous=reals(people, 2),
-        before=reals(people, 2),
-        heading=reals(people, 2),
-        torque=reals(people),
+        desired=reals(room("desired"), 2),
+        force=reals(room("force"), 2),
+        previous=reals(room("previous"), 2),
+        before=reals(room("before"), 2),
+        heading=reals(room("heading"), 2),
+        torque=reals(room("torque")),
         phase=counts(),
         push=reals(people, 2),
         crush=reals(people),
@@ -145,11 +158,13 @@ def allocate_memory(bodies: Bodies, per_person: int = 12, rules: int = 0, doors:
     )
 
 
-def grow_memory(memory: Memory, bodies: Bodies) -> Memory:
+def grow_memory(memory: Memory, bodies: Bodies, uses: Collection[str] = SCRATCH) -> Memory:
     """Return the same memory with twice the room for neighbours; contacts are kept, the list is built at the next step."""
     people = len(bodies.radius)
     now = (int(memory.near.entry_start[-1]) - 16 * (len(bodies.env_start) - 1)) // max(people, 1)
     near = allocate_neighbours(bodies, 2 * now)
     contacts = allocate_contacts(near)
     move_contacts(memory.contacts, memory.near.entry_start, contacts, near.entry_start)
-    return memory._replace(near=near, contacts=contacts, problem=allocate_problem(people, len(near.touch)))
+    if "problem" in uses:
+        memory = memory._replace(problem=allocate_problem(people, len(near.touch)))
+    return memory._replace(near=near, contacts=contacts)
