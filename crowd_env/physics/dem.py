@@ -34,7 +34,7 @@ from crowd_env.physics.soft_contact import (
     receive,
 )
 from crowd_env.physics.step import tick, unfinished
-from crowd_env.physics.world import Batch, Control, Diagnostics
+from crowd_env.physics.world import Batch, Control, Diagnostics, Memory
 from crowd_env.state import Bodies, Bools, CrowdState, Floats
 
 INFO = SchemeInfo(
@@ -124,7 +124,7 @@ def _advance_one(
     while True:
         if thread == 0:
             if fresh:
-                _begin(e, begin, end, bodies, state, control, near, lanes, cut)
+                _begin(e, begin, end, bodies, state, control, memory, near, lanes, cut)
             else:
                 _finish(e, g, begin, end, slabs, world.boundary, state, near, lanes, cut, memory.diagnostics, dt)
                 tick(e, state.time, memory.progress, dt)
@@ -138,6 +138,7 @@ def _advance_one(
                     )
                     cut.go[e] = memory.status[e] == OK
                     _follow_list(e, begin, end, slabs, state.active, near, margin, lanes, cut)
+            if cut.go[e]:
                 cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
                 if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
                     memory.way_age[e] = 0.0
@@ -146,7 +147,7 @@ def _advance_one(
                         show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
                         follow_rules(e, g, world, bodies, state, memory)
                 memory.way_age[e] += dt
-                if memory.progress[e] == n_substeps - 1 and cut.go[e]:
+                if memory.progress[e] == n_substeps - 1:
                     show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
                     find_contacts(e, g, world.boundary, bodies, state, near, contacts, 0.0)
                     _write_impulses(
@@ -256,6 +257,7 @@ def _begin(
     bodies: Bodies,
     state: CrowdState,
     control: Control,
+    memory: Memory,
     near: NeighbourList,
     lanes: Lanes,
     cut: Cut,
@@ -271,6 +273,8 @@ def _begin(
         bodies.relaxation_time,
         control.external_force,
         control.driving,
+        memory.push,
+        memory.crush,
         lanes,
         near.origin_x,
         near.origin_y,

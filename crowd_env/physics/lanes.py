@@ -51,6 +51,8 @@ def enter_lanes(
     relaxation_time: Floats,
     external: Floats,
     driving: bool,
+    push: Floats,
+    crush: Floats,
     lanes: Lanes,
     origin_x: Floats,
     origin_y: Floats,
@@ -59,7 +61,7 @@ def enter_lanes(
     inside = 0
     for i in range(index(begin), index(end)):
         lanes.fx[i] = lanes.fy[i] = lanes.squeeze[i] = 0.0
-        lanes.push_x[i] = lanes.push_y[i] = lanes.crush[i] = 0.0
+        lanes.push_x[i], lanes.push_y[i], lanes.crush[i] = push[i, 0], push[i, 1], crush[i]
         if active[i]:
             inside += 1
             lanes.x[i], lanes.y[i] = position[i, 0], position[i, 1]
@@ -93,13 +95,11 @@ def show_positions(begin: int, end: int, active: Bools, x: Floats, y: Floats, po
 def leave_lanes(
     begin: int, end: int, active: Bools, lanes: Lanes, position: Floats, velocity: Floats, push: Floats, crush: Floats
 ) -> None:
-    """Copy the people ``begin:end`` back, and add the impulses that they got."""
+    """Copy the people ``begin:end`` back, and the impulses that they have got in this call."""
     show_positions(begin, end, active, lanes.x, lanes.y, position)
     show_positions(begin, end, active, lanes.vx, lanes.vy, velocity)
     for i in range(index(begin), index(end)):
-        push[i, 0] += lanes.push_x[i]
-        push[i, 1] += lanes.push_y[i]
-        crush[i] += lanes.crush[i]
+        push[i, 0], push[i, 1], crush[i] = lanes.push_x[i], lanes.push_y[i], lanes.crush[i]
 
 
 @kernel
