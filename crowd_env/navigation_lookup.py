@@ -267,3 +267,40 @@ def travel_time_at(field: FieldArrays, boundary: Boundary, f: int, x: float, y: 
             total += weight * time
             weights += weight
     return total / weights if weights > 1e-3 else field.travel_time[_best_corner(field.travel_time, first, cols)]
+
+
+@kernel
+def quick_travel_time(
+    cell: Ints,
+    travel_time: Floats,
+    exit_line: Floats,
+    start: int,
+    rows: int,
+    cols: int,
+    left: float,
+    bottom: float,
+    spacing: float,
+    margin: float,
+    x: float,
+    y: float,
+    radius: float,
+) -> float:
+    """Return what `travel_time_at` does where the way out is plain, else nan; it takes the few arrays it reads."""
+    j, u = _cell((x - left) / spacing, cols)
+    i, v = _cell((y - bottom) / spacing, rows)
+    first = start + i * cols + j
+    k = cell[first]
+    if k >= 0:
+        ax, ay, bx, by = exit_line[k, 0, 0], exit_line[k, 0, 1], exit_line[k, 1, 0], exit_line[k, 1, 1]
+        tx, ty = nearest_on_exit(ax, ay, bx, by, x, y, margin if margin >= 0.0 else radius)
+        return np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
+    if k != BLEND:
+        return np.nan
+    total, weights = 0.0, 0.0
+    for c in range(4):
+        time = travel_time[first + (c >> 1) * cols + (c & 1)]
+        weight = (u if c & 1 else 1.0 - u) * (v if c >> 1 else 1.0 - v)
+        if time < np.inf:  # false for nan
+            total += weight * time
+            weights += weight
+    return total / weights if weights > 1e-3 else np.nan
