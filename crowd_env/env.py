@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from crowd_env.action import ActionKind, Frame, action_space, check_frame, to_command
 from crowd_env.metrics import EpisodeMetrics, summarise_exits
-from crowd_env.observation import ObservationLayout, View
+from crowd_env.observation import ObservationLayout
+from crowd_env.observer import Observer
 from crowd_env.physics import ContactScheme, make_scheme
-from crowd_env.progress import look_ahead, settle
-from crowd_env.recycled import Recycled
+from crowd_env.progress import settle
 from crowd_env.reward import RewardWeights, Transition
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
@@ -147,16 +147,9 @@ class CrowdEnv:
         )
         people = int(self.env_start[-1])
         self.env_of_person = np.repeat(np.arange(num_envs), np.diff(self.env_start))
-        self._all_rooms = np.arange(num_envs)
-        self._plan = self.layout.plan()
-        self._rows = Recycled((people, self.layout.size), np.float32)
-        self._travel_time = np.zeros(people)
-        self._before = np.zeros(people)  # s, travel time at the start of the step
-        self._field = np.full(people, -1, dtype=np.int64)  # by which the travel time was found
+        self._observer = Observer(self.simulation, self.layout, in_world=frame == "world", threads=threads)
         self._duration = np.zeros(people)
         self._impulse = np.zeros(people)
-        self._direction = np.zeros((people, 2))
-        self._east = np.tile([1.0, 0.0], (people, 1))
         self._route_of_all: list[Ints | None] = [None] * len(
             self.scenarios
         )  # known when it is the same in each episode
@@ -201,7 +194,7 @@ class CrowdEnv:
         for k in np.flatnonzero(chosen):
             self._restart(int(k))
         self._started = True
-        return self._observe(self.active), {}
+        return self._observer.observe(self.active), {}
 
     def step(self, action: ArrayLike | None = None, rule: ArrayLike | None = None) -> Step:
         """Advance every unfinished environment by one decision step.
@@ -223,7 +216,7 @@ class CrowdEnv:
         inside, started = state.active.copy(), state.time.copy()
         simulation.advance(command, relative=relative, n_substeps=self.n_substeps)
         memory = simulation.memory
-        observation = self._observe(inside)
+        observation = self._observer.observe(inside)
         left, truncated = np.empty_like(inside), np.empty_like(inside)
         ended = np.empty_like(self.finished)
         settle(
@@ -247,8 +240,8 @@ class CrowdEnv:
             Transition(
                 inside=inside,
                 left=left,
-                travel_time_before=self._before,
-                travel_time_after=self._travel_time,
+                travel_time_before=self._observer.travel_time_before,
+                travel_time_after=self._observer.travel_time,
                 duration=self._duration,
                 crush=memory.crush,
                 mass=simulation.bodies.mass,
@@ -261,11 +254,11 @@ class CrowdEnv:
         info["diagnostics"] = type(simulation.last_diagnostics)._make(a.copy() for a in simulation.last_diagnostics)
         info["metrics"] = {int(e): self.metrics(int(e)) for e in over}
         if self.autoreset and len(over):
-            info["final_observation"] = final = self._rows.take()
+            info["final_observation"] = final = self._observer.rows.take()
             final[:] = observation
             for e in over:
                 self._restart(int(e))
-            self._observe(state.active, over, observation)
+            self._observer.observe(state.active, over, observation)
         return Step(observation, reward, left, truncated, info)
 
     def metrics(self, e: int) -> EpisodeMetrics:
@@ -317,43 +310,6 @@ class CrowdEnv:
             asked = asked & ~ruled
         command = to_command(action, self.action_kind, self.num_people, asked)
         return command, (~asked if self.frame == "world" else None)
-
-    def _observe(self, seen: Bools, rooms: Ints | None = None, out: np.ndarray | None = None) -> np.ndarray:
-        """Return the observation of those ``seen``, or write that of some rooms; and remember their travel times."""
-        simulation = self.simulation
-        world, bodies, state, memory = simulation.world, simulation.bodies, simulation.state, simulation.memory
-        rooms = self._all_rooms if rooms is None else rooms
-        out = self._rows.take() if out is None else out
-        look_ahead(
-            rooms,
-            world.field,
-            world.boundary,
-            world.guidance.field_of_route,
-            memory.followed,
-            bodies,
-            state,
-            seen,
-            self._field,
-            self._direction,
-            self._travel_time,
-            self._before,
-        )
-        view = View(
-            boundary=world.boundary,
-            door_open=memory.door_open,
-            geometry_of_env=world.geometry_of_env,
-            bodies=bodies,
-            state=state,
-            near=memory.near,
-            push=memory.push,
-            crush=memory.crush,
-            seen=seen,
-            axis=self._direction if self.frame == "path" else self._east,
-            direction=self._direction,
-            travel_time=self._travel_time,
-        )
-        self.layout.observe(view, rooms, self._plan, out)
-        return out
 
 
 def _check_stable(scenario: Scenario, scheme: str | ContactScheme, dt: float) -> None:

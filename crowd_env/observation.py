@@ -6,12 +6,12 @@ Vectors are given in the frame of the actions: along and to the left of the shor
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowd_env.geometry import Boundary
 from crowd_env.perception import (
-    ALL_PAIRS,
     CRUSH,
     DENSITY,
     DESIRED_SPEED,
@@ -23,15 +23,59 @@ from crowd_env.perception import (
     VELOCITY,
     WALLS,
     Plan,
-    View,
-    perceive,
+    Scene,
 )
-from crowd_env.state import Ints
+from crowd_env.physics.neighbors import NeighbourList
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 __all__ = ["SIGHT", "TERMS", "ObservationLayout", "View"]
 
+# Up to so many people in a room all pairs are looked at, above it those of neighbouring cells: faster, and the same bits.
+ALL_PAIRS = 96
 MOST_NEIGHBOURS = 32
 MOST_RAYS = 360
+
+
+class View(NamedTuple):
+    """What an observation is made from."""
+
+    boundary: Boundary
+    door_open: Bools  # (E, D)
+    geometry_of_env: Ints  # (E,)
+    bodies: Bodies
+    state: CrowdState
+    near: NeighbourList  # only its cells, as scratch
+    push: Floats  # (P, 2) N s  contact impulse since the last decision
+    crush: Floats  # (P,)   N s  sum of its magnitudes
+    seen: Bools  # (P,)    whose observation is wanted; the rest stays zero
+    axis: Floats  # (P, 2)  first axis of the frame
+    direction: Floats  # (P, 2)  of the shortest path
+    travel_time: Floats  # (P,)    s, at the own desired speed; 0 for those who are out
+
+    def scene(self) -> Scene:
+        """Return what of this the compiled terms read."""
+        bodies, state, boundary = self.bodies, self.state, self.boundary
+        return Scene(
+            env_start=bodies.env_start,
+            geometry_of_env=self.geometry_of_env,
+            wall_start=boundary.wall_start,
+            wall=boundary.wall,
+            wall_door=boundary.wall_door,
+            door_open=self.door_open,
+            active=state.active,
+            position=state.position,
+            velocity=state.velocity,
+            radius=bodies.radius,
+            mass=bodies.mass,
+            desired_speed=bodies.desired_speed,
+            push=self.push,
+            crush=self.crush,
+            seen=self.seen,
+            axis=self.axis,
+            direction=self.direction,
+            travel_time=self.travel_time,
+        )
+
 
 # Name -> (law, width); "neighbours" and "walls" multiply the width by how many are asked for.  A law is a function
 # `(view, out)` that writes its columns `out` (P, width), or the number of one that is compiled in `crowd_env.perception`.
@@ -106,8 +150,8 @@ class ObservationLayout:
         begin = sum(self.width(name) for name in self.terms[: self.terms.index(term)])
         return slice(begin, begin + self.width(term))
 
-    def plan(self) -> Plan:
-        """Return where the compiled terms go, and scratch for one thread."""
+    def plan(self, all_pairs: int = ALL_PAIRS) -> Plan:
+        """Return where the compiled terms go, and scratch for one thread; rooms of up to ``all_pairs`` people need no cells."""
         column = np.full(9, -1, dtype=np.int64)
         for term in self.terms:
             law = TERMS[term][0]
@@ -119,20 +163,24 @@ class ObservationLayout:
             turn=np.column_stack([np.cos(angle), np.sin(angle)]),
             beam=np.zeros((3, self.rays)),
             nearest=np.zeros(self.neighbours, dtype=np.int64),
-            around=np.zeros((3, ALL_PAIRS)),
-            slot=np.zeros(ALL_PAIRS, dtype=np.int64),
-            key=np.zeros(ALL_PAIRS, dtype=np.int64),
+            around=np.zeros((3, all_pairs)),
+            slot=np.zeros(all_pairs, dtype=np.int64),
+            key=np.zeros(all_pairs, dtype=np.int64),
         )
 
-    def observe(self, view: View, rooms: Ints, plan: Plan, out: np.ndarray) -> None:
-        """Write the rows of ``out`` (P, size) float32 of everyone in ``rooms``; those of people not seen are zero."""
-        perceive(rooms, view, plan, out)
-        for term in self.terms:
+    @property
+    def own_terms(self) -> tuple[str, ...]:
+        """The terms that are not compiled."""
+        return tuple(term for term in self.terms if not isinstance(TERMS[term][0], int))
+
+    def add_own_terms(self, view: View, rooms: Ints, out: np.ndarray) -> None:
+        """Write the columns of terms that are not compiled, of everyone in ``rooms``, into ``out`` (P, size)."""
+        for term in self.own_terms:
             law, _ = TERMS[term]
-            if not isinstance(law, int):
-                values = np.zeros((len(out), self.width(term)))
-                law(view, values)
-                values[~view.seen] = 0.0
-                for e in rooms:
-                    rows = slice(view.bodies.env_start[e], view.bodies.env_start[e + 1])
-                    out[rows, self[term]] = np.clip(values[rows], -1.0, 1.0)
+            assert not isinstance(law, int)
+            values = np.zeros((len(out), self.width(term)))
+            law(view, values)
+            values[~view.seen] = 0.0
+            for e in rooms:
+                rows = slice(view.bodies.env_start[e], view.bodies.env_start[e + 1])
+                out[rows, self[term]] = np.clip(values[rows], -1.0, 1.0)

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env._jit import kernel
-from crowd_env.geometry import Boundary
 from crowd_env.physics.neighbors import NeighbourList, sort_into_cells
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.state import Bools, Floats, Ints
 
 Rows = NDArray[np.float32]
 
@@ -23,9 +22,6 @@ DENSITY_RADIUS = 1.0  # m
 DENSITY_SCALE = 8.0  # 1/m2
 KICK_SCALE = 1.0  # m/s   an impulse that changes the own speed by this much is observed as 1
 
-# Up to so many people in a room all pairs are looked at, above it those of neighbouring cells: faster, and the same bits.
-ALL_PAIRS = 96
-
 # Numbers of the compiled terms, rows of `Plan.column`.
 VELOCITY, DESIRED_SPEED, DIRECTION, TRAVEL_TIME, PUSH, CRUSH, DENSITY, WALLS, NEIGHBOURS = range(9)
 
@@ -35,18 +31,24 @@ _SLOTS = 16777216
 _NOBODY = 9223372036854775807
 
 
-class View(NamedTuple):
-    """What an observation is made from."""
+class Scene(NamedTuple):
+    """What the compiled terms read, and no more: every array of a call costs time."""
 
-    boundary: Boundary
-    door_open: Bools  # (E, D)
+    env_start: Ints  # (E+1,)
     geometry_of_env: Ints  # (E,)
-    bodies: Bodies
-    state: CrowdState
-    near: NeighbourList  # only its cells, as scratch
+    wall_start: Ints  # (G+1,)
+    wall: Floats  # (W, 2, 2) m
+    wall_door: Ints  # (W,)
+    door_open: Bools  # (E, D)
+    active: Bools  # (P,)
+    position: Floats  # (P, 2) m
+    velocity: Floats  # (P, 2) m/s
+    radius: Floats  # (P,)    m
+    mass: Floats  # (P,)    kg
+    desired_speed: Floats  # (P,)    m/s
     push: Floats  # (P, 2) N s  contact impulse since the last decision
-    crush: Floats  # (P,)   N s  sum of its magnitudes
-    seen: Bools  # (P,)    whose observation is wanted; the rest stays zero
+    crush: Floats  # (P,)    N s  sum of its magnitudes
+    seen: Bools  # (P,)    whose observation is wanted; the rest is zero
     axis: Floats  # (P, 2)  first axis of the frame
     direction: Floats  # (P, 2)  of the shortest path
     travel_time: Floats  # (P,)    s, at the own desired speed; 0 for those who are out
@@ -59,47 +61,50 @@ class Plan(NamedTuple):
     turn: Floats  # (R, 2)  cosine and sine of the angle of each ray to the axis
     beam: Floats  # (3, R)  scratch: direction of each ray of one person, and how far it is free
     nearest: Ints  # (K,)    scratch: the nearest of one person
-    around: Floats  # (3, N)  scratch: place and radius of those who are inside, room by room
+    around: Floats  # (3, N)  scratch: place and radius of those who are inside one room, if at most N are
     slot: Ints  # (N,)    scratch: who they are
     key: Ints  # (N,)    scratch: how near they are to one person
 
 
 @kernel
-def perceive(rooms: Ints, view: View, plan: Plan, out: Rows) -> None:
-    """Write the rows (P, D) of everyone in ``rooms``: those of people who are not seen are zero."""
-    bodies, state, column = view.bodies, view.state, plan.column
+def perceive(rooms: Ints, scene: Scene, near: NeighbourList, plan: Plan, out: Rows) -> None:
+    """Write the rows (P, D) of everyone in ``rooms``: those of people who are not seen are zero.
+
+    Of ``near`` only the cells are used, as scratch.
+    """
+    env_start, column, seen, axis = scene.env_start, plan.column, scene.seen, scene.axis
     for e in rooms:
-        for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
+        for i in range(env_start[e], env_start[e + 1]):
             for k in range(out.shape[1]):
                 out[i, k] = 0.0
     feel(
         rooms,
-        bodies.env_start,
+        env_start,
         column,
-        view.seen,
-        view.axis,
-        state.velocity,
-        bodies.desired_speed,
-        view.direction,
-        view.travel_time,
-        view.push,
-        view.crush,
-        bodies.mass,
+        seen,
+        axis,
+        scene.velocity,
+        scene.desired_speed,
+        scene.direction,
+        scene.travel_time,
+        scene.push,
+        scene.crush,
+        scene.mass,
         out,
     )
     if column[WALLS] >= 0:
         cast_rays(
             rooms,
-            bodies.env_start,
-            view.geometry_of_env,
-            view.boundary.wall_start,
-            view.boundary.wall,
-            view.boundary.wall_door,
-            view.door_open,
-            view.seen,
-            view.axis,
-            state.position,
-            bodies.radius,
+            env_start,
+            scene.geometry_of_env,
+            scene.wall_start,
+            scene.wall,
+            scene.wall_door,
+            scene.door_open,
+            seen,
+            axis,
+            scene.position,
+            scene.radius,
             plan.turn,
             plan.beam,
             column[WALLS],
@@ -108,15 +113,15 @@ def perceive(rooms: Ints, view: View, plan: Plan, out: Rows) -> None:
     if column[NEIGHBOURS] >= 0 or column[DENSITY] >= 0:
         look_around(
             rooms,
-            bodies.env_start,
+            env_start,
             column,
-            view.axis,
-            view.seen,
-            state.active,
-            state.position,
-            state.velocity,
-            bodies.radius,
-            view.near,
+            axis,
+            seen,
+            scene.active,
+            scene.position,
+            scene.velocity,
+            scene.radius,
+            near,
             plan.nearest,
             plan.around,
             plan.slot,
@@ -264,11 +269,11 @@ def look_around(
         inside = 0
         for i in range(begin, end):
             if active[i]:
-                if inside < ALL_PAIRS:
+                if inside < len(slot):
                     around[0, inside], around[1, inside], around[2, inside] = position[i, 0], position[i, 1], radius[i]
                     slot[inside] = i
                 inside += 1
-        all_pairs = inside <= ALL_PAIRS
+        all_pairs = inside <= len(slot)
         columns, rows, head = 1, 1, 0
         if not all_pairs:
             head, columns, rows = sort_into_cells(e, begin, end, active, position, near, sight)
