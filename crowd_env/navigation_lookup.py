@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inner_kernel, kernel
 from crowd_env.geometry import Boundary
 
 Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ class FieldArrays(NamedTuple):
     through: NDArray[np.int64]  # (M,)    bit k: the way from here leads through region k
 
 
-@kernel
+@inner_kernel
 def nearest_on_exit(
     ax: float, ay: float, bx: float, by: float, x: float, y: float, radius: float
 ) -> tuple[float, float]:
@@ -53,7 +53,7 @@ def nearest_on_exit(
     return ax + s * ux, ay + s * uy
 
 
-@kernel
+@inner_kernel
 def towards_exit(
     ax: float, ay: float, bx: float, by: float, x: float, y: float, radius: float, margin: float
 ) -> tuple[float, float]:
@@ -90,7 +90,7 @@ def crosses(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx
     return (a_side > 1e-12 and b_side < -1e-12) or (a_side < -1e-12 and b_side > 1e-12)
 
 
-@kernel
+@inner_kernel
 def _cell(u: float, count: int) -> tuple[int, float]:
     """Return the cell of grid coordinate ``u`` along an axis of ``count`` nodes, and the place within it (0..1).
 
@@ -101,7 +101,7 @@ def _cell(u: float, count: int) -> tuple[int, float]:
     return n, u - n
 
 
-@kernel
+@inner_kernel
 def _sees(walls: Floats, w0: int, w1: int, x: float, y: float, px: float, py: float) -> bool:
     """Return whether none of walls w0..w1 runs between (x, y) and (px, py)."""
     for w in range(w0, w1):
@@ -110,7 +110,7 @@ def _sees(walls: Floats, w0: int, w1: int, x: float, y: float, px: float, py: fl
     return True
 
 
-@kernel
+@inner_kernel
 def _best_corner(travel_time: Floats, first: int, cols: int) -> int:
     """Return the corner of the cell with the least travel time; one of them is walkable."""
     best, least = first, np.inf
@@ -121,7 +121,7 @@ def _best_corner(travel_time: Floats, first: int, cols: int) -> int:
     return best
 
 
-@kernel
+@inner_kernel
 def _nearest_node(travel_time: Floats, start: int, rows: int, cols: int, i0: int, j0: int) -> int:
     """Return the walkable node nearest to node [i0, j0], found in growing rings; -1 if the field has none."""
     best, best_square = -1, np.inf
@@ -137,7 +137,7 @@ def _nearest_node(travel_time: Floats, start: int, rows: int, cols: int, i0: int
     return best
 
 
-@kernel
+@inner_kernel
 def _node_for(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, first: int) -> int:
     """Return the one node to follow in a cell that a wall runs through or that has no walkable corner; -1 = none.
 
@@ -162,7 +162,7 @@ def _node_for(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float
     return _nearest_node(field.travel_time, start, field.shape[f, 0], cols, i, j)
 
 
-@kernel
+@inner_kernel
 def quick_direction(
     cell: Ints,
     direction: Floats,
@@ -269,7 +269,7 @@ def travel_time_at(field: FieldArrays, boundary: Boundary, f: int, x: float, y: 
     return total / weights if weights > 1e-3 else field.travel_time[_best_corner(field.travel_time, first, cols)]
 
 
-@kernel
+@inner_kernel
 def quick_travel_time(
     cell: Ints,
     travel_time: Floats,

@@ -23,7 +23,9 @@ from crowd_env.perception import (
     VELOCITY,
     WALLS,
     Plan,
-    Scene,
+    cast_rays,
+    feel,
+    look_around,
 )
 from crowd_env.physics.neighbors import NeighbourList
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
@@ -51,30 +53,6 @@ class View(NamedTuple):
     axis: Floats  # (P, 2)  first axis of the frame
     direction: Floats  # (P, 2)  of the shortest path
     travel_time: Floats  # (P,)    s, at the own desired speed; 0 for those who are out
-
-    def scene(self) -> Scene:
-        """Return what of this the compiled terms read."""
-        bodies, state, boundary = self.bodies, self.state, self.boundary
-        return Scene(
-            env_start=bodies.env_start,
-            geometry_of_env=self.geometry_of_env,
-            wall_start=boundary.wall_start,
-            wall=boundary.wall,
-            wall_door=boundary.wall_door,
-            door_open=self.door_open,
-            active=state.active,
-            position=state.position,
-            velocity=state.velocity,
-            radius=bodies.radius,
-            mass=bodies.mass,
-            desired_speed=bodies.desired_speed,
-            push=self.push,
-            crush=self.crush,
-            seen=self.seen,
-            axis=self.axis,
-            direction=self.direction,
-            travel_time=self.travel_time,
-        )
 
 
 # Name -> (law, width); "neighbours" and "walls" multiply the width by how many are asked for.  A law is a function
@@ -167,6 +145,61 @@ class ObservationLayout:
             slot=np.zeros(all_pairs, dtype=np.int64),
             key=np.zeros(all_pairs, dtype=np.int64),
         )
+
+    def observe(self, view: View, rooms: Ints, plan: Plan, out: np.ndarray) -> None:
+        """Write the rows of ``out`` (P, size) float32 of everyone in ``rooms``, all but the terms that are not compiled."""
+        bodies, state, env_start, column = view.bodies, view.state, view.bodies.env_start, plan.column
+        feel(
+            rooms,
+            env_start,
+            column,
+            view.seen,
+            view.axis,
+            state.velocity,
+            bodies.desired_speed,
+            view.direction,
+            view.travel_time,
+            view.push,
+            view.crush,
+            bodies.mass,
+            out,
+        )
+        if "walls" in self.terms:
+            cast_rays(
+                rooms,
+                env_start,
+                column,
+                view.geometry_of_env,
+                view.boundary.wall_start,
+                view.boundary.wall,
+                view.boundary.wall_door,
+                view.door_open,
+                view.seen,
+                view.axis,
+                state.position,
+                bodies.radius,
+                plan.turn,
+                plan.beam,
+                out,
+            )
+        if "neighbours" in self.terms or "density" in self.terms:
+            look_around(
+                rooms,
+                env_start,
+                column,
+                view.axis,
+                view.seen,
+                state.active,
+                state.position,
+                state.velocity,
+                bodies.radius,
+                view.near,
+                plan.nearest,
+                plan.around,
+                plan.slot,
+                plan.key,
+                out,
+            )
 
     @property
     def own_terms(self) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from crowd_env.observation import ObservationLayout, View
-from crowd_env.perception import Plan, perceive
+from crowd_env.perception import Plan
 from crowd_env.progress import look_ahead
 from crowd_env.recycled import Recycled
 from crowd_env.simulation import Simulation
@@ -64,7 +64,6 @@ class Observer:
             direction=self.direction,
             travel_time=self.travel_time,
         )
-        scene = view.scene()
 
         def look(part: Ints, plan: Plan) -> None:
             look_ahead(
@@ -81,7 +80,7 @@ class Observer:
                 self.travel_time,
                 self.travel_time_before,
             )
-            perceive(part, scene, memory.near, plan, rows)
+            self.layout.observe(view, part, plan, rows)
 
         if rooms is not None or len(self._plans) == 1:
             look(self._all_rooms if rooms is None else rooms, self._plans[0])

@@ -1,7 +1,8 @@
-"""What pedestrians perceive, compiled: the laws behind the terms of an observation, in one call for some rooms.
+"""What pedestrians perceive, compiled: the laws behind the terms of an observation.
 
-The laws write their columns of the rows (P, D) float32, clipped to [-1, 1].  Each runs over many rooms and takes the few
-arrays it reads: handing over a whole NamedTuple of arrays person by person costs more than the law itself.
+The laws write their columns of the rows (P, D) float32 of those who are ``seen``, clipped to [-1, 1]; `feel` comes first and
+writes zeros everywhere else.  Each runs over the people of many rooms and takes the few arrays it reads: handing over whole
+NamedTuples of arrays, person by person, costs more than the law itself.
 """
 
 from typing import NamedTuple
@@ -9,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inner_kernel, kernel
 from crowd_env.physics.neighbors import NeighbourList, sort_into_cells
 from crowd_env.state import Bools, Floats, Ints
 
@@ -31,29 +32,6 @@ _SLOTS = 16777216
 _NOBODY = 9223372036854775807
 
 
-class Scene(NamedTuple):
-    """What the compiled terms read, and no more: every array of a call costs time."""
-
-    env_start: Ints  # (E+1,)
-    geometry_of_env: Ints  # (E,)
-    wall_start: Ints  # (G+1,)
-    wall: Floats  # (W, 2, 2) m
-    wall_door: Ints  # (W,)
-    door_open: Bools  # (E, D)
-    active: Bools  # (P,)
-    position: Floats  # (P, 2) m
-    velocity: Floats  # (P, 2) m/s
-    radius: Floats  # (P,)    m
-    mass: Floats  # (P,)    kg
-    desired_speed: Floats  # (P,)    m/s
-    push: Floats  # (P, 2) N s  contact impulse since the last decision
-    crush: Floats  # (P,)    N s  sum of its magnitudes
-    seen: Bools  # (P,)    whose observation is wanted; the rest is zero
-    axis: Floats  # (P, 2)  first axis of the frame
-    direction: Floats  # (P, 2)  of the shortest path
-    travel_time: Floats  # (P,)    s, at the own desired speed; 0 for those who are out
-
-
 class Plan(NamedTuple):
     """Where the compiled terms of a layout go, and scratch for one thread."""
 
@@ -66,71 +44,7 @@ class Plan(NamedTuple):
     key: Ints  # (N,)    scratch: how near they are to one person
 
 
-@kernel
-def perceive(rooms: Ints, scene: Scene, near: NeighbourList, plan: Plan, out: Rows) -> None:
-    """Write the rows (P, D) of everyone in ``rooms``: those of people who are not seen are zero.
-
-    Of ``near`` only the cells are used, as scratch.
-    """
-    env_start, column, seen, axis = scene.env_start, plan.column, scene.seen, scene.axis
-    for e in rooms:
-        for i in range(env_start[e], env_start[e + 1]):
-            for k in range(out.shape[1]):
-                out[i, k] = 0.0
-    feel(
-        rooms,
-        env_start,
-        column,
-        seen,
-        axis,
-        scene.velocity,
-        scene.desired_speed,
-        scene.direction,
-        scene.travel_time,
-        scene.push,
-        scene.crush,
-        scene.mass,
-        out,
-    )
-    if column[WALLS] >= 0:
-        cast_rays(
-            rooms,
-            env_start,
-            scene.geometry_of_env,
-            scene.wall_start,
-            scene.wall,
-            scene.wall_door,
-            scene.door_open,
-            seen,
-            axis,
-            scene.position,
-            scene.radius,
-            plan.turn,
-            plan.beam,
-            column[WALLS],
-            out,
-        )
-    if column[NEIGHBOURS] >= 0 or column[DENSITY] >= 0:
-        look_around(
-            rooms,
-            env_start,
-            column,
-            axis,
-            seen,
-            scene.active,
-            scene.position,
-            scene.velocity,
-            scene.radius,
-            near,
-            plan.nearest,
-            plan.around,
-            plan.slot,
-            plan.key,
-            out,
-        )
-
-
-@kernel
+@inner_kernel
 def clipped(value: float) -> float:
     """Return the value moved into [-1, 1]; nan stays."""
     if value < -1.0:
@@ -157,6 +71,10 @@ def feel(
     out: Rows,
 ) -> None:
     """Write what everyone has of himself: velocity, desired speed, the way out, and what presses on him."""
+    for e in rooms:
+        for i in range(env_start[e], env_start[e + 1]):
+            for k in range(out.shape[1]):
+                out[i, k] = 0.0
     at_velocity, at_speed, at_direction = column[VELOCITY], column[DESIRED_SPEED], column[DIRECTION]
     at_time, at_push, at_crush = column[TRAVEL_TIME], column[PUSH], column[CRUSH]
     for e in rooms:
@@ -189,6 +107,7 @@ def feel(
 def cast_rays(
     rooms: Ints,
     env_start: Ints,
+    column: Ints,
     geometry_of_env: Ints,
     wall_start: Ints,
     wall: Floats,
@@ -200,11 +119,10 @@ def cast_rays(
     radius: Floats,
     turn: Floats,
     beam: Floats,
-    first: int,
     out: Rows,
 ) -> None:
     """Write the free distance from everyone's surface to the nearest wall along rays / 3 m."""
-    rays = len(turn)
+    rays, first = len(turn), column[WALLS]
     for e in rooms:
         g = geometry_of_env[e]
         w0, w1 = wall_start[g], wall_start[g + 1]
@@ -328,13 +246,13 @@ def look_around(
                 out[i, c + 4] = 1.0 - gap * (1.0 / SIGHT)
 
 
-@kernel
+@inner_kernel
 def key_of(gap: float, slot: int) -> int:
     """Return the whole number that neighbours are ordered by: gap before slot."""
     return int(np.floor(gap * _GAP_STEPS)) * _SLOTS + slot
 
 
-@kernel
+@inner_kernel
 def enter(nearest: Ints, key: int) -> None:
     """Put someone into the ascending list of the nearest, unless those who are listed are all nearer."""
     if key < nearest[len(nearest) - 1]:
@@ -344,7 +262,7 @@ def enter(nearest: Ints, key: int) -> None:
             key = max(other, key)
 
 
-@kernel
+@inner_kernel
 def least_six(key: Ints, count: int, nearest: Ints) -> None:
     """Write the least of ``count`` keys, up to six, in ascending order.
 

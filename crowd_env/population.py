@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inner_kernel, kernel
 from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform
 from crowd_env.geometry import Boundary, Geometry
 from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies
@@ -199,7 +199,7 @@ def _clearances(points: Floats, boundary: Boundary, clearance: Floats) -> None:
         clearance[k] = _clearance(x, y, boundary.wall, boundary.two_sided, boundary.exit)
 
 
-@kernel
+@inner_kernel
 def _clearance(x: float, y: float, wall: Floats, two_sided: Bools, exit_line: Floats) -> float:
     """Return the distance of (x, y) to the nearest wall, -1 outside."""
     nearest, inside = np.inf, False
