@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from crowd_env._jit import allocating_kernel, kernel
 from crowd_env.navigation_grid import ANTIDIAGONAL, DIAGONAL, RIGHT, UP, distance_to_segment
-from crowd_env.navigation_lookup import ALONE, BLEND, crosses, nearest_on_exit, towards_exit
+from crowd_env.navigation_lookup import ALONE, BLEND, crosses, exit_frame, nearest_on_exit, through_exit
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -256,13 +256,13 @@ def straight_lines(
         for j in range(cols):
             limit = time[i, j] + spacing
             for k in range(len(exits)):
-                ax, ay, bx, by = exits[k, 0, 0], exits[k, 0, 1], exits[k, 1, 0], exits[k, 1, 1]
+                ax, ay, ux, uy, width, nx, ny = exit_frame(exits, k)
                 x, y = origin[0] + j * spacing, origin[1] + i * spacing
-                tx, ty = nearest_on_exit(ax, ay, bx, by, x, y, radius)
+                tx, ty = nearest_on_exit(ax, ay, ux, uy, width, x, y, radius)
                 length = np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
                 if not length <= limit or (direct[i, j] >= 0 and length >= time[i, j]):
                     continue
-                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) < -1e-6:  # behind the exit line
+                if ux * (y - ay) - uy * (x - ax) < -1e-6:  # behind the exit line
                     continue
                 if time[i, j] > (1.0 + detour) * length + 1.5 * spacing:
                     continue
@@ -270,7 +270,8 @@ def straight_lines(
                     continue
                 direct[i, j] = rows_of_exits[k]
                 time[i, j] = length
-                direction[i, j, 0], direction[i, j, 1] = towards_exit(ax, ay, bx, by, x, y, radius, radius)
+                ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, radius, radius)
+                direction[i, j, 0], direction[i, j, 1] = ex, ey
     return direct
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import inner_kernel, kernel
+from crowd_env._jit import kernel
 from crowd_env.geometry import Boundary
 
 Floats = NDArray[np.float64]
@@ -39,29 +39,43 @@ class FieldArrays(NamedTuple):
     through: NDArray[np.int64]  # (M,)    bit k: the way from here leads through region k
 
 
-@inner_kernel
-def nearest_on_exit(
-    ax: float, ay: float, bx: float, by: float, x: float, y: float, radius: float
-) -> tuple[float, float]:
-    """Return the point of segment a-b, shrunk by ``radius`` at both ends, nearest to (x, y); its middle if too narrow."""
-    ux, uy = bx - ax, by - ay
+@kernel
+def exit_frame(exit_line: Floats, k: int) -> tuple[float, float, float, float, float, float, float]:
+    """Return of exit ``k``: end a (2), the vector from there to end b (2), its length, and the unit vector out (2)."""
+    ax, ay = exit_line[k, 0, 0], exit_line[k, 0, 1]
+    ux, uy = exit_line[k, 1, 0] - ax, exit_line[k, 1, 1] - ay
     width = np.sqrt(ux * ux + uy * uy)
+    return ax, ay, ux, uy, width, uy / width, -ux / width
+
+
+@kernel
+def nearest_on_exit(
+    ax: float, ay: float, ux: float, uy: float, width: float, x: float, y: float, radius: float
+) -> tuple[float, float]:
+    """Return the point of an exit, shrunk by ``radius`` at both ends, nearest to (x, y); its middle if too narrow."""
     if width <= 2.0 * radius:
-        return 0.5 * (ax + bx), 0.5 * (ay + by)
+        return ax + 0.5 * ux, ay + 0.5 * uy
     s = ((x - ax) * ux + (y - ay) * uy) / width
     s = min(max(s, radius), width - radius) / width
     return ax + s * ux, ay + s * uy
 
 
-@inner_kernel
-def towards_exit(
-    ax: float, ay: float, bx: float, by: float, x: float, y: float, radius: float, margin: float
+@kernel
+def through_exit(
+    ax: float,
+    ay: float,
+    ux: float,
+    uy: float,
+    width: float,
+    nx: float,
+    ny: float,
+    x: float,
+    y: float,
+    radius: float,
+    margin: float,
 ) -> tuple[float, float]:
-    """Return the unit vector that leads a disc at (x, y) out through exit a-b (walkable area to its left)."""
-    tx, ty = nearest_on_exit(ax, ay, bx, by, x, y, margin)
-    ux, uy = bx - ax, by - ay
-    width = np.sqrt(ux * ux + uy * uy)
-    nx, ny = uy / width, -ux / width  # out of the area
+    """Return the unit vector that leads a disc at (x, y) out through an exit (walkable area to its left)."""
+    tx, ty = nearest_on_exit(ax, ay, ux, uy, width, x, y, margin)
     depth = (ax - x) * nx + (ay - y) * ny  # in front of the line; negative beyond it
     beyond = max(_DOORSTEP * radius - depth, 0.0)
     dx, dy = tx - x + beyond * nx, ty - y + beyond * ny
@@ -74,8 +88,8 @@ def towards_exit(
 @kernel
 def exit_target(boundary: Boundary, k: int, x: float, y: float, radius: float) -> tuple[float, float]:
     """Return where on exit ``k`` a disc at (x, y) passes best [m]: the nearest point that keeps it off the jambs."""
-    line = boundary.exit
-    return nearest_on_exit(line[k, 0, 0], line[k, 0, 1], line[k, 1, 0], line[k, 1, 1], x, y, radius)
+    ax, ay, ux, uy, width, _, _ = exit_frame(boundary.exit, k)
+    return nearest_on_exit(ax, ay, ux, uy, width, x, y, radius)
 
 
 @kernel
@@ -90,7 +104,7 @@ def crosses(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx
     return (a_side > 1e-12 and b_side < -1e-12) or (a_side < -1e-12 and b_side > 1e-12)
 
 
-@inner_kernel
+@kernel
 def _cell(u: float, count: int) -> tuple[int, float]:
     """Return the cell of grid coordinate ``u`` along an axis of ``count`` nodes, and the place within it (0..1).
 
@@ -101,7 +115,7 @@ def _cell(u: float, count: int) -> tuple[int, float]:
     return n, u - n
 
 
-@inner_kernel
+@kernel
 def _sees(walls: Floats, w0: int, w1: int, x: float, y: float, px: float, py: float) -> bool:
     """Return whether none of walls w0..w1 runs between (x, y) and (px, py)."""
     for w in range(w0, w1):
@@ -110,7 +124,7 @@ def _sees(walls: Floats, w0: int, w1: int, x: float, y: float, px: float, py: fl
     return True
 
 
-@inner_kernel
+@kernel
 def _best_corner(travel_time: Floats, first: int, cols: int) -> int:
     """Return the corner of the cell with the least travel time; one of them is walkable."""
     best, least = first, np.inf
@@ -121,7 +135,7 @@ def _best_corner(travel_time: Floats, first: int, cols: int) -> int:
     return best
 
 
-@inner_kernel
+@kernel
 def _nearest_node(travel_time: Floats, start: int, rows: int, cols: int, i0: int, j0: int) -> int:
     """Return the walkable node nearest to node [i0, j0], found in growing rings; -1 if the field has none."""
     best, best_square = -1, np.inf
@@ -137,7 +151,7 @@ def _nearest_node(travel_time: Floats, start: int, rows: int, cols: int, i0: int
     return best
 
 
-@inner_kernel
+@kernel
 def _node_for(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, first: int) -> int:
     """Return the one node to follow in a cell that a wall runs through or that has no walkable corner; -1 = none.
 
@@ -162,7 +176,32 @@ def _node_for(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float
     return _nearest_node(field.travel_time, start, field.shape[f, 0], cols, i, j)
 
 
-@inner_kernel
+@kernel
+def quick_cell(
+    start: int, rows: int, cols: int, left: float, bottom: float, spacing: float, x: float, y: float
+) -> tuple[int, float, float]:
+    """Return the first node of the cell that (x, y) lies in, and the place within it, right and up (0..1)."""
+    j, u = _cell((x - left) / spacing, cols)
+    i, v = _cell((y - bottom) / spacing, rows)
+    return start + i * cols + j, u, v
+
+
+@kernel
+def blended_direction(direction: Floats, first: int, cols: int, u: float, v: float) -> tuple[bool, float, float]:
+    """Return whether the ways of the walkable corners of a cell agree on one, and its unit vector."""
+    low, high = (1.0 - v) * (1.0 - u), v * (1.0 - u)  # corners outside of the area have direction 0, i.e. no weight
+    ex = low * direction[first, 0] + high * direction[first + cols, 0]
+    ey = low * direction[first, 1] + high * direction[first + cols, 1]
+    low, high = (1.0 - v) * u, v * u
+    ex += low * direction[first + 1, 0] + high * direction[first + cols + 1, 0]
+    ey += low * direction[first + 1, 1] + high * direction[first + cols + 1, 1]
+    norm = np.sqrt(ex * ex + ey * ey)
+    if norm > 1e-3:
+        return True, ex / norm, ey / norm
+    return False, 0.0, 0.0  # two ways of equal length
+
+
+@kernel
 def quick_direction(
     cell: Ints,
     direction: Floats,
@@ -182,26 +221,16 @@ def quick_direction(
 
     It takes the few arrays it reads apart from the rest: handing over a whole NamedTuple of arrays costs more than the look-up.
     """
-    j, u = _cell((x - left) / spacing, cols)
-    i, v = _cell((y - bottom) / spacing, rows)
-    first = start + i * cols + j
+    first, u, v = quick_cell(start, rows, cols, left, bottom, spacing, x, y)
     k = cell[first]
     if k >= 0:
-        ax, ay, bx, by = exit_line[k, 0, 0], exit_line[k, 0, 1], exit_line[k, 1, 0], exit_line[k, 1, 1]
-        ex, ey = towards_exit(ax, ay, bx, by, x, y, radius, margin if margin >= 0.0 else radius)
+        ax, ay, ux, uy, width, nx, ny = exit_frame(exit_line, k)
+        margin = margin if margin >= 0.0 else radius
+        ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, radius, margin)
         return True, ex, ey
     if k != BLEND:
         return False, 0.0, 0.0
-    low, high = (1.0 - v) * (1.0 - u), v * (1.0 - u)  # corners outside of the area have direction 0, i.e. no weight
-    ex = low * direction[first, 0] + high * direction[first + cols, 0]
-    ey = low * direction[first, 1] + high * direction[first + cols, 1]
-    low, high = (1.0 - v) * u, v * u
-    ex += low * direction[first + 1, 0] + high * direction[first + cols + 1, 0]
-    ey += low * direction[first + 1, 1] + high * direction[first + cols + 1, 1]
-    norm = np.sqrt(ex * ex + ey * ey)
-    if norm > 1e-3:
-        return True, ex / norm, ey / norm
-    return False, 0.0, 0.0  # two ways of equal length
+    return blended_direction(direction, first, cols, u, v)
 
 
 @kernel
@@ -230,9 +259,7 @@ def direction_at(
     )
     if plain:
         return ex, ey
-    j, _ = _cell((x - left) / spacing, cols)
-    i, _ = _cell((y - bottom) / spacing, rows)
-    first = start + i * cols + j
+    first, _, _ = quick_cell(start, rows, cols, left, bottom, spacing, x, y)
     if field.cell[first] == BLEND:
         best = _best_corner(field.travel_time, first, cols)  # two ways of equal length: take one
     else:
@@ -267,40 +294,3 @@ def travel_time_at(field: FieldArrays, boundary: Boundary, f: int, x: float, y: 
             total += weight * time
             weights += weight
     return total / weights if weights > 1e-3 else field.travel_time[_best_corner(field.travel_time, first, cols)]
-
-
-@inner_kernel
-def quick_travel_time(
-    cell: Ints,
-    travel_time: Floats,
-    exit_line: Floats,
-    start: int,
-    rows: int,
-    cols: int,
-    left: float,
-    bottom: float,
-    spacing: float,
-    margin: float,
-    x: float,
-    y: float,
-    radius: float,
-) -> float:
-    """Return what `travel_time_at` does where the way out is plain, else nan; it takes the few arrays it reads."""
-    j, u = _cell((x - left) / spacing, cols)
-    i, v = _cell((y - bottom) / spacing, rows)
-    first = start + i * cols + j
-    k = cell[first]
-    if k >= 0:
-        ax, ay, bx, by = exit_line[k, 0, 0], exit_line[k, 0, 1], exit_line[k, 1, 0], exit_line[k, 1, 1]
-        tx, ty = nearest_on_exit(ax, ay, bx, by, x, y, margin if margin >= 0.0 else radius)
-        return np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
-    if k != BLEND:
-        return np.nan
-    total, weights = 0.0, 0.0
-    for c in range(4):
-        time = travel_time[first + (c >> 1) * cols + (c & 1)]
-        weight = (u if c & 1 else 1.0 - u) * (v if c >> 1 else 1.0 - v)
-        if time < np.inf:  # false for nan
-            total += weight * time
-            weights += weight
-    return total / weights if weights > 1e-3 else np.nan

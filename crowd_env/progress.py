@@ -2,10 +2,17 @@
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inner_kernel, kernel
 from crowd_env.geometry import Boundary
-from crowd_env.navigation import FieldArrays, direction_at, quick_direction, travel_time_at
-from crowd_env.navigation_lookup import quick_travel_time
+from crowd_env.navigation import FieldArrays, direction_at, travel_time_at
+from crowd_env.navigation_lookup import (
+    BLEND,
+    blended_direction,
+    exit_frame,
+    nearest_on_exit,
+    quick_cell,
+    through_exit,
+)
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
@@ -50,18 +57,15 @@ def look_ahead(
             x, y, r = position[i, 0], position[i, 1], radius[i]
             plain, ex, ey, length = False, 0.0, 0.0, np.nan
             if cols > 0:
-                plain, ex, ey = quick_direction(
-                    cell, directions, exit_line, start, rows, cols, left, bottom, spacing, margin, x, y, r
+                first, u, v = quick_cell(start, rows, cols, left, bottom, spacing, x, y)
+                plain, ex, ey, length = quick_way(
+                    cell, directions, times, exit_line, first, cols, u, v, margin if margin >= 0.0 else r, x, y, r
                 )
             if not plain:
                 ex, ey = direction_at(field, boundary, f, x, y, r)
             direction[i, 0], direction[i, 1] = ex, ey
             now = 0.0
             if active[i]:
-                if cols > 0:
-                    length = quick_travel_time(
-                        cell, times, exit_line, start, rows, cols, left, bottom, spacing, margin, x, y, r
-                    )
                 if not length >= 0.0:
                     length = travel_time_at(field, boundary, f, x, y, r)
                 # Someone who does not want to move would need for ever: the time at a slow walk stands in.
@@ -69,6 +73,41 @@ def look_ahead(
             before[i] = travel_time[i] if row[i] == f else now
             row[i] = f
             travel_time[i] = now
+
+
+@inner_kernel
+def quick_way(
+    cell: Ints,
+    direction: Floats,
+    travel_time: Floats,
+    exit_line: Floats,
+    first: int,
+    cols: int,
+    u: float,
+    v: float,
+    margin: float,
+    x: float,
+    y: float,
+    radius: float,
+) -> tuple[bool, float, float, float]:
+    """Return what `quick_direction` does, and the length of the way [m] as `travel_time_at` has it, nan if it is not plain."""
+    k = cell[first]
+    if k >= 0:
+        ax, ay, ux, uy, width, nx, ny = exit_frame(exit_line, k)
+        tx, ty = nearest_on_exit(ax, ay, ux, uy, width, x, y, margin)
+        ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, radius, margin)
+        return True, ex, ey, np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
+    if k != BLEND:
+        return False, 0.0, 0.0, np.nan
+    plain, ex, ey = blended_direction(direction, first, cols, u, v)
+    total, weights = 0.0, 0.0
+    for c in range(4):
+        time = travel_time[first + (c >> 1) * cols + (c & 1)]
+        weight = (u if c & 1 else 1.0 - u) * (v if c >> 1 else 1.0 - v)
+        if time < np.inf:  # false for nan
+            total += weight * time
+            weights += weight
+    return plain, ex, ey, total / weights if weights > 1e-3 else np.nan
 
 
 @kernel

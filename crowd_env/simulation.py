@@ -1,5 +1,6 @@
 """A batch of crowds that walk, touch and leave.  No rewards, no agents: give it commands, advance it, read its arrays."""
 
+import itertools
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -9,6 +10,7 @@ import numpy as np
 from crowd_env.doors import Doorkeeper
 from crowd_env.geometry import Geometry, join_boundaries
 from crowd_env.navigation import NavigationField, travel_time_field
+from crowd_env.ordering import SortedCrowd
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.neighbors import DIVERGED, FULL
 from crowd_env.physics.world import (
@@ -49,7 +51,8 @@ class Simulation:
     fields : travel-time field, or all the ways, of each geometry; made here for geometries with exits if not given.
     replan_every : s, how often the fastest ways are found anew.
     driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
-    threads : spread environments over this many threads; the result does not depend on it.
+    threads : spread environments, or with `dem` the parts of one large crowd, over this many threads; the result does not
+        depend on it.
     allow_unstable : accept a ``dt`` above the scheme's stable step (to show what happens).
 
     Raises
@@ -121,6 +124,7 @@ class Simulation:
             self.close_doors(e, self._doorkeeper.restart(e))
         # Overlaps, residuals and solver effort since the start of each environment.
         self.diagnostics = no_diagnostics(environments)
+        self._sorted = SortedCrowd(bodies, state, self.memory) if SortedCrowd.is_needed(bodies) else None
         self._pool: ThreadPoolExecutor | None = None
         self._no_force = np.zeros((len(bodies.radius), 2))
         self._forward = np.tile([1.0, 0.0], (len(bodies.radius), 1))
@@ -173,6 +177,7 @@ class Simulation:
         memory.push[:] = 0.0
         memory.crush[:] = 0.0
         memory.progress[:] = 0
+        memory.cut.gate[:] = 0
         for sums in memory.diagnostics:
             sums[:] = 0
         control = Control(command, relative, external_force, self.driving)
@@ -182,7 +187,10 @@ class Simulation:
                 self.close_doors(e, self._doorkeeper.closed[e])
             self.wayfinder.update(self.bodies, self.state)
             inside = self.inside
+            if self._sorted is not None:
+                self._sorted.update(self.bodies, self.state, self.memory)
             waits = [
+                self._sorted.steps_until_due(self.state.time, self.dt, inside) if self._sorted is not None else None,
                 self.wayfinder.steps_until_due(self.state.time, self.dt, inside),
                 self._doorkeeper.steps_until_due(self.state.time, self.dt, inside),
             ]
@@ -216,7 +224,11 @@ class Simulation:
         """Advance every environment to step ``n_substeps`` of this call."""
         while True:
             batch = Batch(self.world, self.bodies, self.state, control, self.memory)
-            self._run(batch, n_substeps)
+            if self._sorted is None:
+                self._run(batch, n_substeps)
+            else:
+                self._run(self._sorted.take_in(batch), n_substeps)
+                self._sorted.give_back(self.state, self.memory)
             status = self.memory.status
             if (status == DIVERGED).any():
                 e = int(np.argmax(status == DIVERGED))
@@ -229,15 +241,27 @@ class Simulation:
             self.memory = grow_memory(self.memory, self.bodies)  # the environments that were full go on where they were
 
     def _run(self, batch: Batch, n_substeps: int) -> None:
-        """Advance ranges of environments side by side: the kernels hold no lock, and environments share no memory."""
-        count = len(self.state.time)
-        edges = np.linspace(0, count, min(self.threads, count) + 1).astype(int).tolist()
-        if len(edges) == 2:
-            self.scheme.advance(batch, self.dt, n_substeps, 0, count)
+        """Advance the batch on all threads: the kernels hold no lock.
+
+        Either ranges of environments side by side, which share no memory; or, where a crowd is large and the scheme knows how,
+        all threads go through all environments together.
+        """
+        count, threads = len(self.state.time), self.threads
+        if threads > 1 and self._is_shared(batch):
+            parts = [(0, count, thread, threads) for thread in range(threads)]
+        else:
+            edges = np.linspace(0, count, min(threads, count) + 1).astype(int).tolist()
+            parts = [(first, stop, 0, 1) for first, stop in itertools.pairwise(edges)]
+        if len(parts) == 1:
+            self.scheme.advance(batch, self.dt, n_substeps, *parts[0])
             return
         if self._pool is None:
-            self._pool = ThreadPoolExecutor(self.threads)
-        list(self._pool.map(lambda a, b: self.scheme.advance(batch, self.dt, n_substeps, a, b), edges[:-1], edges[1:]))
+            self._pool = ThreadPoolExecutor(threads)
+        list(self._pool.map(lambda part: self.scheme.advance(batch, self.dt, n_substeps, *part), parts))
+
+    def _is_shared(self, batch: Batch) -> bool:
+        """Whether several threads step one crowd together."""
+        return bool(self.scheme.slabs(int(np.diff(batch.bodies.env_start).max()), self.driving) > 1)
 
     def restart(
         self, e: int, bodies: Bodies, position: Floats, velocity: Floats | None = None, route: Ints | int = 0
@@ -268,15 +292,14 @@ class Simulation:
         state.route[people] = route
         self.memory.followed[people] = route
         self.wayfinder.restart(e)
+        if self._sorted is not None:
+            self._sorted.restart(e)
         self.close_doors(e, self._doorkeeper.restart(e))
         self.memory.rule_on[e] = False
         state.time[e] = 0.0
-        near = self.memory.near
         self.memory.phase[e] = 0
         self.memory.way_age[e] = np.inf
-        near.reach[e] = -1.0
-        near.row_begin[people] = near.entry_start[e]
-        near.row_end[people] = near.entry_start[e]
+        self.memory.near.reach[e] = -1.0
         self.memory.contacts.number[e] = 0
         self.memory.push[people] = 0.0
         self.memory.crush[people] = 0.0
@@ -302,14 +325,16 @@ class Simulation:
         """Return a copy of the contacts of environment ``e``."""
         contacts, begin = self.memory.contacts, int(self.memory.near.entry_start[e])
         rows = slice(begin, begin + int(contacts.number[e]))
-        first = self.bodies.env_start[e]
-        j = contacts.j[rows]
+        first, i, j, normal = self.bodies.env_start[e], contacts.i[rows], contacts.j[rows], contacts.normal[rows]
+        order = slice(None)
+        if self._sorted is not None:
+            i, j, normal, order = self._sorted.by_slot(i, j, normal)
         return ContactList(
-            contacts.i[rows] - first,
+            i - first,
             np.where(j >= 0, j - first, j),
-            contacts.gap[rows].copy(),
-            contacts.normal[rows].copy(),
-            contacts.impulse[rows].copy(),
+            contacts.gap[rows][order].copy(),
+            normal.copy(),
+            contacts.impulse[rows][order].copy(),
             bool(self.diagnostics.unconverged[e] == 0),
         )
 

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import index, inlined_kernel, kernel
 from crowd_env.geometry import Boundary
-from crowd_env.physics.neighbors import NeighbourList
-from crowd_env.state import Bodies, CrowdState, Floats, Ints
+from crowd_env.physics.neighbors import NeighbourList, Places
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
 class Contacts(NamedTuple):
@@ -28,12 +28,16 @@ class Contacts(NamedTuple):
     gap: Floats  # (M,)    m     < 0 is overlap
     normal: Floats  # (M, 2)        unit, from j to i
     impulse: Floats  # (M, 2)  N s   normal, tangential, of the current step
-    entry: Ints  # (M,)          where the pair stands in the neighbour list
+    memory: Floats  # (M, 2)  what the scheme remembers of a contact while it lasts; 0 at first
+    #                nsm1, nsm2: normal and tangential impulse of the last step [N s]; hertz: tangential elongation [m], 0
+    old_key: Ints  # (M,)    scratch: what the contacts of the last step remember
+    old_memory: Floats  # (M, 2)
+    hit: Places  # (M,)    scratch: entries of the list that are contacts
 
 
 def allocate_contacts(near: NeighbourList) -> Contacts:
-    """Return contacts with as much room as the neighbour list."""
-    entries = len(near.partner)
+    """Return no contacts, with as much room as the neighbour list."""
+    entries = len(near.touch)
     return Contacts(
         number=np.zeros(len(near.reach), dtype=np.int64),
         i=np.zeros(entries, dtype=np.int64),
@@ -41,11 +45,35 @@ def allocate_contacts(near: NeighbourList) -> Contacts:
         gap=np.zeros(entries),
         normal=np.zeros((entries, 2)),
         impulse=np.zeros((entries, 2)),
-        entry=np.zeros(entries, dtype=np.int64),
+        memory=np.zeros((entries, 2)),
+        old_key=np.zeros(entries, dtype=np.int64),
+        old_memory=np.zeros((entries, 2)),
+        hit=np.zeros(entries, dtype=np.uint32),
     )
 
 
+def move_contacts(old: Contacts, old_start: Ints, new: Contacts, new_start: Ints) -> None:
+    """Copy the contacts of every environment to where they belong in longer arrays."""
+    new.number[:] = old.number
+    for e, number in enumerate(old.number.tolist()):
+        source = slice(int(old_start[e]), int(old_start[e]) + number)
+        target = slice(int(new_start[e]), int(new_start[e]) + number)
+        for name in ("i", "j", "gap", "normal", "impulse", "memory"):
+            getattr(new, name)[target] = getattr(old, name)[source]
+
+
 @kernel
+def contact_key(i: int, j: int) -> int:
+    """Where a contact stands in the order (i, j), walls last."""
+    return (i << 32) + (j if j >= 0 else (1 << 31) - 1 - j)
+
+
+def contact_keys(i: Ints, j: Ints) -> Ints:
+    """The same for arrays (C,)."""
+    return np.asarray((i << 32) + np.where(j >= 0, j, (1 << 31) - 1 - j))
+
+
+@inlined_kernel
 def find_contacts(
     e: int,
     g: int,
@@ -58,33 +86,216 @@ def find_contacts(
 ) -> None:
     """Narrow phase: write the contacts of environment ``e`` with a gap below ``margin``, sorted by (i, j), walls last.
 
-    The starting impulse is the history of a pair that was in contact in the previous step, else zero.
+    The starting impulse is what is remembered of a pair that was in contact in the previous step, else zero.
     """
-    active, position, radius, partner, history = state.active, state.position, bodies.radius, near.partner, near.history
-    c = near.entry_start[e]
-    for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
+    first, wall, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
+    kept = first
+    if contacts.number[e] > 0:
+        kept = _keep_memory(
+            first,
+            first + contacts.number[e],
+            contacts.i,
+            contacts.j,
+            contacts.memory,
+            contacts.old_key,
+            contacts.old_memory,
+        )
+    hits = _near_enough(first, wall, near.owner, near.partner, near.touch, state.position, margin, contacts.hit)
+    c = first
+    if wall < wall_end:
+        c = _touch_all(
+            g,
+            first,
+            hits,
+            wall,
+            wall_end,
+            boundary,
+            bodies.radius,
+            state.active,
+            state.position,
+            near,
+            contacts,
+            margin,
+        )
+    elif hits > first:
+        c = _touch_people(
+            first,
+            hits,
+            near.owner,
+            near.partner,
+            near.touch,
+            state.active,
+            state.position,
+            margin,
+            contacts.hit,
+            contacts.i,
+            contacts.j,
+            contacts.gap,
+            contacts.normal,
+            c,
+        )
+    contacts.number[e] = c - first
+    if c > first:
+        _recall(
+            first,
+            c,
+            kept,
+            contacts.i,
+            contacts.j,
+            contacts.impulse,
+            contacts.memory,
+            contacts.old_key,
+            contacts.old_memory,
+        )
+
+
+@kernel
+def _near_enough(
+    first: int, last: int, owner: Places, partner: Places, touch: Floats, position: Floats, margin: float, hit: Places
+) -> int:
+    """Write the entries ``first:last`` with a gap below ``margin`` into ``hit``; returns one past the last.
+
+    Every entry is written down, whether it counts or not: the processor would guess a branch wrong every third time, which
+    costs more than all of the rest.
+    """
+    hits = index(first)
+    for entry in range(index(first), index(last)):
+        i, j = owner[entry], partner[entry]
+        dx, dy, limit = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry] + margin
+        hit[hits] = entry
+        hits += index(dx * dx + dy * dy < limit * limit)
+    return np.int64(hits)
+
+
+@kernel
+def _touch_people(
+    first: int,
+    last: int,
+    owner: Places,
+    partner: Places,
+    touch: Floats,
+    active: Bools,
+    position: Floats,
+    margin: float,
+    hit: Places,
+    contact_i: Ints,
+    contact_j: Ints,
+    contact_gap: Floats,
+    normal: Floats,
+    c: int,
+) -> int:
+    """Write the contacts of the hits ``first:last`` from contact ``c`` on; returns one past the last contact."""
+    for h in range(index(first), index(last)):
+        entry = hit[h]
+        i, j = owner[entry], partner[entry]
+        gap, nx, ny = _disc_on_point(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry])
+        if active[i] and active[j] and gap < margin:
+            contact_i[c], contact_j[c], contact_gap[c] = i, j, gap
+            normal[c, 0], normal[c, 1] = nx, ny
+            c += 1
+    return c
+
+
+@kernel
+def _touch_all(
+    g: int,
+    first: int,
+    last: int,
+    wall: int,
+    wall_end: int,
+    boundary: Boundary,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
+    near: NeighbourList,
+    contacts: Contacts,
+    margin: float,
+) -> int:
+    """Write the contacts of the hits ``first:last`` and of the wall entries; returns one past the last contact."""
+    owner, hit, c, h = near.owner, contacts.hit, first, first
+    while wall < wall_end:
+        i, feature = owner[wall], np.int64(near.partner[wall])
+        wall += 1
         if not active[i]:
             continue
-        x, y, r = position[i, 0], position[i, 1], radius[i]
-        for entry in range(near.row_begin[i], near.row_end[i]):
-            j = partner[entry]
-            gap, nx, ny = np.inf, 0.0, 0.0
-            if j >= 0:
-                dx, dy, limit = x - position[j, 0], y - position[j, 1], r + radius[j] + margin
-                if dx * dx + dy * dy < limit * limit and active[j]:
-                    gap, nx, ny = _disc_on_point(dx, dy, r + radius[j])
-            else:
-                gap, nx, ny = gap_to_feature(x, y, r, boundary, g, -1 - j)
-            if gap < margin:
-                contacts.i[c], contacts.j[c], contacts.gap[c] = i, j, gap
-                contacts.normal[c, 0], contacts.normal[c, 1] = nx, ny
-                contacts.impulse[c, 0], contacts.impulse[c, 1] = history[entry, 0], history[entry, 1]
-                contacts.entry[c] = entry
-                c += 1
-            elif history[entry, 0] != 0.0 or history[entry, 1] != 0.0:  # rarely: to look is cheaper than to write
-                history[entry, 0] = 0.0
-                history[entry, 1] = 0.0
-    contacts.number[e] = c - near.entry_start[e]
+        gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature)
+        if gap < margin:
+            before = h
+            while h < last and owner[hit[h]] <= i:  # walls come after the people whom i touches
+                h += 1
+            c = _touch_people(
+                before,
+                h,
+                owner,
+                near.partner,
+                near.touch,
+                active,
+                position,
+                margin,
+                hit,
+                contacts.i,
+                contacts.j,
+                contacts.gap,
+                contacts.normal,
+                c,
+            )
+            contacts.i[c], contacts.j[c], contacts.gap[c] = i, -1 - feature, gap
+            contacts.normal[c, 0], contacts.normal[c, 1] = nx, ny
+            c += 1
+    return _touch_people(
+        h,
+        last,
+        owner,
+        near.partner,
+        near.touch,
+        active,
+        position,
+        margin,
+        hit,
+        contacts.i,
+        contacts.j,
+        contacts.gap,
+        contacts.normal,
+        c,
+    )
+
+
+@kernel
+def _keep_memory(first: int, last: int, i: Ints, j: Ints, memory: Floats, old_key: Ints, old_memory: Floats) -> int:
+    """Put aside what the contacts ``first:last`` of the last step remember; returns one past the last of these."""
+    kept = first
+    for c in range(first, last):
+        if memory[c, 0] != 0.0 or memory[c, 1] != 0.0:
+            old_key[kept] = contact_key(i[c], j[c])
+            old_memory[kept, 0], old_memory[kept, 1] = memory[c, 0], memory[c, 1]
+            kept += 1
+    return kept
+
+
+@kernel
+def _recall(
+    first: int,
+    last: int,
+    kept: int,
+    i: Ints,
+    j: Ints,
+    impulse: Floats,
+    memory: Floats,
+    old_key: Ints,
+    old_memory: Floats,
+) -> None:
+    """Give the contacts ``first:last`` what the same contacts remembered, and start their impulses from it."""
+    old = first
+    for c in range(index(first), index(last)):
+        normal, tangent = 0.0, 0.0
+        if old < kept:
+            key = contact_key(i[c], j[c])
+            while old < kept and old_key[old] < key:
+                old += 1
+            if old < kept and old_key[old] == key:
+                normal, tangent = old_memory[old, 0], old_memory[old, 1]
+        memory[c, 0], memory[c, 1] = normal, tangent
+        impulse[c, 0], impulse[c, 1] = normal, tangent
 
 
 @kernel

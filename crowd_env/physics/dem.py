@@ -11,15 +11,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd_env._jit import kernel
-from crowd_env.physics.contacts import Contacts
-from crowd_env.physics.forces import desired_velocities, regular_forces
+from crowd_env._jit import index, kernel
+from crowd_env.geometry import Boundary
+from crowd_env.physics.contacts import find_contacts
+from crowd_env.physics.forces import LOOK_EVERY, follow_rules, look_around
+from crowd_env.physics.lanes import Lanes, aim, book, count_strays, enter_lanes, leave_lanes, show_positions, walk
+from crowd_env.physics.leaving import leave_lanes_anywhere, leave_lanes_by_list, take_out_of_lanes
+from crowd_env.physics.neighbors import OK, NeighbourList, update_neighbours
 from crowd_env.physics.require import require_positive
 from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social import SocialForce, SocialLaw, social_law
-from crowd_env.physics.step import detect, leave, record_overlaps, record_pushes, tick, unfinished
-from crowd_env.physics.world import Batch
-from crowd_env.state import Bodies, CrowdState, Floats
+from crowd_env.physics.slabs import SLABS, Cut, first_entry, slab_start, slabs_of, wait_for_all
+from crowd_env.physics.social import SocialForce, SocialLaw, add_social_forces, social_law
+from crowd_env.physics.soft_contact import (
+    CARRIED,
+    COUNT,
+    DEEPEST,
+    OUTSIDE,
+    STRAYS,
+    SUM,
+    push_off_walls,
+    push_people,
+    receive,
+)
+from crowd_env.physics.step import tick, unfinished
+from crowd_env.physics.world import Batch, Control, Diagnostics
+from crowd_env.state import Bodies, Bools, CrowdState, Floats
 
 INFO = SchemeInfo(
     name="dem",
@@ -30,6 +46,10 @@ INFO = SchemeInfo(
     overlap="v / omega, some centimetres at k = 1.2e5 N/m; it is the softness, not an error of the time step",
     stable_step="2 / sqrt(2 k / m_min), from h omega < 2 for two bodies of the smallest mass, and 2 tau_min",
 )
+
+
+# What a step has to do about where people want to go: nothing, turn commands anew, or look up the way first.
+_NOTHING, _AIM, _LOOK = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -69,64 +89,317 @@ class DEM:
     def check(self, driving: bool) -> None:
         """Accept both uses."""
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+    def slabs(self, people: int, driving: bool) -> int:
+        """Return into how many slabs a crowd of so many is cut; the social force is not shared out."""
+        return 1 if self.social is not None and driving else int(slabs_of(people))
+
+    def advance(
+        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+    ) -> None:
         """Advance the environments ``first:stop`` in place."""
         social = social_law(self.social, batch.control.driving)
-        _advance_range(batch, dt, n_substeps, first, stop, self.stiffness, social)
+        _advance_range(batch, dt, n_substeps, first, stop, self.stiffness, social, thread, threads)
 
 
 @kernel
-def _springs(begin: int, end: int, contacts: Contacts, force: Floats, dt: float, stiffness: float) -> None:
-    """Add the forces (eqs 4, 5) of the contacts ``begin:end`` to ``force``."""
-    for c in range(begin, end):
-        size = -stiffness * min(0.0, contacts.gap[c])
-        contacts.impulse[c, 0] = size * dt
-        contacts.impulse[c, 1] = 0.0
-        i, j = contacts.i[c], contacts.j[c]
-        force[i, 0] += size * contacts.normal[c, 0]
-        force[i, 1] += size * contacts.normal[c, 1]
-        if j >= 0:
-            force[j, 0] -= size * contacts.normal[c, 0]
-            force[j, 1] -= size * contacts.normal[c, 1]
+def _advance_one(
+    e: int, batch: Batch, dt: float, n_substeps: int, stiffness: float, social: SocialLaw, thread: int, threads: int
+) -> None:
+    """Advance environment ``e``; several threads may do so together, each with its share of the slabs.
 
-
-@kernel
-def _integrate(e: int, bodies: Bodies, state: CrowdState, force: Floats, previous: Floats, dt: float) -> None:
-    """Symplectic Euler (eq 3)."""
-    for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-        if state.active[i]:
-            for k in range(2):
-                previous[i, k] = state.position[i, k]
-                state.velocity[i, k] += dt * force[i, k] / bodies.mass[i]
-                state.position[i, k] += dt * state.velocity[i, k]
-
-
-@kernel
-def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, stiffness: float, social: SocialLaw) -> None:
+    Between two gates nobody writes what another reads; what is not worth sharing is left to thread 0.
+    """
     world, bodies, state, control, memory = batch
-    near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
-    while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
-        if not detect(
-            e, g, world.boundary, memory.door_open, bodies, state, near, contacts, memory.status, 0.0, social.cutoff
-        ):
+    near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
+    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
+    slabs = slabs_of(end - begin) if social.cutoff == 0.0 else 1
+    if slabs == 1:
+        if thread > 0:
             return
-        desired_velocities(e, world, bodies, state, control, memory, dt)
-        regular_forces(
-            e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, memory.force, social
+        threads = 1
+    if not unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
+        return
+    fresh = True
+    while True:
+        if thread == 0:
+            if fresh:
+                _begin(e, begin, end, bodies, state, control, near, lanes, cut)
+            else:
+                _finish(e, g, begin, end, slabs, world.boundary, state, near, lanes, cut, memory.diagnostics, dt)
+                tick(e, state.time, memory.progress, dt)
+            cut.go[e] = memory.progress[e] < n_substeps and cut.inside[e] > 0
+            if cut.go[e]:
+                if cut.stray[e]:
+                    show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
+                    margin = social.cutoff
+                    memory.status[e] = update_neighbours(
+                        e, g, world.boundary, memory.door_open, bodies, state, near, margin
+                    )
+                    cut.go[e] = memory.status[e] == OK
+                    _follow_list(e, begin, end, slabs, state.active, near, margin, lanes, cut)
+                cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
+                if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
+                    memory.way_age[e] = 0.0
+                    cut.look[e] = _LOOK
+                    if world.guidance.region.shape[g, 1] > 0:
+                        show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
+                        follow_rules(e, g, world, bodies, state, memory)
+                memory.way_age[e] += dt
+                if memory.progress[e] == n_substeps - 1 and cut.go[e]:
+                    show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
+                    find_contacts(e, g, world.boundary, bodies, state, near, contacts, 0.0)
+                    _write_impulses(
+                        near.entry_start[e], contacts.number[e], contacts.gap, contacts.impulse, dt, stiffness
+                    )
+        fresh = False
+        wait_for_all(cut.gate, threads)
+        if not cut.go[e]:
+            break
+        for s in range(thread, slabs, threads):
+            low, high, row = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end), SLABS * e + s
+            if cut.look[e] > _NOTHING:
+                if cut.look[e] == _LOOK:
+                    show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
+                    look_around(e, g, low, high, world, bodies, state, memory, control.relative, dt)
+                aim(
+                    low,
+                    high,
+                    state.time[e],
+                    control.command,
+                    control.relative,
+                    memory.way,
+                    memory.pace,
+                    bodies.response_time,
+                    state.active,
+                    lanes.wish_x,
+                    lanes.wish_y,
+                )
+            if social.cutoff > 0.0:
+                show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
+                show_positions(low, high, state.active, lanes.wish_x, lanes.wish_y, memory.desired)
+                _copy_forces(low, high, control.external_force, memory.force)
+                add_social_forces(
+                    e, g, world.boundary, bodies, state, near, memory.desired, memory.heading, memory.force, social
+                )
+                _press(low, high, state.active, memory.force, lanes.gx, lanes.gy)
+            push_people(
+                cut.pair_start[row],
+                cut.pair_stop[row],
+                high,
+                near.owner,
+                near.partner,
+                near.touch,
+                lanes.x,
+                lanes.y,
+                stiffness,
+                contacts.hit,
+                lanes.fx,
+                lanes.fy,
+                lanes.squeeze,
+                contacts.old_key,
+                contacts.old_memory,
+                cut.seen,
+                row,
+            )
+            if cut.wall_start[row] < cut.wall_stop[row]:
+                push_off_walls(
+                    g,
+                    cut.wall_start[row],
+                    cut.wall_stop[row],
+                    world.boundary,
+                    near.owner,
+                    near.partner,
+                    bodies.radius,
+                    lanes.x,
+                    lanes.y,
+                    stiffness,
+                    lanes.fx,
+                    lanes.fy,
+                    lanes.squeeze,
+                    cut.seen,
+                    row,
+                )
+        wait_for_all(cut.gate, threads)
+        for s in range(thread, slabs, threads):
+            low, high, row = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end), SLABS * e + s
+            for other in range(SLABS * e, row):
+                if cut.seen[other, CARRIED] > 0.0:
+                    receive(
+                        cut.pair_start[other],
+                        int(cut.seen[other, CARRIED]),
+                        low,
+                        high,
+                        contacts.old_key,
+                        contacts.old_memory,
+                        lanes.fx,
+                        lanes.fy,
+                        lanes.squeeze,
+                    )
+            walk(low, high, dt, lanes.fx, lanes.gx, lanes.per_mass, lanes.wish_x, lanes.per_tau, lanes.vx, lanes.x)
+            walk(low, high, dt, lanes.fy, lanes.gy, lanes.per_mass, lanes.wish_y, lanes.per_tau, lanes.vy, lanes.y)
+            book(low, high, dt, lanes.fx, lanes.push_x)
+            book(low, high, dt, lanes.fy, lanes.push_y)
+            book(low, high, dt, lanes.squeeze, lanes.crush)
+            cut.seen[row, STRAYS] = count_strays(
+                low, high, lanes.x, lanes.y, lanes.origin_x, lanes.origin_y, cut.most[e]
+            )
+        wait_for_all(cut.gate, threads)
+    for s in range(thread, slabs, threads):
+        low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
+        leave_lanes(low, high, state.active, lanes, state.position, state.velocity, memory.push, memory.crush)
+
+
+@kernel
+def _begin(
+    e: int,
+    begin: int,
+    end: int,
+    bodies: Bodies,
+    state: CrowdState,
+    control: Control,
+    near: NeighbourList,
+    lanes: Lanes,
+    cut: Cut,
+) -> None:
+    """Copy everyone into the lanes; whether the list still holds is to be seen."""
+    cut.inside[e] = enter_lanes(
+        begin,
+        end,
+        state.position,
+        state.velocity,
+        state.active,
+        bodies.mass,
+        bodies.relaxation_time,
+        control.external_force,
+        near.origin,
+        control.driving,
+        lanes,
+    )
+    latest = 0.0
+    for i in range(index(begin), index(end)):
+        latest = max(latest, bodies.response_time[i])
+    cut.last_response[e], cut.stray[e] = latest, True
+
+
+@kernel
+def _follow_list(
+    e: int, begin: int, end: int, slabs: int, active: Bools, near: NeighbourList, margin: float, lanes: Lanes, cut: Cut
+) -> None:
+    """Note where the list was built, how far anyone may go from there, and which entries belong to which slab."""
+    for i in range(index(begin), index(end)):
+        if active[i]:
+            lanes.origin_x[i], lanes.origin_y[i] = near.origin[i, 0], near.origin[i, 1]
+    spare = max(near.reach[e] - margin, 0.0)
+    cut.most[e], cut.stray[e] = 0.25 * spare * spare, False
+    first, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
+    for s in range(slabs):
+        row, low, high = SLABS * e + s, slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
+        cut.pair_start[row] = first_entry(low, first, pair_end, near.owner)
+        cut.pair_stop[row] = first_entry(high, first, pair_end, near.owner)
+        cut.wall_start[row] = first_entry(low, pair_end, wall_end, near.owner)
+        cut.wall_stop[row] = first_entry(high, pair_end, wall_end, near.owner)
+
+
+@kernel
+def _finish(
+    e: int,
+    g: int,
+    begin: int,
+    end: int,
+    slabs: int,
+    boundary: Boundary,
+    state: CrowdState,
+    near: NeighbourList,
+    lanes: Lanes,
+    cut: Cut,
+    sums: Diagnostics,
+    dt: float,
+) -> None:
+    """Add up what the slabs have seen, and take out whoever crossed an exit."""
+    strays, count = 0.0, 0.0
+    for row in range(SLABS * e, SLABS * e + slabs):
+        seen = cut.seen
+        sums.max_overlap[e] = max(sums.max_overlap[e], seen[row, DEEPEST], seen[row, OUTSIDE])
+        sums.max_outside[e] = max(sums.max_outside[e], seen[row, OUTSIDE])
+        sums.overlap_sum[e] += seen[row, SUM]
+        count += seen[row, COUNT]
+        strays += seen[row, STRAYS]
+    sums.overlap_count[e] += int(count)
+    cut.stray[e] = strays > 0.0
+    near.age[e] += 1
+    exits, stop = boundary.exit_start[g], boundary.exit_start[g + 1]
+    left = 0
+    if strays > 0.0:
+        left = leave_lanes_anywhere(
+            begin,
+            end,
+            boundary.exit,
+            exits,
+            stop,
+            lanes.x,
+            lanes.y,
+            lanes.vx,
+            lanes.vy,
+            state.time[e],
+            dt,
+            state.active,
+            state.exit_time,
+            state.exit_index,
         )
-        first = near.entry_start[e]
-        last = first + contacts.number[e]
-        _springs(first, last, contacts, memory.force, dt, stiffness)
-        record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
-        record_overlaps(e, first, last, contacts, memory.diagnostics)
-        _integrate(e, bodies, state, memory.force, memory.previous, dt)
-        leave(e, g, world.boundary, bodies, state, memory.previous, dt)
-        tick(e, state.time, memory.progress, dt)
+    elif near.wall_end[e] < near.exit_end[e]:
+        left = leave_lanes_by_list(
+            near.wall_end[e],
+            near.exit_end[e],
+            near.owner,
+            near.partner,
+            boundary.exit,
+            exits,
+            lanes.x,
+            lanes.y,
+            lanes.vx,
+            lanes.vy,
+            state.time[e],
+            dt,
+            state.active,
+            state.exit_time,
+            state.exit_index,
+        )
+    if left > 0:
+        cut.inside[e] -= left
+        take_out_of_lanes(begin, end, state.active, lanes, state.position, state.velocity)
+
+
+@kernel
+def _write_impulses(first: int, number: int, gap: Floats, impulse: Floats, dt: float, stiffness: float) -> None:
+    """The contacts of the last step of a call are listed for those who ask; their forces are those that it pushed with."""
+    for c in range(first, first + number):
+        impulse[c, 0], impulse[c, 1] = -stiffness * gap[c] * dt, 0.0
+
+
+@kernel
+def _copy_forces(begin: int, end: int, source: Floats, target: Floats) -> None:
+    for i in range(index(begin), index(end)):
+        target[i, 0], target[i, 1] = source[i, 0], source[i, 1]
+
+
+@kernel
+def _press(begin: int, end: int, active: Bools, force: Floats, gx: Floats, gy: Floats) -> None:
+    for i in range(index(begin), index(end)):
+        if active[i]:
+            gx[i], gy[i] = force[i, 0], force[i, 1]
 
 
 @kernel
 def _advance_range(
-    batch: Batch, dt: float, n_substeps: int, first: int, stop: int, stiffness: float, social: SocialLaw
+    batch: Batch,
+    dt: float,
+    n_substeps: int,
+    first: int,
+    stop: int,
+    stiffness: float,
+    social: SocialLaw,
+    thread: int,
+    threads: int,
 ) -> None:
     for e in range(first, stop):
-        _advance_one(e, batch, dt, n_substeps, stiffness, social)
+        _advance_one(e, batch, dt, n_substeps, stiffness, social, thread, threads)

@@ -21,13 +21,14 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import index, kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
+from crowd_env.physics.leaving import leave
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social import SocialForce, SocialLaw, social_law
-from crowd_env.physics.step import detect, leave, record_overlaps, record_pushes, tick, unfinished
+from crowd_env.physics.step import detect, record_overlaps, record_pushes, tick, unfinished
 from crowd_env.physics.world import Batch
 from crowd_env.state import Bodies, CrowdState, Floats
 
@@ -153,7 +154,13 @@ class Hertz:
     def check(self, driving: bool) -> None:
         """Accept both uses."""
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+    def slabs(self, people: int, driving: bool) -> int:
+        """One: a crowd is stepped by one thread."""
+        return 1
+
+    def advance(
+        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+    ) -> None:
         """Advance the environments ``first:stop`` in place."""
         law = HertzLaw(
             self.normal_stiffness,
@@ -174,7 +181,7 @@ def _touch(
     first: int,
     last: int,
     contacts: Contacts,
-    history: Floats,
+    remembered: Floats,
     bodies: Bodies,
     velocity: Floats,
     spin: Floats,
@@ -191,7 +198,7 @@ def _touch(
     """
     kn, kt, turning = law.normal_stiffness, law.tangential_stiffness, law.rotation
     for c in range(first, last):
-        i, j, entry, overlap = contacts.i[c], contacts.j[c], contacts.entry[c], -contacts.gap[c]
+        i, j, overlap = contacts.i[c], contacts.j[c], -contacts.gap[c]
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
         reduced, mass, limit = bodies.radius[i], bodies.mass[i], law.wall_friction
         ux, uy, turn = velocity[i, 0], velocity[i, 1], bodies.radius[i] * spin[i]
@@ -208,13 +215,13 @@ def _touch(
             cn = 2.0 * law.normal_damping * np.sqrt(1.5 * kn * mass / alpha)
             ct = 2.0 * law.tangential_damping * np.sqrt(kt * mass / alpha)
         push = kn * overlap + cn * closing
-        stretch = history[entry, 0] + slip * elapsed
+        stretch = remembered[c, 0] + slip * elapsed
         rub = -(kt * stretch + ct * slip)
         most = limit * abs(push)
         if abs(rub) > most:  # slides: the spring is let go to where it gives the limit
             rub = most if rub > 0.0 else -most
             stretch = -(rub + ct * slip) / kt
-        history[entry, 0] = stretch
+        remembered[c, 0] = stretch
         push *= alpha
         rub *= alpha
         contacts.impulse[c, 0], contacts.impulse[c, 1] = push * dt, rub * dt
@@ -234,7 +241,7 @@ def _touch(
 def _kick(begin: int, end: int, bodies: Bodies, state: CrowdState, force: Floats, torque: Floats, half: float) -> None:
     """Half a kick (eqs 9, 11)."""
     active, velocity, spin, mass = state.active, state.velocity, state.spin, bodies.mass
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         if active[i]:
             rate = half / mass[i]
             velocity[i, 0] += rate * force[i, 0]
@@ -247,7 +254,7 @@ def _kick(begin: int, end: int, bodies: Bodies, state: CrowdState, force: Floats
 def _drift(begin: int, end: int, state: CrowdState, previous: Floats, dt: float) -> None:
     """Move and turn (eq 10)."""
     active, position, velocity, angle, spin = state.active, state.position, state.velocity, state.angle, state.spin
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         if active[i]:
             previous[i, 0], previous[i, 1] = position[i, 0], position[i, 1]
             position[i, 0] += dt * velocity[i, 0]
@@ -278,11 +285,13 @@ def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: HertzLaw
         regular_forces(
             e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, force, social
         )
-        for i in range(begin, end):
+        for i in range(index(begin), index(end)):
             torque[i] = 0.0
         last = first + contacts.number[e]
         elapsed = dt if phase[e] == _DRIFTED else 0.0  # the first forces of all are those of springs not yet stretched
-        _touch(first, last, contacts, near.history, bodies, state.velocity, state.spin, force, torque, dt, elapsed, law)
+        _touch(
+            first, last, contacts, contacts.memory, bodies, state.velocity, state.spin, force, torque, dt, elapsed, law
+        )
         if phase[e] == _DRIFTED:
             record_pushes(first, last, contacts, memory.push, memory.crush, 0.5)
             record_overlaps(e, first, last, contacts, memory.diagnostics)

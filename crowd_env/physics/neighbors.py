@@ -1,15 +1,16 @@
-"""Who can touch whom soon: cell list -> Verlet half list with a skin, plus the wall features near each body.
+"""Who can touch whom soon: cell list -> Verlet half list with a skin, and the wall features near each body.
 
-Row ``i`` of the list names every partner ``j > i`` and every wall feature closer than ``reach`` (gap), sorted, so that the
-order of every later sum depends neither on the cells nor on when the list was built.  Each entry carries what the scheme
-remembers of the pair (warm start, friction history); it moves with the pair when the list is rebuilt.
+The list of an environment names every pair i < j and every (person, wall feature) closer than ``reach`` (gap), each sorted,
+so that the order of every later sum depends neither on the cells nor on when the list was built.  It is flat, one entry after
+the other, pairs first: a loop over it has no inner loop whose end the processor would have to guess.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from crowd_env._jit import kernel
+from crowd_env._jit import index, inlined_kernel, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
@@ -19,28 +20,35 @@ OK, FULL, DIVERGED = 0, 1, 2
 # Map coordinates are welcome; beyond this a run has blown up, and the number of cells would overflow.
 _FARTHEST = 1e8  # m
 
-# Skin of the Verlet list.  0.04 to 0.14 m were measured to be equally fast in a dense crowd.
-SKIN = 0.08  # m
+# The skin of an environment's list follows from how long the last one was good for and how many pairs it held in vain: a new
+# list costs as much as some forty looks at a pair.  What is found does not depend on it.
+_SKIN, _LEAST_SKIN, _MOST_SKIN = 0.08, 0.04, 0.4  # m
+_LOOKS = 40.0
+
+# Up to so many people all pairs are looked at: quicker than to sort them into cells.
+_FEW = 40
+
+# Unsigned, because numba checks every signed index for being negative.
+Places = NDArray[np.uint32]
 
 
 class NeighbourList(NamedTuple):
-    """Half lists of all environments; environment ``e`` owns the entries ``entry_start[e]:entry_start[e + 1]``."""
+    """Half lists of all environments; ``e`` owns the entries from ``entry_start[e]`` on: pairs, then walls, then exits."""
 
     entry_start: Ints  # (E+1,)
-    row_begin: Ints  # (P,)   first entry of person i
-    row_end: Ints  # (P,)   one past its last entry
-    partner: Ints  # (M,)   person j > i (global), or -1 - k: wall k of the geometry (k < walls), else corner k - walls
-    history: Floats  # (M, 2) what the scheme remembers of the pair; 0 when not in contact
-    #                 nsm1, nsm2: normal and tangential impulse of the last step [N s]; hertz: tangential elongation [m], 0
+    pair_end: Ints  # (E,)
+    wall_end: Ints  # (E,)
+    exit_end: Ints  # (E,)
+    owner: Places  # (M,)   person i
+    partner: Places  # (M,)   person j > i; or wall k of the geometry, then its corners; or exit k of the geometry
+    touch: Floats  # (M,)   m    sum of the two radii of a pair
     origin: Floats  # (P, 2) m    positions when the list was built
     reach: Floats  # (E,)   m    gap up to which the list is complete at `origin`; -1 = must be built
+    skin: Floats  # (E,)   m    by how much it looks further than it has to
+    age: Ints  # (E,)   steps since it was built
     cell_start: Ints  # cell heads of the counting sort, environment e from 4 * env_start[e] + 64 * e
     cell_item: Ints  # (P,)
     cell_of: Ints  # (P,)
-    old_begin: Ints  # (P,)   the previous list, kept while its history moves over
-    old_end: Ints  # (P,)
-    old_partner: Ints  # (M,)
-    old_history: Floats  # (M, 2)
 
 
 def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
@@ -51,40 +59,23 @@ def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
     entries = int(entry_start[-1])
     return NeighbourList(
         entry_start=entry_start,
-        row_begin=np.zeros(people, dtype=np.int64),
-        row_end=np.zeros(people, dtype=np.int64),
-        partner=np.zeros(entries, dtype=np.int64),
-        history=np.zeros((entries, 2)),
+        pair_end=entry_start[:-1].copy(),
+        wall_end=entry_start[:-1].copy(),
+        exit_end=entry_start[:-1].copy(),
+        owner=np.zeros(entries, dtype=np.uint32),
+        partner=np.zeros(entries, dtype=np.uint32),
+        touch=np.zeros(entries),
         origin=np.zeros((people, 2)),
         reach=np.full(environments, -1.0),
+        skin=np.full(environments, _SKIN),
+        age=np.zeros(environments, dtype=np.int64),
         cell_start=np.zeros(4 * people + 64 * environments, dtype=np.int64),
         cell_item=np.zeros(people, dtype=np.int64),
         cell_of=np.zeros(people, dtype=np.int64),
-        old_begin=np.zeros(people, dtype=np.int64),
-        old_end=np.zeros(people, dtype=np.int64),
-        old_partner=np.zeros(entries, dtype=np.int64),
-        old_history=np.zeros((entries, 2)),
     )
 
 
-def grow_neighbours(old: NeighbourList, bodies: Bodies, per_person: int) -> NeighbourList:
-    """Return a longer copy of ``old`` that keeps every row and its history."""
-    new = allocate_neighbours(bodies, per_person)
-    for e in range(len(bodies.env_start) - 1):
-        people = slice(bodies.env_start[e], bodies.env_start[e + 1])
-        used = int(old.row_end[people].max(initial=old.entry_start[e])) - int(old.entry_start[e])
-        source = slice(old.entry_start[e], old.entry_start[e] + used)
-        target = slice(new.entry_start[e], new.entry_start[e] + used)
-        shift = new.entry_start[e] - old.entry_start[e]
-        new.row_begin[people] = old.row_begin[people] + shift
-        new.row_end[people] = old.row_end[people] + shift
-        new.partner[target] = old.partner[source]
-        new.history[target] = old.history[source]
-    new.origin[:] = old.origin
-    return new  # reach stays -1: built at the next step
-
-
-@kernel
+@inlined_kernel
 def update_neighbours(
     e: int,
     g: int,
@@ -97,53 +88,65 @@ def update_neighbours(
 ) -> int:
     """Rebuild the list of environment ``e`` if a gap below ``margin`` could be missing from it.
 
-    Returns OK; FULL, with the old list intact, if the entries do not fit; or DIVERGED if someone is nowhere near the world.
+    Returns OK; FULL if the entries do not fit; or DIVERGED if someone is nowhere near the world.
     """
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    furthest = 0.0
-    for i in range(begin, end):
-        if state.active[i]:
-            x, y = state.position[i, 0], state.position[i, 1]
-            if not (abs(x) < _FARTHEST and abs(y) < _FARTHEST):  # nan too
-                return DIVERGED
-            dx, dy = x - near.origin[i, 0], y - near.origin[i, 1]
-            furthest = max(furthest, dx * dx + dy * dy)
-    if near.reach[e] >= 0.0 and margin + 2.0 * np.sqrt(furthest) <= near.reach[e]:
+    near.age[e] += 1
+    if is_complete(begin, end, state.position, near.origin, near.reach[e], margin):
         return OK
-    _keep_old_rows(e, begin, end, near)
-    reach = margin + max(SKIN, 0.375 * margin)  # 0.15 m beyond the 0.4 m of a social force was measured to be best
-    if not _build_rows(e, g, begin, end, boundary, door_open, bodies, state, near, reach):
-        _restore_old_rows(e, begin, end, near)
-        near.reach[e] = -1.0
+    return _rebuild(e, g, begin, end, boundary, door_open, bodies.radius, state.active, state.position, near, margin)
+
+
+@kernel
+def _rebuild(
+    e: int,
+    g: int,
+    begin: int,
+    end: int,
+    boundary: Boundary,
+    door_open: Bools,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
+    near: NeighbourList,
+    margin: float,
+) -> int:
+    for i in range(begin, end):
+        if active[i] and not (abs(position[i, 0]) < _FARTHEST and abs(position[i, 1]) < _FARTHEST):
+            return DIVERGED  # nan too
+    if near.reach[e] >= margin:
+        near.skin[e] = _better_skin(e, begin, end, radius, near)
+    near.age[e] = 0
+    reach = margin + max(
+        near.skin[e], 0.375 * margin
+    )  # 0.15 m beyond the 0.4 m of a social force was measured to be best
+    near.reach[e] = -1.0
+    if not _list_pairs(e, begin, end, radius, active, position, near, reach):
         return FULL
+    if not _list_walls(e, g, begin, end, boundary, door_open, radius, active, position, near, reach):
+        return FULL
+    if not _list_exits(e, g, begin, end, boundary, active, position, near, 0.5 * reach):
+        return FULL
+    for i in range(begin, end):
+        near.origin[i, 0], near.origin[i, 1] = position[i, 0], position[i, 1]
     near.reach[e] = reach
     return OK
 
 
 @kernel
-def _keep_old_rows(e: int, begin: int, end: int, near: NeighbourList) -> None:
-    last = near.entry_start[e]
-    for i in range(begin, end):
-        near.old_begin[i] = near.row_begin[i]
-        near.old_end[i] = near.row_end[i]
-        last = max(last, near.row_end[i])
-    for c in range(near.entry_start[e], last):
-        near.old_partner[c] = near.partner[c]
-        near.old_history[c, 0] = near.history[c, 0]
-        near.old_history[c, 1] = near.history[c, 1]
+def is_complete(begin: int, end: int, position: Floats, origin: Floats, reach: float, margin: float) -> bool:
+    """Whether nobody has moved so far that a gap below ``margin`` could be missing.
 
-
-@kernel
-def _restore_old_rows(e: int, begin: int, end: int, near: NeighbourList) -> None:
-    last = near.entry_start[e]
-    for i in range(begin, end):
-        near.row_begin[i] = near.old_begin[i]
-        near.row_end[i] = near.old_end[i]
-        last = max(last, near.old_end[i])
-    for c in range(near.entry_start[e], last):
-        near.partner[c] = near.old_partner[c]
-        near.history[c, 0] = near.old_history[c, 0]
-        near.history[c, 1] = near.old_history[c, 1]
+    To count is free of branches; nan counts.  Those who are out do not move.
+    """
+    if reach < margin:
+        return False
+    most = 0.25 * (reach - margin) * (reach - margin)
+    gone = 0
+    for i in range(index(begin), index(end)):
+        dx, dy = position[i, 0] - origin[i, 0], position[i, 1] - origin[i, 1]
+        gone += not dx * dx + dy * dy <= most
+    return gone == 0
 
 
 @kernel
@@ -191,109 +194,216 @@ def sort_into_cells(
 
 
 @kernel
-def _build_rows(
+def _better_skin(e: int, begin: int, end: int, radius: Floats, near: NeighbourList) -> float:
+    """Return the skin of the next list of environment ``e``: the cost of the last one's spare pairs is to be that of making it.
+
+    Where people stand evenly the share d^2 / (d + s)^2 of the pairs would be there without the skin s.
+    """
+    skin, mean = near.skin[e], 0.0
+    for i in range(index(begin), index(end)):
+        mean += 2.0 * radius[i]
+    diameter = mean / (end - begin)
+    pairs = (near.pair_end[e] - near.entry_start[e]) / (end - begin)
+    spare = pairs * (1.0 - (diameter / (diameter + skin)) ** 2)
+    looks = spare * near.age[e]
+    if looks < _LOOKS / 1.5:
+        return min(1.25 * skin, _MOST_SKIN)
+    if looks > _LOOKS * 1.5:
+        return max(skin / 1.25, _LEAST_SKIN)
+    return skin
+
+
+@kernel
+def _list_pairs(
+    e: int, begin: int, end: int, radius: Floats, active: Bools, position: Floats, near: NeighbourList, reach: float
+) -> bool:
+    """Write all pairs nearer than ``reach``; False if they do not fit."""
+    first, last = near.entry_start[e], near.entry_start[e + 1]
+    owner, partner, touch = near.owner, near.partner, near.touch
+    if end - begin <= _FEW:
+        entry = _all_pairs(begin, end, radius, active, position, reach, first, last, owner, partner)
+    else:
+        grid = sort_into_cells(
+            e, begin, end, active, position, near, 2.0 * _largest(begin, end, radius, active) + reach
+        )
+        entry = _pairs_by_cell(
+            begin,
+            end,
+            radius,
+            active,
+            position,
+            reach,
+            grid,
+            near.cell_of,
+            near.cell_item,
+            near.cell_start,
+            first,
+            last,
+            owner,
+            partner,
+        )
+    if entry < 0:
+        return False
+    for k in range(first, entry):
+        touch[k] = radius[owner[k]] + radius[partner[k]]
+    near.pair_end[e] = entry
+    return True
+
+
+@kernel
+def _largest(begin: int, end: int, radius: Floats, active: Bools) -> float:
+    largest = 0.0
+    for i in range(begin, end):
+        if active[i]:
+            largest = max(largest, radius[i])
+    return largest
+
+
+@kernel
+def _all_pairs(
+    begin: int,
+    end: int,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
+    reach: float,
+    entry: int,
+    last: int,
+    owner: Places,
+    partner: Places,
+) -> int:
+    """Write the near pairs of few people from ``entry`` on; returns one past the last, -1 if they do not fit."""
+    for i in range(begin, end):
+        if not active[i]:
+            continue
+        if entry + end - i > last:  # room for all: then none needs to be asked
+            return -1
+        x, y, limit = position[i, 0], position[i, 1], radius[i] + reach
+        for j in range(index(i + 1), index(end)):
+            dx, dy, far = x - position[j, 0], y - position[j, 1], limit + radius[j]
+            owner[entry], partner[entry] = i, j
+            entry += (dx * dx + dy * dy < far * far) & active[j]
+    return entry
+
+
+@kernel
+def _pairs_by_cell(
+    begin: int,
+    end: int,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
+    reach: float,
+    grid: tuple[int, int, int],
+    cell_of: Ints,
+    cell_item: Ints,
+    cell_start: Ints,
+    entry: int,
+    last: int,
+    owner: Places,
+    partner: Places,
+) -> int:
+    """The same for many, who lie in cells no smaller than two radii and the reach."""
+    head, columns, rows = grid
+    for i in range(begin, end):
+        if not active[i]:
+            continue
+        x, y, limit, row_begin = position[i, 0], position[i, 1], radius[i] + reach, entry
+        column, row = cell_of[i] % columns, cell_of[i] // columns
+        for above in range(max(row - 1, 0), min(row + 2, rows)):
+            first = head + above * columns + max(column - 1, 0)
+            stop = head + above * columns + min(column + 1, columns - 1)
+            for item in range(begin + cell_start[first], begin + cell_start[stop + 1]):
+                j = cell_item[item]
+                if j <= i:
+                    continue
+                dx, dy, far = x - position[j, 0], y - position[j, 1], limit + radius[j]
+                if dx * dx + dy * dy < far * far:
+                    if entry == last:
+                        return -1
+                    k = entry  # insertion sort by partner: there are few
+                    while k > row_begin and partner[k - 1] > j:
+                        partner[k] = partner[k - 1]
+                        k -= 1
+                    owner[entry], partner[k] = i, j
+                    entry += 1
+    return entry
+
+
+@kernel
+def _list_walls(
     e: int,
     g: int,
     begin: int,
     end: int,
     boundary: Boundary,
     door_open: Bools,
-    bodies: Bodies,
-    state: CrowdState,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
     near: NeighbourList,
     reach: float,
 ) -> bool:
-    position, radius = state.position, bodies.radius
-    largest = 0.0
+    """Write the wall features nearer than ``reach`` to anyone, but for open doors; False if they do not fit."""
+    first, stop = boundary.wall_start[g], boundary.wall_start[g + 1]
+    wall, wall_door = boundary.wall, boundary.wall_door
+    corner, corner_door = boundary.corner, boundary.corner_door
+    entry, last = near.pair_end[e], near.entry_start[e + 1]
     for i in range(begin, end):
-        if state.active[i]:
-            largest = max(largest, radius[i])
-    head, columns, rows = sort_into_cells(e, begin, end, state.active, position, near, 2.0 * largest + reach)
-    entry, last = near.entry_start[e], near.entry_start[e + 1]
-    for i in range(begin, end):
-        near.row_begin[i] = entry
-        near.row_end[i] = entry
-        near.origin[i, 0] = position[i, 0]
-        near.origin[i, 1] = position[i, 1]
-        if not state.active[i]:
+        if not active[i]:
             continue
-        column, row = near.cell_of[i] % columns, near.cell_of[i] // columns
-        for r in range(max(row - 1, 0), min(row + 2, rows)):
-            first = head + r * columns + max(column - 1, 0)
-            stop = head + r * columns + min(column + 1, columns - 1)
-            for item in range(begin + near.cell_start[first], begin + near.cell_start[stop + 1]):
-                j = near.cell_item[item]
-                if j <= i:
+        x, y, limit = position[i, 0], position[i, 1], radius[i] + reach
+        for k in range(first, stop):
+            ax, ay, bx, by = wall[k, 0, 0], wall[k, 0, 1], wall[k, 1, 0], wall[k, 1, 1]
+            if x < min(ax, bx) - limit or x > max(ax, bx) + limit or y < min(ay, by) - limit or y > max(ay, by) + limit:
+                continue
+            if wall_door[k] >= 0 and door_open[e, wall_door[k]]:
+                continue
+            length = np.hypot(bx - ax, by - ay)
+            if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) < limit * length:
+                if entry == last:
+                    return False
+                near.owner[entry], near.partner[entry] = i, k - first
+                entry += 1
+        for k in range(boundary.corner_start[g], boundary.corner_start[g + 1]):
+            dx, dy = x - corner[k, 0], y - corner[k, 1]
+            if dx * dx + dy * dy < limit * limit:
+                if corner_door[k] >= 0 and door_open[e, corner_door[k]]:
                     continue
-                dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
-                limit = radius[i] + radius[j] + reach
-                if dx * dx + dy * dy < limit * limit:
-                    if entry == last:
-                        return False
-                    k = entry  # insertion sort by partner: rows are short
-                    while k > near.row_begin[i] and near.partner[k - 1] > j:
-                        near.partner[k] = near.partner[k - 1]
-                        k -= 1
-                    near.partner[k] = j
-                    entry += 1
-        limit = radius[i] + reach
-        entry = _add_walls(e, g, boundary, door_open, position[i, 0], position[i, 1], limit, near.partner, entry, last)
-        if entry < 0:
-            return False
-        near.row_end[i] = entry
-        _carry_history(i, near)
+                if entry == last:
+                    return False
+                near.owner[entry], near.partner[entry] = i, stop - first + k - boundary.corner_start[g]
+                entry += 1
+    near.wall_end[e] = entry
     return True
 
 
 @kernel
-def _add_walls(
+def _list_exits(
     e: int,
     g: int,
+    begin: int,
+    end: int,
     boundary: Boundary,
-    door_open: Bools,
-    x: float,
-    y: float,
+    active: Bools,
+    position: Floats,
+    near: NeighbourList,
     limit: float,
-    partner: Ints,
-    entry: int,
-    last: int,
-) -> int:
-    """Append the wall features nearer than ``limit``, but for open doors; returns the next free entry, -1 if there is none."""
-    first, stop = boundary.wall_start[g], boundary.wall_start[g + 1]
-    for k in range(first, stop):
-        ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
-        bx, by = boundary.wall[k, 1, 0], boundary.wall[k, 1, 1]
-        if x < min(ax, bx) - limit or x > max(ax, bx) + limit or y < min(ay, by) - limit or y > max(ay, by) + limit:
-            continue
-        if boundary.wall_door[k] >= 0 and door_open[e, boundary.wall_door[k]]:
-            continue
+) -> bool:
+    """Write the exit lines that anyone's centre is nearer to than ``limit``; False if they do not fit."""
+    entry, last, line = near.wall_end[e], near.entry_start[e + 1], boundary.exit
+    for k in range(boundary.exit_start[g], boundary.exit_start[g + 1]):
+        ax, ay, bx, by = line[k, 0, 0], line[k, 0, 1], line[k, 1, 0], line[k, 1, 1]
+        left, right, low, high = min(ax, bx) - limit, max(ax, bx) + limit, min(ay, by) - limit, max(ay, by) + limit
         length = np.hypot(bx - ax, by - ay)
-        if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) < limit * length:
-            if entry == last:
-                return -1
-            partner[entry] = -1 - (k - first)
-            entry += 1
-    walls = stop - first
-    for k in range(boundary.corner_start[g], boundary.corner_start[g + 1]):
-        dx, dy = x - boundary.corner[k, 0], y - boundary.corner[k, 1]
-        if dx * dx + dy * dy < limit * limit:
-            if boundary.corner_door[k] >= 0 and door_open[e, boundary.corner_door[k]]:
+        for i in range(index(begin), index(end)):
+            x, y = position[i, 0], position[i, 1]
+            if x < left or x > right or y < low or y > high or not active[i]:
                 continue
-            if entry == last:
-                return -1
-            partner[entry] = -1 - walls - (k - boundary.corner_start[g])
-            entry += 1
-    return entry
-
-
-@kernel
-def _carry_history(i: int, near: NeighbourList) -> None:
-    """Give every entry of row ``i`` the history its pair had in the previous list."""
-    for c in range(near.row_begin[i], near.row_end[i]):
-        near.history[c, 0] = 0.0
-        near.history[c, 1] = 0.0
-        for old in range(near.old_begin[i], near.old_end[i]):
-            if near.old_partner[old] == near.partner[c]:
-                near.history[c, 0] = near.old_history[old, 0]
-                near.history[c, 1] = near.old_history[old, 1]
-                break
+            if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) <= limit * length:
+                if entry == last:
+                    return False
+                near.owner[entry], near.partner[entry] = i, k - boundary.exit_start[g]
+                entry += 1
+    near.exit_end[e] = entry
+    return True

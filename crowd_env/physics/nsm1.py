@@ -13,9 +13,10 @@ from typing import Literal
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import index, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.forces import desired_velocities, regular_forces
+from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_known, require_positive
 from crowd_env.physics.scheme import SchemeInfo
@@ -23,7 +24,6 @@ from crowd_env.physics.social import SocialForce, SocialLaw, social_law
 from crowd_env.physics.solvers import SOLVERS, ContactLaw, SolverName, fastest_speed, pose_no_overlap, solve
 from crowd_env.physics.step import (
     detect,
-    leave,
     record_overlaps,
     record_pushes,
     record_solver,
@@ -90,7 +90,13 @@ class NSM1:
         if not driving and self.trial == "spontaneous":
             raise ValueError("nsm1: passive grains have no spontaneous velocity; use NSM1(trial='inertial')")
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+    def slabs(self, people: int, driving: bool) -> int:
+        """One: a crowd is stepped by one thread."""
+        return 1
+
+    def advance(
+        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+    ) -> None:
         """Advance the environments ``first:stop`` in place."""
         law = ContactLaw(np.inf, 0.0, self.tolerance, self.max_iterations, SOLVERS[self.solver], True)
         social = social_law(self.social, batch.control.driving)
@@ -112,7 +118,7 @@ def _try_velocities(
     A spontaneous velocity is what the forces would lead to if h were tau: without others, the desired velocity itself; an
     external or social force shifts it by tau f / m, where the drive balances it.
     """
-    for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
+    for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
         if state.active[i]:
             ahead = bodies.relaxation_time[i] if spontaneous else dt
             for k in range(2):
@@ -159,7 +165,7 @@ def _project(
 
 @kernel
 def _move(e: int, env_start: Ints, state: CrowdState, after: Floats, previous: Floats, dt: float) -> None:
-    for i in range(env_start[e], env_start[e + 1]):
+    for i in range(index(env_start[e]), index(env_start[e + 1])):
         if state.active[i]:
             for k in range(2):
                 previous[i, k] = state.position[i, k]
@@ -190,7 +196,7 @@ def _advance_one(
         last = first + contacts.number[e]
         record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
         record_overlaps(e, first, last, contacts, memory.diagnostics)
-        remember_impulses(first, last, contacts, near.history)
+        remember_impulses(first, last, contacts.impulse, contacts.memory)
         _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
         leave(e, g, world.boundary, bodies, state, memory.previous, dt)
         tick(e, state.time, memory.progress, dt)

@@ -13,9 +13,10 @@ order of h times the closing speed remains, and is the scheme's, not the solver'
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from crowd_env._jit import kernel
+from crowd_env._jit import index, kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
+from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import NeighbourList
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
 from crowd_env.physics.scheme import SchemeInfo
@@ -31,7 +32,6 @@ from crowd_env.physics.solvers import (
 )
 from crowd_env.physics.step import (
     detect,
-    leave,
     record_overlaps,
     record_pushes,
     record_solver,
@@ -120,7 +120,13 @@ class NSM2:
     def check(self, driving: bool) -> None:
         """Accept both uses."""
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+    def slabs(self, people: int, driving: bool) -> int:
+        """One: a crowd is stepped by one thread."""
+        return 1
+
+    def advance(
+        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+    ) -> None:
         """Advance the environments ``first:stop`` in place."""
         # Few contacts and hardly coupled: Gauss-Seidel was measured to be twice as fast at every size, and the impulses of
         # the last step no better a start than none.
@@ -135,7 +141,7 @@ class NSM2:
 @kernel
 def _accelerate(e: int, bodies: Bodies, state: CrowdState, force: Floats, before: Floats, dt: float) -> None:
     """Keep u(n) and add the regular forces: u(n) + M^-1 p_ext."""
-    for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
+    for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
         if state.active[i]:
             for k in range(2):
                 before[i, k] = state.velocity[i, k]
@@ -144,7 +150,7 @@ def _accelerate(e: int, bodies: Bodies, state: CrowdState, force: Floats, before
 
 @kernel
 def _move(e: int, env_start: Ints, state: CrowdState, before: Floats, previous: Floats, dt: float) -> None:
-    for i in range(env_start[e], env_start[e + 1]):
+    for i in range(index(env_start[e]), index(env_start[e + 1])):
         if state.active[i]:
             for k in range(2):
                 previous[i, k] = state.position[i, k]
@@ -171,17 +177,17 @@ def _part(
     It is the problem of NSM1 for a velocity that is used once and forgotten.
     """
     shift = memory.desired  # no longer needed in this step
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         shift[i, 0], shift[i, 1] = 0.0, 0.0
     pose_no_overlap(first, last, contacts, mass, memory.problem, dt / correction)
     solve(first, last, begin, end, contacts, mass, shift, memory.problem, law)
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         position[i, 0] += dt * shift[i, 0]
         position[i, 1] += dt * shift[i, 1]
     for c in range(first, last):  # the percussions of the step are what is reported
         contacts.impulse[c, 0], contacts.impulse[c, 1] = (
-            near.history[contacts.entry[c], 0],
-            near.history[contacts.entry[c], 1],
+            contacts.memory[c, 0],
+            contacts.memory[c, 1],
         )
 
 
@@ -219,7 +225,7 @@ def _advance_one(
         record_solver(e, memory.diagnostics, iterations, residual, law.tolerance)
         record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
         record_overlaps(e, first, last, contacts, memory.diagnostics)
-        remember_impulses(first, last, contacts, near.history)
+        remember_impulses(first, last, contacts.impulse, contacts.memory)
         _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
         if options.correction > 0.0:
             _part(

@@ -48,9 +48,16 @@ class ContactScheme(Protocol):
         """Raise ValueError if the scheme cannot be used for pedestrians (``driving``) or for passive grains."""
         ...
 
-    def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
+    def slabs(self, people: int, driving: bool) -> int:
+        """Into how many slabs a crowd of so many is cut that several threads can step together; 1 = it is not."""
+        ...
+
+    def advance(
+        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+    ) -> None:
         """Advance the environments ``first:stop`` to step ``n_substeps`` of this call, in place.
 
-        `Memory.progress` says from where.  Other environments are neither read nor written.
+        `Memory.progress` says from where.  Other environments are neither read nor written.  With ``threads`` > 1 as many
+        threads make this call at once, each with its own number ``thread``, and share the slabs.
         """
         ...

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import index, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import gap_to_feature
 from crowd_env.physics.neighbors import NeighbourList
@@ -141,28 +141,26 @@ def add_social_forces(
 
     The neighbour list must be complete up to the cut-off.  ``heading`` (P, 2) is working memory.
     """
-    active, position, radius, partner = state.active, state.position, bodies.radius, near.partner
+    active, position, radius = state.active, state.position, bodies.radius
+    owner, partner, touch = near.owner, near.partner, near.touch
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
     strength, cutoff, per_length = law.strength, law.cutoff, 1.0 / law.length
-    for i in range(begin, end):
+    for i in range(index(begin), index(end)):
         x, y = desired[i, 0], desired[i, 1]
         speed = np.sqrt(x * x + y * y)
         share = law.anisotropy / speed if speed > 0.0 else 0.0
         heading[i, 0], heading[i, 1] = share * x, share * y
-    for i in range(begin, end):
-        if not active[i]:
-            continue
-        x, y, r, ahead_x, ahead_y = position[i, 0], position[i, 1], radius[i], heading[i, 0], heading[i, 1]
+    entry, pair_end = near.entry_start[e], near.pair_end[e]
+    wall, wall_end = pair_end, near.wall_end[e]
+    for i in range(index(begin), index(end)):
+        x, y, ahead_x, ahead_y = position[i, 0], position[i, 1], heading[i, 0], heading[i, 1]
         total_x, total_y = 0.0, 0.0
-        entry, stop = near.row_begin[i], near.row_end[i]
-        while entry < stop:
-            j = partner[entry]
-            if j < 0:  # walls come last
-                break
+        while entry < pair_end and owner[entry] == i:
+            j, touching = partner[entry], touch[entry]
             entry += 1
-            dx, dy, reach = x - position[j, 0], y - position[j, 1], r + radius[j] + cutoff
+            dx, dy, reach = x - position[j, 0], y - position[j, 1], touching + cutoff
             square = dx * dx + dy * dy
-            if square >= reach * reach or not active[j]:
+            if square >= reach * reach or not (active[j] and active[i]):
                 continue
             distance = np.sqrt(square)
             nx, ny = 1.0, 0.0
@@ -176,12 +174,13 @@ def add_social_forces(
             total_y += mine * ny
             force[j, 0] -= other * nx
             force[j, 1] -= other * ny
-        if law.wall_strength > 0.0:
-            for k in range(entry, stop):
-                gap, nx, ny = gap_to_feature(x, y, r, boundary, g, -1 - partner[k])
+        while wall < wall_end and owner[wall] == i:
+            if law.wall_strength > 0.0:
+                gap, nx, ny = gap_to_feature(x, y, radius[i], boundary, g, np.int64(partner[wall]))
                 if gap < cutoff:
                     size = law.wall_strength * _exp(-gap * per_length) * (1.0 - (ahead_x * nx + ahead_y * ny))
                     total_x += size * nx
                     total_y += size * ny
+            wall += 1
         force[i, 0] += total_x
         force[i, 1] += total_y

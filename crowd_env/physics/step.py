@@ -5,7 +5,7 @@ Kernels take the arrays they use, not the whole batch: numba spends about 10 ms 
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inlined_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import Contacts, find_contacts
 from crowd_env.physics.neighbors import OK, NeighbourList, update_neighbours
@@ -13,7 +13,7 @@ from crowd_env.physics.world import Diagnostics
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
-@kernel
+@inlined_kernel
 def unfinished(e: int, env_start: Ints, active: Bools, progress: Ints, n_substeps: int) -> bool:
     """Whether environment ``e`` has steps of this call left and someone still inside."""
     if progress[e] >= n_substeps:
@@ -24,7 +24,7 @@ def unfinished(e: int, env_start: Ints, active: Bools, progress: Ints, n_substep
     return False
 
 
-@kernel
+@inlined_kernel
 def detect(
     e: int,
     g: int,
@@ -49,15 +49,14 @@ def detect(
     return True
 
 
-@kernel
-def remember_impulses(first: int, last: int, contacts: Contacts, history: Floats) -> None:
-    """Leave the impulses of the contacts ``first:last`` with their pairs, where the next step starts from them."""
+@inlined_kernel
+def remember_impulses(first: int, last: int, impulse: Floats, memory: Floats) -> None:
+    """Leave the impulses of the contacts ``first:last`` where the next step starts from them."""
     for c in range(first, last):
-        history[contacts.entry[c], 0] = contacts.impulse[c, 0]
-        history[contacts.entry[c], 1] = contacts.impulse[c, 1]
+        memory[c, 0], memory[c, 1] = impulse[c, 0], impulse[c, 1]
 
 
-@kernel
+@inlined_kernel
 def record_pushes(first: int, last: int, contacts: Contacts, push: Floats, crush: Floats, share: float) -> None:
     """Add a share of the impulses of the contacts ``first:last`` to what people have got in this call."""
     for c in range(first, last):
@@ -75,7 +74,7 @@ def record_pushes(first: int, last: int, contacts: Contacts, push: Floats, crush
             crush[j] += size
 
 
-@kernel
+@inlined_kernel
 def record_overlaps(e: int, first: int, last: int, contacts: Contacts, sums: Diagnostics) -> None:
     """Add the overlaps of the contacts ``first:last`` to the sums."""
     for c in range(first, last):
@@ -88,7 +87,7 @@ def record_overlaps(e: int, first: int, last: int, contacts: Contacts, sums: Dia
                 sums.max_outside[e] = max(sums.max_outside[e], overlap)
 
 
-@kernel
+@inlined_kernel
 def record_solver(e: int, sums: Diagnostics, sweeps: int, residual: float, tolerance: float) -> None:
     """Add one solve to the sums."""
     sums.iterations[e] += sweeps
@@ -96,33 +95,7 @@ def record_solver(e: int, sums: Diagnostics, sweeps: int, residual: float, toler
     sums.unconverged[e] += residual > tolerance
 
 
-@kernel
-def leave(e: int, g: int, boundary: Boundary, bodies: Bodies, state: CrowdState, previous: Floats, dt: float) -> None:
-    """Take out whoever's centre crossed an exit line outwards during this step."""
-    first, stop = boundary.exit_start[g], boundary.exit_start[g + 1]
-    for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-        if not state.active[i]:
-            continue
-        x0, y0 = previous[i, 0], previous[i, 1]
-        x1, y1 = state.position[i, 0], state.position[i, 1]
-        soonest = np.inf
-        for k in range(first, stop):
-            ax, ay = boundary.exit[k, 0, 0], boundary.exit[k, 0, 1]
-            tx, ty = boundary.exit[k, 1, 0] - ax, boundary.exit[k, 1, 1] - ay
-            side0 = tx * (y0 - ay) - ty * (x0 - ax)  # > 0: inside
-            side1 = tx * (y1 - ay) - ty * (x1 - ax)
-            if side0 < 0.0 or side1 >= 0.0:
-                continue
-            part = side0 / (side0 - side1)
-            along = tx * (x0 + part * (x1 - x0) - ax) + ty * (y0 + part * (y1 - y0) - ay)
-            if 0.0 <= along <= tx * tx + ty * ty and part < soonest:
-                soonest = part
-                state.active[i] = False
-                state.exit_time[i] = state.time[e] + part * dt
-                state.exit_index[i] = k - first
-
-
-@kernel
+@inlined_kernel
 def tick(e: int, time: Floats, progress: Ints, dt: float) -> None:
     """Advance the clock of environment ``e`` by the step that is done."""
     time[e] += dt

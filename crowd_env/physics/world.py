@@ -7,8 +7,10 @@ import numpy as np
 from crowd_env.geometry import Boundary
 from crowd_env.guidance import Guidance
 from crowd_env.navigation import FieldArrays
-from crowd_env.physics.contacts import Contacts, allocate_contacts
-from crowd_env.physics.neighbors import NeighbourList, allocate_neighbours, grow_neighbours
+from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
+from crowd_env.physics.lanes import Lanes, allocate_lanes
+from crowd_env.physics.neighbors import NeighbourList, allocate_neighbours
+from crowd_env.physics.slabs import Cut, allocate_cut
 from crowd_env.physics.solvers import Problem, allocate_problem
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
@@ -49,6 +51,8 @@ class Memory(NamedTuple):
     near: NeighbourList
     contacts: Contacts
     problem: Problem
+    lanes: Lanes
+    cut: Cut
     way: Floats  # (P, 2) direction of the shortest path when it was last looked up
     way_age: Floats  # (E,)   s since then
     followed: Ints  # (P,)   route that one follows: one's own, or that of a control rule
@@ -115,7 +119,9 @@ def allocate_memory(bodies: Bodies, per_person: int = 12, rules: int = 0, doors:
     return Memory(
         near=near,
         contacts=allocate_contacts(near),
-        problem=allocate_problem(people, len(near.partner)),
+        problem=allocate_problem(people, len(near.touch)),
+        lanes=allocate_lanes(people),
+        cut=allocate_cut(environments),
         way=reals(people, 2),
         way_age=np.full(environments, np.inf),
         followed=np.zeros(people, dtype=np.int64),
@@ -140,9 +146,10 @@ def allocate_memory(bodies: Bodies, per_person: int = 12, rules: int = 0, doors:
 
 
 def grow_memory(memory: Memory, bodies: Bodies) -> Memory:
-    """Return the same memory with twice the room for neighbours; the history of every pair is kept."""
+    """Return the same memory with twice the room for neighbours; contacts are kept, the list is built at the next step."""
     people = len(bodies.radius)
     now = (int(memory.near.entry_start[-1]) - 16 * (len(bodies.env_start) - 1)) // max(people, 1)
-    near = grow_neighbours(memory.near, bodies, 2 * now)
-    problem = allocate_problem(people, len(near.partner))
-    return memory._replace(near=near, contacts=allocate_contacts(near), problem=problem)
+    near = allocate_neighbours(bodies, 2 * now)
+    contacts = allocate_contacts(near)
+    move_contacts(memory.contacts, memory.near.entry_start, contacts, near.entry_start)
+    return memory._replace(near=near, contacts=contacts, problem=allocate_problem(people, len(near.touch)))

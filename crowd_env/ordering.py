@@ -1,0 +1,137 @@
+"""Large crowds in the order of space: who stands together lies together in memory.
+
+People keep their slots for whoever looks from outside.  The physics of an environment of many people works on copies, sorted by
+cells of half a metre, row after row of them, anew every half second: in a crowd of 100,000 in the order of their slots nearly
+every touch of a neighbour had to be fetched from beyond the processor's caches.  How people lie changes the order of sums and
+with it their last digits; it depends on nothing but the environment's own clock and positions.
+"""
+
+import math
+
+import numpy as np
+
+from crowd_env.physics.contacts import contact_keys
+from crowd_env.physics.world import Batch, Memory
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+
+MANY = 1000  # people from which on an environment is sorted: fewer lie in the caches anyhow
+EVERY = 0.5  # s
+_CELL = 0.5  # m
+
+# What a person's memory is from one call to the next, besides what `Memory` shows to others.
+_KEPT = ("way", "here", "pace", "force", "torque")
+_SHOWN = ("followed", "push", "crush")
+_SCRATCH = ("desired", "previous", "before", "heading")
+
+
+class SortedCrowd:
+    """Working copies of a batch, in the order of space where an environment is large.
+
+    Attributes
+    ----------
+    slot : (P,) slot of everyone in the order of the copies; those of one environment stay together.
+    """
+
+    def __init__(self, bodies: Bodies, state: CrowdState, memory: Memory) -> None:
+        self._env_start = bodies.env_start
+        self.slot: Ints = np.arange(len(bodies.radius))
+        self._large = np.flatnonzero(np.diff(bodies.env_start) >= MANY).tolist()
+        self._due = np.full(len(state.time), -math.inf)
+        self._bodies = Bodies._make([*(array.copy() for array in bodies[:-1]), bodies.env_start])
+        self._state = CrowdState._make([*(array.copy() for array in state[:-1]), state.time])
+        self._people = {name: getattr(memory, name).copy() for name in (*_KEPT, *_SHOWN)}
+        self._people |= {name: getattr(memory, name) for name in _SCRATCH}
+
+    @staticmethod
+    def is_needed(bodies: Bodies) -> bool:
+        """Whether any environment is large."""
+        return bool((np.diff(bodies.env_start) >= MANY).any())
+
+    def restart(self, e: int) -> None:
+        """Environment ``e`` has other people: they are to be sorted before the next step."""
+        self._due[e] = -math.inf
+
+    def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
+        """Return after how many steps the next environment is due; None if there is none."""
+        waits = [max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9)) for e in self._large if inside[e] > 0]
+        return min(waits, default=None)
+
+    def update(self, bodies: Bodies, state: CrowdState, memory: Memory) -> None:
+        """Sort the environments that are due anew."""
+        for e in self._large:
+            if state.time[e] >= self._due[e] - 1e-9:
+                self._sort(e, bodies, state, memory)
+                self._due[e] = (math.floor(float(state.time[e]) / EVERY + 1e-6) + 1) * EVERY
+
+    def _sort(self, e: int, bodies: Bodies, state: CrowdState, memory: Memory) -> None:
+        people = slice(int(self._env_start[e]), int(self._env_start[e + 1]))
+        slots = self.slot[people]
+        order = _order_of_space(state.position[slots], state.active[slots])
+        self.slot[people] = slots[order]
+        for array in self._people.values():
+            array[people] = array[people][order]
+        for copy, array in zip(self._bodies[:-1], bodies[:-1], strict=True):
+            copy[people] = array[self.slot[people]]
+        memory.near.reach[e] = -1.0
+        rank = np.empty(len(order), dtype=np.int64)
+        rank[order] = np.arange(len(order))
+        _renumber(e, people.start, rank, memory)
+
+    def take_in(self, batch: Batch) -> Batch:
+        """Return the batch as the physics sees it: what others may have changed is read anew."""
+        for copy, array in zip(self._state[:-1], batch.state[:-1], strict=True):
+            np.take(array, self.slot, axis=0, out=copy)
+        for name in _SHOWN:
+            np.take(getattr(batch.memory, name), self.slot, axis=0, out=self._people[name])
+        control = batch.control
+        return Batch(
+            batch.world,
+            self._bodies,
+            self._state,
+            control._replace(
+                command=control.command[self.slot],
+                relative=control.relative[self.slot],
+                external_force=control.external_force[self.slot],
+            ),
+            batch.memory._replace(**self._people),
+        )
+
+    def give_back(self, state: CrowdState, memory: Memory) -> None:
+        """Write what the physics has done to where everyone looks for it."""
+        for copy, array in zip(self._state[:-1], state[:-1], strict=True):
+            array[self.slot] = copy
+        for name in _SHOWN:
+            getattr(memory, name)[self.slot] = self._people[name]
+
+    def by_slot(self, i: Ints, j: Ints, normal: Floats) -> tuple[Ints, Ints, Floats, Ints]:
+        """Return contacts between slots, i < j, sorted by (i, j), walls last; and the order they had."""
+        i, j = self.slot[i], np.where(j >= 0, self.slot[np.maximum(j, 0)], j)
+        swap = (j >= 0) & (j < i)
+        i, j = np.where(swap, j, i), np.where(swap, i, j)
+        order = np.argsort(contact_keys(i, j))
+        return i[order], j[order], np.where(swap[:, None], -normal, normal)[order], order
+
+
+def _order_of_space(position: Floats, active: Bools) -> Ints:
+    """Return the people (N,) row by row of cells; those who are out last."""
+    if not active.any():
+        return np.arange(len(active))
+    low = position[active].min(axis=0)
+    column, row = np.floor((np.where(active[:, None], position, low) - low) / _CELL).astype(np.int64).T
+    return np.argsort(np.where(active, row * (column.max() + 1) + column, np.iinfo(np.int64).max), kind="stable")
+
+
+def _renumber(e: int, begin: int, rank: Ints, memory: Memory) -> None:
+    """Let the contacts of environment ``e`` follow people to their new places ``rank``, sorted as they must be."""
+    contacts, first = memory.contacts, int(memory.near.entry_start[e])
+    rows = slice(first, first + int(contacts.number[e]))
+    i, j, normal = contacts.i[rows], contacts.j[rows], contacts.normal[rows]
+    i = begin + rank[i - begin]
+    j = np.where(j >= 0, begin + rank[np.maximum(j, begin) - begin], j)
+    swap = (j >= 0) & (j < i)
+    contacts.i[rows], contacts.j[rows] = np.where(swap, j, i), np.where(swap, i, j)
+    normal[swap] *= -1.0
+    order = np.argsort(contact_keys(contacts.i[rows], contacts.j[rows]))
+    for name in ("i", "j", "gap", "normal", "impulse", "memory"):
+        array = getattr(contacts, name)
+        array[rows] = array[rows][order]
