@@ -11,7 +11,8 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.state import Floats
+from crowd_env._jit import kernel
+from crowd_env.state import Bools, Floats
 
 Frame = Literal["path", "world"]
 ActionKind = Literal["continuous", "discrete"]
@@ -42,8 +43,10 @@ def check_frame(frame: str) -> None:
         raise ValueError(f"unknown frame {frame!r}; known: {', '.join(get_args(Frame))}")
 
 
-def to_command(action: ArrayLike, kind: ActionKind, count: int) -> Floats:
+def to_command(action: ArrayLike, kind: ActionKind, count: int, asked: Bools | None = None) -> Floats:
     """Return the command (count, 2) of actions (count, 2) or, if discrete, (count,).
+
+    Whatever the action of those who are not ``asked`` (count,), their command is (1, 0).
 
     Raises
     ------
@@ -54,17 +57,40 @@ def to_command(action: ArrayLike, kind: ActionKind, count: int) -> Floats:
         choice = np.asarray(action)
         if choice.shape != (count,):
             raise ValueError(f"discrete actions must have the shape ({count},), not {choice.shape}")
+        if asked is not None:
+            choice = np.where(asked, choice, 0)
         with np.errstate(invalid="ignore"):
             whole = choice.astype(np.int64)
         bad = np.flatnonzero((whole != choice) | (whole < 0) | (whole >= len(DISCRETE)))
         if len(bad):
             raise ValueError(f"action of pedestrian {bad[0]} is {choice[bad[0]]}; it must be 0 to {len(DISCRETE) - 1}")
-        return DISCRETE[whole]
-    command = np.array(action, dtype=np.float64)
+        command = DISCRETE[whole]
+        if asked is not None:
+            command[~asked] = (1.0, 0.0)
+        return command
+    command = np.array(action, dtype=np.float64, order="C")
     if command.shape != (count, 2):
         raise ValueError(f"actions must have the shape ({count}, 2), not {command.shape}")
-    bad = np.flatnonzero(~np.isfinite(command).all(axis=1))
-    if len(bad):
-        raise ValueError(f"action of pedestrian {bad[0]} is {command[bad[0]].tolist()}; it must be finite")
-    length = np.hypot(command[:, 0], command[:, 1])
-    return command / np.maximum(length, 1.0)[:, None]
+    bad = shorten(command, np.ones(count, dtype=np.bool_) if asked is None else asked)
+    if bad >= 0:
+        raise ValueError(f"action of pedestrian {bad} is {command[bad].tolist()}; it must be finite")
+    return command
+
+
+@kernel
+def shorten(command: Floats, asked: Bools) -> int:
+    """Shorten commands (P, 2) longer than 1 to 1, in place; (1, 0) for those who are not asked (P,).
+
+    Returns who is asked and has one that is not finite, -1 if nobody.
+    """
+    for i in range(len(command)):
+        if not asked[i]:
+            command[i, 0], command[i, 1] = 1.0, 0.0
+            continue
+        x, y = command[i, 0], command[i, 1]
+        if not (abs(x) < np.inf and abs(y) < np.inf):  # nan too
+            return i
+        if x * x + y * y > 1.0:
+            length = np.hypot(x, y)
+            command[i, 0], command[i, 1] = x / length, y / length
+    return -1

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.action import ActionKind, Frame, action_space, check_frame, to_command
-from crowd_env.metrics import EpisodeMetrics, flow_slope
-from crowd_env.observation import ObservationLayout, View, look_ahead
+from crowd_env.metrics import EpisodeMetrics, summarise_exits
+from crowd_env.observation import ObservationLayout
+from crowd_env.observer import Observer
 from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.progress import settle
 from crowd_env.reward import RewardWeights, Transition
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
@@ -145,10 +147,12 @@ class CrowdEnv:
         )
         people = int(self.env_start[-1])
         self.env_of_person = np.repeat(np.arange(num_envs), np.diff(self.env_start))
-        self._travel_time = np.zeros(people)
+        self._observer = Observer(self.simulation, self.layout, in_world=frame == "world", threads=threads)
+        self._duration = np.zeros(people)
         self._impulse = np.zeros(people)
-        self._direction = np.zeros((people, 2))
-        self._east = np.tile([1.0, 0.0], (people, 1))
+        self._route_of_all: list[Ints | None] = [None] * len(
+            self.scenarios
+        )  # known when it is the same in each episode
         self.finished = np.ones(num_envs, dtype=np.bool_)  # until the first reset
         self._started = False
 
@@ -190,7 +194,7 @@ class CrowdEnv:
         for k in np.flatnonzero(chosen):
             self._restart(int(k))
         self._started = True
-        return self._observe(self.active), {}
+        return self._observer.observe(self.active), {}
 
     def step(self, action: ArrayLike | None = None, rule: ArrayLike | None = None) -> Step:
         """Advance every unfinished environment by one decision step.
@@ -209,59 +213,64 @@ class CrowdEnv:
             raise ValueError("call reset before the first step")
         simulation, state = self.simulation, self.simulation.state
         command, relative = self._command(action, rule)
-        inside = state.active.copy()
-        started, followed = state.time.copy(), self._fields_followed()
+        inside, started = state.active.copy(), state.time.copy()
         simulation.advance(command, relative=relative, n_substeps=self.n_substeps)
-        left = inside & ~state.active
-        before = self._travel_time.copy()
-        observation = self._observe(inside)
-        elsewhere = self._fields_followed() != followed  # another way is no progress
-        before[elsewhere] = self._travel_time[elsewhere]
-        self._impulse += simulation.memory.crush
-        clock = np.where(left, state.exit_time, state.time[self.env_of_person])
+        memory = simulation.memory
+        observation = self._observer.observe(inside)
+        left, truncated = np.empty_like(inside), np.empty_like(inside)
+        ended = np.empty_like(self.finished)
+        settle(
+            simulation.bodies,
+            state,
+            inside,
+            started,
+            self.time_limit,
+            self._blocked_after,
+            simulation.dt,
+            memory.crush,
+            self._last_exit,
+            self._impulse,
+            self.finished,
+            self._duration,
+            left,
+            truncated,
+            ended,
+        )
         reward, terms = self.reward_weights.evaluate(
             Transition(
                 inside=inside,
                 left=left,
-                travel_time_before=before,
-                travel_time_after=self._travel_time,
-                duration=clock - started[self.env_of_person],
-                crush=simulation.memory.crush,
+                travel_time_before=self._observer.travel_time_before,
+                travel_time_after=self._observer.travel_time,
+                duration=self._duration,
+                crush=memory.crush,
                 mass=simulation.bodies.mass,
             ),
             self.env_start,
         )
-        over_time = state.time > self.time_limit - 0.5 * simulation.dt
-        np.maximum.at(self._last_exit, self.env_of_person[left], state.exit_time[left])
-        stopped = over_time | (state.time - self._last_exit > self._blocked_after)
-        truncated = state.active & stopped[self.env_of_person]
-        ended = (stopped | (simulation.inside == 0)) & ~self.finished
-        self.finished = self.finished | ended
+        over = np.flatnonzero(ended)
         info: dict[str, Any] = {f"reward/{name}": values for name, values in terms.items()}
         info["finished"] = ended
         info["diagnostics"] = type(simulation.last_diagnostics)._make(a.copy() for a in simulation.last_diagnostics)
-        info["metrics"] = {int(e): self.metrics(int(e)) for e in np.flatnonzero(ended)}
-        state.active[truncated] = False  # at the time limit the episode is over for those inside too
-        if self.autoreset and ended.any():
-            info["final_observation"] = observation.copy()
-            for e in np.flatnonzero(ended):
+        info["metrics"] = {int(e): self.metrics(int(e)) for e in over}
+        if self.autoreset and len(over):
+            info["final_observation"] = final = self._observer.rows.take()
+            final[:] = observation
+            for e in over:
                 self._restart(int(e))
-            fresh = ended[self.env_of_person]
-            observation[fresh] = self._observe(fresh)[fresh]
+            self._observer.observe(state.active, over, observation)
         return Step(observation, reward, left, truncated, info)
 
     def metrics(self, e: int) -> EpisodeMetrics:
         """Return the metrics of the episode of environment ``e`` so far."""
         people, sums = self.people(e), self.simulation.diagnostics
-        exit_time = self.simulation.state.exit_time[people]
-        out = np.isfinite(exit_time)
-        nan = float("nan")
+        exits = summarise_exits(np.sort(self.simulation.state.exit_time[people]))
         return EpisodeMetrics(
-            evacuation_time=float(exit_time.max()) if out.all() else nan,
-            mean_exit_time=float(exit_time[out].mean()) if out.any() else nan,
-            unfinished=int((~out).sum()),
-            blocked_since=float(self._last_exit[e]) if self._is_blocked(e) and not out.all() else nan,
-            flow=flow_slope(exit_time),
+            evacuation_time=exits.last,
+            mean_exit_time=exits.mean,
+            unfinished=exits.missing,
+            blocked_since=float(self._last_exit[e]) if exits.missing and self._is_blocked(e) else float("nan"),
+            flow=exits.flow,
             contact_impulse=float(self._impulse[people].mean()),
             max_overlap=float(sums.max_overlap[e]),
             mean_overlap=float(sums.overlap_sum[e] / max(sums.overlap_count[e], 1)),
@@ -270,20 +279,22 @@ class CrowdEnv:
             unconverged=int(sums.unconverged[e]),
         )
 
-    def _fields_followed(self) -> Ints:
-        """Return the row (P,) of the field that everyone is led by."""
-        return self.simulation.world.guidance.field_of_route[self.env_of_person, self.simulation.memory.followed]
-
     def _is_blocked(self, e: int) -> bool:
         return bool(self.simulation.state.time[e] - self._last_exit[e] > self._blocked_after[e])
 
     def _restart(self, e: int) -> None:
         scenario = self.scenario_of_env[e]
         bodies, position = scenario.population.draw(self._generators[e], scenario.geometry)
-        self.simulation.restart(e, bodies, position)
-        ways = self.simulation.wayfinder.ways(e)  # as the doors stand at the start
-        assert ways is not None
-        self.simulation.send(e, scenario.choose(ways, self.strategy, position))
+        kind = e % len(self.scenarios)
+        route = self._route_of_all[kind]
+        self.simulation.restart(e, bodies, position, route=0 if route is None else route)
+        if route is None:
+            ways = self.simulation.wayfinder.ways(e)  # as the doors stand at the start
+            assert ways is not None
+            chosen = scenario.choose(ways, self.strategy, position)
+            self.simulation.send(e, chosen)
+            if not scenario.depends_on_place(self.strategy):
+                self._route_of_all[kind] = chosen
         self._impulse[self.people(e)] = 0.0
         self._last_exit[e] = 0.0
         self.finished[e] = False
@@ -291,39 +302,14 @@ class CrowdEnv:
     def _command(self, action: ArrayLike | None, rule: ArrayLike | None) -> tuple[Floats | None, Bools | None]:
         if action is None:
             return None, None
-        ruled = np.zeros(self.num_people, dtype=np.bool_) if rule is None else np.asarray(rule, dtype=np.bool_)
-        if ruled.shape != (self.num_people,):
-            raise ValueError(f"rule must have the shape ({self.num_people},), not {ruled.shape}")
-        asked = self.active & ~ruled
-        action = np.atleast_1d(np.array(action))
-        if len(action) == len(asked):  # else to_command says what is wrong
-            action[~asked] = 0
-        command = to_command(action, self.action_kind, self.num_people)
-        command[~asked] = (1.0, 0.0)
+        asked = self.active
+        if rule is not None:
+            ruled = np.asarray(rule, dtype=np.bool_)
+            if ruled.shape != (self.num_people,):
+                raise ValueError(f"rule must have the shape ({self.num_people},), not {ruled.shape}")
+            asked = asked & ~ruled
+        command = to_command(action, self.action_kind, self.num_people, asked)
         return command, (~asked if self.frame == "world" else None)
-
-    def _observe(self, seen: Bools) -> np.ndarray:
-        """Return the observation of those ``seen``, and remember their travel times."""
-        simulation = self.simulation
-        world, bodies, state, memory = simulation.world, simulation.bodies, simulation.state, simulation.memory
-        direction, travel_time = self._direction, self._travel_time
-        routes = world.guidance.field_of_route
-        look_ahead(world.field, world.boundary, routes, memory.followed, bodies, state, seen, direction, travel_time)
-        view = View(
-            boundary=world.boundary,
-            door_open=memory.door_open,
-            geometry_of_env=world.geometry_of_env,
-            bodies=bodies,
-            state=state,
-            near=memory.near,
-            push=memory.push,
-            crush=memory.crush,
-            seen=seen,
-            axis=direction if self.frame == "path" else self._east,
-            direction=direction,
-            travel_time=travel_time,
-        )
-        return self.layout.observe(view)
 
 
 def _check_stable(scenario: Scenario, scheme: str | ContactScheme, dt: float) -> None:

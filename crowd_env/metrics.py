@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env._jit import kernel
 from crowd_env.state import Floats
 
 
@@ -23,17 +24,43 @@ class EpisodeMetrics(NamedTuple):
     unconverged: int  # physics steps that ended above the solver's tolerance
 
 
+class Exits(NamedTuple):
+    """When the people of one crowd got out."""
+
+    last: float  # s    nan if someone did not get out
+    mean: float  # s    over those who did; nan if nobody
+    missing: int  # people who did not get out
+    flow: float  # 1/s  see `flow_slope`
+
+
+@kernel
+def summarise_exits(times: Floats) -> Exits:
+    """Return what there is to say of the ascending ``times`` of exit [s], those of people still inside, nan, at the end."""
+    count = len(times)
+    while count > 0 and not times[count - 1] < np.inf:
+        count -= 1
+    total = 0.0
+    for k in range(count):
+        total += times[k]
+    mean = total / count if count > 0 else np.nan
+    last = times[count - 1] if 0 < count == len(times) else np.nan
+    flow = np.nan
+    if count >= 3 and times[count - 1] > times[0]:
+        products, squares = 0.0, 0.0
+        for k in range(count):
+            products += (times[k] - mean) * (k - 0.5 * (count - 1))
+            squares += (times[k] - mean) * (times[k] - mean)
+        flow = products / squares
+    return Exits(last, mean, len(times) - count, flow)
+
+
 def flow_slope(exit_time: Floats) -> float:
     """Return the least-squares slope [1/s] of the count of people out against time (Pécol et al. 2011, Fig 3).
 
     ``exit_time`` may hold nan for people still inside; with fewer than 3 exits, or all at once, the slope is nan.
     """
-    times = np.sort(exit_time[np.isfinite(exit_time)])
-    if len(times) < 3 or times[-1] <= times[0]:
-        return float("nan")
-    count = np.arange(1, len(times) + 1)
-    centred = times - times.mean()
-    return float((centred * (count - count.mean())).sum() / (centred**2).sum())
+    times = np.asarray(exit_time, dtype=np.float64)
+    return float(summarise_exits(np.sort(times[np.isfinite(times)])).flow)
 
 
 class Summary(NamedTuple):

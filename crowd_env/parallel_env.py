@@ -64,6 +64,7 @@ class CrowdParallelEnv(ParallelEnv):
         self.render_mode = render_mode
         self.possible_agents = [f"pedestrian_{i}" for i in range(self.env.num_people)]
         self.agents: list[str] = []
+        self._slots = np.arange(0)  # of the agents
         self._slot = {agent: i for i, agent in enumerate(self.possible_agents)}
         people = self.env.num_people
         self.state_space = gymnasium.spaces.Box(-np.inf, np.inf, (people * 5 + 1,), np.float32)
@@ -99,6 +100,7 @@ class CrowdParallelEnv(ParallelEnv):
         """Start an evacuation; the same seed gives the same people in the same places."""
         observation, _ = self.env.reset(None if seed is None else [seed])
         self.agents = list(self.possible_agents)
+        self._slots = np.arange(len(self.agents))
         if self.render_mode == "human":
             self.render()
         return dict(zip(self.agents, observation, strict=True)), {agent: {} for agent in self.agents}
@@ -115,40 +117,42 @@ class CrowdParallelEnv(ParallelEnv):
         """
         if not self.agents:
             return {}, {}, {}, {}, {}
+        agents, slots = self.agents, self._slots
         action, rule = self._gather(actions)
         step = self.env.step(action, rule)
-        slots = [self._slot[agent] for agent in self.agents]
-        names = [name for name in step.info if name.startswith("reward/")]
-        observations = {agent: step.observation[i] for agent, i in zip(self.agents, slots, strict=True)}
-        rewards = dict(zip(self.agents, step.reward[slots].tolist(), strict=True))
-        terminations = dict(zip(self.agents, step.terminated[slots].tolist(), strict=True))
-        truncations = dict(zip(self.agents, step.truncated[slots].tolist(), strict=True))
-        columns = [step.info[name][slots].tolist() for name in names]
-        infos: dict[str, dict[str, Any]] = {
-            agent: dict(zip(names, row, strict=True)) for agent, *row in zip(self.agents, *columns, strict=True)
-        }
+        observations = dict(zip(agents, step.observation[slots], strict=True))
+        rewards = dict(zip(agents, step.reward[slots].tolist(), strict=True))
+        terms = {name: values[slots].tolist() for name, values in step.info.items() if name.startswith("reward/")}
+        infos = dict(zip(agents, _records(terms), strict=True))
         if step.info["metrics"]:
-            for agent in self.agents:
+            for agent in agents:
                 infos[agent]["metrics"] = step.info["metrics"][0]._asdict()
-        self.agents = [agent for agent in self.agents if not (terminations[agent] or truncations[agent])]
+        terminated, truncated = step.terminated[slots], step.truncated[slots]
+        terminations = dict(zip(agents, terminated.tolist(), strict=True))
+        truncations = dict(zip(agents, truncated.tolist(), strict=True))
+        stays = ~(terminated | truncated)
+        if not stays.all():
+            self._slots = slots[stays]
+            self.agents = [self.possible_agents[i] for i in self._slots.tolist()]
         if self.render_mode == "human":
             self.render()
         return observations, rewards, terminations, truncations, infos
 
     def _gather(self, actions: Mapping[str, Any]) -> tuple[np.ndarray | None, np.ndarray]:
         """Return actions by slot, and who follows the rule."""
+        single = self.env.single_action_space.shape
+        gathered = np.zeros((self.env.num_people, *(single or ())))
+        rule = np.ones(self.env.num_people, dtype=np.bool_)
+        if list(actions) == self.agents and (whole := _stacked(list(actions.values()), gathered.shape[1:])) is not None:
+            gathered[self._slots] = whole
+            rule[self._slots] = False
+            return gathered, rule
         known = set(self.agents)
         for agent in actions:
             if agent not in known:
                 known_text = f"{len(known)} agents are inside" if agent in self._slot else "there is no such agent"
                 raise ValueError(f"action for {agent!r}, who is not inside: {known_text}")
-        rule = np.ones(self.env.num_people, dtype=np.bool_)
-        chosen = [(self._slot[agent], action) for agent, action in actions.items() if action is not None]
-        if self.env.action_kind == "discrete":
-            gathered = np.zeros(self.env.num_people)
-        else:
-            gathered = np.zeros((self.env.num_people, 2))
-        for i, action in chosen:
+        for i, action in [(self._slot[agent], action) for agent, action in actions.items() if action is not None]:
             shape = np.shape(action)
             if shape != gathered.shape[1:]:
                 raise ValueError(
@@ -190,6 +194,25 @@ class CrowdParallelEnv(ParallelEnv):
         if self._window is not None:
             self._window.close()
             self._window = None
+
+
+def _stacked(actions: list[Any], shape: tuple[int, ...]) -> np.ndarray | None:
+    """Return actions as one array (N, *shape); None unless everyone has one of that shape."""
+    if not shape and any(action is None for action in actions):  # would be taken for nan
+        return None
+    try:
+        whole = np.array(actions, dtype=np.float64)
+    except (TypeError, ValueError):
+        return None
+    return whole if whole.shape == (len(actions), *shape) else None
+
+
+def _records(columns: dict[str, list[float]]) -> list[dict[str, float]]:
+    """Return a dictionary for each row of some columns."""
+    if len(columns) == 4:  # as many as there are reward terms, but for terms of one's own: half the time
+        (a, b, c, d), values = columns, zip(*columns.values(), strict=True)
+        return [{a: one, b: two, c: three, d: four} for one, two, three, four in values]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def parallel_env(scenario: str | Scenario = "room-v0", **options: Any) -> CrowdParallelEnv:

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inner_kernel, kernel
 from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform
 from crowd_env.geometry import Boundary, Geometry
-from crowd_env.state import Bodies, Floats, Ints, make_bodies
+from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies
 
 __all__ = [
     "Distribution",
@@ -29,6 +29,9 @@ _CLOSEST_PACKING = np.pi / np.sqrt(12.0)
 # Random placement one by one jams near 0.547; above this share people are set on a hexagonal lattice instead.
 _RANDOM_LIMIT = 0.45
 _ROUNDS = 400
+
+# Their draws need no check: the bounds have been checked.
+_KEEP_THEIR_BOUNDS = (Uniform, Normal, LogNormal)
 
 Standing = tuple[Floats, Floats]
 """Positions (K, 2) and radii (K,) [m] of people who stand already."""
@@ -98,14 +101,20 @@ class Population:
 
     def draw_bodies(self, rng: np.random.Generator) -> Bodies:
         """Draw the bodies alone."""
-        radius = self.radius.sample(rng, self.count)
-        return make_bodies(
-            radius,
-            self.mass.sample(rng, self.count),
-            desired_speed=self.desired_speed.sample(rng, self.count),
-            relaxation_time=self.relaxation_time.sample(rng, self.count),
-            response_time=self.response_time.sample(rng, self.count),
-        )
+        count = self.count
+        laws = (self.radius, self.mass, self.desired_speed, self.relaxation_time, self.response_time)
+        radius, mass, desired_speed, relaxation_time, response_time = (law.sample(rng, count) for law in laws)
+        if not all(type(law) in _KEEP_THEIR_BOUNDS for law in laws):
+            return make_bodies(
+                radius,
+                mass,
+                desired_speed=desired_speed,
+                relaxation_time=relaxation_time,
+                response_time=response_time,
+            )
+        inertia = 0.5 * mass * radius**2
+        whole = np.array([0, count])
+        return Bodies(radius, mass, inertia, desired_speed, relaxation_time, response_time, whole)
 
     def draw_starts(self, rng: np.random.Generator, geometry: Geometry, radius: Floats) -> Floats:
         """Return the recorded positions (count, 2), or some drawn from them, checked for bodies of ``radius`` (count,)."""
@@ -187,21 +196,26 @@ def _clearances(points: Floats, boundary: Boundary, clearance: Floats) -> None:
     """Write the distance (K,) of points to the nearest wall, -1 outside (even-odd rule over walls and exits)."""
     for k in range(len(points)):
         x, y = points[k, 0], points[k, 1]
-        nearest, inside = np.inf, False
-        for w in range(len(boundary.wall)):
-            ax, ay = boundary.wall[w, 0, 0], boundary.wall[w, 0, 1]
-            bx, by = boundary.wall[w, 1, 0], boundary.wall[w, 1, 1]
-            if not boundary.two_sided[w] and (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
-                inside = not inside
-            square = (bx - ax) ** 2 + (by - ay) ** 2
-            along = min(max(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square, 0.0), 1.0)
-            nearest = min(nearest, np.hypot(ax + along * (bx - ax) - x, ay + along * (by - ay) - y))
-        for w in range(len(boundary.exit)):
-            ax, ay = boundary.exit[w, 0, 0], boundary.exit[w, 0, 1]
-            bx, by = boundary.exit[w, 1, 0], boundary.exit[w, 1, 1]
-            if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
-                inside = not inside
-        clearance[k] = nearest if inside else -1.0
+        clearance[k] = _clearance(x, y, boundary.wall, boundary.two_sided, boundary.exit)
+
+
+@inner_kernel
+def _clearance(x: float, y: float, wall: Floats, two_sided: Bools, exit_line: Floats) -> float:
+    """Return the distance of (x, y) to the nearest wall, -1 outside."""
+    nearest, inside = np.inf, False
+    for w in range(len(wall)):
+        ax, ay, bx, by = wall[w, 0, 0], wall[w, 0, 1], wall[w, 1, 0], wall[w, 1, 1]
+        if not two_sided[w] and (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+        square = (bx - ax) ** 2 + (by - ay) ** 2
+        along = min(max(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square, 0.0), 1.0)
+        dx, dy = ax + along * (bx - ax) - x, ay + along * (by - ay) - y
+        nearest = min(nearest, dx * dx + dy * dy)
+    for w in range(len(exit_line)):
+        ax, ay, bx, by = exit_line[w, 0, 0], exit_line[w, 0, 1], exit_line[w, 1, 0], exit_line[w, 1, 1]
+        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+    return np.sqrt(nearest) if inside else -1.0
 
 
 def _usable(geometry: Geometry, points: Floats, region: str | None, standing: Standing | None) -> Floats:
@@ -229,54 +243,93 @@ def _place_randomly(
     low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
     size = 2.0 * float(radius.max())
     columns, rows = int((high_x - low_x) / size) + 1, int((high_y - low_y) / size) + 1
-    head = np.full(columns * rows, -1, dtype=np.int64)
-    following = np.full(len(radius), -1, dtype=np.int64)
-    placed = np.zeros((len(radius), 2))
+    boundary, count = geometry.boundary, len(radius)
+    cells = np.empty(columns * rows + count, dtype=np.int64)
+    placed = np.zeros((count, 2))
+    anywhere = region is None and standing is None
     done = 0
     for _ in range(_ROUNDS):
-        points = rng.uniform((low_x, low_y), (high_x, high_y), (16 + 3 * len(radius), 2))
-        clearance = _usable(geometry, points, region, standing)
-        done = _accept(points, clearance, radius, placed, done, head, following, columns, rows, low_x, low_y, size)
-        if done == len(radius):
+        points = rng.random((16 + 3 * count, 2))
+        points *= (high_x - low_x, high_y - low_y)
+        points += (low_x, low_y)
+        known = _NOT_KNOWN if anywhere else _usable(geometry, points, region, standing)
+        done = _accept(
+            points,
+            known,
+            boundary.wall,
+            boundary.two_sided,
+            boundary.exit,
+            radius,
+            placed,
+            done,
+            cells,
+            columns,
+            rows,
+            low_x,
+            low_y,
+            size,
+        )
+        if done == count:
             return placed
     return None
+
+
+_NOT_KNOWN = np.empty(0)
 
 
 @kernel
 def _accept(
     points: Floats,
     clearance: Floats,
+    wall: Floats,
+    two_sided: Bools,
+    exit_line: Floats,
     radius: Floats,
     placed: Floats,
     done: int,
-    head: Ints,
-    following: Ints,
+    cells: Ints,
     columns: int,
     rows: int,
     low_x: float,
     low_y: float,
     size: float,
 ) -> int:
-    """Give each next person the first candidate point where it fits; returns how many stand."""
+    """Give each next person the first candidate point where it fits; returns how many stand.
+
+    Parameters
+    ----------
+    points, clearance : (K, 2) m, (K,) m to walls and people who stand already, -1 = not usable; empty = only walls matter,
+        found here for as many points as are looked at.
+    wall, two_sided, exit_line : as in `Boundary`.
+    radius, placed, done : (N,) m, (N, 2) m and how many stand by now.
+    cells : (columns * rows + N,) whoever was last placed in each cell, then for each person the one before him; -1 = nobody.
+    columns, rows, low_x, low_y, size : cells of ``size`` [m].
+    """
+    table = columns * rows
+    if done == 0:
+        for c in range(table):
+            cells[c] = -1
     for k in range(len(points)):
         if done == len(radius):
             break
-        if clearance[k] < radius[done]:
-            continue
         x, y = points[k, 0], points[k, 1]
+        if len(clearance) > 0 and clearance[k] < radius[done]:
+            continue
         column, row = int((x - low_x) / size), int((y - low_y) / size)
         free = True
         for r in range(max(row - 1, 0), min(row + 2, rows)):
             for c in range(max(column - 1, 0), min(column + 2, columns)):
-                j = head[r * columns + c]
+                j = cells[r * columns + c]
                 while j >= 0 and free:
                     limit = radius[j] + radius[done]
                     free = (x - placed[j, 0]) ** 2 + (y - placed[j, 1]) ** 2 >= limit * limit
-                    j = following[j]
+                    j = cells[table + j]
+        if free and len(clearance) == 0:
+            free = _clearance(x, y, wall, two_sided, exit_line) >= radius[done]
         if free:
             placed[done, 0], placed[done, 1] = x, y
-            following[done] = head[row * columns + column]
-            head[row * columns + column] = done
+            cells[table + done] = cells[row * columns + column]
+            cells[row * columns + column] = done
             done += 1
     return done
 

@@ -1,4 +1,4 @@
-"""Rewards: a weighted sum of named terms, each one function over arrays and each reported as ``reward/<name>``."""
+"""Rewards: a weighted sum of named terms, each reported as ``reward/<name>``."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env._jit import kernel
 from crowd_env.state import Bools, Floats, Ints
 
 
@@ -21,33 +22,56 @@ class Transition(NamedTuple):
     mass: Floats  # (P,)   kg
 
 
-def progress(step: Transition) -> Floats:
-    """Travel time saved [s]: sums to the travel time from the start, whatever the way."""
-    return step.travel_time_before - step.travel_time_after
+# Numbers of the terms that `judge` computes.
+PROGRESS, EXIT, TIME, CONTACT = range(4)
 
-
-def exit_bonus(step: Transition) -> Floats:
-    """1 in the step in which the pedestrian gets out."""
-    return step.left.astype(np.float64)
-
-
-def time(step: Transition) -> Floats:
-    """Minus the time spent inside [s]: sums to minus the egress time."""
-    return -step.duration
-
-
-def contact(step: Transition) -> Floats:
-    """Minus the contact impulse over the own mass [m/s]."""
-    return -step.crush / step.mass
-
-
-# Name -> function of a transition.
-REWARDS: dict[str, Callable[[Transition], Floats]] = {
-    "progress": progress,
-    "exit": exit_bonus,
-    "time": time,
-    "contact": contact,
+# Name -> law: a function of a `Transition` that returns (P,), or the number of one that is compiled in `judge`.
+REWARDS: dict[str, Callable[[Transition], Floats] | int] = {
+    # travel time saved [s]: sums to the travel time from the start, whatever the way
+    "progress": PROGRESS,
+    # 1 in the step in which the pedestrian gets out
+    "exit": EXIT,
+    # minus the time spent inside [s]: sums to minus the egress time
+    "time": TIME,
+    # minus the contact impulse over the own mass [m/s]
+    "contact": CONTACT,
 }
+
+
+@kernel
+def judge(step: Transition, row: Ints, terms: Floats) -> None:
+    """Write the compiled terms into rows of ``terms`` (K, P), as ``row`` (4,) says; -1 = not wanted."""
+    for i in range(len(step.inside)):
+        inside = step.inside[i]
+        if row[PROGRESS] >= 0:
+            terms[row[PROGRESS], i] = step.travel_time_before[i] - step.travel_time_after[i] if inside else 0.0
+        if row[EXIT] >= 0:
+            terms[row[EXIT], i] = 1.0 if step.left[i] else 0.0
+        if row[TIME] >= 0:
+            terms[row[TIME], i] = -step.duration[i] if inside else 0.0
+        if row[CONTACT] >= 0:
+            terms[row[CONTACT], i] = -step.crush[i] / step.mass[i] if inside else 0.0
+
+
+@kernel
+def weigh(
+    terms: Floats, order: Ints, weights: Floats, share: float, inside: Bools, env_start: Ints, total: Floats
+) -> None:
+    """Write the weighted sum (P,) of the rows ``order`` of ``terms`` (K, P), of which ``share`` goes to everyone inside."""
+    for e in range(len(env_start) - 1):
+        people, all_in_all = 0, 0.0
+        for i in range(env_start[e], env_start[e + 1]):
+            own = 0.0
+            for k in range(len(order)):
+                own += weights[k] * terms[order[k], i]
+            total[i] = own
+            all_in_all += own
+            people += inside[i]
+        if share > 0.0 and people > 0:
+            mean = all_in_all / people
+            for i in range(env_start[e], env_start[e + 1]):
+                if inside[i]:
+                    total[i] = (1.0 - share) * total[i] + share * mean
 
 
 @dataclass(frozen=True)
@@ -79,12 +103,17 @@ class RewardWeights:
 
     def evaluate(self, step: Transition, env_start: Ints) -> tuple[Floats, dict[str, Floats]]:
         """Return the reward (P,) and its terms by name, unweighted; 0 for those who were not inside."""
-        terms = {name: np.where(step.inside, law(step), 0.0) for name, law in REWARDS.items()}
-        total = np.zeros(len(step.inside))
-        for name, weight in self.weights.items():
-            total += weight * terms[name]
-        if self.team_share > 0.0:
-            people = np.maximum(np.add.reduceat(step.inside.astype(np.float64), env_start[:-1]), 1.0)
-            mean = np.repeat(np.add.reduceat(total, env_start[:-1]) / people, np.diff(env_start))
-            total = np.where(step.inside, (1.0 - self.team_share) * total + self.team_share * mean, 0.0)
-        return total, terms
+        names = list(REWARDS)
+        terms = np.empty((len(names), len(step.inside)))
+        row = np.full(4, -1, dtype=np.int64)
+        for k, law in enumerate(REWARDS.values()):
+            if isinstance(law, int):
+                row[law] = k
+            else:
+                terms[k] = np.where(step.inside, law(step), 0.0)
+        judge(step, row, terms)
+        total = np.empty(len(step.inside))
+        order = np.array([names.index(name) for name in self.weights], dtype=np.int64)
+        weights = np.array(list(self.weights.values()), dtype=np.float64)
+        weigh(terms, order, weights, float(self.team_share), step.inside, env_start, total)
+        return total, dict(zip(names, terms, strict=True))

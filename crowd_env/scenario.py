@@ -126,6 +126,10 @@ class Scenario:
             return [own.get(name, Route(name, (name,))) for name in part.exits or self._exits]
         return [_best_of(part.exits, strategy)]
 
+    def depends_on_place(self, strategy: str) -> bool:
+        """Return whether it depends on where people start which way they mean to take."""
+        return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
+
     def choose(self, ways: Ways, strategy: str, position: Floats) -> Ints:
         """Return the number of the way (K,) that people mean to take who start at ``position`` (K, 2).
 

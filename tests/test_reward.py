@@ -15,7 +15,7 @@ def episodes(policy, reward=None, *, num_envs=4, **options):
     env = CrowdEnv("room-v0", num_envs=num_envs, reward=reward, **{"time_limit": 12.0, **options})
     env.reset(seed=2)
     rng = np.random.default_rng(0)
-    first = env._travel_time.copy()
+    first = env._observer.travel_time.copy()
     steps = []
     while not env.finished.all():
         inside = env.active.copy()
@@ -50,7 +50,7 @@ def test_progress_sums_to_the_travel_time_from_the_start_whatever_the_way(policy
     out = np.isfinite(env.simulation.state.exit_time)
     assert out.sum() > 5 and (policy is rule or not out.all())
     np.testing.assert_allclose(total(steps, "progress")[out], first[out], atol=1e-9)
-    left = env._travel_time[~out]
+    left = env._observer.travel_time[~out]
     np.testing.assert_allclose(total(steps, "progress")[~out], first[~out] - left, atol=1e-9)
 
 
@@ -61,7 +61,7 @@ def test_the_first_travel_time_is_the_length_of_the_way_over_the_own_speed():
     time = 5.0 * seen / (1.0 - seen)
     distance = np.hypot(5.0 - env.simulation.state.position[:, 0], 0.0)
     assert (time * env.simulation.bodies.desired_speed > distance - 0.05).all()
-    np.testing.assert_allclose(time, env._travel_time, rtol=1e-5)
+    np.testing.assert_allclose(time, env._observer.travel_time, rtol=1e-5)
 
 
 def test_walking_away_costs_progress():
