@@ -1,8 +1,9 @@
 """The batch environment over arrays: physics, observation, reward and automatic restart, a decision each 0.1 s.
 
 Everyone acts (1, 0), straight to the exit, through the same door as a policy's actions.  Before anything is measured the batch
-runs for 10 simulated seconds, so that rooms are in several phases of an evacuation.  An agent-step is one decision (ten
-physics steps; hertz: a hundred) of someone who is inside; slots of people who are out are not counted.
+runs for 10 simulated seconds (or as long as there is patience), so that rooms are in several phases of an evacuation.  An
+agent-step is one decision (ten physics steps; hertz: a hundred) of someone who is inside; slots of people who are out are not
+counted.
 """
 
 import time
@@ -16,6 +17,7 @@ from crowd_env import SCHEMES, CrowdEnv
 
 SIZES = ((256, 20), (256, 50))  # rooms of 5 m, people in each
 _SETTLE = 100  # decision steps
+_SETTLE_CPU = 6.0  # blocks: settling takes no longer
 _RATE = "1/CPU s"
 
 
@@ -25,13 +27,16 @@ class Rooms:
     peer = None
     whole = 0.0
 
-    def __init__(self, scheme: str, rooms: int, people: int, settle: int, threads: int = 1) -> None:
+    def __init__(self, scheme: str, rooms: int, people: int, settle: int, effort: Effort, threads: int = 1) -> None:
         self.name = scheme
         self.env = CrowdEnv("room-v0", num_envs=rooms, scheme=scheme, autoreset=True, count=people, threads=threads)
         self.env.reset(seed=0)
         self._forward = np.tile(np.array([1.0, 0.0], dtype=np.float32), (self.env.num_people, 1))
+        begin = time.process_time()
         for _ in range(settle):
             self.env.step(self._forward)
+            if time.process_time() - begin > _SETTLE_CPU * effort.seconds:
+                break
         self._physics = Stopwatch(self.env.simulation, "advance")
         self._spent, self._inside, self._slots = 0.0, 0, 0
 
@@ -73,7 +78,7 @@ def measure(effort: Effort, schemes: Sequence[str], rooms: int, people: int, set
     ours: list[Rooms] = []
     for scheme in schemes:
         effort.tell(f"{scheme}, {rooms} x {people}: letting rooms fall out of step")
-        ours.append(Rooms(scheme, rooms, people, settle))
+        ours.append(Rooms(scheme, rooms, people, settle, effort))
     others = batch_rivals(rooms, people, effort)
     contenders: list[Contender] = [*ours, *others]
     samples = in_turn(contenders, effort)

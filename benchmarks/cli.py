@@ -125,10 +125,19 @@ def show(result: dict[str, Any]) -> None:
     console = Console()
     for k, grid in enumerate(grids(result)):
         console.print(_table(grid, result["case"] if k == 0 else None))
+        for line in grid.legend:
+            console.print(line, markup=False, highlight=False)
 
 
 def _table(grid: Grid, title: str | None) -> Table:
-    table = Table(title=title, title_justify="left", box=box.SIMPLE, pad_edge=False, show_header=any(grid.head))
+    table = Table(
+        title=title,
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+        show_header=any(grid.head),
+    )
     for k, head in enumerate(grid.head):
         words = max((len(word) for word in head.replace(", ", " ").split()), default=0)
         table.add_column(head.replace(", ", "\n"), justify="right" if k else "left", min_width=min(words, 16))

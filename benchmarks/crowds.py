@@ -14,7 +14,7 @@ COST = "CPU s per s"  # CPU seconds per simulated second
 # Scheme and time step [s].
 PAIRS = (("dem", 0.001), ("dem", 0.01), ("nsm1", 0.01), ("nsm2", 0.01), ("hertz", 0.001))
 DEFAULT_PAIRS = tuple((name, scheme.info.default_dt) for name, scheme in SCHEMES.items() if name != "hertz-literal")
-_SETTLE_CPU = 10.0  # blocks: settling takes no longer
+_SETTLE_CPU = 6.0  # blocks: settling takes no longer
 
 
 class Crowd:
@@ -109,6 +109,9 @@ def measure(
         seen = sample.simulated
         if seen < 0.999 * contender.whole:
             rows.append(Row(f"{name}: saw only", significant(seen, 3), "s", contender.peer))
+        failed = getattr(contender, "failed_at", None)
+        if failed is not None:
+            rows.append(Row(f"{name}: stopped at", significant(failed, 3), "s", contender.peer))
     count = len(ours)
     for crowd, mine in zip(ours, found[:count], strict=True):
         for rival, theirs in zip(rivals, found[count:], strict=True):

@@ -50,7 +50,7 @@ def against_threads(effort: Effort, rooms: int = 256, settle: int = 50) -> list[
     scene = jam(min(_THREAD_CROWD, effort.max_people))
     field = scene.scenario.field()
     groups: dict[str, list[Rooms] | list[Crowd]] = {
-        f"dem, {rooms} x 20": [Rooms("dem", rooms, 20, settle, threads) for threads in counts],
+        f"dem, {rooms} x 20": [Rooms("dem", rooms, 20, settle, effort, threads) for threads in counts],
         f"dem 0.001 s, {scene.people} people": [Crowd(scene, "dem", 0.001, effort, field, t) for t in counts],
     }
     found: list[Row] = []

@@ -3,29 +3,26 @@
 from typing import Any, NamedTuple
 
 Result = dict[str, Any]
+Line = dict[str, Any]
 
 
 class Grid(NamedTuple):
-    """A table of text."""
+    """A table of text; without a head, pairs of words and figures."""
 
     head: list[str]
     lines: list[list[str]]
+    legend: list[str] = []
 
 
 def grids(result: Result) -> list[Grid]:
-    """Return the tables of a case: figures by quantity (those of the same quantities together), then ratios by peer."""
-    plain = [row for row in result["rows"] if row["ratio"] is None and ": " in row["what"]]
+    """Return the tables of a case: figures by quantity, ratios by peer, and what has no quantity."""
+    alone = [row for row in result["rows"] if row["ratio"] is None]
+    named = [row for row in alone if ": " in row["what"]]
+    rest = [row for row in alone if ": " not in row["what"]]
+    found = _figures(named)
     ratios = [row for row in result["rows"] if row["ratio"] is not None]
-    rest = [row for row in result["rows"] if row["ratio"] is None and ": " not in row["what"]]
-    found = _figures(plain)
     if ratios:
-        peers = list(dict.fromkeys(row["peer"] for row in ratios))
-        cells = {(row["what"], row["peer"]): number(row["ratio"]) for row in ratios}
-        whats = list(dict.fromkeys(row["what"] for row in ratios))
-        marks = [chr(ord("A") + k) for k in range(len(peers))]
-        lines = [[what, *(cells.get((what, peer), "") for peer in peers)] for what in whats]
-        legend = [[f"{mark} = {peer}", *[""] * len(peers)] for mark, peer in zip(marks, peers, strict=True)]
-        found.append(Grid(["ratio to", *marks], lines + legend))
+        found.append(_ratios(ratios))
     if rest:
         found.append(Grid(["", ""], [[row["what"], f"{number(row['value'])}{_of(row['unit'])}"] for row in rest]))
     return found
@@ -35,28 +32,46 @@ def _of(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _figures(rows: list[dict[str, Any]]) -> list[Grid]:
-    """Put lines with the same columns into one table."""
+def _ratios(rows: list[Line]) -> Grid:
+    """Return a table with a line for each figure that is compared, a column for each peer."""
+    peers = list(dict.fromkeys(row["peer"] for row in rows))
+    cells = {(row["what"], row["peer"]): number(row["ratio"]) for row in rows}
+    marks = [chr(ord("A") + k) for k in range(len(peers))]
+    lines = [
+        [what, *(cells.get((what, peer), "") for peer in peers)] for what in dict.fromkeys(r["what"] for r in rows)
+    ]
+    return Grid(["ratio to", *marks], lines, [f"{mark} = {peer}" for mark, peer in zip(marks, peers, strict=True)])
+
+
+def _figures(rows: list[Line]) -> list[Grid]:
+    """Put lines with the same columns into one table; remarks that few have go into one of their own."""
     lines: dict[str, dict[str, str]] = {}
-    units: dict[str, str] = {}
     for row in rows:
         who, _, quantity = row["what"].rpartition(": ")
-        column = f"{quantity}, {row['unit']}"
-        lines.setdefault(who, {})[column] = number(row["value"])
-        units[column] = row["unit"]
+        lines.setdefault(who, {})[f"{quantity}, {row['unit']}"] = number(row["value"])
+    everyone = [column for cells in lines.values() for column in cells]
+    rare = {column for column in everyone if column.startswith(_RARE)}
     groups: dict[tuple[str, ...], list[str]] = {}
     for who, cells in lines.items():
-        fitting = next((columns for columns in groups if set(cells) <= set(columns)), None)
-        groups.setdefault(fitting or tuple(cells), []).append(who)
-    return [
-        Grid(["", *columns], [[who, *(lines[who].get(column, "") for column in columns)] for who in whose])
-        for columns, whose in groups.items()
-    ]
+        columns = tuple(column for column in cells if column not in rare)
+        fitting = next((known for known in groups if set(columns) <= set(known)), columns)
+        groups.setdefault(fitting, []).append(who)
+    found = [_grid(lines, whose, list(columns)) for columns, whose in groups.items() if columns]
+    for column in dict.fromkeys(column for column in everyone if column in rare):
+        found.append(_grid(lines, [who for who, cells in lines.items() if column in cells], [column]))
+    return found
+
+
+_RARE = ("saw only", "stopped at")
+
+
+def _grid(lines: dict[str, dict[str, str]], whose: list[str], columns: list[str]) -> Grid:
+    return Grid(["", *columns], [[who, *(lines[who].get(column, "") for column in columns)] for who in whose])
 
 
 def number(value: float) -> str:
     """Return a figure for people: 3 or 4 digits, large ones with a suffix."""
-    for limit, suffix in ((1e9, "G"), (1e6, "M"), (1e4, "k")):
+    for limit, size, suffix in ((1e9, 1e9, "G"), (1e6, 1e6, "M"), (1e4, 1e3, "k")):
         if abs(value) >= limit:
-            return f"{value / {'G': 1e9, 'M': 1e6, 'k': 1e3}[suffix]:.3g} {suffix}"
+            return f"{value / size:.3g} {suffix}"
     return f"{value:.4g}"

@@ -1,7 +1,9 @@
 """Benchmarks yield well-formed figures; how fast it is, is never asked here."""
 
+import importlib
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +19,10 @@ from benchmarks import (
     crowds,
     dictionaries,
     memory,
+    peers,
     plots,
     probes,
+    report,
     roofline,
     room20,
     scaling,
@@ -29,6 +33,7 @@ from benchmarks import (
 from benchmarks.measuring import Effort, Row, Sample, Stopwatch, fastest, in_turn, significant, times_better
 from crowd_env import SCHEMES
 
+PACKAGES = {"cromosim", "jupedsim", "magent2", "mpe2", "pymunk", "vmas"}
 TINY = Effort(seconds=0.001, blocks=1)
 # What stands in for a new process with an empty cache, which takes half a minute.
 QUICK_PROGRAM = "import json; print(json.dumps({{'import': 0.5, 'first step': 2.0, 'CPU': 2.5}}))  # {scheme}"
@@ -39,7 +44,7 @@ def check(rows):
     for row in rows:
         assert isinstance(row, Row)
         assert row.what and row.unit
-        assert math.isfinite(row.value) and row.value >= 0
+        assert math.isfinite(row.value) and (row.value >= 0 or row.what.endswith(": exponent"))
         assert row.ratio is None or (row.peer and math.isfinite(row.ratio) and row.ratio > 0)
     assert len({(row.what, row.peer) for row in rows}) == len(rows)
 
@@ -351,3 +356,111 @@ def drawn(rows, case, folder):
 def test_cases_without_a_plot_write_none(tmp_path):
     assert plots.draw({"case": "cold", "rows": []}, tmp_path) is None
     assert not list(tmp_path.iterdir())
+
+
+# -------------------------------------------------------------------------------------------------------------- page
+
+
+def test_the_page_has_a_place_for_every_case_and_nothing_is_lost(tmp_path):
+    page = tmp_path / "docs" / "page.md"
+    page.parent.mkdir()
+    page.write_text(report.PAGE.read_text(encoding="utf-8"), encoding="utf-8")
+    rows = [
+        Row("a, 5 people: speed", 2.0, "1/s"),
+        Row("a, 5 people: speed", 2.0, "1/s", "b 1.0", 4.0),
+        Row("load", 1.0, "1"),
+    ]
+    for name in cli.CASES:
+        result = {"case": name, "rows": [row._asdict() for row in rows]}
+        cli.write(tmp_path / "figures" / f"{name}.json", json.dumps(result))
+    (tmp_path / "figures" / "scaling.png").write_bytes(b"plot")
+    assert report.fill(tmp_path / "figures", page) == list(cli.CASES)
+    once = page.read_text(encoding="utf-8")
+    assert once.count("| a, 5 people | 2 |") == len(cli.CASES)
+    assert once.count("A = b 1.0") == len(cli.CASES)
+    assert (tmp_path / "docs" / "images" / "performance-scaling.png").read_bytes() == b"plot"
+    report.fill(tmp_path / "figures", page)
+    assert page.read_text(encoding="utf-8") == once
+
+
+@pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        ({}, "holds no figures"),
+        ({"cold.json": "{"}, "cold.json does not hold the figures"),
+        ({"cold.json": '{"case": "cold", "rows": [{"what": "x"}]}'}, "cold.json does not hold the figures"),
+        ({"cold.json": '{"case": "cold", "rows": []}'}, "no place for cold"),
+    ],
+)
+def test_figures_that_cannot_be_put_in_are_refused(tmp_path, files, said):
+    page = tmp_path / "page.md"
+    page.write_text("no marks")
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    with pytest.raises(ValueError, match=said):
+        report.fill(tmp_path, page)
+
+
+# ------------------------------------------------------------------------------------------------------------- peers
+
+
+def test_no_peer_is_loaded_unless_asked_for():
+    assert peers.rivals("room20", scenes.room20(), TINY) == []
+    assert peers.batch_rivals(2, 20, TINY) == []
+
+
+def test_an_absent_peer_is_one_line_that_says_how_to_get_it(monkeypatch, capsys):
+    real = importlib.import_module
+
+    def import_module(name):
+        if name.partition(".")[0] in PACKAGES:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return real(name)
+
+    monkeypatch.setattr(importlib, "import_module", import_module)
+    for function in (peers.installed, peers.say):
+        function.cache_clear()
+    asked = replace(TINY, peers=True)
+    for _ in range(2):
+        assert peers.rivals("jam", small_jam(), asked) == []
+        assert peers.rivals("big", small_jam(), asked) == []
+        assert peers.batch_rivals(2, 20, asked) == []
+    lines = capsys.readouterr().err.splitlines()
+    assert sorted(line.split()[0] for line in lines) == sorted(PACKAGES)
+    assert all("is not installed and is left out: pip install -e '.[train,bench]'" in line for line in lines)
+    peers.installed.cache_clear()
+
+
+def test_ratios_to_a_peer_are_of_its_cost_and_ours():
+    scene = small_jam()
+    rival = Runner("other", [Sample(3.0, 3.0, 0.02, 80.0)], 0.02, [])
+    rival.peer = "other 1.0"
+    rows = crowds.measure(scene, TINY, [("dem", 0.01)], [rival])
+    check(rows)
+    (ratio,) = (row for row in rows if row.ratio is not None)
+    assert ratio.peer == "other (other 1.0)"
+    assert ratio.ratio == pytest.approx(3.0 / 0.02 / ratio.value, rel=0.02)
+
+
+@pytest.mark.parametrize("case", sorted(peers.CROWDS))
+def test_crowds_of_peers(case):
+    for package, module, _ in peers.CROWDS[case]:
+        pytest.importorskip(package)
+        asked = replace(TINY, peers=True, peer_seconds=0.2)
+        scene = (small_jam() if case == "jam" else scenes.room20())._replace(horizon=0.05)
+        makers = importlib.import_module(f"benchmarks.peers.{module}").crowds(scene, asked)
+        for _, make in makers:
+            rival = make()
+            sample = rival.block(asked)
+            assert sample.cpu > 0 and sample.simulated > 0 and sample.steps > 0
+            bodies, position = rival.now()
+            assert len(bodies.radius) == len(position) == rival.inside
+            assert rival.peer.startswith(package)
+
+
+@pytest.mark.parametrize("package", peers.BATCHES)
+def test_batches_of_peers(package):
+    pytest.importorskip(package)
+    found = peers.batch_rivals(2, 4, replace(TINY, peers=True))
+    assert [one for one in found if one.peer.startswith(package)]
+    assert all(one.block(TINY).rate > 0 for one in found)
