@@ -4,10 +4,8 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from benchmarks.measuring import Contender, Effort, Row, Sample, in_turn, significant, times_better
-from benchmarks.scenes import Floats, Scene, chosen, overlaps
+from benchmarks.scenes import Depths, Floats, Scene, chosen
 from crowd_env import SCHEMES, Bodies, Simulation, make_state
 
 COST = "CPU s per s"  # CPU seconds per simulated second
@@ -22,7 +20,9 @@ class Crowd:
 
     peer = None
 
-    def __init__(self, scene: Scene, scheme: str, dt: float, effort: Effort, field: Any, threads: int = 1) -> None:
+    def __init__(
+        self, scene: Scene, scheme: str, dt: float, effort: Effort, field: Any, threads: int = 1, look: bool = False
+    ) -> None:
         self.name = f"{scheme} {dt:g} s"
         self.whole = scene.horizon
         self._scene = scene
@@ -37,6 +37,7 @@ class Crowd:
             fields=[field],
             threads=threads,
         )
+        self.depths = Depths(scene) if look else None
         self._begin = 0.0
         self._fresh = True
         self.simulation.advance(n_substeps=1)  # compiles
@@ -75,7 +76,10 @@ class Crowd:
         while sums.cpu < effort.seconds:
             if self._time >= self._begin + self.whole - 1e-9 or not self.simulation.inside[0]:
                 self._start()
-            now = self._advance(effort.seconds / 4.0, self._begin + self.whole)
+            part = self._time + self.whole / 4.0 if self.depths else self._begin + self.whole
+            now = self._advance(effort.seconds / 4.0, min(part, self._begin + self.whole))
+            if self.depths:
+                self.depths.look(self._time - self._begin, self.now)
             sums = Sample(*(a + b for a, b in zip(sums, now, strict=True)))
         return sums
 
@@ -96,7 +100,7 @@ def measure(
     """Return the figures of a scene under several schemes, and of ``rivals`` that walk in the same scene."""
     effort.tell(f"{scene.people} people: placing them")
     field = scene.scenario.field()
-    ours = [Crowd(scene, scheme, dt, effort, field) for scheme, dt in pairs]
+    ours = [Crowd(scene, scheme, dt, effort, field, look=detail) for scheme, dt in pairs]
     contenders: list[Contender] = [*ours, *rivals]
     found = in_turn(contenders, effort)
     rows: list[Row] = []
@@ -105,7 +109,7 @@ def measure(
         rows.append(Row(f"{name}: CPU time", significant(sample.cost, 3), COST, contender.peer))
         rows.append(Row(f"{name}: person-steps", significant(sample.rate, 3), "1/CPU s", contender.peer))
         if detail:
-            rows += state_rows(name, scene, contender)
+            rows += state_rows(name, contender)
         seen = sample.simulated
         if seen < 0.999 * contender.whole:
             rows.append(Row(f"{name}: saw only", significant(seen, 3), "s", contender.peer))
@@ -122,18 +126,15 @@ def measure(
     return rows
 
 
-def state_rows(name: str, scene: Scene, contender: Contender) -> list[Row]:
-    """Return the contacts and overlaps of the crowd as it stands now."""
-    where = getattr(contender, "now", None)
-    if where is None:
+def state_rows(name: str, contender: Contender) -> list[Row]:
+    """Return contacts and overlaps, if they were looked at."""
+    depths: Depths | None = getattr(contender, "depths", None)
+    figures = None if depths is None else depths.figures()
+    if figures is None:
         return []
-    bodies, position = where()
-    if len(position) == 0:
-        return []
-    deep = 1e3 * overlaps(scene.geometry, bodies, position)  # mm
-    p99, most = (float(np.percentile(deep, 99)), float(deep.max())) if len(deep) else (0.0, 0.0)
+    p99, most, contacts = figures
     return [
         Row(f"{name}: overlap p99", significant(p99, 2), "mm", contender.peer),
         Row(f"{name}: overlap max", significant(most, 2), "mm", contender.peer),
-        Row(f"{name}: in contact", significant(len(deep) / len(position), 2), "per person", contender.peer),
+        Row(f"{name}: in contact", significant(contacts, 2), "per person", contender.peer),
     ]

@@ -68,14 +68,15 @@ def _roofline(rows: list[dict[str, Any]], figure: "Figure") -> None:
     value = {row["what"]: row["value"] for row in rows if row["ratio"] is None}
     roof = value["arithmetic, multiply-add"]
     axes = figure.subplots()
-    low, high = 0.05, 20.0
+    low, high, lowest = 0.05, 20.0, float("inf")
     for name in ("L1", "L2", "L3", "DRAM"):
         speed = value[f"bandwidth in {name}"]
         knee = min(roof / speed, high)
         axes.plot([low, knee], [low * speed, knee * speed], color="0.45", linewidth=1)
+        lowest = min(low * speed, lowest / 1.2)  # so that words do not lie on each other
         axes.annotate(
             f"{name} {speed:.0f} GB/s",
-            (low, low * speed),
+            (low, lowest),
             xytext=(-4, 0),
             textcoords="offset points",
             ha="right",

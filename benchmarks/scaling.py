@@ -29,6 +29,7 @@ def against_people(effort: Effort) -> list[Row]:
     """Return CPU time per person-step against the number of people, and the exponent of the whole step."""
     costs: dict[str, list[tuple[int, float]]] = {}
     for count in effort.sizes(SIZES):
+        effort.tell(f"{count} people")
         scene = jam(count)._replace(horizon=_HORIZON)
         field = scene.scenario.field()
         crowds = [Crowd(scene, scheme, dt, effort, field) for scheme, dt in _PAIRS]
@@ -55,6 +56,7 @@ def against_threads(effort: Effort, rooms: int = 256, settle: int = 50) -> list[
     }
     found: list[Row] = []
     for name, contenders in groups.items():
+        effort.tell(f"{name}: threads")
         samples: list[Sample] = in_turn(contenders, effort)
         alone = samples[0]
         for threads, sample in zip(counts, samples, strict=True):

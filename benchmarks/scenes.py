@@ -1,5 +1,6 @@
 """The crowds that are measured, the same for every scheme and every other program: places, people and where they stand."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ HALL_DENSITY = 1.33  # 1/m2
 _MARGIN = 0.2  # m between the walls and the centres of a jam
 _JITTER = 0.15  # m
 _CALM_STEPS = 250
+_MOMENTS = 4  # of a run at which overlaps are measured
 _TOUCH = 1e-3  # m    bodies nearer than this touch
 
 
@@ -128,6 +130,35 @@ def overlaps(geometry: Geometry, bodies: Bodies, position: Floats, near: float =
     found = scene.contacts()
     depth = -found.gap - np.where(found.j >= 0, near, 0.5 * near)
     return np.asarray(np.maximum(0.0, depth[found.gap < 0.0]))
+
+
+class Depths:
+    """How deep a crowd overlaps at some moments of its first run."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._moments = [scene.horizon * (k + 1) / _MOMENTS for k in range(_MOMENTS)]
+        self._found: list[Floats] = []
+        self._people = 0
+
+    def look(self, time: float, now: Callable[[], tuple[Bodies, Floats]]) -> None:
+        """Measure if one of the moments [s after the scene settled] has come."""
+        if not self._moments or time < self._moments[0] - 1e-9:
+            return
+        while self._moments and time >= self._moments[0] - 1e-9:
+            self._moments.pop(0)
+        bodies, position = now()
+        if len(position):
+            self._found.append(1e3 * overlaps(self._scene.geometry, bodies, position))
+            self._people += len(position)
+
+    def figures(self) -> tuple[float, float, float] | None:
+        """Return the 99th percentile and the greatest overlap [mm], and contacts per person; None if it never looked."""
+        if not self._found:
+            return None
+        depths = np.concatenate(self._found)
+        p99, most = (float(np.percentile(depths, 99)), float(depths.max())) if len(depths) else (0.0, 0.0)
+        return p99, most, len(depths) / self._people
 
 
 def chosen(bodies: Bodies, who: NDArray[np.bool_]) -> Bodies:

@@ -44,29 +44,34 @@ def _ratios(rows: list[Line]) -> Grid:
 
 
 def _figures(rows: list[Line]) -> list[Grid]:
-    """Put lines with the same columns into one table; remarks that few have go into one of their own."""
+    """Put lines with the same columns into one table, wide ones by the number of people; remarks go into one of their own."""
     lines: dict[str, dict[str, str]] = {}
     for row in rows:
         who, _, quantity = row["what"].rpartition(": ")
         lines.setdefault(who, {})[f"{quantity}, {row['unit']}"] = number(row["value"])
-    everyone = [column for cells in lines.values() for column in cells]
-    rare = {column for column in everyone if column.startswith(_RARE)}
-    groups: dict[tuple[str, ...], list[str]] = {}
+    groups: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for who, cells in lines.items():
-        columns = tuple(column for column in cells if column not in rare)
-        fitting = next((known for known in groups if set(columns) <= set(known)), columns)
-        groups.setdefault(fitting, []).append(who)
-    found = [_grid(lines, whose, list(columns)) for columns, whose in groups.items() if columns]
-    for column in dict.fromkeys(column for column in everyone if column in rare):
-        found.append(_grid(lines, [who for who, cells in lines.items() if column in cells], [column]))
+        columns = tuple(column for column in cells if not column.startswith(_REMARKS))
+        size = who.rpartition(", ")[2] if len(columns) > _NARROW else ""
+        alike = (known for known in groups if known[0] == size and set(columns) <= set(known[1]))
+        groups.setdefault(next(alike, (size, columns)), []).append(who)
+    found = [_grid(lines, whose, columns, size) for (size, columns), whose in groups.items() if columns]
+    for remark in dict.fromkeys(column for cells in lines.values() for column in cells if column.startswith(_REMARKS)):
+        found.append(_grid(lines, [who for who, cells in lines.items() if remark in cells], (remark,), ""))
     return found
 
 
-_RARE = ("saw only", "stopped at")
+_REMARKS = ("saw only", "stopped at")
+_NARROW = 2  # columns
 
 
-def _grid(lines: dict[str, dict[str, str]], whose: list[str], columns: list[str]) -> Grid:
-    return Grid(["", *columns], [[who, *(lines[who].get(column, "") for column in columns)] for who in whose])
+def _grid(lines: dict[str, dict[str, str]], whose: list[str], columns: tuple[str, ...], size: str) -> Grid:
+    """Return a table; what all lines have in common is said once, in its head."""
+    names = [who.removesuffix(f", {size}") if size else who for who in whose]
+    cells = [
+        [name, *(lines[who].get(column, "") for column in columns)] for name, who in zip(names, whose, strict=True)
+    ]
+    return Grid([size, *columns], cells)
 
 
 def number(value: float) -> str:

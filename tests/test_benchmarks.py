@@ -1,9 +1,7 @@
 """Benchmarks yield well-formed figures; how fast it is, is never asked here."""
 
-import importlib
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +17,6 @@ from benchmarks import (
     crowds,
     dictionaries,
     memory,
-    peers,
     plots,
     probes,
     report,
@@ -33,7 +30,6 @@ from benchmarks import (
 from benchmarks.measuring import Effort, Row, Sample, Stopwatch, fastest, in_turn, significant, times_better
 from crowd_env import SCHEMES
 
-PACKAGES = {"cromosim", "jupedsim", "magent2", "mpe2", "pymunk", "vmas"}
 TINY = Effort(seconds=0.001, blocks=1)
 # What stands in for a new process with an empty cache, which takes half a minute.
 QUICK_PROGRAM = "import json; print(json.dumps({{'import': 0.5, 'first step': 2.0, 'CPU': 2.5}}))  # {scheme}"
@@ -399,68 +395,3 @@ def test_figures_that_cannot_be_put_in_are_refused(tmp_path, files, said):
         (tmp_path / name).write_text(text)
     with pytest.raises(ValueError, match=said):
         report.fill(tmp_path, page)
-
-
-# ------------------------------------------------------------------------------------------------------------- peers
-
-
-def test_no_peer_is_loaded_unless_asked_for():
-    assert peers.rivals("room20", scenes.room20(), TINY) == []
-    assert peers.batch_rivals(2, 20, TINY) == []
-
-
-def test_an_absent_peer_is_one_line_that_says_how_to_get_it(monkeypatch, capsys):
-    real = importlib.import_module
-
-    def import_module(name):
-        if name.partition(".")[0] in PACKAGES:
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-        return real(name)
-
-    monkeypatch.setattr(importlib, "import_module", import_module)
-    for function in (peers.installed, peers.say):
-        function.cache_clear()
-    asked = replace(TINY, peers=True)
-    for _ in range(2):
-        assert peers.rivals("jam", small_jam(), asked) == []
-        assert peers.rivals("big", small_jam(), asked) == []
-        assert peers.batch_rivals(2, 20, asked) == []
-    lines = capsys.readouterr().err.splitlines()
-    assert sorted(line.split()[0] for line in lines) == sorted(PACKAGES)
-    assert all("is not installed and is left out: pip install -e '.[train,bench]'" in line for line in lines)
-    peers.installed.cache_clear()
-
-
-def test_ratios_to_a_peer_are_of_its_cost_and_ours():
-    scene = small_jam()
-    rival = Runner("other", [Sample(3.0, 3.0, 0.02, 80.0)], 0.02, [])
-    rival.peer = "other 1.0"
-    rows = crowds.measure(scene, TINY, [("dem", 0.01)], [rival])
-    check(rows)
-    (ratio,) = (row for row in rows if row.ratio is not None)
-    assert ratio.peer == "other (other 1.0)"
-    assert ratio.ratio == pytest.approx(3.0 / 0.02 / ratio.value, rel=0.02)
-
-
-@pytest.mark.parametrize("case", sorted(peers.CROWDS))
-def test_crowds_of_peers(case):
-    for package, module, _ in peers.CROWDS[case]:
-        pytest.importorskip(package)
-        asked = replace(TINY, peers=True, peer_seconds=0.2)
-        scene = (small_jam() if case == "jam" else scenes.room20())._replace(horizon=0.05)
-        makers = importlib.import_module(f"benchmarks.peers.{module}").crowds(scene, asked)
-        for _, make in makers:
-            rival = make()
-            sample = rival.block(asked)
-            assert sample.cpu > 0 and sample.simulated > 0 and sample.steps > 0
-            bodies, position = rival.now()
-            assert len(bodies.radius) == len(position) == rival.inside
-            assert rival.peer.startswith(package)
-
-
-@pytest.mark.parametrize("package", peers.BATCHES)
-def test_batches_of_peers(package):
-    pytest.importorskip(package)
-    found = peers.batch_rivals(2, 4, replace(TINY, peers=True))
-    assert [one for one in found if one.peer.startswith(package)]
-    assert all(one.block(TINY).rate > 0 for one in found)

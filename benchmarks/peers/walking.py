@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.measuring import Effort, Sample
 from benchmarks.peers import named, say
-from benchmarks.scenes import Floats, Scene, chosen
+from benchmarks.scenes import Depths, Floats, Scene, chosen
 from crowd_env import Bodies
 
 DT = 0.01  # s
@@ -28,6 +28,7 @@ class PeerCrowd(ABC):
         self.whole = scene.horizon
         self.failed_at: float | None = None  # s
         self._scene, self._effort = scene, effort
+        self.depths = Depths(scene)
         self._time = 0.0
         self._begin = 0.0
         self._start()
@@ -94,6 +95,7 @@ class PeerCrowd(ABC):
                     steps += not failed
             now = Sample(time.process_time() - begin, time.perf_counter() - clock, DT * steps, float(people))
             sums = Sample(*(a + b for a, b in zip(sums, now, strict=True)))
+            self.depths.look(self._time - self._begin, self.now)
         return sums
 
 
