@@ -57,6 +57,11 @@ class Crowd:
     def _time(self) -> float:
         return float(self.simulation.state.time[0])
 
+    @property
+    def settled(self) -> float:
+        """How long [s] it settled before it was measured: less than the scene says if patience ran out."""
+        return min(self._begin, self._scene.settle)
+
     def _advance(self, seconds: float, until: float) -> Sample:
         """Make one call of about so many CPU seconds, at most to the time ``until``."""
         simulation = self.simulation
@@ -113,6 +118,8 @@ def measure(
         seen = sample.simulated
         if seen < 0.999 * contender.whole:
             rows.append(Row(f"{name}: saw only", significant(seen, 3), "s", contender.peer))
+        if isinstance(contender, Crowd) and contender.settled < 0.999 * scene.settle:
+            rows.append(Row(f"{name}: settled for", significant(contender.settled, 3), "s"))
         failed = getattr(contender, "failed_at", None)
         if failed is not None:
             rows.append(Row(f"{name}: stopped at", significant(failed, 3), "s", contender.peer))

@@ -26,21 +26,30 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def against_people(effort: Effort) -> list[Row]:
-    """Return CPU time per person-step against the number of people, and the exponent of the whole step."""
-    costs: dict[str, list[tuple[int, float]]] = {}
+    """Return CPU time per person-step against the number of people, and the exponent of the whole step.
+
+    A crowd whose settling was cut short is in another phase: it is shown, but left out of the exponent.
+    """
+    found: list[Row] = []
+    fitted: dict[str, list[tuple[int, float]]] = {}
     for count in effort.sizes(SIZES):
         effort.tell(f"{count} people")
         scene = jam(count)._replace(horizon=_HORIZON)
         field = scene.scenario.field()
         crowds = [Crowd(scene, scheme, dt, effort, field) for scheme, dt in _PAIRS]
         for crowd, sample in zip(crowds, in_turn(crowds, effort), strict=True):
-            costs.setdefault(crowd.name, []).append((count, sample.cpu / sample.steps))
-    found = []
-    for name, points in costs.items():
-        found += [Row(f"{name}, {n} people: a person-step", significant(1e9 * cost, 3), "CPU ns") for n, cost in points]
+            cost, name = sample.cpu / sample.steps, f"{crowd.name}, {count} people"
+            found.append(Row(f"{name}: a person-step", significant(1e9 * cost, 3), "CPU ns"))
+            points = fitted.setdefault(crowd.name, [])
+            if crowd.settled >= 0.999 * scene.settle:
+                points.append((count, cost))
+            else:
+                found.append(Row(f"{name}: settled for", significant(crowd.settled, 3), "s"))
+    found.sort(key=lambda row: [f"{scheme} {dt:g} s" for scheme, dt in _PAIRS].index(row.what.partition(",")[0]))
+    for name, points in fitted.items():
         if len(points) > 1:
-            people, cost = np.log(np.array(points).T)
-            found.append(Row(f"{name}: exponent", significant(1.0 + np.polyfit(people, cost, 1)[0], 3), "of people"))
+            people, logs = np.log(np.array(points).T)
+            found.append(Row(f"{name}: exponent", significant(1.0 + np.polyfit(people, logs, 1)[0], 3), "of people"))
     return found
 
 

@@ -61,7 +61,7 @@ def _figures(rows: list[Line]) -> list[Grid]:
     return found
 
 
-_REMARKS = ("saw only", "stopped at")
+_REMARKS = ("saw only", "settled for", "stopped at")
 _NARROW = 2  # columns
 
 

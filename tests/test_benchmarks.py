@@ -138,9 +138,11 @@ def test_probes():
 def test_scaling(monkeypatch, tmp_path):
     monkeypatch.setattr(scaling, "SIZES", (30, 60))
     monkeypatch.setattr(scaling, "jam", lambda count: scenes.jam(count)._replace(settle=0.01))
-    rows = scaling.against_people(TINY)
+    rows = scaling.against_people(Effort(seconds=0.02, blocks=1))
     check(rows)
-    assert sum(row.what.endswith(": exponent") for row in rows) == 4
+    costs = [row for row in rows if row.what.endswith(": a person-step")]
+    assert len(costs) == 8
+    assert any(row.what.endswith(": exponent") for row in rows)
     drawn(rows, "scaling", tmp_path)
 
 

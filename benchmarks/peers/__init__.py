@@ -4,6 +4,7 @@ Install them apart from the rest, ``pip install -e '.[train,bench]' -c constrain
 them bring pygame-ce, which overwrites the pygame of the extra ``render``.
 """
 
+import contextlib
 import importlib
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -65,7 +66,8 @@ def _made(makers: Iterator[tuple[str, Callable[[], Contender]]], effort: Effort)
 def installed(package: str) -> bool:
     """Return whether a package is there; say once how to get it if not."""
     try:
-        importlib.import_module(package)
+        with quiet():  # pygame greets
+            importlib.import_module(package)
     except ImportError as error:
         why = "is not installed" if getattr(error, "name", None) == package else f"cannot be imported ({error})"
         say(f"{package} {why} and is left out: {INSTALL}")
@@ -85,3 +87,10 @@ def named(package: str) -> str:
 def say(line: str) -> None:
     """Print a line to stderr, once."""
     print(line, file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Keep what others print off the standard output, which is ours."""
+    with contextlib.redirect_stdout(sys.stderr):
+        yield

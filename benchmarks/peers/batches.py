@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from benchmarks.measuring import Contender, Effort, Sample
-from benchmarks.peers import named
-from benchmarks.peers.walking import limit, quiet
+from benchmarks.peers import named, quiet
+from benchmarks.peers.walking import limit
 
 _PATIENCE = 3.0  # times the longest block: to set up and to make a first step
 _EPISODE = 200  # steps after which a PettingZoo environment is reset, which is not counted

@@ -16,7 +16,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from benchmarks.measuring import Contender, Effort
-from benchmarks.peers.walking import DT, PeerCrowd, quiet
+from benchmarks.peers import quiet
+from benchmarks.peers.walking import DT, PeerCrowd
 from benchmarks.scenes import Floats, Scene
 
 _OUTSIDE = 1.0  # m behind the door

@@ -2,7 +2,6 @@
 
 import contextlib
 import signal
-import sys
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -12,7 +11,7 @@ from types import FrameType
 import numpy as np
 
 from benchmarks.measuring import Effort, Sample
-from benchmarks.peers import named, say
+from benchmarks.peers import named, quiet, say
 from benchmarks.scenes import Depths, Floats, Scene, chosen
 from crowd_env import Bodies
 
@@ -97,13 +96,6 @@ class PeerCrowd(ABC):
             sums = Sample(*(a + b for a, b in zip(sums, now, strict=True)))
             self.depths.look(self._time - self._begin, self.now)
         return sums
-
-
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """Keep what others print off the standard output, which is ours."""
-    with contextlib.redirect_stdout(sys.stderr):
-        yield
 
 
 @contextlib.contextmanager
