@@ -25,7 +25,7 @@ class Rooms:
     """A batch of rooms under one scheme."""
 
     peer = None
-    whole = 0.0
+    whole = 8.0  # s    about an evacuation: shorter blocks see only a phase of it
 
     def __init__(self, scheme: str, rooms: int, people: int, settle: int, effort: Effort, threads: int = 1) -> None:
         self.name = scheme

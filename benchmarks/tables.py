@@ -1,5 +1,6 @@
 """Figures as tables: a line for whoever is measured, a column for each quantity; ratios in a table of their own."""
 
+import re
 from typing import Any, NamedTuple
 
 Result = dict[str, Any]
@@ -21,8 +22,7 @@ def grids(result: Result) -> list[Grid]:
     rest = [row for row in alone if ": " not in row["what"]]
     found = _figures(named)
     ratios = [row for row in result["rows"] if row["ratio"] is not None]
-    if ratios:
-        found.append(_ratios(ratios))
+    found += _ratios(ratios)
     if rest:
         found.append(Grid(["", ""], [[row["what"], f"{number(row['value'])}{_of(row['unit'])}"] for row in rest]))
     return found
@@ -32,15 +32,35 @@ def _of(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _ratios(rows: list[Line]) -> Grid:
-    """Return a table with a line for each figure that is compared, a column for each peer."""
-    peers = list(dict.fromkeys(row["peer"] for row in rows))
-    cells = {(row["what"], row["peer"]): number(row["ratio"]) for row in rows}
-    marks = [chr(ord("A") + k) for k in range(len(peers))]
-    lines = [
-        [what, *(cells.get((what, peer), "") for peer in peers)] for what in dict.fromkeys(r["what"] for r in rows)
-    ]
-    return Grid(["ratio to", *marks], lines, [f"{mark} = {peer}" for mark, peer in zip(marks, peers, strict=True)])
+def _ratios(rows: list[Line]) -> list[Grid]:
+    """Return a table for all who are compared with the same peers: a line for each of them, a column for each peer."""
+    cells: dict[str, dict[str, str]] = {}
+    for row in rows:
+        cells.setdefault(row["what"], {})[row["peer"]] = number(row["ratio"])
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for what, ratios in cells.items():
+        groups.setdefault(tuple(ratios), []).append(what)
+    found = []
+    for peers, whats in groups.items():
+        marks = [chr(ord("A") + k) for k in range(len(peers))]
+        common = _common_end(whats)
+        lines = [[what.removesuffix(common), *cells[what].values()] for what in whats]
+        head = f"{common.strip(' :,')}, ratio to" if common else "ratio to"
+        legend = [f"{mark} = {peer}" for mark, peer in zip(marks, peers, strict=True)]
+        found.append(Grid([head, *marks], lines, legend))
+    return found
+
+
+def _common_end(whats: list[str]) -> str:
+    """Return what several lines end with alike, from a comma or a colon on."""
+    if len(whats) < 2:
+        return ""
+    common = ""
+    for ends in zip(*(re.findall(r"(?:^|, |: )(?:(?!, |: ).)*", what)[:0:-1] for what in whats), strict=False):
+        if len(set(ends)) > 1:
+            break
+        common = ends[0] + common
+    return common
 
 
 def _figures(rows: list[Line]) -> list[Grid]:
