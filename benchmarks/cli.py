@@ -2,23 +2,32 @@
 
 import json
 import os
+import platform
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import batch, cold, particles, room20, train
+from benchmarks import batch, big, cold, dictionaries, hall, jam, memory, plots, roofline, room20, scaling, train
 from benchmarks.measuring import Effort, Row
+from benchmarks.tables import Grid, grids
 
 # Name -> function that measures.
 CASES: dict[str, Callable[[Effort], list[Row]]] = {
-    "batch": batch.rows,
-    "train": train.rows,
     "room20": room20.rows,
-    "particles": particles.rows,
+    "big": big.rows,
+    "hall": hall.rows,
+    "jam": jam.rows,
+    "batch": batch.rows,
+    "dict": dictionaries.rows,
+    "train": train.rows,
+    "roofline": roofline.rows,
+    "scaling": scaling.rows,
+    "memory": memory.rows,
     "cold": cold.rows,
 }
 _notes = Console(stderr=True, highlight=False)
@@ -26,53 +35,114 @@ _notes = Console(stderr=True, highlight=False)
 
 def report(case: str, effort: Effort) -> dict[str, Any]:
     """Return the figures of a case, ready for JSON."""
-    load = _load()
-    found = [*CASES[case](effort), *load]
+    before = _load("before")
+    found = [*CASES[case](effort), *before, *_load("after"), machine()]
     return {"case": case, "rows": [row._asdict() for row in found]}
 
 
-def _load() -> list[Row]:
+def _load(when: str) -> list[Row]:
     """What else the machine is doing: the figures suffer from it."""
     try:
-        return [Row("load average of the last minute, before", round(os.getloadavg()[0], 2), "1")]
+        return [Row(f"load average of the last minute, {when}", round(os.getloadavg()[0], 2), "1")]
     except (AttributeError, OSError):  # not on every system
         return []
 
 
+def machine() -> Row:
+    """Return the type of the processor and how many cores it has."""
+    name = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        name = next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):  # not Linux
+        pass
+    return Row(f"processor {name}", float(os.cpu_count() or 1), "cores")
+
+
 def run(
     case: Annotated[list[str] | None, typer.Argument(help=f"Cases: {', '.join(CASES)}; default all.")] = None,
-    seconds: Annotated[float, typer.Option(help="CPU seconds of a block.")] = 1.0,
-    blocks: Annotated[int, typer.Option(help="Blocks per figure, of which the fastest counts.")] = 3,
+    peers: Annotated[bool, typer.Option("--peers", help="Also measure other programs, in turn with ours.")] = False,
+    seconds: Annotated[float, typer.Option(help="CPU seconds of a block.")] = 0.5,
+    blocks: Annotated[int, typer.Option(help="Blocks per figure, in turn; the fastest counts.")] = 3,
+    peer_seconds: Annotated[float, typer.Option(help="Seconds after which a peer's block is cut short.")] = 10.0,
+    max_people: Annotated[int, typer.Option(help="Leave out larger crowds.")] = 100_000,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a case, each on a line.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Also write CASE.json into this folder.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Also write CASE.json, and plots, into this folder.")] = None,
 ) -> None:
-    """Measure how fast crowd_env is; a few minutes for all cases."""
+    """Measure how fast crowd_env is, against itself, the machine and other programs; a few minutes for all cases.
+
+    Figures are of CPU time; compare those of one run.  `python -m benchmarks.report DIR` puts what --out has written into
+    docs/performance.md.
+    """
     try:
-        effort = Effort(seconds, blocks)
         chosen = case or list(CASES)
         for name in chosen:
             if name not in CASES:
                 raise ValueError(f"unknown case {name!r}; known: {', '.join(CASES)}")
+        if out is not None and out.exists() and not out.is_dir():
+            raise ValueError(f"--out {out} is a file; name a folder")
         for name in chosen:
-            with _notes.status(f"{name} ..."):
+            with _notes.status(f"{name} ...") as status:
+                effort = Effort(seconds, blocks, peers, peer_seconds, max_people, _teller(name, status.update))
                 result = report(name, effort)
             if out is not None:
-                out.mkdir(parents=True, exist_ok=True)
-                (out / f"{name}.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+                write(out / f"{name}.json", json.dumps(result, indent=2) + "\n")
+                plots.draw(result, out)
             if as_json:
                 typer.echo(json.dumps(result))
             else:
-                Console().print(_table(result))
-    except ValueError as error:
+                show(result)
+    except (ValueError, OSError) as error:
         _notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         raise typer.Exit(2) from None
 
 
-def _table(result: dict[str, Any]) -> Table:
-    table = Table(title=result["case"], show_header=False, title_justify="left")
-    for row in result["rows"]:
-        unit = "" if row["unit"] == "1" else row["unit"]
-        table.add_row(row["what"], f"{row['value']:,g}" if row["value"] < 1e4 else f"{row['value']:,.0f}", unit)
+def _teller(case: str, update: Callable[[str], None]) -> Callable[[str], None]:
+    """Return what tells of progress: on a terminal in place, else a line for each thing."""
+
+    def tell(what: str) -> None:
+        if _notes.is_terminal:
+            update(f"{case}: {what}")
+        elif "block" not in what:
+            _notes.print(f"{case}: {what}", markup=False, soft_wrap=True)
+
+    return tell
+
+
+def write(path: Path, text: str) -> None:
+    """Write a file at once: whoever reads it meanwhile sees the old one or the new one."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    half = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        half.write_text(text, encoding="utf-8")
+        half.replace(path)
+    finally:
+        half.unlink(missing_ok=True)
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print the tables of a case."""
+    console = Console()
+    for k, grid in enumerate(grids(result)):
+        console.print(_table(grid, result["case"] if k == 0 else None))
+        for line in grid.legend:
+            console.print(line, markup=False, highlight=False)
+
+
+def _table(grid: Grid, title: str | None) -> Table:
+    table = Table(
+        title=title,
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+        show_header=any(grid.head),
+    )
+    for k, head in enumerate(grid.head):
+        words = max((len(word) for word in head.replace(", ", " ").split()), default=0)
+        table.add_column(head.replace(", ", "\n"), justify="right" if k else "left", min_width=min(words, 16))
+    for line in grid.lines:
+        table.add_row(*line)
     return table
 
 

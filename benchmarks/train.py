@@ -1,51 +1,100 @@
 """The training loop: stable-baselines3 PPO with the settings of ``train.py`` on `CrowdVecEnv`, 64 rooms, one thread.
 
-Samples are counted as the loss sees them: of people who were inside when they acted.  What stable-baselines3 itself calls
-timesteps counts all slots, also those of people who are out.  The learning rate has fallen to nothing by the time of the
-measurement, so that no early stop (``target_kl``) shortens an update: every epoch runs.
+It runs in turn with the same PPO on an empty environment of the same shapes, whose step returns the same arrays over and over:
+the ratio says how much of what is possible the environment leaves.  Samples are counted as the loss sees them: of people who
+were inside when they acted.  What stable-baselines3 itself calls timesteps counts all slots, also those of people who are out.
+The learning rate has fallen to nothing by the time of the measurement, so that no early stop (``target_kl``) shortens an
+update: every epoch runs.
 """
 
 import time
+from typing import TYPE_CHECKING, Any
 
-from benchmarks.measuring import Effort, Row, Stopwatch, significant
+import numpy as np
+
+from benchmarks.measuring import Effort, Row, Sample, Stopwatch, in_turn, significant, times_better
 from crowd_env import CrowdEnv
+
+if TYPE_CHECKING:
+    from agents.learned import PPOSettings
+
+_RATE = "1/CPU s"
+_EMPTY = "the same PPO on an empty environment"
+
+
+class Training:
+    """PPO, rollout by rollout; with an environment that does nothing if ``inside`` is given."""
+
+    peer = None
+    whole = 0.0
+
+    def __init__(self, name: str, rooms: int, settings: "PPOSettings", inside: np.ndarray | None = None) -> None:
+        from agents.learned import make_ppo
+
+        self.name = name
+        env = CrowdEnv("room-v0", num_envs=rooms, scheme="nsm2", autoreset=True)
+        self.model = make_ppo(env, settings, seed=0)
+        self.venv: Any = self.model.get_env()
+        self.rollout = settings.n_steps * env.num_people
+        if inside is not None:
+            _empty(self.venv, inside)
+        self.model.learn(self.rollout, reset_num_timesteps=False)  # compile, and let the rooms fall out of step
+        self.environment, self.learning = Stopwatch(self.venv, "step_wait"), Stopwatch(self.model, "train")
+        self.spent, self.slots, self.inside = 0.0, 0, 0
+
+    def block(self, effort: Effort) -> Sample:
+        """Collect rollouts and learn from them for about ``effort.seconds`` of CPU time."""
+        begin, clock, inside, slots = time.process_time(), time.perf_counter(), 0, 0
+        while time.process_time() - begin < effort.seconds:
+            self.model.learn(self.rollout, reset_num_timesteps=False)
+            inside += int(self.model.rollout_buffer.mask.sum())  # type: ignore[attr-defined]
+            slots += self.rollout
+        spent = time.process_time() - begin
+        self.spent, self.slots, self.inside = self.spent + spent, self.slots + slots, self.inside + inside
+        return Sample(spent, time.perf_counter() - clock, 0.1 * slots / self.venv.num_envs, inside)
+
+
+def _empty(venv: Any, inside: np.ndarray) -> None:
+    """Let the steps of a `CrowdVecEnv` do nothing; row by row of ``inside`` (steps, slots) says who counts."""
+    people = venv.num_envs
+    observation = (
+        np.random.default_rng(0).uniform(-1.0, 1.0, (people, *venv.observation_space.shape)).astype(np.float32)
+    )
+    reward, done = np.zeros(people, dtype=np.float32), np.zeros(people, dtype=np.bool_)
+    infos: list[dict[str, Any]] = [{} for _ in range(people)]
+    calls = 0
+
+    def step_wait() -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        nonlocal calls
+        venv.acted = inside[calls % len(inside)]
+        calls += 1
+        return observation.copy(), reward.copy(), done.copy(), infos
+
+    venv.step_wait = step_wait
 
 
 def rows(effort: Effort, rooms: int = 64, n_steps: int | None = None) -> list[Row]:
-    """Return samples per CPU second, and where the time goes."""
+    """Return samples per CPU second, where the time goes, and the ratio to the empty environment."""
     import torch
 
-    from agents.learned import PPOSettings, make_ppo
+    from agents.learned import PPOSettings
 
     torch.set_num_threads(1)
     settings = PPOSettings() if n_steps is None else PPOSettings(n_steps=n_steps, batch_size=rooms * 20)
-    model = make_ppo(CrowdEnv("room-v0", num_envs=rooms, scheme="nsm2", autoreset=True), settings, seed=0)
-    venv = model.get_env()
-    assert venv is not None
-    rollout = settings.n_steps * venv.num_envs
-    model.learn(rollout, reset_num_timesteps=False)  # compile, and let the rooms fall out of step
-    environment, learning = Stopwatch(venv, "step_wait"), Stopwatch(model, "train")
-    best: tuple[float, list[Row]] = (0.0, [])
-    for _ in range(effort.blocks):
-        environment.restart()
-        learning.restart()
-        begin, inside, slots = time.process_time(), 0, 0
-        while time.process_time() - begin < effort.seconds:
-            model.learn(rollout, reset_num_timesteps=False)
-            inside += int(model.rollout_buffer.mask.sum())  # type: ignore[attr-defined]
-            slots += rollout
-        spent = time.process_time() - begin
-        shares = environment.seconds / spent, learning.seconds / spent
-        if inside / spent > best[0]:
-            best = (
-                inside / spent,
-                [
-                    Row("samples that count", significant(inside / spent, 3), "1/CPU s"),
-                    Row("slots, as stable-baselines3 counts", significant(slots / spent, 3), "1/CPU s"),
-                    Row("slots with someone inside", significant(inside / slots, 2), "1"),
-                    Row("CPU time in the environment", significant(shares[0], 2), "1"),
-                    Row("CPU time choosing actions and storing them", significant(1.0 - sum(shares), 2), "1"),
-                    Row("CPU time learning", significant(shares[1], 2), "1"),
-                ],
-            )
-    return best[1]
+    effort.tell(f"{rooms} x 20: first rollout")
+    real = Training(f"{rooms} x 20, nsm2", rooms, settings)
+    mask = real.model.rollout_buffer.mask.copy()  # type: ignore[attr-defined]
+    nothing = Training(f"{rooms} x 20, empty", rooms, settings, mask)
+    mine, empty = in_turn([real, nothing], effort)
+    share, learning = real.environment.seconds / real.spent, real.learning.seconds / real.spent
+    ratio = times_better(mine.rate, empty.rate, _RATE)
+    return [
+        Row(f"{real.name}: samples that count", significant(mine.rate, 3), _RATE),
+        Row(f"{real.name}: slots", significant(mine.rate * real.slots / real.inside, 3), _RATE),
+        Row(f"{real.name}: inside", significant(real.inside / real.slots, 2), "of slots"),
+        Row(f"{real.name}: environment", significant(share, 2), "of CPU time"),
+        Row(f"{real.name}: actions and storing", significant(1.0 - share - learning, 2), "of CPU time"),
+        Row(f"{real.name}: learning", significant(learning, 2), "of CPU time"),
+        Row(f"{nothing.name}: samples that count", significant(empty.rate, 3), _RATE),
+        Row(f"{real.name}: samples that count", significant(mine.rate, 3), _RATE, _EMPTY, ratio),
+    ]
