@@ -20,7 +20,16 @@ from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_known, require_positive
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social import SocialForce, SocialLaw, social_law
-from crowd_env.physics.solvers import SOLVERS, ContactLaw, SolverName, fastest_speed, pose_no_overlap, solve
+from crowd_env.physics.solvers import (
+    GAUSS_SEIDEL,
+    SOLVERS,
+    ContactLaw,
+    SolverName,
+    fastest_speed,
+    give_impulses,
+    pose_no_overlap,
+    solve,
+)
 from crowd_env.physics.step import (
     detect,
     leave,
@@ -53,6 +62,8 @@ class NSM1:
     ----------
     trial : "spontaneous" (Venel: the desired velocity itself) or "inertial" (velocity, driving and external force).
     tolerance : m/s, complementarity residual at which the solver stops.
+    relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
+        without any impulse.
     max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
     solver : "gauss-seidel", "accelerated", or "auto": by the number of contacts.
     social : social force; None = people do not mind until they touch.
@@ -60,12 +71,15 @@ class NSM1:
 
     trial: Literal["spontaneous", "inertial"] = "spontaneous"
     tolerance: float = 1e-2
+    relative_tolerance: float | None = None
     max_iterations: int = 20_000
     solver: SolverName = "auto"
     social: SocialForce | None = None
 
     def __post_init__(self) -> None:
         require_positive("nsm1", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
+        if self.relative_tolerance is not None:
+            require_positive("nsm1", "the solver stops on it", relative_tolerance=self.relative_tolerance)
         if self.trial not in ("spontaneous", "inertial"):
             raise ValueError(f"nsm1: trial is {self.trial!r}; it must be 'spontaneous' or 'inertial'")
         require_known("nsm1", "solver", self.solver, SOLVERS)
@@ -92,7 +106,9 @@ class NSM1:
 
     def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
         """Advance the environments ``first:stop`` in place."""
-        law = ContactLaw(np.inf, 0.0, self.tolerance, self.max_iterations, SOLVERS[self.solver], True)
+        accelerated = SOLVERS[self.solver] != GAUSS_SEIDEL
+        relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
+        law = ContactLaw(np.inf, 0.0, self.tolerance, relative, self.max_iterations, accelerated)
         social = social_law(self.social, batch.control.driving)
         _advance_range(batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law, social)
 
@@ -148,11 +164,13 @@ def _project(
             return False
         first = near.entry_start[e]
         last = first + contacts.number[e]
-        pose_no_overlap(first, last, contacts, bodies.mass, memory.problem, dt)
-        iterations, residual = solve(first, last, begin, end, contacts, bodies.mass, v, memory.problem, law)
+        number = last - first
+        busy = pose_no_overlap(first, last, begin, end, e, contacts, bodies.mass, v, memory.problem, dt, True)
+        iterations, residual, converged = solve(first, number, busy, begin, end, e, bodies.mass, v, memory.problem, law)
         needed = 2.0 * dt * fastest_speed(begin, end, state.active, v)
         if not needed > margin:
-            record_solver(e, memory.diagnostics, iterations, residual, law.tolerance)
+            give_impulses(first, number, number, contacts, bodies.mass, memory.problem)
+            record_solver(e, memory.diagnostics, iterations, residual, residual if converged else 0.0)
             return True
         margin = 1.2 * needed
 

@@ -13,10 +13,12 @@ order of h times the closing speed remains, and is the scheme's, not the solver'
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from crowd_env._jit import kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
-from crowd_env.physics.neighbors import NeighbourList
+from crowd_env.physics.neighbors import FULL
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social import SocialForce, SocialLaw, social_law
@@ -25,6 +27,7 @@ from crowd_env.physics.solvers import (
     SOLVERS,
     ContactLaw,
     SolverName,
+    give_impulses,
     pose_no_overlap,
     pose_percussions,
     solve,
@@ -72,6 +75,8 @@ class NSM2:
     normal_dissipation : kg, ``K_N`` of eq 9; 1e5 (nearly elastic) as in Table 4, infinite for exactly elastic.
     tangential_dissipation : kg, ``K_T`` of eq 9; 0 = frictionless as in Table 4.
     tolerance : m/s, residual at which the solver stops.
+    relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
+        without any impulse.
     max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
     reaction : which reaction forbids approach after the step.  "printed" (eq 10): w+ >= 0 for every overlapping contact; on one
         that was separating already it does work, and many bodies in contact gain energy.  "dissipative" is an EXTENSION:
@@ -85,6 +90,7 @@ class NSM2:
     normal_dissipation: float = 1e5
     tangential_dissipation: float = 0.0
     tolerance: float = 1e-4
+    relative_tolerance: float | None = None
     max_iterations: int = 20_000
     solver: SolverName = "auto"
     reaction: Literal["printed", "dissipative"] = "printed"
@@ -99,6 +105,8 @@ class NSM2:
             tangential_dissipation=self.tangential_dissipation,
         )
         require_positive("nsm2", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
+        if self.relative_tolerance is not None:
+            require_positive("nsm2", "the solver stops on it", relative_tolerance=self.relative_tolerance)
         if not 0.0 <= self.position_correction <= 1.0:
             raise ValueError(f"nsm2: position_correction is {self.position_correction!r}; it must be in [0, 1]")
         require_known("nsm2", "reaction", self.reaction, ("printed", "dissipative"))
@@ -122,11 +130,10 @@ class NSM2:
 
     def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
         """Advance the environments ``first:stop`` in place."""
-        # Few contacts and hardly coupled: Gauss-Seidel was measured to be twice as fast at every size, and the impulses of
-        # the last step no better a start than none.
-        solver = GAUSS_SEIDEL if self.solver == "auto" else SOLVERS[self.solver]
+        accelerated = SOLVERS[self.solver] != GAUSS_SEIDEL
+        relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
         dissipation = (self.normal_dissipation, self.tangential_dissipation)
-        law = ContactLaw(*dissipation, self.tolerance, self.max_iterations, solver, False)
+        law = ContactLaw(*dissipation, self.tolerance, relative, self.max_iterations, accelerated)
         options = Options(self.reaction == "dissipative", self.position_correction)
         social = social_law(self.social, batch.control.driving)
         _advance_range(batch, dt, n_substeps, first, stop, law, options, social)
@@ -153,11 +160,11 @@ def _move(e: int, env_start: Ints, state: CrowdState, before: Floats, previous: 
 
 @kernel
 def _part(
+    e: int,
     first: int,
     last: int,
     begin: int,
     end: int,
-    near: NeighbourList,
     contacts: Contacts,
     mass: Floats,
     position: Floats,
@@ -173,16 +180,11 @@ def _part(
     shift = memory.desired  # no longer needed in this step
     for i in range(begin, end):
         shift[i, 0], shift[i, 1] = 0.0, 0.0
-    pose_no_overlap(first, last, contacts, mass, memory.problem, dt / correction)
-    solve(first, last, begin, end, contacts, mass, shift, memory.problem, law)
+    busy = pose_no_overlap(first, last, begin, end, e, contacts, mass, shift, memory.problem, dt / correction, False)
+    solve(first, last - first, busy, begin, end, e, mass, shift, memory.problem, law)
     for i in range(begin, end):
         position[i, 0] += dt * shift[i, 0]
         position[i, 1] += dt * shift[i, 1]
-    for c in range(first, last):  # the percussions of the step are what is reported
-        contacts.impulse[c, 0], contacts.impulse[c, 1] = (
-            near.history[contacts.entry[c], 0],
-            near.history[contacts.entry[c], 1],
-        )
 
 
 @kernel
@@ -207,27 +209,35 @@ def _advance_one(
             social.cutoff,
         ):
             return
+        first, number = near.entry_start[e], contacts.number[e]
+        last = first + number
+        if law.k_tangent > 0.0 and last + number > near.entry_start[e + 1]:
+            memory.status[e] = FULL  # a rough contact takes two rows: come back with more room
+            return
         desired_velocities(e, world, bodies, state, control, memory, dt)
         regular_forces(
             e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, memory.force, social
         )
         _accelerate(e, bodies, state, memory.force, memory.before, dt)
-        first = near.entry_start[e]
-        last = first + contacts.number[e]
-        pose_percussions(first, last, contacts, bodies.mass, problem, memory.before, options.dissipative)
-        iterations, residual = solve(first, last, begin, end, contacts, bodies.mass, state.velocity, problem, law)
-        record_solver(e, memory.diagnostics, iterations, residual, law.tolerance)
+        rows = pose_percussions(
+            first, last, begin, end, contacts, bodies.mass, memory.before, problem, law, options.dissipative
+        )
+        iterations, residual, converged = solve(
+            first, rows, rows, begin, end, e, bodies.mass, state.velocity, problem, law
+        )
+        give_impulses(first, rows, number, contacts, bodies.mass, problem)
+        record_solver(e, memory.diagnostics, iterations, residual, residual if converged else 0.0)
         record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
         record_overlaps(e, first, last, contacts, memory.diagnostics)
         remember_impulses(first, last, contacts, near.history)
         _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
         if options.correction > 0.0:
             _part(
+                e,
                 first,
                 last,
                 begin,
                 end,
-                near,
                 contacts,
                 bodies.mass,
                 state.position,
