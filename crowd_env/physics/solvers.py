@@ -330,16 +330,12 @@ def _sweep(
         ahead = now + beta * (now - reaction[t, 1])
         r = _law(soft[t], row[t, 2], nx * (ax - bx) + ny * (ay - by) - ahead)
         d = r - ahead
-        reaction[t, 1] = now
-        if d != 0.0:
-            reaction[t, 0] = r
-            uphill -= d * (r - now)
-            px, py = d * nx, d * ny
-            qx, qy = row[t, 3] * px, row[t, 3] * py
-            u[i, 0], u[i, 1] = ax + qx, ay + qy
-            u[j, 0], u[j, 1] = bx - (px - qx), by - (py - qy)
-        elif beta != 0.0:
-            reaction[t, 0] = r
+        uphill -= d * (r - now)
+        reaction[t, 0], reaction[t, 1] = r, now
+        px, py = d * nx, d * ny
+        qx, qy = row[t, 3] * px, row[t, 3] * py
+        u[i, 0], u[i, 1] = ax + qx, ay + qy
+        u[j, 0], u[j, 1] = bx - (px - qx), by - (py - qy)
     return uphill > 0.0
 
 
@@ -347,7 +343,8 @@ def _sweep(
 def _law(soft: float, bias: float, free: float) -> float:
     """What a reaction [m/s] should be, if the row would separate at the speed ``free`` without it."""
     if soft == 0.0:
-        return max(0.0, -free - bias)
+        r = -free - bias
+        return r if r > 0.0 else 0.0
     if soft < 0.0:
         return soft * (bias + free)
     # Below K_N w- / 2 the contact separates, w = -w- - 2 P / K_N; above it the reaction holds it closed.
@@ -392,10 +389,29 @@ def give_impulses(begin: int, rows: int, number: int, contacts: Contacts, mass: 
 
 
 @kernel
-def fastest_speed(begin: int, end: int, active: Bools, v: Floats) -> float:
-    """Largest speed [m/s] among the active people ``begin:end``."""
-    square = 0.0
+def keep_impulses(begin: int, end: int, contacts: Contacts, problem: Problem) -> None:
+    """Keep the impulses of the contacts ``begin:end`` while they are found once more, up to a wider gap."""
+    for c in range(begin, end):
+        problem.reaction[c, 1] = contacts.impulse[c, 0]
+
+
+@kernel
+def take_impulses(begin: int, end: int, margin: float, contacts: Contacts, problem: Problem) -> None:
+    """Give the impulses that were kept to the same contacts: those with a gap below the former ``margin``, in the same order."""
+    kept = begin
+    for c in range(begin, end):
+        if contacts.gap[c] < margin:
+            contacts.impulse[c, 0] = problem.reaction[kept, 1]
+            kept += 1
+
+
+@kernel
+def closing_speed(begin: int, end: int, active: Bools, v: Floats) -> float:
+    """Sum of the two largest speeds [m/s] among the active people ``begin:end``: no two can close faster."""
+    first, second = 0.0, 0.0
     for i in range(begin, end):
         if active[i]:
-            square = max(square, v[i, 0] * v[i, 0] + v[i, 1] * v[i, 1])
-    return np.sqrt(square)
+            square = v[i, 0] * v[i, 0] + v[i, 1] * v[i, 1]
+            if not square <= second:
+                first, second = max(first, square), min(first, square)
+    return np.sqrt(first) + np.sqrt(second)
