@@ -18,20 +18,10 @@ from crowd_env.geometry import Boundary
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_known, require_positive
+from crowd_env.physics.rows import give_impulses, keep_impulses, pose_no_overlap, take_impulses
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social import SocialForce, SocialLaw, social_law
-from crowd_env.physics.solvers import (
-    GAUSS_SEIDEL,
-    SOLVERS,
-    ContactLaw,
-    SolverName,
-    closing_speed,
-    give_impulses,
-    keep_impulses,
-    pose_no_overlap,
-    solve,
-    take_impulses,
-)
+from crowd_env.physics.solvers import SOLVERS, SolverName, Stopping, closing_speed, solve
 from crowd_env.physics.step import (
     detect,
     leave,
@@ -56,7 +46,7 @@ INFO = SchemeInfo(
 )
 
 
-# The margin for contacts over what the speeds before and of the trial ask for: a wider one costs less than to solve a step twice.
+# Margin for contacts over what the speeds before and of the trial ask for: wider costs less than to solve a step twice.
 _HEADROOM = 1.25
 
 
@@ -71,7 +61,7 @@ class NSM1:
     relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
         without any impulse.
     max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
-    solver : "gauss-seidel", "accelerated", or "auto": by the number of contacts.
+    solver : "gauss-seidel", "accelerated" (with momentum), or "auto": the faster one, here the second.
     social : social force; None = people do not mind until they touch.
     """
 
@@ -112,9 +102,9 @@ class NSM1:
 
     def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
         """Advance the environments ``first:stop`` in place."""
-        accelerated = SOLVERS[self.solver] != GAUSS_SEIDEL
+        accelerated = self.solver != "gauss-seidel"
         relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
-        law = ContactLaw(np.inf, 0.0, self.tolerance, relative, self.max_iterations, accelerated)
+        law = Stopping(self.tolerance, relative, self.max_iterations, accelerated)
         social = social_law(self.social, batch.control.driving)
         _advance_range(batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law, social)
 
@@ -151,7 +141,7 @@ def _project(
     memory: Memory,
     dt: float,
     spontaneous: bool,
-    law: ContactLaw,
+    law: Stopping,
     cutoff: float,
 ) -> bool:
     """Leave the projection of the trial velocity in `Memory.before`; False if the contacts could not be found.
@@ -197,7 +187,7 @@ def _move(e: int, env_start: Ints, state: CrowdState, after: Floats, previous: F
 
 @kernel
 def _advance_one(
-    e: int, batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: ContactLaw, social: SocialLaw
+    e: int, batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: Stopping, social: SocialLaw
 ) -> None:
     world, bodies, state, control, memory = batch
     near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
@@ -232,7 +222,7 @@ def _advance_range(
     first: int,
     stop: int,
     spontaneous: bool,
-    law: ContactLaw,
+    law: Stopping,
     social: SocialLaw,
 ) -> None:
     for e in range(first, stop):

@@ -20,18 +20,10 @@ from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.neighbors import FULL
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
+from crowd_env.physics.rows import give_impulses, pose_no_overlap, pose_percussions
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social import SocialForce, SocialLaw, social_law
-from crowd_env.physics.solvers import (
-    GAUSS_SEIDEL,
-    SOLVERS,
-    ContactLaw,
-    SolverName,
-    give_impulses,
-    pose_no_overlap,
-    pose_percussions,
-    solve,
-)
+from crowd_env.physics.solvers import SOLVERS, SolverName, Stopping, solve
 from crowd_env.physics.step import (
     detect,
     leave,
@@ -60,8 +52,10 @@ _TOUCHING = 1e-12  # m
 
 
 class Options(NamedTuple):
-    """The extensions as kernels read them."""
+    """The parameters as kernels read them."""
 
+    k_normal: float  # kg
+    k_tangent: float  # kg
     dissipative: bool
     correction: float
 
@@ -83,7 +77,7 @@ class NSM2:
         w+ >= -max(w-, 0), i.e. the mean speed of the step must not approach; then contacts never make energy.
     position_correction : share of every overlap that is taken back in each step, 0 to 1.  An EXTENSION, not in the paper, whose
         law acts on velocities alone: people are moved apart by the least displacement (mass-weighted), without any velocity.
-    solver : "gauss-seidel", "accelerated", or "auto": the faster one, here always the first.
+    solver : "gauss-seidel", "accelerated" (with momentum), or "auto": the faster one, here the second.
     social : social force; None = people do not mind until they touch.
     """
 
@@ -130,11 +124,11 @@ class NSM2:
 
     def advance(self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int) -> None:
         """Advance the environments ``first:stop`` in place."""
-        accelerated = SOLVERS[self.solver] != GAUSS_SEIDEL
+        accelerated = self.solver != "gauss-seidel"
         relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
+        law = Stopping(self.tolerance, relative, self.max_iterations, accelerated)
         dissipation = (self.normal_dissipation, self.tangential_dissipation)
-        law = ContactLaw(*dissipation, self.tolerance, relative, self.max_iterations, accelerated)
-        options = Options(self.reaction == "dissipative", self.position_correction)
+        options = Options(*dissipation, self.reaction == "dissipative", self.position_correction)
         social = social_law(self.social, batch.control.driving)
         _advance_range(batch, dt, n_substeps, first, stop, law, options, social)
 
@@ -170,7 +164,7 @@ def _part(
     position: Floats,
     memory: Memory,
     dt: float,
-    law: ContactLaw,
+    law: Stopping,
     correction: float,
 ) -> None:
     """Move overlapping people apart by the least mass-weighted displacement that takes back a share of every overlap.
@@ -189,7 +183,7 @@ def _part(
 
 @kernel
 def _advance_one(
-    e: int, batch: Batch, dt: float, n_substeps: int, law: ContactLaw, options: Options, social: SocialLaw
+    e: int, batch: Batch, dt: float, n_substeps: int, law: Stopping, options: Options, social: SocialLaw
 ) -> None:
     world, bodies, state, control, memory = batch
     near, contacts, problem, g = memory.near, memory.contacts, memory.problem, world.geometry_of_env[e]
@@ -211,7 +205,7 @@ def _advance_one(
             return
         first, number = near.entry_start[e], contacts.number[e]
         last = first + number
-        if law.k_tangent > 0.0 and last + number > near.entry_start[e + 1]:
+        if options.k_tangent > 0.0 and last + number > near.entry_start[e + 1]:
             memory.status[e] = FULL  # a rough contact takes two rows: come back with more room
             return
         desired_velocities(e, world, bodies, state, control, memory, dt)
@@ -220,7 +214,17 @@ def _advance_one(
         )
         _accelerate(e, bodies, state, memory.force, memory.before, dt)
         rows = pose_percussions(
-            first, last, begin, end, contacts, bodies.mass, memory.before, problem, law, options.dissipative
+            first,
+            last,
+            begin,
+            end,
+            contacts,
+            bodies.mass,
+            memory.before,
+            problem,
+            options.k_normal,
+            options.k_tangent,
+            options.dissipative,
         )
         iterations, residual, converged = solve(
             first, rows, rows, begin, end, e, bodies.mass, state.velocity, problem, law
@@ -257,7 +261,7 @@ def _advance_range(
     n_substeps: int,
     first: int,
     stop: int,
-    law: ContactLaw,
+    law: Stopping,
     options: Options,
     social: SocialLaw,
 ) -> None:
