@@ -144,7 +144,9 @@ def test_contacts_of_a_large_crowd_are_those_of_brute_force(name):
     inside = at.active[i] & at.active[j]
     deep = (gap < -1e-12) & inside
     expected = dict(zip(zip(i[deep].tolist(), j[deep].tolist(), strict=True), gap[deep], strict=True))
-    listed = {(a, b): g for a, b, g in zip(found.i.tolist(), found.j.tolist(), found.gap, strict=True) if b >= 0 > g + 1e-12}
+    listed = {
+        (a, b): g for a, b, g in zip(found.i.tolist(), found.j.tolist(), found.gap, strict=True) if b >= 0 > g + 1e-12
+    }
     assert len(expected) > (200 if not name.startswith("nsm") else -1)  # these let nobody in
     assert listed == pytest.approx(expected, abs=1e-12)
     people = found.j >= 0

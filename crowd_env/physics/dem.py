@@ -129,15 +129,13 @@ def _advance_one(
                 _finish(e, g, begin, end, slabs, world.boundary, state, near, lanes, cut, memory.diagnostics, dt)
                 tick(e, state.time, memory.progress, dt)
             cut.go[e] = memory.progress[e] < n_substeps and cut.inside[e] > 0
-            if cut.go[e]:
-                if cut.stray[e]:
-                    show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
-                    margin = social.cutoff
-                    memory.status[e] = update_neighbours(
-                        e, g, world.boundary, memory.door_open, bodies, state, near, margin
-                    )
-                    cut.go[e] = memory.status[e] == OK
-                    _follow_list(e, begin, end, slabs, state.active, near, margin, lanes, cut)
+            if cut.go[e] and cut.stray[e]:
+                show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
+                memory.status[e] = update_neighbours(
+                    e, g, world.boundary, memory.door_open, bodies, state, near, social.cutoff
+                )
+                cut.go[e] = memory.status[e] == OK
+                _follow_list(e, begin, end, slabs, state.active, near, social.cutoff, lanes, cut)
             if cut.go[e]:
                 cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
                 if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:

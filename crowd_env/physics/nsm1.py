@@ -19,9 +19,10 @@ from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_known, require_positive
+from crowd_env.physics.rows import give_impulses, keep_impulses, pose_no_overlap, take_impulses
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social import SocialForce, SocialLaw, social_law
-from crowd_env.physics.solvers import SOLVERS, ContactLaw, SolverName, fastest_speed, pose_no_overlap, solve
+from crowd_env.physics.solvers import SOLVERS, SolverName, Stopping, closing_speed, solve
 from crowd_env.physics.step import (
     detect,
     record_overlaps,
@@ -46,6 +47,10 @@ INFO = SchemeInfo(
 )
 
 
+# Margin for contacts over what the speeds before and of the trial ask for: wider costs less than to solve a step twice.
+_HEADROOM = 1.25
+
+
 @dataclass(frozen=True)
 class NSM1:
     """Discs that never overlap.
@@ -54,19 +59,24 @@ class NSM1:
     ----------
     trial : "spontaneous" (Venel: the desired velocity itself) or "inertial" (velocity, driving and external force).
     tolerance : m/s, complementarity residual at which the solver stops.
+    relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
+        without any impulse.
     max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
-    solver : "gauss-seidel", "accelerated", or "auto": by the number of contacts.
+    solver : "gauss-seidel", "accelerated" (with momentum), or "auto": the faster one, here the second.
     social : social force; None = people do not mind until they touch.
     """
 
     trial: Literal["spontaneous", "inertial"] = "spontaneous"
     tolerance: float = 1e-2
+    relative_tolerance: float | None = None
     max_iterations: int = 20_000
     solver: SolverName = "auto"
     social: SocialForce | None = None
 
     def __post_init__(self) -> None:
         require_positive("nsm1", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
+        if self.relative_tolerance is not None:
+            require_positive("nsm1", "the solver stops on it", relative_tolerance=self.relative_tolerance)
         if self.trial not in ("spontaneous", "inertial"):
             raise ValueError(f"nsm1: trial is {self.trial!r}; it must be 'spontaneous' or 'inertial'")
         require_known("nsm1", "solver", self.solver, SOLVERS)
@@ -99,7 +109,9 @@ class NSM1:
         self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
-        law = ContactLaw(np.inf, 0.0, self.tolerance, self.max_iterations, SOLVERS[self.solver], True)
+        accelerated = self.solver != "gauss-seidel"
+        relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
+        law = Stopping(self.tolerance, relative, self.max_iterations, accelerated)
         social = social_law(self.social, batch.control.driving)
         _advance_range(batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law, social)
 
@@ -136,32 +148,38 @@ def _project(
     memory: Memory,
     dt: float,
     spontaneous: bool,
-    law: ContactLaw,
+    law: Stopping,
     cutoff: float,
 ) -> bool:
     """Leave the projection of the trial velocity in `Memory.before`; False if the contacts could not be found.
 
     Contacts are gathered up to the gap that two people could close in this step.  The projection can make someone faster
-    than anyone was in the trial; then the gap is widened and the step solved anew, so no contact is ever missed.
+    than anyone was in the trial and in the step before; then the gap is widened and the step solved anew,
+    from where it stood, so no contact is ever missed.
     """
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    near, contacts, v = memory.near, memory.contacts, memory.before
-    margin = -1.0
+    near, contacts, v, problem = memory.near, memory.contacts, memory.before, memory.problem
+    first, sweeps, margin, solved = near.entry_start[e], 0, -1.0, -np.inf
     while True:
         _try_velocities(e, bodies, state, memory.force, v, dt, spontaneous)
         if margin < 0.0:
-            margin = 2.2 * dt * fastest_speed(begin, end, state.active, v) + 1e-3
+            before = closing_speed(begin, end, state.active, state.velocity)
+            margin = _HEADROOM * dt * max(closing_speed(begin, end, state.active, v), before) + 1e-3
         if not detect(e, g, boundary, memory.door_open, bodies, state, near, contacts, memory.status, margin, cutoff):
             return False
-        first = near.entry_start[e]
-        last = first + contacts.number[e]
-        pose_no_overlap(first, last, contacts, bodies.mass, memory.problem, dt)
-        iterations, residual = solve(first, last, begin, end, contacts, bodies.mass, v, memory.problem, law)
-        needed = 2.0 * dt * fastest_speed(begin, end, state.active, v)
+        number = contacts.number[e]
+        last = first + number
+        take_impulses(first, last, solved, contacts, problem)
+        busy = pose_no_overlap(first, last, begin, end, e, contacts, bodies.mass, v, problem, dt, True)
+        iterations, residual, converged = solve(first, number, busy, begin, end, e, bodies.mass, v, problem, law)
+        sweeps += iterations
+        needed = dt * closing_speed(begin, end, state.active, v)
+        give_impulses(first, number, number, contacts, bodies.mass, problem)
         if not needed > margin:
-            record_solver(e, memory.diagnostics, iterations, residual, law.tolerance)
+            record_solver(e, memory.diagnostics, sweeps, residual, residual if converged else 0.0)
             return True
-        margin = 1.2 * needed
+        keep_impulses(first, last, contacts, problem)
+        solved, margin = margin, 1.2 * needed
 
 
 @kernel
@@ -176,7 +194,7 @@ def _move(e: int, env_start: Ints, state: CrowdState, after: Floats, previous: F
 
 @kernel
 def _advance_one(
-    e: int, batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: ContactLaw, social: SocialLaw
+    e: int, batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: Stopping, social: SocialLaw
 ) -> None:
     world, bodies, state, control, memory = batch
     near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
@@ -211,7 +229,7 @@ def _advance_range(
     first: int,
     stop: int,
     spontaneous: bool,
-    law: ContactLaw,
+    law: Stopping,
     social: SocialLaw,
 ) -> None:
     for e in range(first, stop):

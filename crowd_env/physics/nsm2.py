@@ -13,23 +13,18 @@ order of h times the closing speed remains, and is the scheme's, not the solver'
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from crowd_env._jit import index, kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.leaving import leave
-from crowd_env.physics.neighbors import NeighbourList
+from crowd_env.physics.neighbors import FULL
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
+from crowd_env.physics.rows import give_impulses, pose_no_overlap, pose_percussions
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social import SocialForce, SocialLaw, social_law
-from crowd_env.physics.solvers import (
-    GAUSS_SEIDEL,
-    SOLVERS,
-    ContactLaw,
-    SolverName,
-    pose_no_overlap,
-    pose_percussions,
-    solve,
-)
+from crowd_env.physics.solvers import SOLVERS, SolverName, Stopping, solve
 from crowd_env.physics.step import (
     detect,
     record_overlaps,
@@ -58,8 +53,10 @@ _TOUCHING = 1e-12  # m
 
 
 class Options(NamedTuple):
-    """The extensions as kernels read them."""
+    """The parameters as kernels read them."""
 
+    k_normal: float  # kg
+    k_tangent: float  # kg
     dissipative: bool
     correction: float
 
@@ -73,19 +70,22 @@ class NSM2:
     normal_dissipation : kg, ``K_N`` of eq 9; 1e5 (nearly elastic) as in Table 4, infinite for exactly elastic.
     tangential_dissipation : kg, ``K_T`` of eq 9; 0 = frictionless as in Table 4.
     tolerance : m/s, residual at which the solver stops.
+    relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
+        without any impulse.
     max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
     reaction : which reaction forbids approach after the step.  "printed" (eq 10): w+ >= 0 for every overlapping contact; on one
         that was separating already it does work, and many bodies in contact gain energy.  "dissipative" is an EXTENSION:
         w+ >= -max(w-, 0), i.e. the mean speed of the step must not approach; then contacts never make energy.
     position_correction : share of every overlap that is taken back in each step, 0 to 1.  An EXTENSION, not in the paper, whose
         law acts on velocities alone: people are moved apart by the least displacement (mass-weighted), without any velocity.
-    solver : "gauss-seidel", "accelerated", or "auto": the faster one, here always the first.
+    solver : "gauss-seidel", "accelerated" (with momentum), or "auto": the faster one, here the second.
     social : social force; None = people do not mind until they touch.
     """
 
     normal_dissipation: float = 1e5
     tangential_dissipation: float = 0.0
     tolerance: float = 1e-4
+    relative_tolerance: float | None = None
     max_iterations: int = 20_000
     solver: SolverName = "auto"
     reaction: Literal["printed", "dissipative"] = "printed"
@@ -100,6 +100,8 @@ class NSM2:
             tangential_dissipation=self.tangential_dissipation,
         )
         require_positive("nsm2", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
+        if self.relative_tolerance is not None:
+            require_positive("nsm2", "the solver stops on it", relative_tolerance=self.relative_tolerance)
         if not 0.0 <= self.position_correction <= 1.0:
             raise ValueError(f"nsm2: position_correction is {self.position_correction!r}; it must be in [0, 1]")
         require_known("nsm2", "reaction", self.reaction, ("printed", "dissipative"))
@@ -129,12 +131,11 @@ class NSM2:
         self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
-        # Few contacts and hardly coupled: Gauss-Seidel was measured to be twice as fast at every size, and the impulses of
-        # the last step no better a start than none.
-        solver = GAUSS_SEIDEL if self.solver == "auto" else SOLVERS[self.solver]
+        accelerated = self.solver != "gauss-seidel"
+        relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
+        law = Stopping(self.tolerance, relative, self.max_iterations, accelerated)
         dissipation = (self.normal_dissipation, self.tangential_dissipation)
-        law = ContactLaw(*dissipation, self.tolerance, self.max_iterations, solver, False)
-        options = Options(self.reaction == "dissipative", self.position_correction)
+        options = Options(*dissipation, self.reaction == "dissipative", self.position_correction)
         social = social_law(self.social, batch.control.driving)
         _advance_range(batch, dt, n_substeps, first, stop, law, options, social)
 
@@ -160,17 +161,17 @@ def _move(e: int, env_start: Ints, state: CrowdState, before: Floats, previous: 
 
 @kernel
 def _part(
+    e: int,
     first: int,
     last: int,
     begin: int,
     end: int,
-    near: NeighbourList,
     contacts: Contacts,
     mass: Floats,
     position: Floats,
     memory: Memory,
     dt: float,
-    law: ContactLaw,
+    law: Stopping,
     correction: float,
 ) -> None:
     """Move overlapping people apart by the least mass-weighted displacement that takes back a share of every overlap.
@@ -180,21 +181,16 @@ def _part(
     shift = memory.desired  # no longer needed in this step
     for i in range(index(begin), index(end)):
         shift[i, 0], shift[i, 1] = 0.0, 0.0
-    pose_no_overlap(first, last, contacts, mass, memory.problem, dt / correction)
-    solve(first, last, begin, end, contacts, mass, shift, memory.problem, law)
+    busy = pose_no_overlap(first, last, begin, end, e, contacts, mass, shift, memory.problem, dt / correction, False)
+    solve(first, last - first, busy, begin, end, e, mass, shift, memory.problem, law)
     for i in range(index(begin), index(end)):
         position[i, 0] += dt * shift[i, 0]
         position[i, 1] += dt * shift[i, 1]
-    for c in range(first, last):  # the percussions of the step are what is reported
-        contacts.impulse[c, 0], contacts.impulse[c, 1] = (
-            contacts.memory[c, 0],
-            contacts.memory[c, 1],
-        )
 
 
 @kernel
 def _advance_one(
-    e: int, batch: Batch, dt: float, n_substeps: int, law: ContactLaw, options: Options, social: SocialLaw
+    e: int, batch: Batch, dt: float, n_substeps: int, law: Stopping, options: Options, social: SocialLaw
 ) -> None:
     world, bodies, state, control, memory = batch
     near, contacts, problem, g = memory.near, memory.contacts, memory.problem, world.geometry_of_env[e]
@@ -214,27 +210,46 @@ def _advance_one(
             social.cutoff,
         ):
             return
+        first, number = near.entry_start[e], contacts.number[e]
+        last = first + number
+        if options.k_tangent > 0.0 and last + number > near.entry_start[e + 1]:
+            memory.status[e] = FULL  # a rough contact takes two rows: come back with more room
+            return
         desired_velocities(e, world, bodies, state, control, memory, dt)
         regular_forces(
             e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, memory.force, social
         )
         _accelerate(e, bodies, state, memory.force, memory.before, dt)
-        first = near.entry_start[e]
-        last = first + contacts.number[e]
-        pose_percussions(first, last, contacts, bodies.mass, problem, memory.before, options.dissipative)
-        iterations, residual = solve(first, last, begin, end, contacts, bodies.mass, state.velocity, problem, law)
-        record_solver(e, memory.diagnostics, iterations, residual, law.tolerance)
-        record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
-        record_overlaps(e, first, last, contacts, memory.diagnostics)
-        remember_impulses(first, last, contacts.impulse, contacts.memory)
-        _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
-        if options.correction > 0.0:
-            _part(
+        if number > 0:
+            rows = pose_percussions(
                 first,
                 last,
                 begin,
                 end,
-                near,
+                contacts,
+                bodies.mass,
+                memory.before,
+                problem,
+                options.k_normal,
+                options.k_tangent,
+                options.dissipative,
+            )
+            iterations, residual, converged = solve(
+                first, rows, rows, begin, end, e, bodies.mass, state.velocity, problem, law
+            )
+            give_impulses(first, rows, number, contacts, bodies.mass, problem)
+            record_solver(e, memory.diagnostics, iterations, residual, residual if converged else 0.0)
+            record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
+            record_overlaps(e, first, last, contacts, memory.diagnostics)
+            remember_impulses(first, last, contacts.impulse, contacts.memory)
+        _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
+        if options.correction > 0.0 and number > 0:
+            _part(
+                e,
+                first,
+                last,
+                begin,
+                end,
                 contacts,
                 bodies.mass,
                 state.position,
@@ -254,7 +269,7 @@ def _advance_range(
     n_substeps: int,
     first: int,
     stop: int,
-    law: ContactLaw,
+    law: Stopping,
     options: Options,
     social: SocialLaw,
 ) -> None:

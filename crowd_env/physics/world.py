@@ -132,7 +132,7 @@ def allocate_memory(
     return Memory(
         near=near,
         contacts=allocate_contacts(near),
-        problem=allocate_problem(room("problem"), len(near.touch) if "problem" in uses else 0),
+        problem=allocate_problem(room("problem"), len(near.touch) if "problem" in uses else 0, environments),
         lanes=allocate_lanes(room("lanes")),
         cut=allocate_cut(environments),
         way=reals(people, 2),
@@ -166,5 +166,5 @@ def grow_memory(memory: Memory, bodies: Bodies, uses: Collection[str] = SCRATCH)
     contacts = allocate_contacts(near)
     move_contacts(memory.contacts, memory.near.entry_start, contacts, near.entry_start)
     if "problem" in uses:
-        memory = memory._replace(problem=allocate_problem(people, len(near.touch)))
+        memory = memory._replace(problem=allocate_problem(people, len(near.touch), len(bodies.env_start) - 1))
     return memory._replace(near=near, contacts=contacts)
