@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inner_kernel
 from crowd_env.navigation_lookup import FieldArrays
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
@@ -50,7 +50,7 @@ class Guidance(NamedTuple):
     rule: RuleArrays
 
 
-@kernel
+@inner_kernel
 def notice_regions(
     e: int, g: int, region: RegionArrays, bodies: Bodies, state: CrowdState, here: Ints, pace: Floats
 ) -> None:
@@ -76,7 +76,7 @@ def notice_regions(
             k += 1
 
 
-@kernel
+@inner_kernel
 def apply_rules(
     e: int,
     g: int,
@@ -124,7 +124,7 @@ def apply_rules(
         followed[i] = route
 
 
-@kernel
+@inner_kernel
 def _after_goals(e: int, guidance: Guidance, route: int, here: int) -> int:
     """Return the route to follow where ``here`` says one stands: the next one, if the goal of this one is reached."""
     for _ in range(guidance.goal.shape[1]):
@@ -135,7 +135,7 @@ def _after_goals(e: int, guidance: Guidance, route: int, here: int) -> int:
     return route
 
 
-@kernel
+@inner_kernel
 def regions_ahead(field: FieldArrays, f: int, x: float, y: float) -> int:
     """Return the regions (bits) that the way from (x, y) by field ``f`` leads through."""
     if f < 0 or field.shape[f, 1] == 0:

@@ -6,7 +6,7 @@ Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacin
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import allocating_kernel, kernel
+from crowd_env._jit import allocating_kernel, inner_kernel, kernel
 from crowd_env.navigation_grid import ANTIDIAGONAL, DIAGONAL, RIGHT, UP, distance_to_segment
 from crowd_env.navigation_lookup import ALONE, BLEND, crosses, exit_frame, nearest_on_exit, through_exit
 
@@ -19,7 +19,7 @@ _GET_AWAY = 0.25  # a straight line parts from a wall in whose band it starts by
 _KINK = 0.95  # a gradient shorter than this (1 = smooth) averages two ways of equal length that part by over 36 degrees
 
 
-@kernel
+@inner_kernel
 def _walls_within(walls: Floats, x: float, y: float, reach: float, near: Ints) -> int:
     """Write the walls whose bounding box comes within ``reach`` of (x, y) into ``near``; return their number."""
     count = 0
@@ -35,7 +35,7 @@ def _walls_within(walls: Floats, x: float, y: float, reach: float, near: Ints) -
     return count
 
 
-@kernel
+@inner_kernel
 def _is_seen(walls: Floats, near: Ints, x: float, y: float, px: float, py: float) -> bool:
     for w in near:
         if crosses(x, y, px, py, walls[w, 0, 0], walls[w, 0, 1], walls[w, 1, 0], walls[w, 1, 1]):
@@ -43,12 +43,12 @@ def _is_seen(walls: Floats, near: Ints, x: float, y: float, px: float, py: float
     return True
 
 
-@kernel
+@inner_kernel
 def _time_at(time: Floats, i: int, j: int) -> float:
     return time[i, j] if 0 <= i < time.shape[0] and 0 <= j < time.shape[1] else np.nan
 
 
-@kernel
+@inner_kernel
 def _slope(time: Floats, i: int, j: int, di: int, dj: int, spacing: float, upwind: bool) -> float:
     """Return the derivative of ``time`` along one axis, over known nodes only; 0 if there is no neighbour.
 
@@ -203,7 +203,7 @@ def fill_from_nearest(time: Floats, direction: Floats, inside: Bools, known: Boo
                     time[i, j] = time[p, q] + spacing * np.sqrt(least)
 
 
-@kernel
+@inner_kernel
 def passes(walls: Floats, x: float, y: float, tx: float, ty: float, radius: float) -> bool:
     """Return whether a disc of ``radius`` can go straight from (x, y) to (tx, ty).
 
@@ -336,7 +336,7 @@ def regions_on_the_way(time: Floats, direction: Floats, region: Ints) -> Ints:
     return through
 
 
-@kernel
+@inner_kernel
 def _direction_between(direction: Floats, x: float, y: float) -> tuple[float, float]:
     """Return the direction at column ``x`` and row ``y``, between the nodes; (0, 0) where there is none."""
     rows, cols = direction.shape[0], direction.shape[1]

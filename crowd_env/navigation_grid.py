@@ -6,7 +6,7 @@ Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacin
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import allocating_kernel, kernel
+from crowd_env._jit import allocating_kernel, inner_kernel
 from crowd_env.navigation_lookup import crosses
 
 Floats = NDArray[np.float64]
@@ -16,7 +16,7 @@ Bools = NDArray[np.bool_]
 RIGHT, UP, DIAGONAL, ANTIDIAGONAL = 1, 2, 4, 8  # lines between the nodes of the cell right of and above a node
 
 
-@kernel
+@inner_kernel
 def distance_to_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the distance [m] from (x, y) to segment a-b."""
     ux, uy = bx - ax, by - ay

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inner_kernel, kernel
 from crowd_env.geometry import Boundary
 
 Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ class FieldArrays(NamedTuple):
     through: NDArray[np.int64]  # (M,)    bit k: the way from here leads through region k
 
 
-@kernel
+@inner_kernel
 def exit_frame(exit_line: Floats, k: int) -> tuple[float, float, float, float, float, float, float]:
     """Return of exit ``k``: end a (2), the vector from there to end b (2), its length, and the unit vector out (2)."""
     ax, ay = exit_line[k, 0, 0], exit_line[k, 0, 1]
@@ -48,7 +48,7 @@ def exit_frame(exit_line: Floats, k: int) -> tuple[float, float, float, float, f
     return ax, ay, ux, uy, width, uy / width, -ux / width
 
 
-@kernel
+@inner_kernel
 def nearest_on_exit(
     ax: float, ay: float, ux: float, uy: float, width: float, x: float, y: float, radius: float
 ) -> tuple[float, float]:
@@ -60,7 +60,7 @@ def nearest_on_exit(
     return ax + s * ux, ay + s * uy
 
 
-@kernel
+@inner_kernel
 def through_exit(
     ax: float,
     ay: float,
@@ -115,7 +115,7 @@ def _cell(u: float, count: int) -> tuple[int, float]:
     return n, u - n
 
 
-@kernel
+@inner_kernel
 def _sees(walls: Floats, w0: int, w1: int, x: float, y: float, px: float, py: float) -> bool:
     """Return whether none of walls w0..w1 runs between (x, y) and (px, py)."""
     for w in range(w0, w1):
@@ -124,7 +124,7 @@ def _sees(walls: Floats, w0: int, w1: int, x: float, y: float, px: float, py: fl
     return True
 
 
-@kernel
+@inner_kernel
 def _best_corner(travel_time: Floats, first: int, cols: int) -> int:
     """Return the corner of the cell with the least travel time; one of them is walkable."""
     best, least = first, np.inf
@@ -135,7 +135,7 @@ def _best_corner(travel_time: Floats, first: int, cols: int) -> int:
     return best
 
 
-@kernel
+@inner_kernel
 def _nearest_node(travel_time: Floats, start: int, rows: int, cols: int, i0: int, j0: int) -> int:
     """Return the walkable node nearest to node [i0, j0], found in growing rings; -1 if the field has none."""
     best, best_square = -1, np.inf
@@ -151,7 +151,7 @@ def _nearest_node(travel_time: Floats, start: int, rows: int, cols: int, i0: int
     return best
 
 
-@kernel
+@inner_kernel
 def _node_for(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, first: int) -> int:
     """Return the one node to follow in a cell that a wall runs through or that has no walkable corner; -1 = none.
 
@@ -176,7 +176,7 @@ def _node_for(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float
     return _nearest_node(field.travel_time, start, field.shape[f, 0], cols, i, j)
 
 
-@kernel
+@inner_kernel
 def quick_cell(
     start: int, rows: int, cols: int, left: float, bottom: float, spacing: float, x: float, y: float
 ) -> tuple[int, float, float]:
@@ -186,7 +186,7 @@ def quick_cell(
     return start + i * cols + j, u, v
 
 
-@kernel
+@inner_kernel
 def blended_direction(direction: Floats, first: int, cols: int, u: float, v: float) -> tuple[bool, float, float]:
     """Return whether the ways of the walkable corners of a cell agree on one, and its unit vector."""
     low, high = (1.0 - v) * (1.0 - u), v * (1.0 - u)  # corners outside of the area have direction 0, i.e. no weight
@@ -201,7 +201,7 @@ def blended_direction(direction: Floats, first: int, cols: int, u: float, v: flo
     return False, 0.0, 0.0  # two ways of equal length
 
 
-@kernel
+@inner_kernel
 def quick_direction(
     cell: Ints,
     direction: Floats,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, kernel
+from crowd_env._jit import index, inlined_kernel, inner_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.neighbors import NeighbourList, Places
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
@@ -62,7 +62,7 @@ def move_contacts(old: Contacts, old_start: Ints, new: Contacts, new_start: Ints
             getattr(new, name)[target] = getattr(old, name)[source]
 
 
-@kernel
+@inner_kernel
 def contact_key(i: int, j: int) -> int:
     """Where a contact stands in the order (i, j), walls last."""
     return (i << 32) + (j if j >= 0 else (1 << 31) - 1 - j)
@@ -149,7 +149,7 @@ def find_contacts(
         )
 
 
-@kernel
+@inner_kernel
 def _near_enough(
     first: int, last: int, owner: Places, partner: Places, touch: Floats, position: Floats, margin: float, hit: Places
 ) -> int:
@@ -167,7 +167,7 @@ def _near_enough(
     return int(hits)
 
 
-@kernel
+@inner_kernel
 def _touch_people(
     first: int,
     last: int,
@@ -196,7 +196,7 @@ def _touch_people(
     return c
 
 
-@kernel
+@inner_kernel
 def _touch_all(
     g: int,
     first: int,
@@ -260,7 +260,7 @@ def _touch_all(
     )
 
 
-@kernel
+@inner_kernel
 def _keep_memory(first: int, last: int, i: Ints, j: Ints, memory: Floats, old_key: Ints, old_memory: Floats) -> int:
     """Put aside what the contacts ``first:last`` of the last step remember; returns one past the last of these."""
     kept = first
@@ -272,7 +272,7 @@ def _keep_memory(first: int, last: int, i: Ints, j: Ints, memory: Floats, old_ke
     return kept
 
 
-@kernel
+@inner_kernel
 def _recall(
     first: int,
     last: int,
@@ -298,7 +298,7 @@ def _recall(
         impulse[c, 0], impulse[c, 1] = normal, tangent
 
 
-@kernel
+@inner_kernel
 def gap_to_feature(
     x: float, y: float, radius: float, boundary: Boundary, g: int, feature: int
 ) -> tuple[float, float, float]:
@@ -309,7 +309,7 @@ def gap_to_feature(
     return _disc_on_corner(x, y, radius, boundary, boundary.corner_start[g] + feature - walls)
 
 
-@kernel
+@inner_kernel
 def _disc_on_point(dx: float, dy: float, radius: float) -> tuple[float, float, float]:
     """Gap and normal between a disc and a point (dx, dy) away (or, with ``radius`` the sum of two, between two discs)."""
     distance = np.sqrt(dx * dx + dy * dy)
@@ -318,7 +318,7 @@ def _disc_on_point(dx: float, dy: float, radius: float) -> tuple[float, float, f
     return distance - radius, dx / distance, dy / distance
 
 
-@kernel
+@inner_kernel
 def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int) -> tuple[float, float, float]:
     ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
     tx, ty = boundary.wall[k, 1, 0] - ax, boundary.wall[k, 1, 1] - ay
@@ -340,7 +340,7 @@ def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int)
     return np.inf, 0.0, 0.0
 
 
-@kernel
+@inner_kernel
 def _disc_on_corner(x: float, y: float, radius: float, boundary: Boundary, v: int) -> tuple[float, float, float]:
     px, py = boundary.corner[v, 0], boundary.corner[v, 1]
     for m in range(boundary.corner_wall_start[v], boundary.corner_wall_start[v + 1]):

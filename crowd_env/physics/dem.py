@@ -11,11 +11,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd_env._jit import index, kernel
+from crowd_env._jit import index, inlined_kernel, inner_kernel, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import find_contacts
 from crowd_env.physics.forces import LOOK_EVERY, follow_rules, look_around
-from crowd_env.physics.lanes import Lanes, aim, book, count_strays, enter_lanes, leave_lanes, show_positions, walk
+from crowd_env.physics.lanes import (
+    Lanes,
+    aim,
+    book,
+    count_strays,
+    enter_lanes,
+    leave_lanes,
+    show_positions,
+    walk,
+    walk_freely,
+)
 from crowd_env.physics.leaving import leave_lanes_anywhere, leave_lanes_by_list, take_out_of_lanes
 from crowd_env.physics.neighbors import OK, NeighbourList, update_neighbours
 from crowd_env.physics.require import require_positive
@@ -102,7 +112,7 @@ class DEM:
         _advance_range(batch, dt, n_substeps, first, stop, self.stiffness, social, thread, threads)
 
 
-@kernel
+@inlined_kernel
 def _advance_one(
     e: int, batch: Batch, dt: float, n_substeps: int, stiffness: float, social: SocialLaw, thread: int, threads: int
 ) -> None:
@@ -222,8 +232,10 @@ def _advance_one(
         wait_for_all(cut.gate, threads)
         for s in range(thread, slabs, threads):
             low, high, row = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end), SLABS * e + s
+            touched = cut.seen[row, COUNT] > 0.0
             for other in range(SLABS * e, row):
                 if cut.seen[other, CARRIED] > 0.0:
+                    touched = True
                     receive(
                         cut.pair_start[other],
                         int(cut.seen[other, CARRIED]),
@@ -235,11 +247,16 @@ def _advance_one(
                         lanes.fy,
                         lanes.squeeze,
                     )
-            walk(low, high, dt, lanes.fx, lanes.gx, lanes.per_mass, lanes.wish_x, lanes.per_tau, lanes.vx, lanes.x)
-            walk(low, high, dt, lanes.fy, lanes.gy, lanes.per_mass, lanes.wish_y, lanes.per_tau, lanes.vy, lanes.y)
-            book(low, high, dt, lanes.fx, lanes.push_x)
-            book(low, high, dt, lanes.fy, lanes.push_y)
-            book(low, high, dt, lanes.squeeze, lanes.crush)
+            if touched or cut.pressed[e] or social.cutoff > 0.0:
+                walk(low, high, dt, lanes.fx, lanes.gx, lanes.per_mass, lanes.wish_x, lanes.per_tau, lanes.vx, lanes.x)
+                walk(low, high, dt, lanes.fy, lanes.gy, lanes.per_mass, lanes.wish_y, lanes.per_tau, lanes.vy, lanes.y)
+            else:
+                walk_freely(low, high, dt, lanes.wish_x, lanes.per_tau, lanes.vx, lanes.x)
+                walk_freely(low, high, dt, lanes.wish_y, lanes.per_tau, lanes.vy, lanes.y)
+            if touched:
+                book(low, high, dt, lanes.fx, lanes.push_x)
+                book(low, high, dt, lanes.fy, lanes.push_y)
+                book(low, high, dt, lanes.squeeze, lanes.crush)
             cut.seen[row, STRAYS] = count_strays(low, high, lanes.x, lanes.y, near.origin_x, near.origin_y, cut.most[e])
         wait_for_all(cut.gate, threads)
     for s in range(thread, slabs, threads):
@@ -247,7 +264,7 @@ def _advance_one(
         leave_lanes(low, high, state.active, lanes, state.position, state.velocity, memory.push, memory.crush)
 
 
-@kernel
+@inlined_kernel
 def _begin(
     e: int,
     begin: int,
@@ -261,7 +278,7 @@ def _begin(
     cut: Cut,
 ) -> None:
     """Copy everyone into the lanes; whether the list still holds is to be seen."""
-    cut.inside[e] = enter_lanes(
+    cut.inside[e], cut.pressed[e] = enter_lanes(
         begin,
         end,
         state.position,
@@ -283,7 +300,7 @@ def _begin(
     cut.last_response[e], cut.stray[e] = latest, True
 
 
-@kernel
+@inlined_kernel
 def _follow_list(
     e: int, begin: int, end: int, slabs: int, active: Bools, near: NeighbourList, margin: float, lanes: Lanes, cut: Cut
 ) -> None:
@@ -302,7 +319,7 @@ def _follow_list(
         cut.wall_stop[row] = first_entry(high, pair_end, wall_end, near.owner)
 
 
-@kernel
+@inlined_kernel
 def _finish(
     e: int,
     g: int,
@@ -371,20 +388,20 @@ def _finish(
         take_out_of_lanes(begin, end, state.active, lanes, near.origin_x, near.origin_y, state.position, state.velocity)
 
 
-@kernel
+@inner_kernel
 def _write_impulses(first: int, number: int, gap: Floats, impulse: Floats, dt: float, stiffness: float) -> None:
     """The contacts of the last step of a call are listed for those who ask; their forces are those that it pushed with."""
     for c in range(first, first + number):
         impulse[c, 0], impulse[c, 1] = -stiffness * gap[c] * dt, 0.0
 
 
-@kernel
+@inner_kernel
 def _copy_forces(begin: int, end: int, source: Floats, target: Floats) -> None:
     for i in range(index(begin), index(end)):
         target[i, 0], target[i, 1] = source[i, 0], source[i, 1]
 
 
-@kernel
+@inner_kernel
 def _press(begin: int, end: int, active: Bools, force: Floats, gx: Floats, gy: Floats) -> None:
     for i in range(index(begin), index(end)):
         if active[i]:

@@ -5,7 +5,7 @@ Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a 
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, kernel
+from crowd_env._jit import index, inlined_kernel, inner_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.guidance import apply_rules, notice_regions
 from crowd_env.navigation_lookup import (
@@ -130,7 +130,7 @@ def look_around(
         )
 
 
-@kernel
+@inner_kernel
 def _walk_freely(begin: int, end: int, desired_speed: Floats, route: Ints, pace: Floats, followed: Ints) -> None:
     """Where there are neither regions nor rules everyone walks at the own speed on the own route."""
     for i in range(index(begin), index(end)):
@@ -138,7 +138,7 @@ def _walk_freely(begin: int, end: int, desired_speed: Floats, route: Ints, pace:
         followed[i] = route[i]
 
 
-@kernel
+@inner_kernel
 def look_for_the_way(
     e: int,
     begin: int,
@@ -195,7 +195,7 @@ def look_for_the_way(
     return hard
 
 
-@kernel
+@inner_kernel
 def _look_harder(
     begin: int,
     end: int,
@@ -216,7 +216,7 @@ def _look_harder(
             way[i, 0], way[i, 1] = direction_at(field, boundary, f, position[i, 0], position[i, 1], radius[i])
 
 
-@kernel
+@inner_kernel
 def _want(
     begin: int,
     end: int,
@@ -271,7 +271,7 @@ def regular_forces(
         add_social_forces(e, g, boundary, bodies, state, near, desired, heading, force, social)
 
 
-@kernel
+@inner_kernel
 def _drive(
     begin: int,
     end: int,

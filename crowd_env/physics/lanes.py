@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import index, kernel
+from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env.state import Bools, Floats
 
 PARKED = 1e9  # m   beyond any crowd: nobody touches anyone there, and to add zero changes nothing
@@ -40,7 +40,7 @@ def allocate_lanes(people: int) -> Lanes:
     return Lanes._make(np.zeros(people) for _ in Lanes._fields)
 
 
-@kernel
+@inner_kernel
 def enter_lanes(
     begin: int,
     end: int,
@@ -56,9 +56,9 @@ def enter_lanes(
     lanes: Lanes,
     origin_x: Floats,
     origin_y: Floats,
-) -> int:
-    """Copy the people ``begin:end`` into their lanes; returns how many are inside."""
-    inside = 0
+) -> tuple[int, bool]:
+    """Copy the people ``begin:end`` into their lanes; returns how many are inside, and whether an external force acts."""
+    inside, pressed = 0, False
     for i in range(index(begin), index(end)):
         lanes.fx[i] = lanes.fy[i] = lanes.squeeze[i] = 0.0
         lanes.push_x[i], lanes.push_y[i], lanes.crush[i] = push[i, 0], push[i, 1], crush[i]
@@ -67,14 +67,15 @@ def enter_lanes(
             lanes.x[i], lanes.y[i] = position[i, 0], position[i, 1]
             lanes.vx[i], lanes.vy[i] = velocity[i, 0], velocity[i, 1]
             lanes.gx[i], lanes.gy[i] = external[i, 0], external[i, 1]
+            pressed |= external[i, 0] != 0.0 or external[i, 1] != 0.0
             lanes.per_mass[i] = 1.0 / mass[i]
             lanes.per_tau[i] = 1.0 / relaxation_time[i] if driving else 0.0
         else:
             park(i, lanes, origin_x, origin_y)
-    return inside
+    return inside, pressed
 
 
-@kernel
+@inner_kernel
 def park(i: int, lanes: Lanes, origin_x: Floats, origin_y: Floats) -> None:
     """Take person ``i`` out of the way, and let the list think that he has always been there."""
     lanes.x[i], lanes.y[i] = PARKED + 100.0 * i, PARKED  # apart from each other
@@ -83,7 +84,7 @@ def park(i: int, lanes: Lanes, origin_x: Floats, origin_y: Floats) -> None:
     lanes.per_tau[i] = lanes.per_mass[i] = lanes.wish_x[i] = lanes.wish_y[i] = 0.0
 
 
-@kernel
+@inner_kernel
 def show_positions(begin: int, end: int, active: Bools, x: Floats, y: Floats, position: Floats) -> None:
     """Copy the positions of those inside back to where all others look for them."""
     for i in range(index(begin), index(end)):
@@ -91,7 +92,7 @@ def show_positions(begin: int, end: int, active: Bools, x: Floats, y: Floats, po
             position[i, 0], position[i, 1] = x[i], y[i]
 
 
-@kernel
+@inner_kernel
 def leave_lanes(
     begin: int, end: int, active: Bools, lanes: Lanes, position: Floats, velocity: Floats, push: Floats, crush: Floats
 ) -> None:
@@ -102,7 +103,7 @@ def leave_lanes(
         push[i, 0], push[i, 1], crush[i] = lanes.push_x[i], lanes.push_y[i], lanes.crush[i]
 
 
-@kernel
+@inner_kernel
 def walk(
     begin: int,
     end: int,
@@ -125,7 +126,16 @@ def walk(
         x[i] += dt * v[i]
 
 
-@kernel
+@inner_kernel
+def walk_freely(begin: int, end: int, dt: float, wish: Floats, per_tau: Floats, v: Floats, x: Floats) -> None:
+    """The same for people on whom no force acts, to the bit: a third less to fetch from memory, which is what it costs."""
+    for i in range(index(begin), index(end)):
+        v[i] += dt * (0.0 + (wish[i] - v[i]) * per_tau[i])
+    for i in range(index(begin), index(end)):
+        x[i] += dt * v[i]
+
+
+@inner_kernel
 def book(begin: int, end: int, dt: float, force: Floats, push: Floats) -> None:
     """Add the impulse of a force to what is booked, and clear it."""
     for i in range(index(begin), index(end)):
@@ -134,7 +144,7 @@ def book(begin: int, end: int, dt: float, force: Floats, push: Floats) -> None:
         force[i] = 0.0
 
 
-@kernel
+@inner_kernel
 def count_strays(begin: int, end: int, x: Floats, y: Floats, origin_x: Floats, origin_y: Floats, most: float) -> int:
     """How many have gone further than sqrt(``most``) from where the list was built; nan counts."""
     gone = 0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, kernel
+from crowd_env._jit import index, inlined_kernel, inner_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.lanes import PARKED, Lanes, park
 from crowd_env.physics.neighbors import Places
@@ -29,7 +29,7 @@ def leave(e: int, g: int, boundary: Boundary, bodies: Bodies, state: CrowdState,
         )
 
 
-@kernel
+@inner_kernel
 def _cross(
     begin: int,
     end: int,
@@ -53,7 +53,7 @@ def _cross(
             exit_index[i] = number
 
 
-@kernel
+@inner_kernel
 def leave_lanes_by_list(
     first: int,
     last: int,
@@ -85,7 +85,7 @@ def leave_lanes_by_list(
     return left
 
 
-@kernel
+@inner_kernel
 def leave_lanes_anywhere(
     begin: int,
     end: int,
@@ -115,7 +115,7 @@ def leave_lanes_anywhere(
     return left
 
 
-@kernel
+@inner_kernel
 def _crossing(exit_line: Floats, k: int, x0: float, y0: float, x1: float, y1: float) -> float:
     """Return which part of the way from 0 to 1 lies before exit ``k``; infinite if it is not crossed outwards."""
     ax, ay = exit_line[k, 0, 0], exit_line[k, 0, 1]
@@ -131,13 +131,13 @@ def _crossing(exit_line: Floats, k: int, x0: float, y0: float, x1: float, y1: fl
     return part if 0.0 <= along <= tx * tx + ty * ty else np.inf
 
 
-@kernel
+@inner_kernel
 def _is_first(inside: bool, exit_time: float, begin: float, moment: float) -> bool:
     """Whether a crossing counts: of someone inside, or one before that of another exit in the same step."""
     return inside or (exit_time > moment and exit_time > begin)
 
 
-@kernel
+@inner_kernel
 def take_out_of_lanes(
     begin: int,
     end: int,

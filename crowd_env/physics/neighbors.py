@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import index, inlined_kernel, kernel
+from crowd_env._jit import index, inlined_kernel, inner_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
@@ -99,7 +99,7 @@ def update_neighbours(
     return _rebuild(e, g, begin, end, boundary, door_open, bodies.radius, state.active, state.position, near, margin)
 
 
-@kernel
+@inner_kernel
 def _rebuild(
     e: int,
     g: int,
@@ -135,7 +135,7 @@ def _rebuild(
     return OK
 
 
-@kernel
+@inner_kernel
 def is_complete(
     begin: int,
     end: int,
@@ -160,7 +160,7 @@ def is_complete(
     return gone == 0
 
 
-@kernel
+@inner_kernel
 def sort_into_cells(
     e: int, begin: int, end: int, active: Bools, position: Floats, near: NeighbourList, size: float
 ) -> tuple[int, int, int]:
@@ -204,7 +204,7 @@ def sort_into_cells(
     return head, columns, rows
 
 
-@kernel
+@inner_kernel
 def _better_skin(e: int, begin: int, end: int, radius: Floats, near: NeighbourList) -> float:
     """Return the skin of the next list of environment ``e``: the cost of the last one's spare pairs is to be that of making it.
 
@@ -224,7 +224,7 @@ def _better_skin(e: int, begin: int, end: int, radius: Floats, near: NeighbourLi
     return skin
 
 
-@kernel
+@inner_kernel
 def _list_pairs(
     e: int, begin: int, end: int, radius: Floats, active: Bools, position: Floats, near: NeighbourList, reach: float
 ) -> bool:
@@ -261,7 +261,7 @@ def _list_pairs(
     return True
 
 
-@kernel
+@inner_kernel
 def _largest(begin: int, end: int, radius: Floats, active: Bools) -> float:
     largest = 0.0
     for i in range(begin, end):
@@ -270,7 +270,7 @@ def _largest(begin: int, end: int, radius: Floats, active: Bools) -> float:
     return largest
 
 
-@kernel
+@inner_kernel
 def _all_pairs(
     begin: int,
     end: int,
@@ -297,7 +297,7 @@ def _all_pairs(
     return entry
 
 
-@kernel
+@inner_kernel
 def _pairs_by_cell(
     begin: int,
     end: int,
@@ -322,26 +322,25 @@ def _pairs_by_cell(
         x, y, limit, row_begin = position[i, 0], position[i, 1], radius[i] + reach, entry
         column, row = cell_of[i] % columns, cell_of[i] // columns
         for above in range(max(row - 1, 0), min(row + 2, rows)):
-            first = head + above * columns + max(column - 1, 0)
-            stop = head + above * columns + min(column + 1, columns - 1)
-            for item in range(begin + cell_start[first], begin + cell_start[stop + 1]):
+            start = begin + cell_start[head + above * columns + max(column - 1, 0)]
+            stop = begin + cell_start[head + above * columns + min(column + 1, columns - 1) + 1]
+            if entry + stop - start > last:  # room for all: then none needs to be asked
+                return -1
+            for item in range(index(start), index(stop)):
                 j = cell_item[item]
-                if j <= i:
-                    continue
                 dx, dy, far = x - position[j, 0], y - position[j, 1], limit + radius[j]
-                if dx * dx + dy * dy < far * far:
-                    if entry == last:
-                        return -1
-                    k = entry  # insertion sort by partner: there are few
-                    while k > row_begin and partner[k - 1] > j:
-                        partner[k] = partner[k - 1]
-                        k -= 1
-                    owner[entry], partner[k] = i, j
-                    entry += 1
+                owner[entry], partner[entry] = i, j
+                entry += (j > i) & (dx * dx + dy * dy < far * far)
+        for k in range(row_begin + 1, entry):  # insertion sort by partner: they are few, and nearly in order
+            j, place = partner[k], k
+            while place > row_begin and partner[place - 1] > j:
+                partner[place] = partner[place - 1]
+                place -= 1
+            partner[place] = j
     return entry
 
 
-@kernel
+@inner_kernel
 def _list_walls(
     e: int,
     g: int,
@@ -389,7 +388,7 @@ def _list_walls(
     return True
 
 
-@kernel
+@inner_kernel
 def _list_exits(
     e: int,
     g: int,

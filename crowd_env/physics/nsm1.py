@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from crowd_env._jit import index, kernel
+from crowd_env._jit import index, inlined_kernel, inner_kernel, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.leaving import leave
@@ -116,7 +116,7 @@ class NSM1:
         _advance_range(batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law, social)
 
 
-@kernel
+@inner_kernel
 def _try_velocities(
     e: int,
     bodies: Bodies,
@@ -138,7 +138,7 @@ def _try_velocities(
                 trial[i, k] = state.velocity[i, k] + ahead * force[i, k] / bodies.mass[i]
 
 
-@kernel
+@inlined_kernel
 def _project(
     e: int,
     g: int,
@@ -182,7 +182,7 @@ def _project(
         solved, margin = margin, 1.2 * needed
 
 
-@kernel
+@inner_kernel
 def _move(e: int, env_start: Ints, state: CrowdState, after: Floats, previous: Floats, dt: float) -> None:
     for i in range(index(env_start[e]), index(env_start[e + 1])):
         if state.active[i]:
@@ -192,7 +192,7 @@ def _move(e: int, env_start: Ints, state: CrowdState, after: Floats, previous: F
                 state.position[i, k] += dt * after[i, k]
 
 
-@kernel
+@inlined_kernel
 def _advance_one(
     e: int, batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: Stopping, social: SocialLaw
 ) -> None:

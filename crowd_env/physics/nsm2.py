@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import index, kernel
+from crowd_env._jit import index, inlined_kernel, inner_kernel, kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.leaving import leave
@@ -140,7 +140,7 @@ class NSM2:
         _advance_range(batch, dt, n_substeps, first, stop, law, options, social)
 
 
-@kernel
+@inner_kernel
 def _accelerate(e: int, bodies: Bodies, state: CrowdState, force: Floats, before: Floats, dt: float) -> None:
     """Keep u(n) and add the regular forces: u(n) + M^-1 p_ext."""
     for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
@@ -150,7 +150,7 @@ def _accelerate(e: int, bodies: Bodies, state: CrowdState, force: Floats, before
                 state.velocity[i, k] += dt * force[i, k] / bodies.mass[i]
 
 
-@kernel
+@inner_kernel
 def _move(e: int, env_start: Ints, state: CrowdState, before: Floats, previous: Floats, dt: float) -> None:
     for i in range(index(env_start[e]), index(env_start[e + 1])):
         if state.active[i]:
@@ -159,7 +159,7 @@ def _move(e: int, env_start: Ints, state: CrowdState, before: Floats, previous: 
                 state.position[i, k] += 0.5 * dt * (before[i, k] + state.velocity[i, k])
 
 
-@kernel
+@inlined_kernel
 def _part(
     e: int,
     first: int,
@@ -188,7 +188,7 @@ def _part(
         position[i, 1] += dt * shift[i, 1]
 
 
-@kernel
+@inlined_kernel
 def _advance_one(
     e: int, batch: Batch, dt: float, n_substeps: int, law: Stopping, options: Options, social: SocialLaw
 ) -> None:

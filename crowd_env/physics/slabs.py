@@ -12,7 +12,7 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inner_kernel, kernel
 from crowd_env.physics.neighbors import Places
 from crowd_env.state import Bools, Floats, Ints
 
@@ -29,6 +29,7 @@ class Cut(NamedTuple):
     stray: Bools  # (E,)     someone may have gone further than the list allows for
     look: Ints  # (E,)     what this step has to do about where people want to go
     inside: Ints  # (E,)     people
+    pressed: Bools  # (E,)     external or social forces act
     last_response: Floats  # (E,)  s    when the last one begins to walk
     most: Floats  # (E,)  m^2  square of how far anyone may go before the list is built anew
     pair_start: Ints  # (E * SLABS,)  entries of each slab
@@ -51,6 +52,7 @@ def allocate_cut(environments: int) -> Cut:
         stray=np.zeros(environments, dtype=np.bool_),
         look=counts(environments),
         inside=counts(environments),
+        pressed=np.zeros(environments, dtype=np.bool_),
         last_response=np.zeros(environments),
         most=np.zeros(environments),
         pair_start=counts(rows),
@@ -67,13 +69,13 @@ def slabs_of(people: int) -> int:
     return SLABS if people >= _MANY else 1
 
 
-@kernel
+@inner_kernel
 def slab_start(s: int, slabs: int, begin: int, end: int) -> int:
     """Return the first person of slab ``s`` of the people ``begin:end``."""
     return begin + s * (end - begin) // slabs
 
 
-@kernel
+@inner_kernel
 def first_entry(person: int, first: int, last: int, owner: Places) -> int:
     """Return the first of the sorted entries ``first:last`` whose owner is not before ``person``."""
     while first < last:
@@ -102,13 +104,13 @@ _CAN_YIELD = hasattr(os, "sched_yield")  # not on Windows: there a thread that w
 _sched_yield = types.ExternalFunction("sched_yield", types.int32())
 
 
-@kernel
+@inner_kernel
 def _let_others_run() -> None:
     if _CAN_YIELD:
         _sched_yield()
 
 
-@kernel
+@inner_kernel
 def wait_for_all(gate: Ints, threads: int) -> None:
     """Return when all ``threads`` have come here; ``gate`` is a counter that starts at 0 and is used for nothing else."""
     if threads == 1:

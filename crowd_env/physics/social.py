@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import index, kernel
+from crowd_env._jit import index, inner_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import gap_to_feature
 from crowd_env.physics.neighbors import NeighbourList
@@ -108,7 +108,7 @@ def social_law(social: SocialForce | None, driving: bool) -> SocialLaw:
 _POWERS = 2.0 ** np.arange(-160.0, 161.0)
 
 
-@kernel
+@inner_kernel
 def _exp(x: float) -> float:
     """Return exp(x) to a relative 1e-10, for |x| < 110; half the time of the library's, which is half of the whole force.
 
@@ -124,7 +124,7 @@ def _exp(x: float) -> float:
     return _POWERS[int(k) + 160] * (low + y4 * (high + y4 * (1.0 / 40320.0 + y * (1.0 / 362880.0))))
 
 
-@kernel
+@inner_kernel
 def add_social_forces(
     e: int,
     g: int,

@@ -6,7 +6,7 @@ guessed wrong every third time; the second does the square root and the division
 
 import numpy as np
 
-from crowd_env._jit import index, kernel
+from crowd_env._jit import index, inner_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import gap_to_feature
 from crowd_env.physics.neighbors import Places
@@ -16,7 +16,7 @@ from crowd_env.state import Floats, Ints
 DEEPEST, SUM, COUNT, OUTSIDE, CARRIED, STRAYS = 0, 1, 2, 3, 4, 5
 
 
-@kernel
+@inner_kernel
 def push_people(
     first: int,
     last: int,
@@ -74,7 +74,7 @@ def push_people(
     seen[row, OUTSIDE], seen[row, CARRIED] = 0.0, np.int64(out) - first
 
 
-@kernel
+@inner_kernel
 def push_off_walls(
     g: int,
     first: int,
@@ -106,7 +106,7 @@ def push_off_walls(
             seen[row, COUNT] += 1
 
 
-@kernel
+@inner_kernel
 def receive(
     first: int,
     count: int,

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import kernel
+from crowd_env._jit import inner_kernel, kernel
 from crowd_env.physics.rows import Indices, Problem, allocate_problem
 from crowd_env.state import Bools, Floats
 
@@ -128,7 +128,7 @@ def _begin(pair: Indices, row: Floats, reaction: Floats, mass: Floats, start: Fl
         reaction[t, 0] *= best
 
 
-@kernel
+@inner_kernel
 def _extrapolate(beta: float, u: Floats, u_last: Floats) -> None:
     for i in range(len(u)):
         for k in range(2):
@@ -137,7 +137,7 @@ def _extrapolate(beta: float, u: Floats, u_last: Floats) -> None:
             u_last[i, k] = now
 
 
-@kernel
+@inner_kernel
 def _sweep(busy: int, pair: Indices, row: Floats, soft: Floats, reaction: Floats, u: Floats, beta: float) -> bool:
     """Set the first ``busy`` rows right, one after the other; returns whether the momentum ``beta`` went uphill."""
     uphill = 0.0
@@ -158,7 +158,7 @@ def _sweep(busy: int, pair: Indices, row: Floats, soft: Floats, reaction: Floats
     return uphill > 0.0
 
 
-@kernel
+@inner_kernel
 def _law(soft: float, bias: float, free: float) -> float:
     """What a reaction [m/s] should be, if the row would separate at the speed ``free`` without it."""
     if soft == 0.0:
@@ -170,7 +170,7 @@ def _law(soft: float, bias: float, free: float) -> float:
     return max(-free, -soft * (bias + free))
 
 
-@kernel
+@inner_kernel
 def _look(
     busy: int, pair: Indices, source: Indices, row: Floats, soft: Floats, reaction: Floats, u: Floats
 ) -> tuple[float, float, int]:
@@ -196,7 +196,7 @@ def _look(
     return worst, np.sqrt(square), busy
 
 
-@kernel
+@inner_kernel
 def closing_speed(begin: int, end: int, active: Bools, v: Floats) -> float:
     """Sum of the two largest speeds [m/s] among the active people ``begin:end``: no two can close faster."""
     first, second = 0.0, 0.0
