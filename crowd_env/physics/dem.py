@@ -141,11 +141,12 @@ def _advance_one(
             cut.go[e] = memory.progress[e] < n_substeps and cut.inside[e] > 0
             if cut.go[e] and cut.stray[e]:
                 show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
+                show_positions(begin, end, state.active, lanes.vx, lanes.vy, state.velocity)
                 memory.status[e] = update_neighbours(
                     e, g, world.boundary, memory.door_open, bodies, state, near, social.cutoff
                 )
                 cut.go[e] = memory.status[e] == OK
-                _follow_list(e, begin, end, slabs, state.active, near, social.cutoff, lanes, cut)
+                _follow_list(e, begin, end, slabs, state.active, near, lanes, cut)
             if cut.go[e]:
                 cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
                 if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
@@ -257,7 +258,9 @@ def _advance_one(
                 book(low, high, dt, lanes.fx, lanes.push_x)
                 book(low, high, dt, lanes.fy, lanes.push_y)
                 book(low, high, dt, lanes.squeeze, lanes.crush)
-            cut.seen[row, STRAYS] = count_strays(low, high, lanes.x, lanes.y, near.origin_x, near.origin_y, cut.most[e])
+            cut.seen[row, STRAYS] = count_strays(
+                low, high, lanes.x, lanes.y, near.origin_x, near.origin_y, near.allowed
+            )
         wait_for_all(cut.gate, threads)
     for s in range(thread, slabs, threads):
         low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
@@ -302,14 +305,13 @@ def _begin(
 
 @inlined_kernel
 def _follow_list(
-    e: int, begin: int, end: int, slabs: int, active: Bools, near: NeighbourList, margin: float, lanes: Lanes, cut: Cut
+    e: int, begin: int, end: int, slabs: int, active: Bools, near: NeighbourList, lanes: Lanes, cut: Cut
 ) -> None:
-    """Note where the list was built, how far anyone may go from there, and which entries belong to which slab."""
+    """Note which entries belong to which slab; whoever is parked stays so."""
     for i in range(index(begin), index(end)):
-        if not active[i]:  # whoever is parked stays so
+        if not active[i]:
             near.origin_x[i], near.origin_y[i] = lanes.x[i], lanes.y[i]
-    spare = max(near.reach[e] - margin, 0.0)
-    cut.most[e], cut.stray[e] = 0.25 * spare * spare, False
+    cut.stray[e] = False
     first, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
     for s in range(slabs):
         row, low, high = SLABS * e + s, slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)

@@ -145,12 +145,14 @@ def book(begin: int, end: int, dt: float, force: Floats, push: Floats) -> None:
 
 
 @inner_kernel
-def count_strays(begin: int, end: int, x: Floats, y: Floats, origin_x: Floats, origin_y: Floats, most: float) -> int:
-    """How many have gone further than sqrt(``most``) from where the list was built; nan counts."""
+def count_strays(
+    begin: int, end: int, x: Floats, y: Floats, origin_x: Floats, origin_y: Floats, allowed: Floats
+) -> int:
+    """How many have gone further than allowed from where the list was built; nan counts."""
     gone = 0
     for i in range(index(begin), index(end)):
         dx, dy = x[i] - origin_x[i], y[i] - origin_y[i]
-        gone += not dx * dx + dy * dy <= most
+        gone += not dx * dx + dy * dy <= allowed[i] * allowed[i]
     return gone
 
 

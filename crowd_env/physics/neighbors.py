@@ -20,9 +20,12 @@ OK, FULL, DIVERGED = 0, 1, 2
 # Map coordinates are welcome; beyond this a run has blown up, and the number of cells would overflow.
 _FARTHEST = 1e8  # m
 
-# The skin of an environment's list follows from how long the last one was good for and how many pairs it held in vain: a new
-# list costs as much as some forty looks at a pair.  What is found does not depend on it.
-_SKIN, _LEAST_SKIN, _MOST_SKIN = 0.08, 0.04, 0.4  # m
+# How far everyone may go before a new list is needed: as far as the own speed leads within the horizon, so that a few who are
+# shot out of a door do not make the whole crowd look anew.  The horizon of an environment follows from how long the last list
+# was good for and how many pairs it held in vain: a new list costs as much as some forty looks at a pair.  What is found does
+# not depend on any of this.
+_LEAST_WAY, _MOST_WAY = 0.02, 0.2  # m
+_FIRST_HORIZON, _LONGEST_HORIZON = 0.05, 1.0  # s
 _LOOKS = 40.0
 
 # Up to so many people all pairs are looked at: quicker than to sort them into cells.
@@ -44,8 +47,9 @@ class NeighbourList(NamedTuple):
     touch: Floats  # (M,)   m    sum of the two radii of a pair
     origin_x: Floats  # (P,)   m    positions when the list was built
     origin_y: Floats
-    reach: Floats  # (E,)   m    gap up to which the list is complete at `origin`; -1 = must be built
-    skin: Floats  # (E,)   m    by how much it looks further than it has to
+    allowed: Floats  # (P,)   m    how far everyone may go from there
+    reach: Floats  # (E,)   m    gap up to which the list is complete until someone goes further; -1 = must be built
+    horizon: Floats  # (E,)   s    for which the list should be good
     age: Ints  # (E,)   steps since it was built
     cell_start: NDArray[np.int32]  # cell heads of the counting sort, environment e from 4 * env_start[e] + 64 * e
     cell_item: NDArray[np.int32]  # (P,)
@@ -68,8 +72,9 @@ def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
         touch=np.zeros(entries),
         origin_x=np.zeros(people),
         origin_y=np.zeros(people),
+        allowed=np.zeros(people),
         reach=np.full(environments, -1.0),
-        skin=np.full(environments, _SKIN),
+        horizon=np.full(environments, _FIRST_HORIZON),
         age=np.zeros(environments, dtype=np.int64),
         cell_start=np.zeros(4 * people + 64 * environments, dtype=np.int32),
         cell_item=np.zeros(people, dtype=np.int32),
@@ -94,9 +99,13 @@ def update_neighbours(
     """
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
     near.age[e] += 1
-    if is_complete(begin, end, state.active, state.position, near.origin_x, near.origin_y, near.reach[e], margin):
+    if margin <= near.reach[e] and are_near(
+        begin, end, state.active, state.position, near.origin_x, near.origin_y, near.allowed
+    ):
         return OK
-    return _rebuild(e, g, begin, end, boundary, door_open, bodies.radius, state.active, state.position, near, margin)
+    return _rebuild(
+        e, g, begin, end, boundary, door_open, bodies.radius, state.active, state.position, state.velocity, near, margin
+    )
 
 
 @inner_kernel
@@ -110,6 +119,7 @@ def _rebuild(
     radius: Floats,
     active: Bools,
     position: Floats,
+    velocity: Floats,
     near: NeighbourList,
     margin: float,
 ) -> int:
@@ -117,17 +127,22 @@ def _rebuild(
         if active[i] and not (abs(position[i, 0]) < _FARTHEST and abs(position[i, 1]) < _FARTHEST):
             return DIVERGED  # nan too
     if near.reach[e] >= margin:
-        near.skin[e] = _better_skin(e, begin, end, radius, near)
+        near.horizon[e] = _better_horizon(e, begin, end, radius, near)
     near.age[e] = 0
-    reach = margin + max(
-        near.skin[e], 0.375 * margin
-    )  # 0.15 m beyond the 0.4 m of a social force was measured to be best
     near.reach[e] = -1.0
-    if not _list_pairs(e, begin, end, radius, active, position, near, reach):
+    widest, largest = 0.0, 0.0
+    for i in range(index(begin), index(end)):
+        speed = np.sqrt(velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
+        way = min(_LEAST_WAY + near.horizon[e] * speed, _MOST_WAY)
+        near.allowed[i] = way
+        if active[i]:
+            widest, largest = max(widest, way), max(largest, radius[i])
+    reach = 1.1 * margin  # some schemes ask for a little more or less every step
+    if not _list_pairs(e, begin, end, radius, active, position, near, reach, 2.0 * (largest + widest) + reach):
         return FULL
     if not _list_walls(e, g, begin, end, boundary, door_open, radius, active, position, near, reach):
         return FULL
-    if not _list_exits(e, g, begin, end, boundary, active, position, near, 0.5 * reach):
+    if not _list_exits(e, g, begin, end, boundary, active, position, near):
         return FULL
     for i in range(begin, end):
         near.origin_x[i], near.origin_y[i] = position[i, 0], position[i, 1]
@@ -136,27 +151,17 @@ def _rebuild(
 
 
 @inner_kernel
-def is_complete(
-    begin: int,
-    end: int,
-    active: Bools,
-    position: Floats,
-    origin_x: Floats,
-    origin_y: Floats,
-    reach: float,
-    margin: float,
+def are_near(
+    begin: int, end: int, active: Bools, position: Floats, origin_x: Floats, origin_y: Floats, allowed: Floats
 ) -> bool:
-    """Whether nobody inside has moved so far that a gap below ``margin`` could be missing.
+    """Whether nobody inside has gone further than allowed.
 
     To count is free of branches; nan counts.
     """
-    if reach < margin:
-        return False
-    most = 0.25 * (reach - margin) * (reach - margin)
     gone = 0
     for i in range(index(begin), index(end)):
         dx, dy = position[i, 0] - origin_x[i], position[i, 1] - origin_y[i]
-        gone += active[i] & (not dx * dx + dy * dy <= most)
+        gone += active[i] & (not dx * dx + dy * dy <= allowed[i] * allowed[i])
     return gone == 0
 
 
@@ -205,42 +210,47 @@ def sort_into_cells(
 
 
 @inner_kernel
-def _better_skin(e: int, begin: int, end: int, radius: Floats, near: NeighbourList) -> float:
-    """Return the skin of the next list of environment ``e``: the cost of the last one's spare pairs is to be that of making it.
+def _better_horizon(e: int, begin: int, end: int, radius: Floats, near: NeighbourList) -> float:
+    """Return the horizon of the next list of environment ``e``: the last one's spare pairs are to cost what making it does.
 
-    Where people stand evenly the share d^2 / (d + s)^2 of the pairs would be there without the skin s.
+    Where people stand evenly the share d^2 / (d + s)^2 of the pairs would be there if nobody were allowed to go anywhere.
     """
-    skin, mean = near.skin[e], 0.0
+    horizon, diameter, skin = near.horizon[e], 0.0, 0.0
     for i in range(index(begin), index(end)):
-        mean += 2.0 * radius[i]
-    diameter = mean / (end - begin)
+        diameter += 2.0 * radius[i]
+        skin += 2.0 * near.allowed[i]
     pairs = (near.pair_end[e] - near.entry_start[e]) / (end - begin)
     spare = pairs * (1.0 - (diameter / (diameter + skin)) ** 2)
     looks = spare * near.age[e]
     if looks < _LOOKS / 1.5:
-        return min(1.25 * skin, _MOST_SKIN)
-    if looks > _LOOKS * 1.5:
-        return max(skin / 1.25, _LEAST_SKIN)
-    return skin
+        return min(1.25 * horizon, _LONGEST_HORIZON)
+    return horizon / 1.25 if looks > _LOOKS * 1.5 else horizon
 
 
 @inner_kernel
 def _list_pairs(
-    e: int, begin: int, end: int, radius: Floats, active: Bools, position: Floats, near: NeighbourList, reach: float
+    e: int,
+    begin: int,
+    end: int,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
+    near: NeighbourList,
+    reach: float,
+    size: float,
 ) -> bool:
-    """Write all pairs nearer than ``reach``; False if they do not fit."""
+    """Write all pairs nearer than ``reach`` and the ways allowed; cells of ``size``.  False if they do not fit."""
     first, last = near.entry_start[e], near.entry_start[e + 1]
     owner, partner, touch = near.owner, near.partner, near.touch
     if end - begin <= _FEW:
-        entry = _all_pairs(begin, end, radius, active, position, reach, first, last, owner, partner)
+        entry = _all_pairs(begin, end, radius, near.allowed, active, position, reach, first, last, owner, partner)
     else:
-        grid = sort_into_cells(
-            e, begin, end, active, position, near, 2.0 * _largest(begin, end, radius, active) + reach
-        )
+        grid = sort_into_cells(e, begin, end, active, position, near, size)
         entry = _pairs_by_cell(
             begin,
             end,
             radius,
+            near.allowed,
             active,
             position,
             reach,
@@ -262,19 +272,11 @@ def _list_pairs(
 
 
 @inner_kernel
-def _largest(begin: int, end: int, radius: Floats, active: Bools) -> float:
-    largest = 0.0
-    for i in range(begin, end):
-        if active[i]:
-            largest = max(largest, radius[i])
-    return largest
-
-
-@inner_kernel
 def _all_pairs(
     begin: int,
     end: int,
     radius: Floats,
+    allowed: Floats,
     active: Bools,
     position: Floats,
     reach: float,
@@ -289,9 +291,9 @@ def _all_pairs(
             continue
         if entry + end - i > last:  # room for all: then none needs to be asked
             return -1
-        x, y, limit = position[i, 0], position[i, 1], radius[i] + reach
+        x, y, limit = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach
         for j in range(index(i + 1), index(end)):
-            dx, dy, far = x - position[j, 0], y - position[j, 1], limit + radius[j]
+            dx, dy, far = x - position[j, 0], y - position[j, 1], limit + (radius[j] + allowed[j])
             owner[entry], partner[entry] = i, j
             entry += (dx * dx + dy * dy < far * far) & active[j]
     return entry
@@ -302,6 +304,7 @@ def _pairs_by_cell(
     begin: int,
     end: int,
     radius: Floats,
+    allowed: Floats,
     active: Bools,
     position: Floats,
     reach: float,
@@ -319,7 +322,7 @@ def _pairs_by_cell(
     for i in range(begin, end):
         if not active[i]:
             continue
-        x, y, limit, row_begin = position[i, 0], position[i, 1], radius[i] + reach, entry
+        x, y, limit, row_begin = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach, entry
         column, row = cell_of[i] % columns, cell_of[i] // columns
         for above in range(max(row - 1, 0), min(row + 2, rows)):
             start = begin + cell_start[head + above * columns + max(column - 1, 0)]
@@ -328,7 +331,7 @@ def _pairs_by_cell(
                 return -1
             for item in range(index(start), index(stop)):
                 j = cell_item[item]
-                dx, dy, far = x - position[j, 0], y - position[j, 1], limit + radius[j]
+                dx, dy, far = x - position[j, 0], y - position[j, 1], limit + (radius[j] + allowed[j])
                 owner[entry], partner[entry] = i, j
                 entry += (j > i) & (dx * dx + dy * dy < far * far)
         for k in range(row_begin + 1, entry):  # insertion sort by partner: they are few, and nearly in order
@@ -362,7 +365,7 @@ def _list_walls(
     for i in range(begin, end):
         if not active[i]:
             continue
-        x, y, limit = position[i, 0], position[i, 1], radius[i] + reach
+        x, y, limit = position[i, 0], position[i, 1], radius[i] + near.allowed[i] + reach
         for k in range(first, stop):
             ax, ay, bx, by = wall[k, 0, 0], wall[k, 0, 1], wall[k, 1, 0], wall[k, 1, 1]
             if x < min(ax, bx) - limit or x > max(ax, bx) + limit or y < min(ay, by) - limit or y > max(ay, by) + limit:
@@ -398,17 +401,16 @@ def _list_exits(
     active: Bools,
     position: Floats,
     near: NeighbourList,
-    limit: float,
 ) -> bool:
-    """Write the exit lines that anyone's centre is nearer to than ``limit``; False if they do not fit."""
+    """Write the exit lines that anyone's centre may come to; False if they do not fit."""
     entry, last, line = near.wall_end[e], near.entry_start[e + 1], boundary.exit
     for k in range(boundary.exit_start[g], boundary.exit_start[g + 1]):
         ax, ay, bx, by = line[k, 0, 0], line[k, 0, 1], line[k, 1, 0], line[k, 1, 1]
-        left, right, low, high = min(ax, bx) - limit, max(ax, bx) + limit, min(ay, by) - limit, max(ay, by) + limit
+        left, right, low, high = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
         length = np.hypot(bx - ax, by - ay)
         for i in range(index(begin), index(end)):
-            x, y = position[i, 0], position[i, 1]
-            if x < left or x > right or y < low or y > high or not active[i]:
+            x, y, limit = position[i, 0], position[i, 1], near.allowed[i]
+            if x < left - limit or x > right + limit or y < low - limit or y > high + limit or not active[i]:
                 continue
             if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) <= limit * length:
                 if entry == last:

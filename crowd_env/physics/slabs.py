@@ -31,7 +31,6 @@ class Cut(NamedTuple):
     inside: Ints  # (E,)     people
     pressed: Bools  # (E,)     external or social forces act
     last_response: Floats  # (E,)  s    when the last one begins to walk
-    most: Floats  # (E,)  m^2  square of how far anyone may go before the list is built anew
     pair_start: Ints  # (E * SLABS,)  entries of each slab
     pair_stop: Ints
     wall_start: Ints
@@ -54,7 +53,6 @@ def allocate_cut(environments: int) -> Cut:
         inside=counts(environments),
         pressed=np.zeros(environments, dtype=np.bool_),
         last_response=np.zeros(environments),
-        most=np.zeros(environments),
         pair_start=counts(rows),
         pair_stop=counts(rows),
         wall_start=counts(rows),
