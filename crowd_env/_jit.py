@@ -8,6 +8,7 @@ the package that holds kernels.  Any edit opens a new folder; folders unused for
 import hashlib
 import os
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -16,7 +17,8 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core import config
+from numba.core import config, event
+from numba.core.event import register, unregister
 
 # numba guards every signed index against being negative, and a loop with such guards does not vectorise: four times slower.
 # Hence ``for i in range(index(begin), index(end))`` wherever begin is not a plain zero.
@@ -70,6 +72,23 @@ def _remove_stale(folder: Path) -> None:
 
 
 CACHE_FOLDER = _cache_folder()
+
+
+class _Note(event.Listener):
+    """Says once that kernels are being compiled: the silence before a first step would otherwise last half a minute."""
+
+    def on_start(self, event: event.Event) -> None:
+        """Speak up at the first kernel of this package that is not in the cache."""
+        if event.data["dispatcher"].py_func.__module__.startswith("crowd_env."):
+            unregister("numba:compile", self)
+            print("crowd_env: compiling kernels, once for this version: up to half a minute ...", file=sys.stderr)
+
+    def on_end(self, event: event.Event) -> None:
+        """Say nothing."""
+
+
+if not os.environ.get("CROWD_ENV_QUIET"):
+    register("numba:compile", _Note())
 
 
 def kernel(function: Callable[..., Any]) -> Any:

@@ -34,6 +34,7 @@ class Doorkeeper:
         self.closed: list[frozenset[str]] = [frozenset() for _ in geometry_of_env]
         self._happened: list[set[int]] = [set() for _ in geometry_of_env]
         self._due = np.zeros(len(self._events))
+        self._watched = [e for e, events in enumerate(self._events) if events]
 
     def restart(self, e: int) -> frozenset[str]:
         """Begin environment ``e`` anew; returns the doors that are closed."""
@@ -46,8 +47,9 @@ class Doorkeeper:
         """Return after how many steps the next environment must be looked at; None if no door moves any more."""
         waits = [
             max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9))
-            for e, events in enumerate(self._events)
-            if inside[e] > 0 and len(self._happened[e]) < len(events)  # the clock of an empty place stands still
+            for e in self._watched
+            if inside[e] > 0
+            and len(self._happened[e]) < len(self._events[e])  # the clock of an empty place stands still
         ]
         return min(waits, default=None)
 
@@ -62,7 +64,8 @@ class Doorkeeper:
     def update(self, bodies: Bodies, state: CrowdState) -> list[int]:
         """Let what is due happen; returns the environments in which a door moved."""
         moved = []
-        for e, events in enumerate(self._events):
+        for e in self._watched:
+            events = self._events[e]
             if len(self._happened[e]) == len(events) or state.time[e] < self._due[e] - 1e-9:
                 continue
             people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))

@@ -351,8 +351,8 @@ def _checked(name: str, values: Floats | None, shape: tuple[int, int], default: 
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.shape != shape:
         raise ValueError(f"{name} must have the shape {shape}, not {array.shape}")
-    bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
-    if len(bad):
+    if not np.isfinite(array).all():
+        bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
         raise ValueError(f"{name} of pedestrian {bad[0]} is {array[bad[0]].tolist()}; it must be finite")
     return array
 
@@ -371,8 +371,8 @@ def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable:
 
 def _check_routes(route: Ints, known: Ints) -> None:
     """Raise ValueError unless everyone's route is one of those that are known to him: kernels look it up unseen."""
-    bad = np.flatnonzero((route < 0) | (route >= known))
-    if len(bad):
+    if ((route < 0) | (route >= known)).any():
+        bad = np.flatnonzero((route < 0) | (route >= known))
         raise ValueError(f"route of pedestrian {bad[0]} is {route[bad[0]]}; it must be from 0 to {known[bad[0]] - 1}")
 
 

@@ -50,6 +50,11 @@ class Wayfinder:
                 rows = self.guidance.field_of_route[e, : len(place.ways)]
                 self._rows.setdefault(self._key(e, frozenset()), rows.tolist())
         self._due = np.zeros(len(geometry_of_env))
+        self._dynamic = self._find_dynamic()
+
+    def _find_dynamic(self) -> list[tuple[int, Ways]]:
+        """Return the environments whose ways follow the crowd: mostly none, and then nobody has to ask them all."""
+        return [(e, place) for e, place in enumerate(self._current) if isinstance(place, Ways) and place.is_dynamic]
 
     def ways(self, e: int) -> Ways | None:
         """Return the ways of environment ``e`` as its doors stand now."""
@@ -62,18 +67,14 @@ class Wayfinder:
 
     def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
         """Return after how many steps the next environment is due; None if there is nothing to plan."""
-        waits = [
-            max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9))
-            for e, place in enumerate(self._current)
-            if inside[e] > 0 and isinstance(place, Ways) and place.is_dynamic
-        ]
+        waits = [max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9)) for e, _ in self._dynamic if inside[e] > 0]
         return min(waits, default=None)
 
     def update(self, bodies: Bodies, state: CrowdState) -> None:
         """Find the fastest ways of the environments that are due anew, in place."""
         begin = clock.process_time()
-        for e, place in enumerate(self._current):
-            if not (isinstance(place, Ways) and place.is_dynamic) or state.time[e] < self._due[e] - 1e-9:
+        for e, place in self._dynamic:
+            if state.time[e] < self._due[e] - 1e-9:
                 continue
             people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
             position = state.position[people][state.active[people]]
@@ -117,6 +118,7 @@ class Wayfinder:
                 getattr(self.field, name)[: len(known)] = known
         self.guidance.field_of_route[e, : len(ways.ways)] = self._rows[key]
         self._current[e] = ways
+        self._dynamic = self._find_dynamic()
         self._due[e] = 0.0
 
     def _key(self, e: int, closed: frozenset[str]) -> tuple[int, frozenset[str]]:

@@ -101,21 +101,26 @@ def find_contacts(
             contacts.old_memory,
         )
     hits = _near_enough(first, wall, near.owner, near.partner, near.touch, state.position, margin, contacts.hit)
-    c = first
+    c, walls = first, wall
     if wall < wall_end:
-        c = _touch_all(
+        walls = _near_walls(
             g,
-            first,
-            hits,
             wall,
             wall_end,
-            boundary,
+            boundary.wall_start,
+            boundary.corner_start,
+            boundary.wall,
+            boundary.corner,
+            near.owner,
+            near.partner,
             bodies.radius,
-            state.active,
             state.position,
-            near,
-            contacts,
             margin,
+            contacts.hit,
+        )
+    if walls > wall:
+        c = _touch_all(
+            g, first, hits, wall, walls, boundary, bodies.radius, state.active, state.position, near, contacts, margin
         )
     elif hits > first:
         c = _touch_people(
@@ -168,6 +173,42 @@ def _near_enough(
 
 
 @inner_kernel
+def _near_walls(
+    g: int,
+    first: int,
+    last: int,
+    wall_start: Ints,
+    corner_start: Ints,
+    wall: Floats,
+    corner: Floats,
+    owner: Places,
+    partner: Places,
+    radius: Floats,
+    position: Floats,
+    margin: float,
+    hit: Places,
+) -> int:
+    """The same for the wall entries ``first:last``: those whose line or corner is near enough, without root or division."""
+    hits, walls = first, wall_start[g + 1] - wall_start[g]
+    for entry in range(index(first), index(last)):
+        i, k = owner[entry], np.int64(partner[entry])
+        x, y, limit = position[i, 0], position[i, 1], radius[i] + margin
+        hit[hits] = entry
+        if k < walls:
+            k += wall_start[g]
+            ax, ay = wall[k, 0, 0], wall[k, 0, 1]
+            tx, ty = wall[k, 1, 0] - ax, wall[k, 1, 1] - ay
+            cross = tx * (y - ay) - ty * (x - ax)
+            # With room for rounding: what is exactly at the limit is for the narrow phase to say.
+            hits += cross * cross < 1.000001 * limit * limit * (tx * tx + ty * ty)
+        else:
+            k += corner_start[g] - walls
+            dx, dy = x - corner[k, 0], y - corner[k, 1]
+            hits += dx * dx + dy * dy < 1.000001 * limit * limit
+    return hits
+
+
+@inner_kernel
 def _touch_people(
     first: int,
     last: int,
@@ -211,11 +252,10 @@ def _touch_all(
     contacts: Contacts,
     margin: float,
 ) -> int:
-    """Write the contacts of the hits ``first:last`` and of the wall entries; returns one past the last contact."""
+    """Write the contacts of the hits ``first:last`` and ``wall:wall_end``; returns one past the last contact."""
     owner, hit, c, h = near.owner, contacts.hit, first, first
-    while wall < wall_end:
-        i, feature = owner[wall], np.int64(near.partner[wall])
-        wall += 1
+    for entry in contacts.hit[wall:wall_end]:
+        i, feature = owner[entry], np.int64(near.partner[entry])
         if not active[i]:
             continue
         gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature)

@@ -21,7 +21,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, inner_kernel, kernel
+from crowd_env._jit import index, inlined_kernel, kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.leaving import leave
@@ -177,7 +177,7 @@ class Hertz:
         _advance_range(batch, dt, n_substeps, first, stop, law, social)
 
 
-@inner_kernel
+@inlined_kernel
 def _touch(
     first: int,
     last: int,
@@ -238,7 +238,7 @@ def _touch(
                 torque[j] -= bodies.radius[j] * rub
 
 
-@inner_kernel
+@inlined_kernel
 def _kick(begin: int, end: int, bodies: Bodies, state: CrowdState, force: Floats, torque: Floats, half: float) -> None:
     """Half a kick (eqs 9, 11)."""
     active, velocity, spin, mass = state.active, state.velocity, state.spin, bodies.mass
@@ -251,7 +251,7 @@ def _kick(begin: int, end: int, bodies: Bodies, state: CrowdState, force: Floats
                 spin[i] += half * torque[i] / bodies.inertia[i]
 
 
-@inner_kernel
+@inlined_kernel
 def _drift(begin: int, end: int, state: CrowdState, previous: Floats, dt: float) -> None:
     """Move and turn (eq 10)."""
     active, position, velocity, angle, spin = state.active, state.position, state.velocity, state.angle, state.spin

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, inner_kernel, kernel
+from crowd_env._jit import index, inlined_kernel, kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.leaving import leave
@@ -116,7 +116,7 @@ class NSM1:
         _advance_range(batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law, social)
 
 
-@inner_kernel
+@inlined_kernel
 def _try_velocities(
     e: int,
     bodies: Bodies,
@@ -182,7 +182,7 @@ def _project(
         solved, margin = margin, 1.2 * needed
 
 
-@inner_kernel
+@inlined_kernel
 def _move(e: int, env_start: Ints, state: CrowdState, after: Floats, previous: Floats, dt: float) -> None:
     for i in range(index(env_start[e]), index(env_start[e + 1])):
         if state.active[i]:

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, inner_kernel, kernel
+from crowd_env._jit import index, inlined_kernel, kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.leaving import leave
@@ -140,7 +140,7 @@ class NSM2:
         _advance_range(batch, dt, n_substeps, first, stop, law, options, social)
 
 
-@inner_kernel
+@inlined_kernel
 def _accelerate(e: int, bodies: Bodies, state: CrowdState, force: Floats, before: Floats, dt: float) -> None:
     """Keep u(n) and add the regular forces: u(n) + M^-1 p_ext."""
     for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
@@ -150,7 +150,7 @@ def _accelerate(e: int, bodies: Bodies, state: CrowdState, force: Floats, before
                 state.velocity[i, k] += dt * force[i, k] / bodies.mass[i]
 
 
-@inner_kernel
+@inlined_kernel
 def _move(e: int, env_start: Ints, state: CrowdState, before: Floats, previous: Floats, dt: float) -> None:
     for i in range(index(env_start[e]), index(env_start[e + 1])):
         if state.active[i]:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import inner_kernel, kernel
+from crowd_env._jit import inlined_kernel, kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.state import Floats
 
@@ -60,7 +60,7 @@ def allocate_problem(people: int, entries: int, environments: int | None = None)
     )
 
 
-@kernel
+@inlined_kernel
 def pose_no_overlap(
     begin: int,
     end: int,
@@ -90,7 +90,7 @@ def pose_no_overlap(
     return busy
 
 
-@inner_kernel
+@inlined_kernel
 def pose_percussions(
     begin: int,
     end: int,
@@ -140,7 +140,7 @@ def pose_percussions(
     return tangents - begin
 
 
-@inner_kernel
+@inlined_kernel
 def _place(t: int, c: int, first: int, last: int, contacts: Contacts, mass: Floats, problem: Problem) -> float:
     """Give row ``t`` the bodies and the direction of contact ``c``; returns its inverse effective mass a_c [1/kg]."""
     i, j = contacts.i[c], contacts.j[c]
@@ -202,7 +202,7 @@ def _sort(
     return busy
 
 
-@inner_kernel
+@inlined_kernel
 def give_impulses(begin: int, rows: int, number: int, contacts: Contacts, mass: Floats, problem: Problem) -> None:
     """Leave the impulses [N s] of the solution with the ``number`` contacts: rows beyond are tangential."""
     for c in range(begin, begin + number):
@@ -213,14 +213,14 @@ def give_impulses(begin: int, rows: int, number: int, contacts: Contacts, mass: 
         contacts.impulse[c, 0 if t < begin + number else 1] = impulse
 
 
-@inner_kernel
+@inlined_kernel
 def keep_impulses(begin: int, end: int, contacts: Contacts, problem: Problem) -> None:
     """Keep the impulses of the contacts ``begin:end`` while they are found once more, up to a wider gap."""
     for c in range(begin, end):
         problem.reaction[c, 1] = contacts.impulse[c, 0]
 
 
-@inner_kernel
+@inlined_kernel
 def take_impulses(begin: int, end: int, margin: float, contacts: Contacts, problem: Problem) -> None:
     """Give the kept impulses to the same contacts: those with a gap below the former ``margin``, in the same order."""
     kept = begin
