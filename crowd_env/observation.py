@@ -27,7 +27,7 @@ from crowd_env.perception import (
     feel,
     look_around,
 )
-from crowd_env.physics.neighbors import NeighbourList
+from crowd_env.physics.neighbor_list import NeighbourList
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 __all__ = ["SIGHT", "TERMS", "ObservationLayout", "View"]

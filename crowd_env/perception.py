@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env._jit import inner_kernel, kernel
-from crowd_env.physics.neighbors import NeighbourList, sort_into_cells
+from crowd_env.physics.neighbor_list import NeighbourList, sort_into_cells
 from crowd_env.state import Bools, Floats, Ints
 
 Rows = NDArray[np.float32]

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from crowd_env._jit import kernel
 from crowd_env.geometry import Geometry
-from crowd_env.physics.neighbors import NeighbourList, sort_into_cells
+from crowd_env.physics.neighbor_list import NeighbourList, sort_into_cells
 from crowd_env.simulation import Simulation
 from crowd_env.state import Bools, CrowdState, Floats, Ints
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from crowd_env._jit import index, inlined_kernel, inner_kernel
 from crowd_env.geometry import Boundary
-from crowd_env.physics.neighbors import NeighbourList, Places
+from crowd_env.physics.neighbor_list import NeighbourList, Places
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
@@ -338,7 +338,7 @@ def _recall(
         impulse[c, 0], impulse[c, 1] = normal, tangent
 
 
-@inner_kernel
+@inlined_kernel
 def gap_to_feature(
     x: float, y: float, radius: float, boundary: Boundary, g: int, feature: int
 ) -> tuple[float, float, float]:
@@ -358,7 +358,7 @@ def _disc_on_point(dx: float, dy: float, radius: float) -> tuple[float, float, f
     return distance - radius, dx / distance, dy / distance
 
 
-@inner_kernel
+@inlined_kernel
 def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int) -> tuple[float, float, float]:
     ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
     tx, ty = boundary.wall[k, 1, 0] - ax, boundary.wall[k, 1, 1] - ay
@@ -380,7 +380,7 @@ def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int)
     return np.inf, 0.0, 0.0
 
 
-@inner_kernel
+@inlined_kernel
 def _disc_on_corner(x: float, y: float, radius: float, boundary: Boundary, v: int) -> tuple[float, float, float]:
     px, py = boundary.corner[v, 0], boundary.corner[v, 1]
     for m in range(boundary.corner_wall_start[v], boundary.corner_wall_start[v + 1]):

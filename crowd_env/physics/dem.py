@@ -11,41 +11,36 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, inner_kernel, kernel
-from crowd_env.geometry import Boundary
+from crowd_env._jit import inlined_kernel, kernel
 from crowd_env.physics.contacts import find_contacts
 from crowd_env.physics.forces import LOOK_EVERY, follow_rules, look_around
 from crowd_env.physics.lanes import (
-    Lanes,
     aim,
     book,
     count_strays,
-    enter_lanes,
     leave_lanes,
     show_positions,
     walk,
     walk_freely,
 )
-from crowd_env.physics.leaving import leave_lanes_anywhere, leave_lanes_by_list, take_out_of_lanes
-from crowd_env.physics.neighbors import OK, NeighbourList, update_neighbours
+from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_positive
 from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.slabs import SLABS, Cut, first_entry, slab_start, slabs_of, wait_for_all
+from crowd_env.physics.slabs import SLABS, slab_start, slabs_of, wait_for_all
 from crowd_env.physics.social import SocialForce, SocialLaw, add_social_forces, social_law
 from crowd_env.physics.soft_contact import (
     CARRIED,
     COUNT,
-    DEEPEST,
-    OUTSIDE,
+    FURTHEST,
     STRAYS,
-    SUM,
     push_off_walls,
     push_people,
     receive,
 )
+from crowd_env.physics.soft_stages import begin_call, copy_forces, finish, follow_list, press, write_impulses
 from crowd_env.physics.step import tick, unfinished
-from crowd_env.physics.world import Batch, Control, Diagnostics, Memory
-from crowd_env.state import Bodies, Bools, CrowdState, Floats
+from crowd_env.physics.world import Batch
+from crowd_env.state import Bodies
 
 INFO = SchemeInfo(
     name="dem",
@@ -134,9 +129,9 @@ def _advance_one(
     while True:
         if thread == 0:
             if fresh:
-                _begin(e, begin, end, bodies, state, control, memory, near, lanes, cut)
+                begin_call(e, begin, end, bodies, state, control, memory, near, lanes, cut)
             else:
-                _finish(e, g, begin, end, slabs, world.boundary, state, near, lanes, cut, memory.diagnostics, dt)
+                finish(e, g, begin, end, slabs, world.boundary, state, near, lanes, cut, memory.diagnostics, dt)
                 tick(e, state.time, memory.progress, dt)
             cut.go[e] = memory.progress[e] < n_substeps and cut.inside[e] > 0
             if cut.go[e] and cut.stray[e]:
@@ -146,7 +141,7 @@ def _advance_one(
                     e, g, world.boundary, memory.door_open, bodies, state, near, social.cutoff
                 )
                 cut.go[e] = memory.status[e] == OK
-                _follow_list(e, begin, end, slabs, state.active, near, lanes, cut)
+                follow_list(e, begin, end, slabs, state.active, near, lanes, cut)
             if cut.go[e]:
                 cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
                 if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
@@ -159,7 +154,7 @@ def _advance_one(
                 if memory.progress[e] == n_substeps - 1:
                     show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
                     find_contacts(e, g, world.boundary, bodies, state, near, contacts, 0.0)
-                    _write_impulses(
+                    write_impulses(
                         near.entry_start[e], contacts.number[e], contacts.gap, contacts.impulse, dt, stiffness
                     )
         fresh = False
@@ -188,11 +183,11 @@ def _advance_one(
             if social.cutoff > 0.0:
                 show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
                 show_positions(low, high, state.active, lanes.wish_x, lanes.wish_y, memory.desired)
-                _copy_forces(low, high, control.external_force, memory.force)
+                copy_forces(low, high, control.external_force, memory.force)
                 add_social_forces(
                     e, g, world.boundary, bodies, state, near, memory.desired, memory.heading, memory.force, social
                 )
-                _press(low, high, state.active, memory.force, lanes.gx, lanes.gy)
+                press(low, high, state.active, memory.force, lanes.gx, lanes.gy)
             push_people(
                 cut.pair_start[row],
                 cut.pair_stop[row],
@@ -235,7 +230,7 @@ def _advance_one(
             low, high, row = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end), SLABS * e + s
             touched = cut.seen[row, COUNT] > 0.0
             for other in range(SLABS * e, row):
-                if cut.seen[other, CARRIED] > 0.0:
+                if cut.seen[other, FURTHEST] >= low:
                     touched = True
                     receive(
                         cut.pair_start[other],
@@ -265,149 +260,6 @@ def _advance_one(
     for s in range(thread, slabs, threads):
         low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
         leave_lanes(low, high, state.active, lanes, state.position, state.velocity, memory.push, memory.crush)
-
-
-@inlined_kernel
-def _begin(
-    e: int,
-    begin: int,
-    end: int,
-    bodies: Bodies,
-    state: CrowdState,
-    control: Control,
-    memory: Memory,
-    near: NeighbourList,
-    lanes: Lanes,
-    cut: Cut,
-) -> None:
-    """Copy everyone into the lanes; whether the list still holds is to be seen."""
-    cut.inside[e], cut.pressed[e] = enter_lanes(
-        begin,
-        end,
-        state.position,
-        state.velocity,
-        state.active,
-        bodies.mass,
-        bodies.relaxation_time,
-        control.external_force,
-        control.driving,
-        memory.push,
-        memory.crush,
-        lanes,
-        near.origin_x,
-        near.origin_y,
-    )
-    latest = 0.0
-    for i in range(index(begin), index(end)):
-        latest = max(latest, bodies.response_time[i])
-    cut.last_response[e], cut.stray[e] = latest, True
-
-
-@inlined_kernel
-def _follow_list(
-    e: int, begin: int, end: int, slabs: int, active: Bools, near: NeighbourList, lanes: Lanes, cut: Cut
-) -> None:
-    """Note which entries belong to which slab; whoever is parked stays so."""
-    for i in range(index(begin), index(end)):
-        if not active[i]:
-            near.origin_x[i], near.origin_y[i] = lanes.x[i], lanes.y[i]
-    cut.stray[e] = False
-    first, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
-    for s in range(slabs):
-        row, low, high = SLABS * e + s, slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
-        cut.pair_start[row] = first_entry(low, first, pair_end, near.owner)
-        cut.pair_stop[row] = first_entry(high, first, pair_end, near.owner)
-        cut.wall_start[row] = first_entry(low, pair_end, wall_end, near.owner)
-        cut.wall_stop[row] = first_entry(high, pair_end, wall_end, near.owner)
-
-
-@inlined_kernel
-def _finish(
-    e: int,
-    g: int,
-    begin: int,
-    end: int,
-    slabs: int,
-    boundary: Boundary,
-    state: CrowdState,
-    near: NeighbourList,
-    lanes: Lanes,
-    cut: Cut,
-    sums: Diagnostics,
-    dt: float,
-) -> None:
-    """Add up what the slabs have seen, and take out whoever crossed an exit."""
-    strays, count = 0.0, 0.0
-    for row in range(SLABS * e, SLABS * e + slabs):
-        seen = cut.seen
-        sums.max_overlap[e] = max(sums.max_overlap[e], seen[row, DEEPEST], seen[row, OUTSIDE])
-        sums.max_outside[e] = max(sums.max_outside[e], seen[row, OUTSIDE])
-        sums.overlap_sum[e] += seen[row, SUM]
-        count += seen[row, COUNT]
-        strays += seen[row, STRAYS]
-    sums.overlap_count[e] += int(count)
-    cut.stray[e] = strays > 0.0
-    near.age[e] += 1
-    exits, stop = boundary.exit_start[g], boundary.exit_start[g + 1]
-    left = 0
-    if strays > 0.0:
-        left = leave_lanes_anywhere(
-            begin,
-            end,
-            boundary.exit,
-            exits,
-            stop,
-            lanes.x,
-            lanes.y,
-            lanes.vx,
-            lanes.vy,
-            state.time[e],
-            dt,
-            state.active,
-            state.exit_time,
-            state.exit_index,
-        )
-    elif near.wall_end[e] < near.exit_end[e]:
-        left = leave_lanes_by_list(
-            near.wall_end[e],
-            near.exit_end[e],
-            near.owner,
-            near.partner,
-            boundary.exit,
-            exits,
-            lanes.x,
-            lanes.y,
-            lanes.vx,
-            lanes.vy,
-            state.time[e],
-            dt,
-            state.active,
-            state.exit_time,
-            state.exit_index,
-        )
-    if left > 0:
-        cut.inside[e] -= left
-        take_out_of_lanes(begin, end, state.active, lanes, near.origin_x, near.origin_y, state.position, state.velocity)
-
-
-@inner_kernel
-def _write_impulses(first: int, number: int, gap: Floats, impulse: Floats, dt: float, stiffness: float) -> None:
-    """The contacts of the last step of a call are listed for those who ask; their forces are those that it pushed with."""
-    for c in range(first, first + number):
-        impulse[c, 0], impulse[c, 1] = -stiffness * gap[c] * dt, 0.0
-
-
-@inner_kernel
-def _copy_forces(begin: int, end: int, source: Floats, target: Floats) -> None:
-    for i in range(index(begin), index(end)):
-        target[i, 0], target[i, 1] = source[i, 0], source[i, 1]
-
-
-@inner_kernel
-def _press(begin: int, end: int, active: Bools, force: Floats, gx: Floats, gy: Floats) -> None:
-    for i in range(index(begin), index(end)):
-        if active[i]:
-            gx[i], gy[i] = force[i, 0], force[i, 1]
 
 
 @kernel

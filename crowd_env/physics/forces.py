@@ -17,7 +17,7 @@ from crowd_env.navigation_lookup import (
     quick_cell,
     through_exit,
 )
-from crowd_env.physics.neighbors import NeighbourList
+from crowd_env.physics.neighbor_list import NeighbourList
 from crowd_env.physics.social import SocialLaw, add_social_forces
 from crowd_env.physics.world import Control, Memory, World
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints

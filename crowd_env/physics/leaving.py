@@ -5,7 +5,7 @@ import numpy as np
 from crowd_env._jit import index, inlined_kernel, inner_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.lanes import PARKED, Lanes, park
-from crowd_env.physics.neighbors import Places
+from crowd_env.physics.neighbor_list import Places
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 

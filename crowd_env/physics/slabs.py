@@ -13,7 +13,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from crowd_env._jit import inner_kernel, kernel
-from crowd_env.physics.neighbors import Places
+from crowd_env.physics.neighbor_list import Places
 from crowd_env.state import Bools, Floats, Ints
 
 _MANY = 4000  # people from which on a crowd is cut

@@ -21,7 +21,7 @@ import numpy as np
 from crowd_env._jit import index, inlined_kernel, inner_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import gap_to_feature
-from crowd_env.physics.neighbors import NeighbourList
+from crowd_env.physics.neighbor_list import NeighbourList
 from crowd_env.physics.require import require_not_negative, require_positive
 from crowd_env.state import Bodies, CrowdState, Floats
 
@@ -139,7 +139,7 @@ def add_social_forces(
 ) -> None:
     """Add the social forces [N] on everyone in environment ``e`` to ``force`` (P, 2).
 
-    The neighbour list must be complete up to the cut-off.  ``heading`` (P, 2) is working memory.
+    The neighbour list must be complete up to the cut-off.  ``heading`` (P, 4) is working memory, zero at first.
     """
     active, position, radius = state.active, state.position, bodies.radius
     owner, partner, touch = near.owner, near.partner, near.touch
@@ -147,9 +147,10 @@ def add_social_forces(
     strength, cutoff, per_length = law.strength, law.cutoff, 1.0 / law.length
     for i in range(index(begin), index(end)):
         x, y = desired[i, 0], desired[i, 1]
-        speed = np.sqrt(x * x + y * y)
-        share = law.anisotropy / speed if speed > 0.0 else 0.0
-        heading[i, 0], heading[i, 1] = share * x, share * y
+        if heading[i, 2] != x or heading[i, 3] != y:  # seldom: a root and a division are dear
+            speed = np.sqrt(x * x + y * y)
+            share = law.anisotropy / speed if speed > 0.0 else 0.0
+            heading[i, 0], heading[i, 1], heading[i, 2], heading[i, 3] = share * x, share * y, x, y
     entry, pair_end = near.entry_start[e], near.pair_end[e]
     wall, wall_end = pair_end, near.wall_end[e]
     for i in range(index(begin), index(end)):

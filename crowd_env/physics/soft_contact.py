@@ -9,11 +9,11 @@ import numpy as np
 from crowd_env._jit import index, inner_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import gap_to_feature
-from crowd_env.physics.neighbors import Places
+from crowd_env.physics.neighbor_list import Places
 from crowd_env.state import Floats, Ints
 
 # What a slab has seen in a step, columns of `Cut.seen`.
-DEEPEST, SUM, COUNT, OUTSIDE, CARRIED, STRAYS = 0, 1, 2, 3, 4, 5
+DEEPEST, SUM, COUNT, OUTSIDE, CARRIED, STRAYS, FURTHEST = range(7)
 
 
 @inner_kernel
@@ -46,7 +46,7 @@ def push_people(
         dx, dy = x[i] - x[j], y[i] - y[j]
         hit[hits] = entry
         hits += index(dx * dx + dy * dy < touch[entry] * touch[entry])
-    deepest, total, out = 0.0, 0.0, index(first)
+    deepest, total, out, furthest = 0.0, 0.0, index(first), -1.0
     for h in range(index(first), hits):
         entry = hit[h]
         i, j = owner[entry], partner[entry]
@@ -70,7 +70,9 @@ def push_people(
             carried_to[out] = j
             carried[out, 0], carried[out, 1] = px, py
             out += index(1)
+            furthest = max(furthest, float(j))
     seen[row, DEEPEST], seen[row, SUM], seen[row, COUNT] = deepest, total, np.int64(hits) - first
+    seen[row, FURTHEST] = furthest
     seen[row, OUTSIDE], seen[row, CARRIED] = 0.0, np.int64(out) - first
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from crowd_env._jit import inlined_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import Contacts, find_contacts
-from crowd_env.physics.neighbors import OK, NeighbourList, update_neighbours
+from crowd_env.physics.neighbor_list import NeighbourList
+from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.world import Diagnostics
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 

@@ -10,7 +10,7 @@ from crowd_env.guidance import Guidance
 from crowd_env.navigation import FieldArrays
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.lanes import Lanes, allocate_lanes
-from crowd_env.physics.neighbors import NeighbourList, allocate_neighbours
+from crowd_env.physics.neighbor_list import NeighbourList, allocate_neighbours
 from crowd_env.physics.slabs import Cut, allocate_cut
 from crowd_env.physics.solvers import Problem, allocate_problem
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
@@ -66,7 +66,7 @@ class Memory(NamedTuple):
     force: Floats  # (P, 2) N
     previous: Floats  # (P, 2) position at the start of the step
     before: Floats  # (P, 2) velocity at the start of the step
-    heading: Floats  # (P, 2) desired direction times the anisotropy of the social force
+    heading: Floats  # (P, 4) desired direction times the anisotropy of the social force; the desired velocity it is of
     torque: Floats  # (P,)   N m
     phase: Ints  # (E,)   how far a step is that needs the forces of the one before; 0 = they are not known
     push: Floats  # (P, 2) N s  sum of contact impulses on each person during the call
@@ -147,7 +147,7 @@ def allocate_memory(
         force=reals(room("force"), 2),
         previous=reals(room("previous"), 2),
         before=reals(room("before"), 2),
-        heading=reals(room("heading"), 2),
+        heading=reals(room("heading"), 4),
         torque=reals(room("torque")),
         phase=counts(),
         push=reals(people, 2),

@@ -1,0 +1,303 @@
+"""The lists of neighbours: what they hold, and how they are made."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowd_env._jit import index, inner_kernel
+from crowd_env.geometry import Boundary
+from crowd_env.state import Bodies, Bools, Floats, Ints
+
+# Up to so many people all pairs are looked at: quicker than to sort them into cells.
+_FEW = 40
+
+FIRST_HORIZON = 0.05  # s
+
+# Unsigned, because numba checks every signed index for being negative.
+Places = NDArray[np.uint32]
+
+
+class NeighbourList(NamedTuple):
+    """Half lists of all environments; ``e`` owns the entries from ``entry_start[e]`` on: pairs, then walls, then exits."""
+
+    entry_start: Ints  # (E+1,)
+    pair_end: Ints  # (E,)
+    wall_end: Ints  # (E,)
+    exit_end: Ints  # (E,)
+    owner: Places  # (M,)   person i
+    partner: Places  # (M,)   person j > i; or wall k of the geometry, then its corners; or exit k of the geometry
+    touch: Floats  # (M,)   m    sum of the two radii of a pair
+    origin_x: Floats  # (P,)   m    positions when the list was built
+    origin_y: Floats
+    allowed: Floats  # (P,)   m    how far everyone may go from there
+    reach: Floats  # (E,)   m    gap up to which the list is complete until someone goes further; -1 = must be built
+    horizon: Floats  # (E,)   s    for which the list should be good
+    age: Ints  # (E,)   steps since it was built
+    cell_start: NDArray[np.int32]  # cell heads of the counting sort, environment e from 4 * env_start[e] + 64 * e
+    cell_item: NDArray[np.int32]  # (P,)
+    cell_of: NDArray[np.int32]  # (P,)
+
+
+def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
+    """Return an empty list with room for ``per_person`` entries a pedestrian (and a few more an environment)."""
+    people = len(bodies.radius)
+    environments = len(bodies.env_start) - 1
+    entry_start = bodies.env_start * per_person + 16 * np.arange(environments + 1)
+    entries = int(entry_start[-1])
+    return NeighbourList(
+        entry_start=entry_start,
+        pair_end=entry_start[:-1].copy(),
+        wall_end=entry_start[:-1].copy(),
+        exit_end=entry_start[:-1].copy(),
+        owner=np.zeros(entries, dtype=np.uint32),
+        partner=np.zeros(entries, dtype=np.uint32),
+        touch=np.zeros(entries),
+        origin_x=np.zeros(people),
+        origin_y=np.zeros(people),
+        allowed=np.zeros(people),
+        reach=np.full(environments, -1.0),
+        horizon=np.full(environments, FIRST_HORIZON),
+        age=np.zeros(environments, dtype=np.int64),
+        cell_start=np.zeros(4 * people + 64 * environments, dtype=np.int32),
+        cell_item=np.zeros(people, dtype=np.int32),
+        cell_of=np.zeros(people, dtype=np.int32),
+    )
+
+
+@inner_kernel
+def sort_into_cells(
+    e: int, begin: int, end: int, active: Bools, position: Floats, near: NeighbourList, size: float
+) -> tuple[int, int, int]:
+    """Counting sort of the active people into square cells; returns the head of the cell table, columns and rows."""
+    x_low, y_low, x_high, y_high = np.inf, np.inf, -np.inf, -np.inf
+    count = 0
+    for i in range(begin, end):
+        if active[i]:
+            count += 1
+            x_low, x_high = min(x_low, position[i, 0]), max(x_high, position[i, 0])
+            y_low, y_high = min(y_low, position[i, 1]), max(y_high, position[i, 1])
+    head = 4 * begin + 64 * e
+    if count == 0:
+        return head, 0, 0
+    room = 4 * (end - begin) + 62  # a sparse crowd gets larger cells rather than a longer table
+    columns = int((x_high - x_low) / size) + 1
+    rows = int((y_high - y_low) / size) + 1
+    while columns * rows > room:
+        size *= 1.3
+        columns = int((x_high - x_low) / size) + 1
+        rows = int((y_high - y_low) / size) + 1
+    start = near.cell_start
+    for c in range(head, head + columns * rows + 1):
+        start[c] = 0
+    for i in range(begin, end):
+        if active[i]:
+            cell = int((position[i, 1] - y_low) / size) * columns + int((position[i, 0] - x_low) / size)
+            near.cell_of[i] = cell
+            start[head + cell + 1] += 1
+    for c in range(head, head + columns * rows):
+        start[c + 1] += start[c]
+    for i in range(end - 1, begin - 1, -1):  # backwards: ids ascend within a cell
+        if active[i]:
+            cell = near.cell_of[i]
+            start[head + cell + 1] -= 1
+            near.cell_item[begin + start[head + cell + 1]] = i
+    # start[head + c + 1] is now the first item of cell c; its end is start[head + c + 2], or `count` for the last cell
+    for c in range(head, head + columns * rows):
+        start[c] = start[c + 1]
+    start[head + columns * rows] = count
+    return head, columns, rows
+
+
+@inner_kernel
+def list_pairs(
+    e: int,
+    begin: int,
+    end: int,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
+    near: NeighbourList,
+    reach: float,
+    size: float,
+) -> bool:
+    """Write all pairs nearer than ``reach`` and the ways allowed; cells of ``size``.  False if they do not fit."""
+    first, last = near.entry_start[e], near.entry_start[e + 1]
+    owner, partner, touch = near.owner, near.partner, near.touch
+    if end - begin <= _FEW:
+        entry = _all_pairs(begin, end, radius, near.allowed, active, position, reach, first, last, owner, partner)
+    else:
+        grid = sort_into_cells(e, begin, end, active, position, near, size)
+        entry = _pairs_by_cell(
+            begin,
+            end,
+            radius,
+            near.allowed,
+            active,
+            position,
+            reach,
+            grid,
+            near.cell_of,
+            near.cell_item,
+            near.cell_start,
+            first,
+            last,
+            owner,
+            partner,
+        )
+    if entry < 0:
+        return False
+    for k in range(first, entry):
+        touch[k] = radius[owner[k]] + radius[partner[k]]
+    near.pair_end[e] = entry
+    return True
+
+
+@inner_kernel
+def _all_pairs(
+    begin: int,
+    end: int,
+    radius: Floats,
+    allowed: Floats,
+    active: Bools,
+    position: Floats,
+    reach: float,
+    entry: int,
+    last: int,
+    owner: Places,
+    partner: Places,
+) -> int:
+    """Write the near pairs of few people from ``entry`` on; returns one past the last, -1 if they do not fit."""
+    for i in range(begin, end):
+        if not active[i]:
+            continue
+        if entry + end - i > last:  # room for all: then none needs to be asked
+            return -1
+        x, y, limit = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach
+        for j in range(index(i + 1), index(end)):
+            dx, dy, far = x - position[j, 0], y - position[j, 1], limit + (radius[j] + allowed[j])
+            owner[entry], partner[entry] = i, j
+            entry += (dx * dx + dy * dy < far * far) & active[j]
+    return entry
+
+
+@inner_kernel
+def _pairs_by_cell(
+    begin: int,
+    end: int,
+    radius: Floats,
+    allowed: Floats,
+    active: Bools,
+    position: Floats,
+    reach: float,
+    grid: tuple[int, int, int],
+    cell_of: Ints,
+    cell_item: Ints,
+    cell_start: Ints,
+    entry: int,
+    last: int,
+    owner: Places,
+    partner: Places,
+) -> int:
+    """The same for many, who lie in cells no smaller than two radii and the reach."""
+    head, columns, rows = grid
+    for i in range(begin, end):
+        if not active[i]:
+            continue
+        x, y, limit, row_begin = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach, entry
+        column, row = cell_of[i] % columns, cell_of[i] // columns
+        for above in range(max(row - 1, 0), min(row + 2, rows)):
+            start = begin + cell_start[head + above * columns + max(column - 1, 0)]
+            stop = begin + cell_start[head + above * columns + min(column + 1, columns - 1) + 1]
+            if entry + stop - start > last:  # room for all: then none needs to be asked
+                return -1
+            for item in range(index(start), index(stop)):
+                j = cell_item[item]
+                dx, dy, far = x - position[j, 0], y - position[j, 1], limit + (radius[j] + allowed[j])
+                owner[entry], partner[entry] = i, j
+                entry += (j > i) & (dx * dx + dy * dy < far * far)
+        for k in range(row_begin + 1, entry):  # insertion sort by partner: they are few, and nearly in order
+            j, place = partner[k], k
+            while place > row_begin and partner[place - 1] > j:
+                partner[place] = partner[place - 1]
+                place -= 1
+            partner[place] = j
+    return entry
+
+
+@inner_kernel
+def list_walls(
+    e: int,
+    g: int,
+    begin: int,
+    end: int,
+    boundary: Boundary,
+    door_open: Bools,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
+    near: NeighbourList,
+    reach: float,
+) -> bool:
+    """Write the wall features nearer than ``reach`` to anyone, but for open doors; False if they do not fit."""
+    first, stop = boundary.wall_start[g], boundary.wall_start[g + 1]
+    wall, wall_door = boundary.wall, boundary.wall_door
+    corner, corner_door = boundary.corner, boundary.corner_door
+    entry, last = near.pair_end[e], near.entry_start[e + 1]
+    for i in range(begin, end):
+        if not active[i]:
+            continue
+        x, y, limit = position[i, 0], position[i, 1], radius[i] + near.allowed[i] + reach
+        for k in range(first, stop):
+            ax, ay, bx, by = wall[k, 0, 0], wall[k, 0, 1], wall[k, 1, 0], wall[k, 1, 1]
+            if x < min(ax, bx) - limit or x > max(ax, bx) + limit or y < min(ay, by) - limit or y > max(ay, by) + limit:
+                continue
+            if wall_door[k] >= 0 and door_open[e, wall_door[k]]:
+                continue
+            length = np.hypot(bx - ax, by - ay)
+            if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) < limit * length:
+                if entry == last:
+                    return False
+                near.owner[entry], near.partner[entry] = i, k - first
+                entry += 1
+        for k in range(boundary.corner_start[g], boundary.corner_start[g + 1]):
+            dx, dy = x - corner[k, 0], y - corner[k, 1]
+            if dx * dx + dy * dy < limit * limit:
+                if corner_door[k] >= 0 and door_open[e, corner_door[k]]:
+                    continue
+                if entry == last:
+                    return False
+                near.owner[entry], near.partner[entry] = i, stop - first + k - boundary.corner_start[g]
+                entry += 1
+    near.wall_end[e] = entry
+    return True
+
+
+@inner_kernel
+def list_exits(
+    e: int,
+    g: int,
+    begin: int,
+    end: int,
+    boundary: Boundary,
+    active: Bools,
+    position: Floats,
+    near: NeighbourList,
+) -> bool:
+    """Write the exit lines that anyone's centre may come to; False if they do not fit."""
+    entry, last, line = near.wall_end[e], near.entry_start[e + 1], boundary.exit
+    for k in range(boundary.exit_start[g], boundary.exit_start[g + 1]):
+        ax, ay, bx, by = line[k, 0, 0], line[k, 0, 1], line[k, 1, 0], line[k, 1, 1]
+        left, right, low, high = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
+        length = np.hypot(bx - ax, by - ay)
+        for i in range(index(begin), index(end)):
+            x, y, limit = position[i, 0], position[i, 1], near.allowed[i]
+            if x < left - limit or x > right + limit or y < low - limit or y > high + limit or not active[i]:
+                continue
+            if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) <= limit * length:
+                if entry == last:
+                    return False
+                near.owner[entry], near.partner[entry] = i, k - boundary.exit_start[g]
+                entry += 1
+    near.exit_end[e] = entry
+    return True
