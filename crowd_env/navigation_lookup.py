@@ -34,7 +34,7 @@ class FieldArrays(NamedTuple):
     travel_time: NDArray[np.float64]  # (M,)    s   at 1 m/s; nan outside of the walkable area
     direction: NDArray[np.float64]  # (M, 2)  unit vector along the shortest path; 0 outside
     direct: NDArray[np.int64]  # (M,)    row of Boundary.exit reached in a straight line; -1 = none
-    cell: NDArray[np.int64]  # (M,)    cell right of and above: exit that all its corners are direct to, BLEND, ALONE
+    cell: NDArray[np.int16]  # (M,)    cell right of and above: exit that all its corners are direct to, BLEND, ALONE
     margin: NDArray[np.float64]  # (F,)    m   kept from the ends of an exit one aims at; nan = the own radius
     through: NDArray[np.int64]  # (M,)    bit k: the way from here leads through region k
 
@@ -203,7 +203,7 @@ def blended_direction(direction: Floats, first: int, cols: int, u: float, v: flo
 
 @inner_kernel
 def quick_direction(
-    cell: Ints,
+    cell: NDArray[np.int16],
     direction: Floats,
     exit_line: Floats,
     start: int,

@@ -7,9 +7,11 @@ with it their last digits; it depends on nothing but the environment's own clock
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
+from crowd_env._jit import index, kernel
 from crowd_env.physics.contacts import contact_keys
 from crowd_env.physics.world import Batch, Memory
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
@@ -80,28 +82,33 @@ class SortedCrowd:
     def take_in(self, batch: Batch) -> Batch:
         """Return the batch as the physics sees it: what others may have changed is read anew."""
         for copy, array in zip(self._state[:-1], batch.state[:-1], strict=True):
-            np.take(array, self.slot, axis=0, out=copy)
+            _gather(self.slot, array, copy)
         for name in _SHOWN:
-            np.take(getattr(batch.memory, name), self.slot, axis=0, out=self._shown[name])
+            _gather(self.slot, getattr(batch.memory, name), self._shown[name])
         control = batch.control
         return Batch(
             batch.world,
             self._bodies,
             self._state,
             control._replace(
-                command=control.command[self.slot],
-                relative=control.relative[self.slot],
-                external_force=control.external_force[self.slot],
+                command=self._gathered(control.command),
+                relative=self._gathered(control.relative),
+                external_force=self._gathered(control.external_force),
             ),
             batch.memory._replace(**self._shown),
         )
 
+    def _gathered(self, array: Any) -> Any:
+        copy = np.empty_like(array)
+        _gather(self.slot, array, copy)
+        return copy
+
     def give_back(self, state: CrowdState, memory: Memory) -> None:
         """Write what the physics has done to where everyone looks for it."""
         for copy, array in zip(self._state[:-1], state[:-1], strict=True):
-            array[self.slot] = copy
+            _scatter(self.slot, copy, array)
         for name in _SHOWN:
-            getattr(memory, name)[self.slot] = self._shown[name]
+            _scatter(self.slot, self._shown[name], getattr(memory, name))
 
     def by_slot(self, i: Ints, j: Ints, normal: Floats) -> tuple[Ints, Ints, Floats, Ints]:
         """Return contacts between slots, i < j, sorted by (i, j), walls last; and the order they had."""
@@ -110,6 +117,43 @@ class SortedCrowd:
         i, j = np.where(swap, j, i), np.where(swap, i, j)
         order = np.argsort(contact_keys(i, j))
         return i[order], j[order], np.where(swap[:, None], -normal, normal)[order], order
+
+
+def _gather(slot: Ints, source: Any, copy: Any) -> None:
+    """Copy the people of ``source`` in the order of ``slot``."""
+    (_gather_one if source.ndim == 1 else _gather_two)(slot, source, copy)
+
+
+def _scatter(slot: Ints, copy: Any, target: Any) -> None:
+    """Copy them back."""
+    (_scatter_one if target.ndim == 1 else _scatter_two)(slot, copy, target)
+
+
+# NumPy's own take and put need three times as long.
+@kernel
+def _gather_one(slot: Ints, source: Any, copy: Any) -> None:
+    for i in range(len(slot)):
+        copy[i] = source[index(slot[i])]
+
+
+@kernel
+def _gather_two(slot: Ints, source: Any, copy: Any) -> None:
+    for i in range(len(slot)):
+        k = index(slot[i])
+        copy[i, 0], copy[i, 1] = source[k, 0], source[k, 1]
+
+
+@kernel
+def _scatter_one(slot: Ints, copy: Any, target: Any) -> None:
+    for i in range(len(slot)):
+        target[index(slot[i])] = copy[i]
+
+
+@kernel
+def _scatter_two(slot: Ints, copy: Any, target: Any) -> None:
+    for i in range(len(slot)):
+        k = index(slot[i])
+        target[k, 0], target[k, 1] = copy[i, 0], copy[i, 1]
 
 
 def _order_of_space(position: Floats, active: Bools) -> Ints:

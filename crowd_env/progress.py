@@ -1,6 +1,7 @@
 """What became of everyone in a decision step, compiled: who got out, who has how far to go, and whose episode is over."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env.geometry import Boundary
@@ -77,7 +78,7 @@ def look_ahead(
 
 @inner_kernel
 def quick_way(
-    cell: Ints,
+    cell: NDArray[np.int16],
     direction: Floats,
     travel_time: Floats,
     exit_line: Floats,

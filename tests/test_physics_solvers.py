@@ -95,7 +95,7 @@ def test_a_start_is_never_worse_than_none(factor):
     simulation = jam(NSM1())
     number, free, contacts = problem_of(simulation)
     mass, count = simulation.bodies.mass, len(free)
-    problem = allocate_problem(count, number)
+    problem = allocate_problem(count, number, 1)
     rng = np.random.default_rng(1)
     contacts.impulse[:number, 0] *= factor * rng.uniform(0.5, 1.5, number)
     pose_no_overlap(0, number, 0, count, 0, contacts, mass, free, problem, DT, True)

@@ -4,6 +4,7 @@ Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a 
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowd_env._jit import index, inlined_kernel, inner_kernel
 from crowd_env.geometry import Boundary
@@ -143,7 +144,7 @@ def look_for_the_way(
     e: int,
     begin: int,
     end: int,
-    cell: Ints,
+    cell: NDArray[np.int16],
     direction: Floats,
     exit_line: Floats,
     shape: Ints,

@@ -45,9 +45,9 @@ class Problem(NamedTuple):
     colours: Indices  # (P+E, 2)      colours taken by each body (bits); where each colour starts
 
 
-def allocate_problem(people: int, entries: int, environments: int | None = None) -> Problem:
-    """Return a problem with room for ``entries`` contacts; there are at most as many environments as people."""
-    bodies = people + (people if environments is None else environments)
+def allocate_problem(people: int, entries: int, environments: int) -> Problem:
+    """Return a problem with room for ``entries`` contacts."""
+    bodies = people + environments
     return Problem(
         pair=np.zeros((entries, 2), dtype=np.uint32),
         source=np.zeros(entries, dtype=np.uint32),

@@ -13,10 +13,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from crowd_env._jit import inner_kernel, kernel
-from crowd_env.physics.rows import Indices, Problem, allocate_problem
+from crowd_env.physics.rows import Indices, Problem
 from crowd_env.state import Bools, Floats
-
-__all__ = ["SOLVERS", "Problem", "SolverName", "Stopping", "allocate_problem", "closing_speed", "solve"]
 
 SolverName = Literal["auto", "gauss-seidel", "accelerated"]
 SOLVERS = ("auto", "gauss-seidel", "accelerated")

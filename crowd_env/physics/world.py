@@ -11,8 +11,8 @@ from crowd_env.navigation import FieldArrays
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.lanes import Lanes, allocate_lanes
 from crowd_env.physics.neighbor_list import NeighbourList, allocate_neighbours
+from crowd_env.physics.rows import Problem, allocate_problem
 from crowd_env.physics.slabs import Cut, allocate_cut
-from crowd_env.physics.solvers import Problem, allocate_problem
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
