@@ -81,7 +81,10 @@ class _Note(event.Listener):
         """Speak up at the first kernel of this package that is not in the cache."""
         if event.data["dispatcher"].py_func.__module__.startswith("crowd_env."):
             unregister("numba:compile", self)
-            print("crowd_env: compiling kernels, once for this version and scheme: about half a minute ...", file=sys.stderr)
+            print(
+                "crowd_env: compiling kernels, once for this version and scheme: about half a minute ...",
+                file=sys.stderr,
+            )
 
     def on_end(self, event: event.Event) -> None:
         """Say nothing."""
