@@ -82,6 +82,23 @@ def test_one_large_crowd_is_the_same_for_any_number_of_threads():
     assert len(hashes) == len(sums) == 1
 
 
+@pytest.mark.parametrize("threads", [1, 3])
+def test_what_everyone_gets_is_what_the_contacts_say_across_slabs_too(threads):
+    simulation = crowd("dem", 4200, threads=threads)
+    simulation.advance(n_substeps=60)
+    simulation.advance()
+    found, expected, crush = simulation.contacts(), np.zeros((4200, 2)), np.zeros(4200)
+    assert len(found.gap) > 1000
+    pushed = found.impulse[:, :1] * found.normal
+    people = found.j >= 0
+    np.add.at(expected, found.i, pushed)
+    np.add.at(expected, found.j[people], -pushed[people])
+    np.add.at(crush, found.i, found.impulse[:, 0])
+    np.add.at(crush, found.j[people], found.impulse[people, 0])
+    np.testing.assert_allclose(simulation.memory.push, expected, atol=1e-9)
+    np.testing.assert_allclose(simulation.memory.crush, crush, atol=1e-9)
+
+
 def test_threads_that_share_a_crowd_stop_together_when_memory_runs_full_or_everyone_is_out(monkeypatch):
     # Two large crowds and a small place for the list of neighbours: kernels return in the middle of the call.
     def shrink(simulation):
