@@ -24,16 +24,16 @@ from numba.core.event import register, unregister
 # Hence ``for i in range(index(begin), index(end))`` wherever begin is not a plain zero.
 index = np.uint64
 
-_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 _KEEP_SECONDS = 30 * 24 * 3600.0
 
 
 def kernel_stamp() -> str:
-    """Return a hash of all kernel sources of the package and of the numba version."""
+    """Return a hash of all sources of the package that hold kernels or say how they are compiled, and of the numba version."""
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         text = path.read_bytes()
-        if b"crowd_env._jit" in text:
+        if b"crowd_env._jit" in text or b"numba" in text:
             digest.update(path.name.encode())
             digest.update(text)
     return digest.hexdigest()[:16]
@@ -99,9 +99,9 @@ def kernel(function: Callable[..., Any]) -> Any:
 
     No fast-math: the order of every sum is the order written, so the same build gives the same bits.
 
-    Nothing may be allocated inside (use `allocating_kernel` for that): without numba's reference counting, which touches
-    every array of a NamedTuple at every use, a physics step was measured to run three times as fast.  The global lock is
-    released: ranges of environments run side by side in ordinary threads (numba's own prange takes no nested NamedTuples).
+    Nothing may be allocated inside (use `allocating_kernel` for that): without numba's reference counting a physics step was
+    measured to run three times as fast.  The global lock is released: ranges of environments run side by side in ordinary
+    threads.  Tuples of arrays are best handed over as a `crowd_env._reference.Reference`.
     """
     return _compile(function, {"_nrt": False})
 
@@ -109,18 +109,9 @@ def kernel(function: Callable[..., Any]) -> Any:
 def inner_kernel(function: Callable[..., Any]) -> Any:
     """Compile ``function`` like `kernel`, for calls from other kernels alone.
 
-    The code that unpacks Python's arguments, which it does without, is a fifth of all that is compiled for a first step.
+    The code that unpacks Python's arguments, which it does without, would be a fifth of all that is compiled for a first step.
     """
     return _compile(function, {"_nrt": False, "no_cpython_wrapper": True})
-
-
-def inlined_kernel(function: Callable[..., Any]) -> Any:
-    """Compile ``function`` like `kernel`, but into its callers: for a stage of a step that takes whole tuples of arrays.
-
-    A call hands over every array of a tuple by value, some hundred words; at every step of a room of 20 that was measured to
-    cost more than the step.
-    """
-    return _compile(function, {"_nrt": False, "inline": "always"})
 
 
 def allocating_kernel(function: Callable[..., Any]) -> Any:

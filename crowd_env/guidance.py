@@ -55,23 +55,24 @@ def notice_regions(
     e: int, g: int, region: RegionArrays, bodies: Bodies, state: CrowdState, here: Ints, pace: Floats
 ) -> None:
     """Write the regions that everyone stands in (bits) and the desired speed there [m/s]."""
-    rows, cols = region.shape[g, 0], region.shape[g, 1]
+    rows, cols, mask, fixed, factor = region.shape[g, 0], region.shape[g, 1], region.mask, region.fixed, region.factor
     start, left, bottom, spacing = region.node_start[g], region.origin[g, 0], region.origin[g, 1], region.spacing[g]
+    active, position, desired_speed = state.active, state.position, bodies.desired_speed
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-        pace[i] = bodies.desired_speed[i]
+        pace[i] = desired_speed[i]
         here[i] = 0
-        if cols == 0 or not state.active[i]:
+        if cols == 0 or not active[i]:
             continue
-        column = int(np.floor((state.position[i, 0] - left) / spacing))
-        row = int(np.floor((state.position[i, 1] - bottom) / spacing))
-        bits = region.mask[start + min(max(row, 0), rows - 1) * cols + min(max(column, 0), cols - 1)]
+        column = int(np.floor((position[i, 0] - left) / spacing))
+        row = int(np.floor((position[i, 1] - bottom) / spacing))
+        bits = mask[start + min(max(row, 0), rows - 1) * cols + min(max(column, 0), cols - 1)]
         here[i] = bits
         k = 0
         while bits:
             if bits & 1:
-                if region.fixed[g, k] >= 0.0:  # false for nan
-                    pace[i] = region.fixed[g, k]
-                pace[i] *= region.factor[g, k]
+                if fixed[g, k] >= 0.0:  # false for nan
+                    pace[i] = fixed[g, k]
+                pace[i] *= factor[g, k]
             bits >>= 1
             k += 1
 
@@ -80,7 +81,6 @@ def notice_regions(
 def apply_rules(
     e: int,
     g: int,
-    time: float,
     field: FieldArrays,
     guidance: Guidance,
     bodies: Bodies,
@@ -91,13 +91,14 @@ def apply_rules(
     rule_since: Floats,
 ) -> None:
     """Switch the rules of environment ``e`` on and off, and write the route that everyone follows now."""
-    rule, begin, end = guidance.rule, bodies.env_start[e], bodies.env_start[e + 1]
+    rule, begin, end, time = guidance.rule, bodies.env_start[e], bodies.env_start[e + 1], state.time[e]
+    active, position, own, field_of_route = state.active, state.position, state.route, guidance.field_of_route
     first, stop = rule.start[g], rule.start[g + 1]
     any_on = False
     for k in range(first, stop):
         count = 0
         for i in range(begin, end):
-            if state.active[i]:
+            if active[i]:
                 count += (here[i] >> rule.region[k]) & 1
         on = rule_on[e, k - first]
         if not on and count >= rule.at_least[k]:
@@ -106,20 +107,18 @@ def apply_rules(
             rule_on[e, k - first] = False
         any_on |= rule_on[e, k - first]
     for i in range(begin, end):
-        if not state.active[i]:
+        if not active[i]:
             continue
-        state.route[i] = _after_goals(e, guidance, state.route[i], here[i])
-        route = state.route[i]
+        route = _after_goals(e, guidance, own[i], here[i])
+        own[i] = route
         if any_on:
-            through = regions_ahead(
-                field, guidance.field_of_route[e, route], state.position[i, 0], state.position[i, 1]
-            )
+            through = regions_ahead(field, field_of_route[e, route], position[i, 0], position[i, 1])
             for k in range(first, stop):
                 bit = 1 << rule.region[k]
                 if rule_on[e, k - first] and through & bit and not here[i] & bit:
                     route = _after_goals(e, guidance, rule.route[k], here[i])
                     if rule.commits[k]:
-                        state.route[i] = route
+                        own[i] = route
                     break
         followed[i] = route
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from crowd_env._jit import index, kernel
 from crowd_env.physics.contacts import contact_keys
-from crowd_env.physics.world import Batch, Memory
+from crowd_env.physics.world import Asked, Batch, Control, Memory, ask
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 MANY = 1000  # people from which on an environment is sorted: fewer lie in the caches anyhow
@@ -79,29 +79,17 @@ class SortedCrowd:
         rank[order] = np.arange(len(order))
         _renumber(e, people.start, rank, memory)
 
-    def take_in(self, batch: Batch) -> Batch:
-        """Return the batch as the physics sees it: what others may have changed is read anew."""
-        for copy, array in zip(self._state[:-1], batch.state[:-1], strict=True):
+    def stands_in(self, batch: Batch) -> Batch:
+        """Return the batch as the physics sees it: with the copies."""
+        return batch._replace(bodies=self._bodies, state=self._state, memory=batch.memory._replace(**self._shown))
+
+    def take_in(self, state: CrowdState, memory: Memory, control: Control, asked: Asked) -> None:
+        """Read anew what others may have changed, and write what is asked for to ``control``."""
+        for copy, array in zip(self._state[:-1], state[:-1], strict=True):
             _gather(self.slot, array, copy)
         for name in _SHOWN:
-            _gather(self.slot, getattr(batch.memory, name), self._shown[name])
-        control = batch.control
-        return Batch(
-            batch.world,
-            self._bodies,
-            self._state,
-            control._replace(
-                command=self._gathered(control.command),
-                relative=self._gathered(control.relative),
-                external_force=self._gathered(control.external_force),
-            ),
-            batch.memory._replace(**self._shown),
-        )
-
-    def _gathered(self, array: Any) -> Any:
-        copy = np.empty_like(array)
-        _gather(self.slot, array, copy)
-        return copy
+            _gather(self.slot, getattr(memory, name), self._shown[name])
+        ask(control, asked, lambda array, values: _gather(self.slot, values, array))
 
     def give_back(self, state: CrowdState, memory: Memory) -> None:
         """Write what the physics has done to where everyone looks for it."""

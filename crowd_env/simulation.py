@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env._reference import Reference, refer
 from crowd_env.doors import Doorkeeper
 from crowd_env.geometry import Geometry, join_boundaries
 from crowd_env.navigation import NavigationField, travel_time_field
@@ -15,12 +16,14 @@ from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.neighbors import DIVERGED, FULL
 from crowd_env.physics.scheme import scratch_of
 from crowd_env.physics.world import (
+    Asked,
     Batch,
-    Control,
     Diagnostics,
     World,
     add_diagnostics,
+    allocate_control,
     allocate_memory,
+    ask,
     grow_memory,
     no_diagnostics,
 )
@@ -128,10 +131,9 @@ class Simulation:
         # Overlaps, residuals and solver effort since the start of each environment.
         self.diagnostics = no_diagnostics(environments)
         self._sorted = SortedCrowd(bodies, state, self.memory) if SortedCrowd.is_needed(bodies) else None
+        self._control = allocate_control(len(bodies.radius), driving)
+        self._batch: Reference | None = None  # what kernels work on; None = something in it was replaced
         self._pool: ThreadPoolExecutor | None = None
-        self._no_force = np.zeros((len(bodies.radius), 2))
-        self._forward = np.tile([1.0, 0.0], (len(bodies.radius), 1))
-        self._all_relative = np.ones(len(bodies.radius), dtype=np.bool_)
 
     @property
     def last_diagnostics(self) -> Diagnostics:
@@ -168,22 +170,23 @@ class Simulation:
             If a position is no longer finite.
         """
         people = len(self.bodies.radius)
-        command = _checked("command", command, (people, 2), self._forward)
-        external_force = _checked("external_force", external_force, (people, 2), self._no_force)
-        relative = self._all_relative if relative is None else np.ascontiguousarray(relative, dtype=np.bool_)
-        if relative.shape != (people,):
-            raise ValueError(f"relative must have the shape ({people},), not {relative.shape}")
+        if relative is not None:
+            relative = np.ascontiguousarray(relative, dtype=np.bool_)
+            if relative.shape != (people,):
+                raise ValueError(f"relative must have the shape ({people},), not {relative.shape}")
+        asked = Asked(
+            _checked("command", command, (people, 2)),
+            relative,
+            _checked("external_force", external_force, (people, 2)),
+        )
         if n_substeps < 0:
             raise ValueError(f"n_substeps is {n_substeps}; it must be >= 0")
         _check_routes(self.state.route, self._routes_of_person)
         memory = self.memory
-        memory.push[:] = 0.0
-        memory.crush[:] = 0.0
-        memory.progress[:] = 0
-        memory.cut.gate[:] = 0
-        for sums in memory.diagnostics:
+        for sums in (memory.push, memory.crush, memory.progress, memory.cut.gate, *memory.diagnostics):
             sums[:] = 0
-        control = Control(command, relative, external_force, self.driving)
+        if self._sorted is None:
+            ask(self._control, asked)
         target = 0
         while target < n_substeps:
             for e in self._doorkeeper.update(self.bodies, self.state):
@@ -198,7 +201,7 @@ class Simulation:
                 self._doorkeeper.steps_until_due(self.state.time, self.dt, inside),
             ]
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
-            self._run_until(target, control)
+            self._run_until(target, asked)
         add_diagnostics(self.diagnostics, self.memory.diagnostics)
 
     def close_doors(self, e: int, closed: Iterable[str]) -> None:
@@ -222,15 +225,22 @@ class Simulation:
         self.memory.way_age[e] = np.inf
         self.wayfinder.close(e, shut)
         self.world = self.world._replace(field=self.wayfinder.field)
+        self._batch = None
 
-    def _run_until(self, n_substeps: int, control: Control) -> None:
+    def _referred(self) -> Reference:
+        """Return all that kernels work on."""
+        if self._batch is None:
+            batch = Batch(self.world, self.bodies, self.state, self._control, self.memory)
+            self._batch = refer(batch if self._sorted is None else self._sorted.stands_in(batch))
+        return self._batch
+
+    def _run_until(self, n_substeps: int, asked: Asked) -> None:
         """Advance every environment to step ``n_substeps`` of this call."""
         while True:
-            batch = Batch(self.world, self.bodies, self.state, control, self.memory)
-            if self._sorted is None:
-                self._run(batch, n_substeps)
-            else:
-                self._run(self._sorted.take_in(batch), n_substeps)
+            if self._sorted is not None:
+                self._sorted.take_in(self.state, self.memory, self._control, asked)
+            self._run(self._referred(), n_substeps)
+            if self._sorted is not None:
                 self._sorted.give_back(self.state, self.memory)
             status = self.memory.status
             if (status == DIVERGED).any():
@@ -241,18 +251,18 @@ class Simulation:
                 )
             if not (status == FULL).any():
                 return
-            self.memory = grow_memory(
-                self.memory, self.bodies, self._scratch
-            )  # the environments that were full go on where they were
+            # the environments that were full go on where they were
+            self.memory = grow_memory(self.memory, self.bodies, self._scratch)
+            self._batch = None
 
-    def _run(self, batch: Batch, n_substeps: int) -> None:
+    def _run(self, batch: Reference, n_substeps: int) -> None:
         """Advance the batch on all threads: the kernels hold no lock.
 
         Either ranges of environments side by side, which share no memory; or, where a crowd is large and the scheme knows how,
         all threads go through all environments together.
         """
         count, threads = len(self.state.time), self.threads
-        if threads > 1 and self._is_shared(batch):
+        if threads > 1 and self._is_shared():
             parts = [(0, count, thread, threads) for thread in range(threads)]
         else:
             edges = np.linspace(0, count, min(threads, count) + 1).astype(int).tolist()
@@ -264,9 +274,9 @@ class Simulation:
             self._pool = ThreadPoolExecutor(threads)
         list(self._pool.map(lambda part: self.scheme.advance(batch, self.dt, n_substeps, *part), parts))
 
-    def _is_shared(self, batch: Batch) -> bool:
+    def _is_shared(self) -> bool:
         """Whether several threads step one crowd together."""
-        return bool(self.scheme.slabs(int(np.diff(batch.bodies.env_start).max()), self.driving) > 1)
+        return bool(self.scheme.slabs(int(np.diff(self.bodies.env_start).max()), self.driving) > 1)
 
     def restart(
         self, e: int, bodies: Bodies, position: Floats, velocity: Floats | None = None, route: Ints | int = 0
@@ -344,10 +354,10 @@ class Simulation:
         )
 
 
-def _checked(name: str, values: Floats | None, shape: tuple[int, int], default: Floats) -> Floats:
+def _checked(name: str, values: Floats | None, shape: tuple[int, int]) -> Floats | None:
     """Return ``values`` as kernels want them: a kernel would read past the end of an array that is too short."""
     if values is None:
-        return default
+        return None
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.shape != shape:
         raise ValueError(f"{name} must have the shape {shape}, not {array.shape}")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, inner_kernel
+from crowd_env._jit import index, inner_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.neighbor_list import NeighbourList, Places
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
@@ -73,7 +73,7 @@ def contact_keys(i: Ints, j: Ints) -> Ints:
     return np.asarray((i << 32) + np.where(j >= 0, j, (1 << 31) - 1 - j))
 
 
-@inlined_kernel
+@inner_kernel
 def find_contacts(
     e: int,
     g: int,
@@ -124,20 +124,7 @@ def find_contacts(
         )
     elif hits > first:
         c = _touch_people(
-            first,
-            hits,
-            near.owner,
-            near.partner,
-            near.touch,
-            state.active,
-            state.position,
-            margin,
-            contacts.hit,
-            contacts.i,
-            contacts.j,
-            contacts.gap,
-            contacts.normal,
-            c,
+            first, hits, near.owner, near.partner, near.touch, state.active, state.position, margin, contacts, c
         )
     contacts.number[e] = c - first
     if c > first:
@@ -218,14 +205,11 @@ def _touch_people(
     active: Bools,
     position: Floats,
     margin: float,
-    hit: Places,
-    contact_i: Ints,
-    contact_j: Ints,
-    contact_gap: Floats,
-    normal: Floats,
+    contacts: Contacts,
     c: int,
 ) -> int:
     """Write the contacts of the hits ``first:last`` from contact ``c`` on; returns one past the last contact."""
+    hit, contact_i, contact_j, contact_gap, normal = contacts.hit, contacts.i, contacts.j, contacts.gap, contacts.normal
     for h in range(index(first), index(last)):
         entry = hit[h]
         i, j = owner[entry], partner[entry]
@@ -253,9 +237,10 @@ def _touch_all(
     margin: float,
 ) -> int:
     """Write the contacts of the hits ``first:last`` and ``wall:wall_end``; returns one past the last contact."""
-    owner, hit, c, h = near.owner, contacts.hit, first, first
-    for entry in contacts.hit[wall:wall_end]:
-        i, feature = owner[entry], np.int64(near.partner[entry])
+    owner, partner, touch, hit, c, h = near.owner, near.partner, near.touch, contacts.hit, first, first
+    contact_i, contact_j, contact_gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
+    for entry in hit[wall:wall_end]:
+        i, feature = owner[entry], np.int64(partner[entry])
         if not active[i]:
             continue
         gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature)
@@ -263,41 +248,11 @@ def _touch_all(
             before = h
             while h < last and owner[hit[h]] <= i:  # walls come after the people whom i touches
                 h += 1
-            c = _touch_people(
-                before,
-                h,
-                owner,
-                near.partner,
-                near.touch,
-                active,
-                position,
-                margin,
-                hit,
-                contacts.i,
-                contacts.j,
-                contacts.gap,
-                contacts.normal,
-                c,
-            )
-            contacts.i[c], contacts.j[c], contacts.gap[c] = i, -1 - feature, gap
-            contacts.normal[c, 0], contacts.normal[c, 1] = nx, ny
+            c = _touch_people(before, h, owner, partner, touch, active, position, margin, contacts, c)
+            contact_i[c], contact_j[c], contact_gap[c] = i, -1 - feature, gap
+            normal[c, 0], normal[c, 1] = nx, ny
             c += 1
-    return _touch_people(
-        h,
-        last,
-        owner,
-        near.partner,
-        near.touch,
-        active,
-        position,
-        margin,
-        hit,
-        contacts.i,
-        contacts.j,
-        contacts.gap,
-        contacts.normal,
-        c,
-    )
+    return _touch_people(h, last, owner, partner, touch, active, position, margin, contacts, c)
 
 
 @inner_kernel
@@ -338,14 +293,15 @@ def _recall(
         impulse[c, 0], impulse[c, 1] = normal, tangent
 
 
-@inlined_kernel
+@inner_kernel
 def gap_to_feature(
     x: float, y: float, radius: float, boundary: Boundary, g: int, feature: int
 ) -> tuple[float, float, float]:
     """Return gap and normal between a disc and wall feature ``feature`` of geometry ``g``; infinite if it does not face it."""
-    walls = boundary.wall_start[g + 1] - boundary.wall_start[g]
+    first, stop = boundary.wall_start[g], boundary.wall_start[g + 1]
+    walls = stop - first
     if feature < walls:
-        return _disc_on_wall(x, y, radius, boundary, boundary.wall_start[g] + feature)
+        return _disc_on_wall(x, y, radius, boundary, first + feature)
     return _disc_on_corner(x, y, radius, boundary, boundary.corner_start[g] + feature - walls)
 
 
@@ -358,10 +314,11 @@ def _disc_on_point(dx: float, dy: float, radius: float) -> tuple[float, float, f
     return distance - radius, dx / distance, dy / distance
 
 
-@inlined_kernel
+@inner_kernel
 def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int) -> tuple[float, float, float]:
-    ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
-    tx, ty = boundary.wall[k, 1, 0] - ax, boundary.wall[k, 1, 1] - ay
+    wall = boundary.wall
+    ax, ay = wall[k, 0, 0], wall[k, 0, 1]
+    tx, ty = wall[k, 1, 0] - ax, wall[k, 1, 1] - ay
     square = tx * tx + ty * ty
     along = (x - ax) * tx + (y - ay) * ty
     if along <= 0.0 or along >= square:
@@ -380,13 +337,14 @@ def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int)
     return np.inf, 0.0, 0.0
 
 
-@inlined_kernel
+@inner_kernel
 def _disc_on_corner(x: float, y: float, radius: float, boundary: Boundary, v: int) -> tuple[float, float, float]:
+    wall, corner_wall, start = boundary.wall, boundary.corner_wall, boundary.corner_wall_start
     px, py = boundary.corner[v, 0], boundary.corner[v, 1]
-    for m in range(boundary.corner_wall_start[v], boundary.corner_wall_start[v + 1]):
-        k = boundary.corner_wall[m]
-        ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
-        bx, by = boundary.wall[k, 1, 0], boundary.wall[k, 1, 1]
+    for m in range(start[v], start[v + 1]):
+        k = corner_wall[m]
+        ax, ay = wall[k, 0, 0], wall[k, 0, 1]
+        bx, by = wall[k, 1, 0], wall[k, 1, 1]
         if abs(ax - px) + abs(ay - py) > abs(bx - px) + abs(by - py):  # the far end
             ox, oy = ax, ay
         else:

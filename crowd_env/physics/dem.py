@@ -11,18 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd_env._jit import inlined_kernel, kernel
+from crowd_env._jit import inner_kernel, kernel
+from crowd_env._reference import Reference
 from crowd_env.physics.contacts import find_contacts
-from crowd_env.physics.forces import LOOK_EVERY, follow_rules, look_around
-from crowd_env.physics.lanes import (
-    aim,
-    book,
-    count_strays,
-    leave_lanes,
-    show_positions,
-    walk,
-    walk_freely,
-)
+from crowd_env.physics.forces import LOOK_EVERY, follow_rules, has_regions, look_around
+from crowd_env.physics.lanes import book, count_strays, show_positions, walk, walk_freely
 from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_positive
 from crowd_env.physics.scheme import SchemeInfo
@@ -37,7 +30,16 @@ from crowd_env.physics.soft_contact import (
     push_people,
     receive,
 )
-from crowd_env.physics.soft_stages import begin_call, copy_forces, finish, follow_list, press, write_impulses
+from crowd_env.physics.soft_stages import (
+    aim,
+    begin_call,
+    copy_forces,
+    finish,
+    follow_list,
+    leave_lanes,
+    press,
+    write_impulses,
+)
 from crowd_env.physics.step import tick, unfinished
 from crowd_env.physics.world import Batch
 from crowd_env.state import Bodies
@@ -100,166 +102,129 @@ class DEM:
         return 1 if self.social is not None and driving else int(slabs_of(people))
 
     def advance(
-        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self, batch: Reference, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
-        social = social_law(self.social, batch.control.driving)
+        social = social_law(self.social, batch.fields.control.driving)
         _advance_range(batch, dt, n_substeps, first, stop, self.stiffness, social, thread, threads)
 
 
-@inlined_kernel
-def _advance_one(
-    e: int, batch: Batch, dt: float, n_substeps: int, stiffness: float, social: SocialLaw, thread: int, threads: int
-) -> None:
-    """Advance environment ``e``; several threads may do so together, each with its share of the slabs.
-
-    Between two gates nobody writes what another reads; what is not worth sharing is left to thread 0.
-    """
-    world, bodies, state, control, memory = batch
+@inner_kernel
+def _prepare(e: int, batch: Batch, dt: float, n_substeps: int, stiffness: float, cutoff: float, fresh: bool) -> None:
+    """What one thread does before a step: the list, what is to be looked up, and the contacts of the last step of a call."""
+    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
     near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    slabs = slabs_of(end - begin) if social.cutoff == 0.0 else 1
-    if slabs == 1:
-        if thread > 0:
-            return
-        threads = 1
-    if not unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
+    cut.go[e] = memory.progress[e] < n_substeps and cut.inside[e] > 0
+    if cut.go[e] and cut.stray[e]:
+        show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
+        show_positions(begin, end, state.active, lanes.vx, lanes.vy, state.velocity)
+        memory.status[e] = update_neighbours(e, batch, cutoff)
+        cut.go[e] = memory.status[e] == OK
+        follow_list(e, slabs_of(end - begin) if cutoff == 0.0 else 1, batch)
+    if not cut.go[e]:
         return
-    fresh = True
-    while True:
-        if thread == 0:
-            if fresh:
-                begin_call(e, begin, end, bodies, state, control, memory, near, lanes, cut)
-            else:
-                finish(e, g, begin, end, slabs, world.boundary, state, near, lanes, cut, memory.diagnostics, dt)
-                tick(e, state.time, memory.progress, dt)
-            cut.go[e] = memory.progress[e] < n_substeps and cut.inside[e] > 0
-            if cut.go[e] and cut.stray[e]:
-                show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
-                show_positions(begin, end, state.active, lanes.vx, lanes.vy, state.velocity)
-                memory.status[e] = update_neighbours(
-                    e, g, world.boundary, memory.door_open, bodies, state, near, social.cutoff
-                )
-                cut.go[e] = memory.status[e] == OK
-                follow_list(e, begin, end, slabs, state.active, near, lanes, cut)
-            if cut.go[e]:
-                cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
-                if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
-                    memory.way_age[e] = 0.0
-                    cut.look[e] = _LOOK
-                    if world.guidance.region.shape[g, 1] > 0:
-                        show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
-                        follow_rules(e, g, world, bodies, state, memory)
-                memory.way_age[e] += dt
-                if memory.progress[e] == n_substeps - 1:
-                    show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
-                    find_contacts(e, g, world.boundary, bodies, state, near, contacts, 0.0)
-                    write_impulses(
-                        near.entry_start[e], contacts.number[e], contacts.gap, contacts.impulse, dt, stiffness
-                    )
-        fresh = False
-        wait_for_all(cut.gate, threads)
-        if not cut.go[e]:
-            break
-        for s in range(thread, slabs, threads):
-            low, high, row = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end), SLABS * e + s
-            if cut.look[e] > _NOTHING:
-                if cut.look[e] == _LOOK:
-                    show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
-                    look_around(e, g, low, high, world, bodies, state, memory, control.relative, dt)
-                aim(
-                    low,
-                    high,
-                    state.time[e],
-                    control.command,
-                    control.relative,
-                    memory.way,
-                    memory.pace,
-                    bodies.response_time,
-                    state.active,
-                    lanes.wish_x,
-                    lanes.wish_y,
-                )
-            if social.cutoff > 0.0:
-                show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
-                show_positions(low, high, state.active, lanes.wish_x, lanes.wish_y, memory.desired)
-                copy_forces(low, high, control.external_force, memory.force)
-                add_social_forces(
-                    e, g, world.boundary, bodies, state, near, memory.desired, memory.heading, memory.force, social
-                )
-                press(low, high, state.active, memory.force, lanes.gx, lanes.gy)
-            push_people(
-                cut.pair_start[row],
-                cut.pair_stop[row],
+    cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
+    if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
+        memory.way_age[e] = 0.0
+        cut.look[e] = _LOOK
+        if has_regions(e, batch):
+            show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
+            follow_rules(e, batch)
+    memory.way_age[e] += dt
+    if memory.progress[e] == n_substeps - 1:
+        show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
+        find_contacts(e, g, world.boundary, bodies, state, near, contacts, 0.0)
+        write_impulses(near.entry_start[e], contacts.number[e], contacts.gap, contacts.impulse, dt, stiffness)
+
+
+@inner_kernel
+def _push(e: int, low: int, high: int, row: int, batch: Batch, dt: float, stiffness: float, social: SocialLaw) -> None:
+    """Find the forces on and among the people ``low:high`` of one slab."""
+    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
+    near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
+    if cut.look[e] > _NOTHING:
+        if cut.look[e] == _LOOK:
+            show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
+            look_around(e, low, high, batch, dt)
+        aim(low, high, e, batch)
+    if social.cutoff > 0.0:
+        show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
+        show_positions(low, high, state.active, lanes.wish_x, lanes.wish_y, memory.desired)
+        copy_forces(low, high, batch.control.external_force, memory.force)
+        add_social_forces(
+            e, g, world.boundary, bodies, state, near, memory.desired, memory.heading, memory.force, social
+        )
+        press(low, high, state.active, memory.force, lanes.gx, lanes.gy)
+    push_people(
+        cut.pair_start[row],
+        cut.pair_stop[row],
+        high,
+        near.owner,
+        near.partner,
+        near.touch,
+        lanes.x,
+        lanes.y,
+        stiffness,
+        contacts.hit,
+        lanes.fx,
+        lanes.fy,
+        lanes.squeeze,
+        contacts.old_key,
+        contacts.old_memory,
+        cut.seen,
+        row,
+    )
+    if cut.wall_start[row] < cut.wall_stop[row]:
+        push_off_walls(
+            g,
+            cut.wall_start[row],
+            cut.wall_stop[row],
+            world.boundary,
+            near.owner,
+            near.partner,
+            bodies.radius,
+            lanes.x,
+            lanes.y,
+            stiffness,
+            lanes.fx,
+            lanes.fy,
+            lanes.squeeze,
+            cut.seen,
+            row,
+        )
+
+
+@inner_kernel
+def _walk(e: int, low: int, high: int, row: int, batch: Batch, dt: float, cutoff: float) -> None:
+    """Move the people ``low:high`` of one slab, and see who has gone far."""
+    contacts, lanes, cut, near = batch.memory.contacts, batch.memory.lanes, batch.memory.cut, batch.memory.near
+    touched = cut.seen[row, COUNT] > 0.0
+    for other in range(SLABS * e, row):
+        if cut.seen[other, FURTHEST] >= low:
+            touched = True
+            receive(
+                cut.pair_start[other],
+                int(cut.seen[other, CARRIED]),
+                low,
                 high,
-                near.owner,
-                near.partner,
-                near.touch,
-                lanes.x,
-                lanes.y,
-                stiffness,
-                contacts.hit,
+                contacts.old_key,
+                contacts.old_memory,
                 lanes.fx,
                 lanes.fy,
                 lanes.squeeze,
-                contacts.old_key,
-                contacts.old_memory,
-                cut.seen,
-                row,
             )
-            if cut.wall_start[row] < cut.wall_stop[row]:
-                push_off_walls(
-                    g,
-                    cut.wall_start[row],
-                    cut.wall_stop[row],
-                    world.boundary,
-                    near.owner,
-                    near.partner,
-                    bodies.radius,
-                    lanes.x,
-                    lanes.y,
-                    stiffness,
-                    lanes.fx,
-                    lanes.fy,
-                    lanes.squeeze,
-                    cut.seen,
-                    row,
-                )
-        wait_for_all(cut.gate, threads)
-        for s in range(thread, slabs, threads):
-            low, high, row = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end), SLABS * e + s
-            touched = cut.seen[row, COUNT] > 0.0
-            for other in range(SLABS * e, row):
-                if cut.seen[other, FURTHEST] >= low:
-                    touched = True
-                    receive(
-                        cut.pair_start[other],
-                        int(cut.seen[other, CARRIED]),
-                        low,
-                        high,
-                        contacts.old_key,
-                        contacts.old_memory,
-                        lanes.fx,
-                        lanes.fy,
-                        lanes.squeeze,
-                    )
-            if touched or cut.pressed[e] or social.cutoff > 0.0:
-                walk(low, high, dt, lanes.fx, lanes.gx, lanes.per_mass, lanes.wish_x, lanes.per_tau, lanes.vx, lanes.x)
-                walk(low, high, dt, lanes.fy, lanes.gy, lanes.per_mass, lanes.wish_y, lanes.per_tau, lanes.vy, lanes.y)
-            else:
-                walk_freely(low, high, dt, lanes.wish_x, lanes.per_tau, lanes.vx, lanes.x)
-                walk_freely(low, high, dt, lanes.wish_y, lanes.per_tau, lanes.vy, lanes.y)
-            if touched:
-                book(low, high, dt, lanes.fx, lanes.push_x)
-                book(low, high, dt, lanes.fy, lanes.push_y)
-                book(low, high, dt, lanes.squeeze, lanes.crush)
-            cut.seen[row, STRAYS] = count_strays(
-                low, high, lanes.x, lanes.y, near.origin_x, near.origin_y, near.allowed
-            )
-        wait_for_all(cut.gate, threads)
-    for s in range(thread, slabs, threads):
-        low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
-        leave_lanes(low, high, state.active, lanes, state.position, state.velocity, memory.push, memory.crush)
+    if touched or cut.pressed[e] or cutoff > 0.0:
+        walk(low, high, dt, lanes.fx, lanes.gx, lanes.per_mass, lanes.wish_x, lanes.per_tau, lanes.vx, lanes.x)
+        walk(low, high, dt, lanes.fy, lanes.gy, lanes.per_mass, lanes.wish_y, lanes.per_tau, lanes.vy, lanes.y)
+    else:
+        walk_freely(low, high, dt, lanes.wish_x, lanes.per_tau, lanes.vx, lanes.x)
+        walk_freely(low, high, dt, lanes.wish_y, lanes.per_tau, lanes.vy, lanes.y)
+    if touched:
+        book(low, high, dt, lanes.fx, lanes.push_x)
+        book(low, high, dt, lanes.fy, lanes.push_y)
+        book(low, high, dt, lanes.squeeze, lanes.crush)
+    cut.seen[row, STRAYS] = count_strays(low, high, lanes.x, lanes.y, near.origin_x, near.origin_y, near.allowed)
 
 
 @kernel
@@ -274,5 +239,38 @@ def _advance_range(
     thread: int,
     threads: int,
 ) -> None:
+    """Advance the environments ``first:stop``; several threads may do so together, each with its share of the slabs.
+
+    Between two gates nobody writes what another reads; what is not worth sharing is left to thread 0.
+    """
+    state, memory, env_start = batch.state, batch.memory, batch.bodies.env_start
+    cut = memory.cut
     for e in range(first, stop):
-        _advance_one(e, batch, dt, n_substeps, stiffness, social, thread, threads)
+        begin, end = env_start[e], env_start[e + 1]
+        slabs = slabs_of(end - begin) if social.cutoff == 0.0 else 1
+        together = threads if slabs > 1 else 1
+        if thread >= together or not unfinished(e, env_start, state.active, memory.progress, n_substeps):
+            continue
+        fresh = True
+        while True:
+            if thread == 0:
+                if fresh:
+                    begin_call(e, batch)
+                else:
+                    finish(e, slabs, batch, dt)
+                    tick(e, batch, dt)
+                _prepare(e, batch, dt, n_substeps, stiffness, social.cutoff, fresh)
+            fresh = False
+            wait_for_all(cut.gate, together)
+            if not cut.go[e]:
+                break
+            for s in range(thread, slabs, together):
+                low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
+                _push(e, low, high, SLABS * e + s, batch, dt, stiffness, social)
+            wait_for_all(cut.gate, together)
+            for s in range(thread, slabs, together):
+                low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
+                _walk(e, low, high, SLABS * e + s, batch, dt, social.cutoff)
+            wait_for_all(cut.gate, together)
+        for s in range(thread, slabs, together):
+            leave_lanes(slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end), batch)

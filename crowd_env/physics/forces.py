@@ -6,48 +6,43 @@ Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import index, inlined_kernel, inner_kernel
-from crowd_env.geometry import Boundary
+from crowd_env._jit import index, inner_kernel
 from crowd_env.guidance import apply_rules, notice_regions
 from crowd_env.navigation_lookup import (
     BLEND,
-    FieldArrays,
     blended_direction,
     direction_at,
     exit_frame,
     quick_cell,
     through_exit,
 )
-from crowd_env.physics.neighbor_list import NeighbourList
 from crowd_env.physics.social import SocialLaw, add_social_forces
-from crowd_env.physics.world import Control, Memory, World
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.physics.world import Batch
+from crowd_env.state import Bools, Floats, Ints
 
 # The way out is looked up anew after so long: at every step of 0.01 s, at every tenth of 0.001 s.  It costs as much as two
 # contacts, and nobody gets 2 cm further in between.
 LOOK_EVERY = 0.01  # s
 
 
-@inlined_kernel
-def desired_velocities(
-    e: int, world: World, bodies: Bodies, state: CrowdState, control: Control, memory: Memory, dt: float
-) -> None:
+@inner_kernel
+def desired_velocities(e: int, batch: Batch, dt: float) -> None:
     """Write the desired velocity [m/s] of everyone in environment ``e`` into ``Memory.desired`` (P, 2).
 
     A command is a multiple of the desired speed, which is one's own but for what a region says.  A relative one turns with
     the direction of the route one follows, looked up anew every 0.01 s: command (1, 0) is the rule "walk the way out".
     """
-    begin, end, g = bodies.env_start[e], bodies.env_start[e + 1], world.geometry_of_env[e]
+    bodies, control, memory = batch.bodies, batch.control, batch.memory
+    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
     if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
-        if world.guidance.region.shape[g, 1] > 0:
-            follow_rules(e, g, world, bodies, state, memory)
-        look_around(e, g, begin, end, world, bodies, state, memory, control.relative, dt)
+        follow_rules(e, batch)
+        look_around(e, begin, end, batch, dt)
         memory.way_age[e] = 0.0
     memory.way_age[e] += dt
     _want(
         begin,
         end,
-        state.time[e],
+        batch.state.time[e],
         control.command,
         control.relative,
         memory.way,
@@ -57,18 +52,27 @@ def desired_velocities(
     )
 
 
-@inlined_kernel
-def follow_rules(e: int, g: int, world: World, bodies: Bodies, state: CrowdState, memory: Memory) -> None:
+@inner_kernel
+def has_regions(e: int, batch: Batch) -> bool:
+    """Whether there are regions, and so perhaps rules, in environment ``e``."""
+    return bool(batch.world.guidance.region.shape[batch.world.geometry_of_env[e], 1] > 0)
+
+
+@inner_kernel
+def follow_rules(e: int, batch: Batch) -> None:
     """Bring pace and followed route up to date where there are regions."""
-    notice_regions(e, g, world.guidance.region, bodies, state, memory.here, memory.pace)
+    world, memory = batch.world, batch.memory
+    if not has_regions(e, batch):
+        return
+    g = world.geometry_of_env[e]
+    notice_regions(e, g, world.guidance.region, batch.bodies, batch.state, memory.here, memory.pace)
     apply_rules(
         e,
         g,
-        state.time[e],
         world.field,
         world.guidance,
-        bodies,
-        state,
+        batch.bodies,
+        batch.state,
         memory.here,
         memory.followed,
         memory.rule_on,
@@ -76,22 +80,12 @@ def follow_rules(e: int, g: int, world: World, bodies: Bodies, state: CrowdState
     )
 
 
-@inlined_kernel
-def look_around(
-    e: int,
-    g: int,
-    begin: int,
-    end: int,
-    world: World,
-    bodies: Bodies,
-    state: CrowdState,
-    memory: Memory,
-    relative: Bools,
-    dt: float,
-) -> None:
+@inner_kernel
+def look_around(e: int, begin: int, end: int, batch: Batch, dt: float) -> None:
     """Bring the way of the people ``begin:end`` up to date."""
-    field, guidance = world.field, world.guidance
-    if guidance.region.shape[g, 1] == 0:
+    field, guidance, boundary = batch.world.field, batch.world.guidance, batch.world.boundary
+    bodies, state, memory = batch.bodies, batch.state, batch.memory
+    if not has_regions(e, batch):
         _walk_freely(begin, end, bodies.desired_speed, state.route, memory.pace, memory.followed)
     everyone = dt < LOOK_EVERY  # who may be told to follow the way before it is looked up again needs it too
     hard = look_for_the_way(
@@ -100,7 +94,7 @@ def look_around(
         end,
         field.cell,
         field.direction,
-        world.boundary.exit,
+        boundary.exit,
         field.shape,
         field.node_start,
         field.origin,
@@ -111,24 +105,12 @@ def look_around(
         state.position,
         bodies.radius,
         state.active,
-        relative,
+        batch.control.relative,
         everyone,
         memory.way,
     )
     if hard > 0:
-        _look_harder(
-            begin,
-            end,
-            e,
-            field,
-            world.boundary,
-            guidance.field_of_route,
-            memory.followed,
-            state.position,
-            bodies.radius,
-            state.active,
-            memory.way,
-        )
+        _look_harder(e, begin, end, batch)
 
 
 @inner_kernel
@@ -197,20 +179,11 @@ def look_for_the_way(
 
 
 @inner_kernel
-def _look_harder(
-    begin: int,
-    end: int,
-    e: int,
-    field: FieldArrays,
-    boundary: Boundary,
-    field_of_route: Ints,
-    followed: Ints,
-    position: Floats,
-    radius: Floats,
-    active: Bools,
-    way: Floats,
-) -> None:
+def _look_harder(e: int, begin: int, end: int, batch: Batch) -> None:
     """Find the way of those for whom it is not plain: in cells that a wall runs through."""
+    field, boundary, field_of_route = batch.world.field, batch.world.boundary, batch.world.guidance.field_of_route
+    position, radius, active = batch.state.position, batch.bodies.radius, batch.state.active
+    followed, way = batch.memory.followed, batch.memory.way
     for i in range(index(begin), index(end)):
         if active[i] and np.isnan(way[i, 0]):
             f = field_of_route[e, followed[i]]
@@ -238,38 +211,30 @@ def _want(
         desired[i, 0], desired[i, 1] = speed * cx, speed * cy
 
 
-@inlined_kernel
-def regular_forces(
-    e: int,
-    g: int,
-    boundary: Boundary,
-    bodies: Bodies,
-    state: CrowdState,
-    near: NeighbourList,
-    control: Control,
-    desired: Floats,
-    heading: Floats,
-    force: Floats,
-    social: SocialLaw,
-) -> None:
-    """Write the sum of all forces but contact [N] into ``force`` (P, 2): external, driving and social.
+@inner_kernel
+def regular_forces(e: int, batch: Batch, social: SocialLaw) -> None:
+    """Write the sum of all forces but contact [N] into ``Memory.force`` (P, 2): external, driving and social.
 
     With a social force the neighbour list must be complete up to its cut-off.
     """
+    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
     _drive(
         bodies.env_start[e],
         bodies.env_start[e + 1],
         state.active,
         state.velocity,
-        control.external_force,
+        batch.control.external_force,
         bodies.mass,
         bodies.relaxation_time,
-        desired,
-        control.driving,
-        force,
+        memory.desired,
+        batch.control.driving,
+        memory.force,
     )
     if social.cutoff > 0.0:
-        add_social_forces(e, g, boundary, bodies, state, near, desired, heading, force, social)
+        g, desired = world.geometry_of_env[e], memory.desired
+        add_social_forces(
+            e, g, world.boundary, bodies, state, memory.near, desired, memory.heading, memory.force, social
+        )
 
 
 @inner_kernel

@@ -21,8 +21,8 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, kernel
-from crowd_env.physics.contacts import Contacts
+from crowd_env._jit import index, inner_kernel, kernel
+from crowd_env._reference import Reference
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
@@ -160,7 +160,7 @@ class Hertz:
         return 1
 
     def advance(
-        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self, batch: Reference, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
         law = HertzLaw(
@@ -173,38 +173,29 @@ class Hertz:
             self.wall_friction,
             self.rotation,
         )
-        social = social_law(self.social, batch.control.driving)
+        social = social_law(self.social, batch.fields.control.driving)
         _advance_range(batch, dt, n_substeps, first, stop, law, social)
 
 
-@inlined_kernel
-def _touch(
-    first: int,
-    last: int,
-    contacts: Contacts,
-    remembered: Floats,
-    bodies: Bodies,
-    velocity: Floats,
-    spin: Floats,
-    force: Floats,
-    torque: Floats,
-    dt: float,
-    elapsed: float,
-    law: HertzLaw,
-) -> None:
+@inner_kernel
+def _touch(first: int, last: int, batch: Batch, dt: float, elapsed: float, law: HertzLaw) -> None:
     """Add the forces and torques of the contacts ``first:last`` (eqs 3, 4, 6); ``elapsed`` is what the springs stretch over.
 
     With the normal from j to i and the tangent t = normal turned left, the contact point of i moves with v_i - w_i r_i t and
     that of j with v_j + w_j r_j t; a tangential force F_t t on i turns both the same way, by -r F_t.
     """
+    contacts, radius, masses = batch.memory.contacts, batch.bodies.radius, batch.bodies.mass
+    contact_i, contact_j, gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
+    remembered, impulse = contacts.memory, contacts.impulse
+    velocity, spin, force, torque = batch.state.velocity, batch.state.spin, batch.memory.force, batch.memory.torque
     kn, kt, turning = law.normal_stiffness, law.tangential_stiffness, law.rotation
     for c in range(first, last):
-        i, j, overlap = contacts.i[c], contacts.j[c], -contacts.gap[c]
-        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
-        reduced, mass, limit = bodies.radius[i], bodies.mass[i], law.wall_friction
-        ux, uy, turn = velocity[i, 0], velocity[i, 1], bodies.radius[i] * spin[i]
+        i, j, overlap = contact_i[c], contact_j[c], -gap[c]
+        nx, ny = normal[c, 0], normal[c, 1]
+        reduced, mass, limit = radius[i], masses[i], law.wall_friction
+        ux, uy, turn = velocity[i, 0], velocity[i, 1], radius[i] * spin[i]
         if j >= 0:
-            other, heft = bodies.radius[j], bodies.mass[j]
+            other, heft = radius[j], masses[j]
             reduced, mass, limit = reduced * other / (reduced + other), mass * heft / (mass + heft), law.friction
             ux, uy, turn = ux - velocity[j, 0], uy - velocity[j, 1], turn + other * spin[j]
         closing, slip = -(ux * nx + uy * ny), uy * nx - ux * ny - turn
@@ -225,33 +216,34 @@ def _touch(
         remembered[c, 0] = stretch
         push *= alpha
         rub *= alpha
-        contacts.impulse[c, 0], contacts.impulse[c, 1] = push * dt, rub * dt
+        impulse[c, 0], impulse[c, 1] = push * dt, rub * dt
         px, py = push * nx - rub * ny, push * ny + rub * nx
         force[i, 0] += px
         force[i, 1] += py
         if turning:
-            torque[i] -= bodies.radius[i] * rub
+            torque[i] -= radius[i] * rub
         if j >= 0:
             force[j, 0] -= px
             force[j, 1] -= py
             if turning:
-                torque[j] -= bodies.radius[j] * rub
+                torque[j] -= radius[j] * rub
 
 
-@inlined_kernel
-def _kick(begin: int, end: int, bodies: Bodies, state: CrowdState, force: Floats, torque: Floats, half: float) -> None:
+@inner_kernel
+def _kick(begin: int, end: int, batch: Batch, half: float) -> None:
     """Half a kick (eqs 9, 11)."""
-    active, velocity, spin, mass = state.active, state.velocity, state.spin, bodies.mass
+    active, velocity, spin, mass = batch.state.active, batch.state.velocity, batch.state.spin, batch.bodies.mass
+    inertia, force, torque = batch.bodies.inertia, batch.memory.force, batch.memory.torque
     for i in range(index(begin), index(end)):
         if active[i]:
             rate = half / mass[i]
             velocity[i, 0] += rate * force[i, 0]
             velocity[i, 1] += rate * force[i, 1]
             if torque[i] != 0.0:  # few touch, and a division is dear
-                spin[i] += half * torque[i] / bodies.inertia[i]
+                spin[i] += half * torque[i] / inertia[i]
 
 
-@inlined_kernel
+@inner_kernel
 def _drift(begin: int, end: int, state: CrowdState, previous: Floats, dt: float) -> None:
     """Move and turn (eq 10)."""
     active, position, velocity, angle, spin = state.active, state.position, state.velocity, state.angle, state.spin
@@ -263,47 +255,35 @@ def _drift(begin: int, end: int, state: CrowdState, previous: Floats, dt: float)
             angle[i] += dt * spin[i]
 
 
-@inlined_kernel
-def _advance_one(e: int, batch: Batch, dt: float, n_substeps: int, law: HertzLaw, social: SocialLaw) -> None:
-    world, bodies, state, control, memory = batch
-    near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
-    force, torque, phase = memory.force, memory.torque, memory.phase
-    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
-        first = near.entry_start[e]
-        last = first + contacts.number[e]
-        if phase[e] == _KNOWN:
-            record_pushes(first, last, contacts, memory.push, memory.crush, 0.5)  # those of the last step
-            _kick(begin, end, bodies, state, force, torque, 0.5 * dt)
-            _drift(begin, end, state, memory.previous, dt)
-            leave(e, g, world.boundary, bodies, state, memory.previous, dt)
-            phase[e] = _DRIFTED
-        if not detect(
-            e, g, world.boundary, memory.door_open, bodies, state, near, contacts, memory.status, 0.0, social.cutoff
-        ):
-            return  # goes on from here, with more room
-        desired_velocities(e, world, bodies, state, control, memory, dt)
-        regular_forces(
-            e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, force, social
-        )
-        for i in range(index(begin), index(end)):
-            torque[i] = 0.0
-        last = first + contacts.number[e]
-        elapsed = dt if phase[e] == _DRIFTED else 0.0  # the first forces of all are those of springs not yet stretched
-        _touch(
-            first, last, contacts, contacts.memory, bodies, state.velocity, state.spin, force, torque, dt, elapsed, law
-        )
-        if phase[e] == _DRIFTED:
-            record_pushes(first, last, contacts, memory.push, memory.crush, 0.5)
-            record_overlaps(e, first, last, contacts, memory.diagnostics)
-            _kick(begin, end, bodies, state, force, torque, 0.5 * dt)
-            tick(e, state.time, memory.progress, dt)
-        phase[e] = _KNOWN
-
-
 @kernel
 def _advance_range(
     batch: Batch, dt: float, n_substeps: int, first: int, stop: int, law: HertzLaw, social: SocialLaw
 ) -> None:
+    bodies, state, memory = batch.bodies, batch.state, batch.memory
+    near, contacts, torque, phase = memory.near, memory.contacts, memory.torque, memory.phase
     for e in range(first, stop):
-        _advance_one(e, batch, dt, n_substeps, law, social)
+        begin, end, contact = bodies.env_start[e], bodies.env_start[e + 1], near.entry_start[e]
+        while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
+            if phase[e] == _KNOWN:
+                record_pushes(contact, contact + contacts.number[e], memory, 0.5)  # those of the last step
+                _kick(begin, end, batch, 0.5 * dt)
+                _drift(begin, end, state, memory.previous, dt)
+                leave(e, batch, dt)
+                phase[e] = _DRIFTED
+            if not detect(e, batch, 0.0, social.cutoff):
+                break  # goes on from here, with more room
+            desired_velocities(e, batch, dt)
+            regular_forces(e, batch, social)
+            for i in range(index(begin), index(end)):
+                torque[i] = 0.0
+            last = contact + contacts.number[e]
+            elapsed = (
+                dt if phase[e] == _DRIFTED else 0.0
+            )  # the first forces of all are those of springs not yet stretched
+            _touch(contact, last, batch, dt, elapsed, law)
+            if phase[e] == _DRIFTED:
+                record_pushes(contact, last, memory, 0.5)
+                record_overlaps(e, contact, last, memory)
+                _kick(begin, end, batch, 0.5 * dt)
+                tick(e, batch, dt)
+            phase[e] = _KNOWN

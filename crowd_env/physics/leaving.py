@@ -2,16 +2,17 @@
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, inner_kernel
-from crowd_env.geometry import Boundary
+from crowd_env._jit import index, inner_kernel
 from crowd_env.physics.lanes import PARKED, Lanes, park
 from crowd_env.physics.neighbor_list import Places
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.physics.world import Batch
+from crowd_env.state import Bools, Floats, Ints
 
 
-@inlined_kernel
-def leave(e: int, g: int, boundary: Boundary, bodies: Bodies, state: CrowdState, previous: Floats, dt: float) -> None:
+@inner_kernel
+def leave(e: int, batch: Batch, dt: float) -> None:
     """Take out whoever's centre crossed an exit line outwards during this step."""
+    bodies, state, boundary, g = batch.bodies, batch.state, batch.world.boundary, batch.world.geometry_of_env[e]
     for k in range(boundary.exit_start[g], boundary.exit_start[g + 1]):
         _cross(
             bodies.env_start[e],
@@ -19,7 +20,7 @@ def leave(e: int, g: int, boundary: Boundary, bodies: Bodies, state: CrowdState,
             boundary.exit,
             k,
             k - boundary.exit_start[g],
-            previous,
+            batch.memory.previous,
             state.position,
             state.active,
             state.time[e],

@@ -80,6 +80,7 @@ def sort_into_cells(
     head = 4 * begin + 64 * e
     if count == 0:
         return head, 0, 0
+    start, item, cell_of = near.cell_start, near.cell_item, near.cell_of
     room = 4 * (end - begin) + 62  # a sparse crowd gets larger cells rather than a longer table
     columns = int((x_high - x_low) / size) + 1
     rows = int((y_high - y_low) / size) + 1
@@ -87,21 +88,20 @@ def sort_into_cells(
         size *= 1.3
         columns = int((x_high - x_low) / size) + 1
         rows = int((y_high - y_low) / size) + 1
-    start = near.cell_start
     for c in range(head, head + columns * rows + 1):
         start[c] = 0
     for i in range(begin, end):
         if active[i]:
             cell = int((position[i, 1] - y_low) / size) * columns + int((position[i, 0] - x_low) / size)
-            near.cell_of[i] = cell
+            cell_of[i] = cell
             start[head + cell + 1] += 1
     for c in range(head, head + columns * rows):
         start[c + 1] += start[c]
     for i in range(end - 1, begin - 1, -1):  # backwards: ids ascend within a cell
         if active[i]:
-            cell = near.cell_of[i]
+            cell = cell_of[i]
             start[head + cell + 1] -= 1
-            near.cell_item[begin + start[head + cell + 1]] = i
+            item[begin + start[head + cell + 1]] = i
     # start[head + c + 1] is now the first item of cell c; its end is start[head + c + 2], or `count` for the last cell
     for c in range(head, head + columns * rows):
         start[c] = start[c + 1]
@@ -242,12 +242,13 @@ def list_walls(
     """Write the wall features nearer than ``reach`` to anyone, but for open doors; False if they do not fit."""
     first, stop = boundary.wall_start[g], boundary.wall_start[g + 1]
     wall, wall_door = boundary.wall, boundary.wall_door
-    corner, corner_door = boundary.corner, boundary.corner_door
+    corner, corner_door, corner_start = boundary.corner, boundary.corner_door, boundary.corner_start
+    owner, partner, allowed = near.owner, near.partner, near.allowed
     entry, last = near.pair_end[e], near.entry_start[e + 1]
     for i in range(begin, end):
         if not active[i]:
             continue
-        x, y, limit = position[i, 0], position[i, 1], radius[i] + near.allowed[i] + reach
+        x, y, limit = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach
         for k in range(first, stop):
             ax, ay, bx, by = wall[k, 0, 0], wall[k, 0, 1], wall[k, 1, 0], wall[k, 1, 1]
             if x < min(ax, bx) - limit or x > max(ax, bx) + limit or y < min(ay, by) - limit or y > max(ay, by) + limit:
@@ -258,16 +259,16 @@ def list_walls(
             if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) < limit * length:
                 if entry == last:
                     return False
-                near.owner[entry], near.partner[entry] = i, k - first
+                owner[entry], partner[entry] = i, k - first
                 entry += 1
-        for k in range(boundary.corner_start[g], boundary.corner_start[g + 1]):
+        for k in range(corner_start[g], corner_start[g + 1]):
             dx, dy = x - corner[k, 0], y - corner[k, 1]
             if dx * dx + dy * dy < limit * limit:
                 if corner_door[k] >= 0 and door_open[e, corner_door[k]]:
                     continue
                 if entry == last:
                     return False
-                near.owner[entry], near.partner[entry] = i, stop - first + k - boundary.corner_start[g]
+                owner[entry], partner[entry] = i, stop - first + k - corner_start[g]
                 entry += 1
     near.wall_end[e] = entry
     return True
@@ -285,19 +286,20 @@ def list_exits(
     near: NeighbourList,
 ) -> bool:
     """Write the exit lines that anyone's centre may come to; False if they do not fit."""
-    entry, last, line = near.wall_end[e], near.entry_start[e + 1], boundary.exit
-    for k in range(boundary.exit_start[g], boundary.exit_start[g + 1]):
+    entry, last, line, exit_start = near.wall_end[e], near.entry_start[e + 1], boundary.exit, boundary.exit_start
+    owner, partner, allowed = near.owner, near.partner, near.allowed
+    for k in range(exit_start[g], exit_start[g + 1]):
         ax, ay, bx, by = line[k, 0, 0], line[k, 0, 1], line[k, 1, 0], line[k, 1, 1]
         left, right, low, high = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
         length = np.hypot(bx - ax, by - ay)
         for i in range(index(begin), index(end)):
-            x, y, limit = position[i, 0], position[i, 1], near.allowed[i]
+            x, y, limit = position[i, 0], position[i, 1], allowed[i]
             if x < left - limit or x > right + limit or y < low - limit or y > high + limit or not active[i]:
                 continue
             if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) <= limit * length:
                 if entry == last:
                     return False
-                near.owner[entry], near.partner[entry] = i, k - boundary.exit_start[g]
+                owner[entry], partner[entry] = i, k - exit_start[g]
                 entry += 1
     near.exit_end[e] = entry
     return True

@@ -7,10 +7,10 @@ the other, pairs first: a loop over it has no inner loop whose end the processor
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, inner_kernel
-from crowd_env.geometry import Boundary
+from crowd_env._jit import index, inner_kernel
 from crowd_env.physics.neighbor_list import NeighbourList, list_exits, list_pairs, list_walls
-from crowd_env.state import Bodies, Bools, CrowdState, Floats
+from crowd_env.physics.world import Batch
+from crowd_env.state import Bools, Floats
 
 # What a step can answer; anything but OK hands over to Python.
 OK, FULL, DIVERGED = 0, 1, 2
@@ -27,47 +27,26 @@ _LONGEST_HORIZON = 1.0  # s
 _LOOKS = 40.0
 
 
-@inlined_kernel
-def update_neighbours(
-    e: int,
-    g: int,
-    boundary: Boundary,
-    door_open: Bools,
-    bodies: Bodies,
-    state: CrowdState,
-    near: NeighbourList,
-    margin: float,
-) -> int:
+@inner_kernel
+def update_neighbours(e: int, batch: Batch, margin: float) -> int:
     """Rebuild the list of environment ``e`` if a gap below ``margin`` could be missing from it.
 
     Returns OK; FULL if the entries do not fit; or DIVERGED if someone is nowhere near the world.
     """
+    bodies, state, near = batch.bodies, batch.state, batch.memory.near
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
     near.age[e] += 1
     if margin <= near.reach[e] and are_near(
         begin, end, state.active, state.position, near.origin_x, near.origin_y, near.allowed
     ):
         return OK
-    return _rebuild(
-        e, g, begin, end, boundary, door_open, bodies.radius, state.active, state.position, state.velocity, near, margin
-    )
+    return _rebuild(e, batch, begin, end, margin)
 
 
 @inner_kernel
-def _rebuild(
-    e: int,
-    g: int,
-    begin: int,
-    end: int,
-    boundary: Boundary,
-    door_open: Bools,
-    radius: Floats,
-    active: Bools,
-    position: Floats,
-    velocity: Floats,
-    near: NeighbourList,
-    margin: float,
-) -> int:
+def _rebuild(e: int, batch: Batch, begin: int, end: int, margin: float) -> int:
+    near, radius, allowed = batch.memory.near, batch.bodies.radius, batch.memory.near.allowed
+    active, position, velocity = batch.state.active, batch.state.position, batch.state.velocity
     for i in range(begin, end):
         if active[i] and not (abs(position[i, 0]) < _FARTHEST and abs(position[i, 1]) < _FARTHEST):
             return DIVERGED  # nan too
@@ -75,22 +54,24 @@ def _rebuild(
         near.horizon[e] = _better_horizon(e, begin, end, radius, near)
     near.age[e] = 0
     near.reach[e] = -1.0
-    widest, largest = 0.0, 0.0
+    widest, largest, horizon = 0.0, 0.0, near.horizon[e]
     for i in range(index(begin), index(end)):
         speed = np.sqrt(velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
-        way = min(_LEAST_WAY + near.horizon[e] * speed, _MOST_WAY)
-        near.allowed[i] = way
+        way = min(_LEAST_WAY + horizon * speed, _MOST_WAY)
+        allowed[i] = way
         if active[i]:
             widest, largest = max(widest, way), max(largest, radius[i])
     reach = 1.1 * margin  # some schemes ask for a little more or less every step
     if not list_pairs(e, begin, end, radius, active, position, near, reach, 2.0 * (largest + widest) + reach):
         return FULL
+    g, boundary, door_open = batch.world.geometry_of_env[e], batch.world.boundary, batch.memory.door_open
     if not list_walls(e, g, begin, end, boundary, door_open, radius, active, position, near, reach):
         return FULL
     if not list_exits(e, g, begin, end, boundary, active, position, near):
         return FULL
+    origin_x, origin_y = near.origin_x, near.origin_y
     for i in range(begin, end):
-        near.origin_x[i], near.origin_y[i] = position[i, 0], position[i, 1]
+        origin_x[i], origin_y[i] = position[i, 0], position[i, 1]
     near.reach[e] = reach
     return OK
 
@@ -116,10 +97,10 @@ def _better_horizon(e: int, begin: int, end: int, radius: Floats, near: Neighbou
 
     Where people stand evenly the share d^2 / (d + s)^2 of the pairs would be there if nobody were allowed to go anywhere.
     """
-    horizon, diameter, skin = near.horizon[e], 0.0, 0.0
+    horizon, allowed, diameter, skin = near.horizon[e], near.allowed, 0.0, 0.0
     for i in range(index(begin), index(end)):
         diameter += 2.0 * radius[i]
-        skin += 2.0 * near.allowed[i]
+        skin += 2.0 * allowed[i]
     pairs = (near.pair_end[e] - near.entry_start[e]) / (end - begin)
     spare = pairs * (1.0 - (diameter / (diameter + skin)) ** 2)
     looks = spare * near.age[e]

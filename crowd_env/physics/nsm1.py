@@ -13,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, kernel
-from crowd_env.geometry import Boundary
+from crowd_env._jit import index, inner_kernel, kernel
+from crowd_env._reference import Reference
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import OK, update_neighbours
@@ -32,8 +32,8 @@ from crowd_env.physics.step import (
     tick,
     unfinished,
 )
-from crowd_env.physics.world import Batch, Memory
-from crowd_env.state import Bodies, CrowdState, Floats, Ints
+from crowd_env.physics.world import Batch
+from crowd_env.state import Bodies, Bools, Floats
 
 INFO = SchemeInfo(
     name="nsm1",
@@ -106,66 +106,50 @@ class NSM1:
         return 1
 
     def advance(
-        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self, batch: Reference, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
         accelerated = self.solver != "gauss-seidel"
         relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
         law = Stopping(self.tolerance, relative, self.max_iterations, accelerated)
-        social = social_law(self.social, batch.control.driving)
+        social = social_law(self.social, batch.fields.control.driving)
         _advance_range(batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law, social)
 
 
-@inlined_kernel
-def _try_velocities(
-    e: int,
-    bodies: Bodies,
-    state: CrowdState,
-    force: Floats,
-    trial: Floats,
-    dt: float,
-    spontaneous: bool,
-) -> None:
-    """Write V_trial = u + h f / m.
+@inner_kernel
+def _try_velocities(e: int, batch: Batch, dt: float, spontaneous: bool) -> None:
+    """Write V_trial = u + h f / m into `Memory.before`.
 
     A spontaneous velocity is what the forces would lead to if h were tau: without others, the desired velocity itself; an
     external or social force shifts it by tau f / m, where the drive balances it.
     """
+    bodies, active, velocity = batch.bodies, batch.state.active, batch.state.velocity
+    mass, relaxation_time, force, trial = bodies.mass, bodies.relaxation_time, batch.memory.force, batch.memory.before
     for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
-        if state.active[i]:
-            ahead = bodies.relaxation_time[i] if spontaneous else dt
+        if active[i]:
+            ahead = relaxation_time[i] if spontaneous else dt
             for k in range(2):
-                trial[i, k] = state.velocity[i, k] + ahead * force[i, k] / bodies.mass[i]
+                trial[i, k] = velocity[i, k] + ahead * force[i, k] / mass[i]
 
 
-@inlined_kernel
-def _project(
-    e: int,
-    g: int,
-    boundary: Boundary,
-    bodies: Bodies,
-    state: CrowdState,
-    memory: Memory,
-    dt: float,
-    spontaneous: bool,
-    law: Stopping,
-    cutoff: float,
-) -> bool:
+@inner_kernel
+def _project(e: int, batch: Batch, dt: float, spontaneous: bool, law: Stopping, cutoff: float) -> bool:
     """Leave the projection of the trial velocity in `Memory.before`; False if the contacts could not be found.
 
     Contacts are gathered up to the gap that two people could close in this step.  The projection can make someone faster
     than anyone was in the trial and in the step before; then the gap is widened and the step solved anew,
     from where it stood, so no contact is ever missed.
     """
-    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    near, contacts, v, problem = memory.near, memory.contacts, memory.before, memory.problem
-    first, sweeps, margin, solved = near.entry_start[e], 0, -1.0, -np.inf
+    bodies, state, memory = batch.bodies, batch.state, batch.memory
+    begin, end, active = bodies.env_start[e], bodies.env_start[e + 1], state.active
+    contacts, v, problem = memory.contacts, memory.before, memory.problem
+    first, sweeps, margin, solved = memory.near.entry_start[e], 0, -1.0, -np.inf
     while True:
-        _try_velocities(e, bodies, state, memory.force, v, dt, spontaneous)
+        _try_velocities(e, batch, dt, spontaneous)
         if margin < 0.0:
-            before = closing_speed(begin, end, state.active, state.velocity)
-            margin = _HEADROOM * dt * max(closing_speed(begin, end, state.active, v), before) + 1e-3
-        if not detect(e, g, boundary, memory.door_open, bodies, state, near, contacts, memory.status, margin, cutoff):
+            before = closing_speed(begin, end, active, state.velocity)
+            margin = _HEADROOM * dt * max(closing_speed(begin, end, active, v), before) + 1e-3
+        if not detect(e, batch, margin, cutoff):
             return False
         number = contacts.number[e]
         last = first + number
@@ -173,7 +157,7 @@ def _project(
         busy = pose_no_overlap(first, last, begin, end, e, contacts, bodies.mass, v, problem, dt, True)
         iterations, residual, converged = solve(first, number, busy, begin, end, e, bodies.mass, v, problem, law)
         sweeps += iterations
-        needed = dt * closing_speed(begin, end, state.active, v)
+        needed = dt * closing_speed(begin, end, active, v)
         give_impulses(first, number, number, contacts, bodies.mass, problem)
         if not needed > margin:
             record_solver(e, memory.diagnostics, sweeps, residual, residual if converged else 0.0)
@@ -182,43 +166,23 @@ def _project(
         solved, margin = margin, 1.2 * needed
 
 
-@inlined_kernel
-def _move(e: int, env_start: Ints, state: CrowdState, after: Floats, previous: Floats, dt: float) -> None:
-    for i in range(index(env_start[e]), index(env_start[e + 1])):
-        if state.active[i]:
-            for k in range(2):
-                previous[i, k] = state.position[i, k]
-                state.velocity[i, k] = after[i, k]
-                state.position[i, k] += dt * after[i, k]
-
-
-@inlined_kernel
-def _advance_one(
-    e: int, batch: Batch, dt: float, n_substeps: int, spontaneous: bool, law: Stopping, social: SocialLaw
+@inner_kernel
+def _move(
+    begin: int,
+    end: int,
+    active: Bools,
+    position: Floats,
+    velocity: Floats,
+    after: Floats,
+    previous: Floats,
+    dt: float,
 ) -> None:
-    world, bodies, state, control, memory = batch
-    near, contacts, g = memory.near, memory.contacts, world.geometry_of_env[e]
-    while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
-        desired_velocities(e, world, bodies, state, control, memory, dt)
-        if social.cutoff > 0.0:
-            memory.status[e] = update_neighbours(
-                e, g, world.boundary, memory.door_open, bodies, state, near, social.cutoff
-            )
-            if memory.status[e] != OK:
-                return
-        regular_forces(
-            e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, memory.force, social
-        )
-        if not _project(e, g, world.boundary, bodies, state, memory, dt, spontaneous, law, social.cutoff):
-            return
-        first = near.entry_start[e]
-        last = first + contacts.number[e]
-        record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
-        record_overlaps(e, first, last, contacts, memory.diagnostics)
-        remember_impulses(first, last, contacts.impulse, contacts.memory)
-        _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
-        leave(e, g, world.boundary, bodies, state, memory.previous, dt)
-        tick(e, state.time, memory.progress, dt)
+    for i in range(index(begin), index(end)):
+        if active[i]:
+            for k in range(2):
+                previous[i, k] = position[i, k]
+                velocity[i, k] = after[i, k]
+                position[i, k] += dt * after[i, k]
 
 
 @kernel
@@ -232,5 +196,23 @@ def _advance_range(
     law: Stopping,
     social: SocialLaw,
 ) -> None:
+    bodies, state, memory = batch.bodies, batch.state, batch.memory
     for e in range(first, stop):
-        _advance_one(e, batch, dt, n_substeps, spontaneous, law, social)
+        begin, end = bodies.env_start[e], bodies.env_start[e + 1]
+        while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
+            desired_velocities(e, batch, dt)
+            if social.cutoff > 0.0:
+                memory.status[e] = update_neighbours(e, batch, social.cutoff)
+                if memory.status[e] != OK:
+                    break
+            regular_forces(e, batch, social)
+            if not _project(e, batch, dt, spontaneous, law, social.cutoff):
+                break
+            contact = memory.near.entry_start[e]
+            last = contact + memory.contacts.number[e]
+            record_pushes(contact, last, memory, 1.0)
+            record_overlaps(e, contact, last, memory)
+            remember_impulses(contact, last, memory)
+            _move(begin, end, state.active, state.position, state.velocity, memory.before, memory.previous, dt)
+            leave(e, batch, dt)
+            tick(e, batch, dt)

@@ -15,8 +15,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, kernel
-from crowd_env.physics.contacts import Contacts
+from crowd_env._jit import index, inner_kernel, kernel
+from crowd_env._reference import Reference
 from crowd_env.physics.forces import desired_velocities, regular_forces
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import FULL
@@ -34,8 +34,8 @@ from crowd_env.physics.step import (
     tick,
     unfinished,
 )
-from crowd_env.physics.world import Batch, Memory
-from crowd_env.state import Bodies, CrowdState, Floats, Ints
+from crowd_env.physics.world import Batch
+from crowd_env.state import Bodies, Bools, Floats
 
 INFO = SchemeInfo(
     name="nsm2",
@@ -128,7 +128,7 @@ class NSM2:
         return 1
 
     def advance(
-        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self, batch: Reference, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
         accelerated = self.solver != "gauss-seidel"
@@ -136,130 +136,89 @@ class NSM2:
         law = Stopping(self.tolerance, relative, self.max_iterations, accelerated)
         dissipation = (self.normal_dissipation, self.tangential_dissipation)
         options = Options(*dissipation, self.reaction == "dissipative", self.position_correction)
-        social = social_law(self.social, batch.control.driving)
+        social = social_law(self.social, batch.fields.control.driving)
         _advance_range(batch, dt, n_substeps, first, stop, law, options, social)
 
 
-@inlined_kernel
-def _accelerate(e: int, bodies: Bodies, state: CrowdState, force: Floats, before: Floats, dt: float) -> None:
+@inner_kernel
+def _accelerate(
+    begin: int, end: int, active: Bools, velocity: Floats, mass: Floats, force: Floats, before: Floats, dt: float
+) -> None:
     """Keep u(n) and add the regular forces: u(n) + M^-1 p_ext."""
-    for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
-        if state.active[i]:
+    for i in range(index(begin), index(end)):
+        if active[i]:
             for k in range(2):
-                before[i, k] = state.velocity[i, k]
-                state.velocity[i, k] += dt * force[i, k] / bodies.mass[i]
+                before[i, k] = velocity[i, k]
+                velocity[i, k] += dt * force[i, k] / mass[i]
 
 
-@inlined_kernel
-def _move(e: int, env_start: Ints, state: CrowdState, before: Floats, previous: Floats, dt: float) -> None:
-    for i in range(index(env_start[e]), index(env_start[e + 1])):
-        if state.active[i]:
-            for k in range(2):
-                previous[i, k] = state.position[i, k]
-                state.position[i, k] += 0.5 * dt * (before[i, k] + state.velocity[i, k])
-
-
-@inlined_kernel
-def _part(
-    e: int,
-    first: int,
-    last: int,
+@inner_kernel
+def _move(
     begin: int,
     end: int,
-    contacts: Contacts,
-    mass: Floats,
+    active: Bools,
     position: Floats,
-    memory: Memory,
+    velocity: Floats,
+    before: Floats,
+    previous: Floats,
     dt: float,
-    law: Stopping,
-    correction: float,
 ) -> None:
+    for i in range(index(begin), index(end)):
+        if active[i]:
+            for k in range(2):
+                previous[i, k] = position[i, k]
+                position[i, k] += 0.5 * dt * (before[i, k] + velocity[i, k])
+
+
+@inner_kernel
+def _collide(e: int, batch: Batch, law: Stopping, options: Options) -> None:
+    """Give everyone the velocity after the percussions of this step."""
+    bodies, memory = batch.bodies, batch.memory
+    near, contacts, problem = memory.near, memory.contacts, memory.problem
+    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
+    first, number = near.entry_start[e], contacts.number[e]
+    last = first + number
+    rows = pose_percussions(
+        first,
+        last,
+        begin,
+        end,
+        contacts,
+        bodies.mass,
+        memory.before,
+        problem,
+        options.k_normal,
+        options.k_tangent,
+        options.dissipative,
+    )
+    iterations, residual, converged = solve(
+        first, rows, rows, begin, end, e, bodies.mass, batch.state.velocity, problem, law
+    )
+    give_impulses(first, rows, number, contacts, bodies.mass, problem)
+    record_solver(e, memory.diagnostics, iterations, residual, residual if converged else 0.0)
+    record_pushes(first, last, memory, 1.0)
+    record_overlaps(e, first, last, memory)
+    remember_impulses(first, last, memory)
+
+
+@inner_kernel
+def _part(e: int, batch: Batch, dt: float, law: Stopping, correction: float) -> None:
     """Move overlapping people apart by the least mass-weighted displacement that takes back a share of every overlap.
 
     It is the problem of NSM1 for a velocity that is used once and forgotten.
     """
+    bodies, memory = batch.bodies, batch.memory
+    contacts, problem, position = memory.contacts, memory.problem, batch.state.position
+    begin, end, first = bodies.env_start[e], bodies.env_start[e + 1], memory.near.entry_start[e]
+    last = first + contacts.number[e]
     shift = memory.desired  # no longer needed in this step
     for i in range(index(begin), index(end)):
         shift[i, 0], shift[i, 1] = 0.0, 0.0
-    busy = pose_no_overlap(first, last, begin, end, e, contacts, mass, shift, memory.problem, dt / correction, False)
-    solve(first, last - first, busy, begin, end, e, mass, shift, memory.problem, law)
+    busy = pose_no_overlap(first, last, begin, end, e, contacts, bodies.mass, shift, problem, dt / correction, False)
+    solve(first, last - first, busy, begin, end, e, bodies.mass, shift, problem, law)
     for i in range(index(begin), index(end)):
         position[i, 0] += dt * shift[i, 0]
         position[i, 1] += dt * shift[i, 1]
-
-
-@inlined_kernel
-def _advance_one(
-    e: int, batch: Batch, dt: float, n_substeps: int, law: Stopping, options: Options, social: SocialLaw
-) -> None:
-    world, bodies, state, control, memory = batch
-    near, contacts, problem, g = memory.near, memory.contacts, memory.problem, world.geometry_of_env[e]
-    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
-        if not detect(
-            e,
-            g,
-            world.boundary,
-            memory.door_open,
-            bodies,
-            state,
-            near,
-            contacts,
-            memory.status,
-            _TOUCHING,
-            social.cutoff,
-        ):
-            return
-        first, number = near.entry_start[e], contacts.number[e]
-        last = first + number
-        if options.k_tangent > 0.0 and last + number > near.entry_start[e + 1]:
-            memory.status[e] = FULL  # a rough contact takes two rows: come back with more room
-            return
-        desired_velocities(e, world, bodies, state, control, memory, dt)
-        regular_forces(
-            e, g, world.boundary, bodies, state, near, control, memory.desired, memory.heading, memory.force, social
-        )
-        _accelerate(e, bodies, state, memory.force, memory.before, dt)
-        if number > 0:
-            rows = pose_percussions(
-                first,
-                last,
-                begin,
-                end,
-                contacts,
-                bodies.mass,
-                memory.before,
-                problem,
-                options.k_normal,
-                options.k_tangent,
-                options.dissipative,
-            )
-            iterations, residual, converged = solve(
-                first, rows, rows, begin, end, e, bodies.mass, state.velocity, problem, law
-            )
-            give_impulses(first, rows, number, contacts, bodies.mass, problem)
-            record_solver(e, memory.diagnostics, iterations, residual, residual if converged else 0.0)
-            record_pushes(first, last, contacts, memory.push, memory.crush, 1.0)
-            record_overlaps(e, first, last, contacts, memory.diagnostics)
-            remember_impulses(first, last, contacts.impulse, contacts.memory)
-        _move(e, bodies.env_start, state, memory.before, memory.previous, dt)
-        if options.correction > 0.0 and number > 0:
-            _part(
-                e,
-                first,
-                last,
-                begin,
-                end,
-                contacts,
-                bodies.mass,
-                state.position,
-                memory,
-                dt,
-                law,
-                options.correction,
-            )
-        leave(e, g, world.boundary, bodies, state, memory.previous, dt)
-        tick(e, state.time, memory.progress, dt)
 
 
 @kernel
@@ -273,5 +232,24 @@ def _advance_range(
     options: Options,
     social: SocialLaw,
 ) -> None:
+    bodies, state, memory = batch.bodies, batch.state, batch.memory
+    active, position, velocity, before = state.active, state.position, state.velocity, memory.before
     for e in range(first, stop):
-        _advance_one(e, batch, dt, n_substeps, law, options, social)
+        begin, end = bodies.env_start[e], bodies.env_start[e + 1]
+        while unfinished(e, bodies.env_start, active, memory.progress, n_substeps):
+            if not detect(e, batch, _TOUCHING, social.cutoff):
+                break
+            number = memory.contacts.number[e]
+            if options.k_tangent > 0.0 and memory.near.entry_start[e] + 2 * number > memory.near.entry_start[e + 1]:
+                memory.status[e] = FULL  # a rough contact takes two rows: come back with more room
+                break
+            desired_velocities(e, batch, dt)
+            regular_forces(e, batch, social)
+            _accelerate(begin, end, active, velocity, bodies.mass, memory.force, before, dt)
+            if number > 0:
+                _collide(e, batch, law, options)
+            _move(begin, end, active, position, velocity, before, memory.previous, dt)
+            if options.correction > 0.0 and number > 0:
+                _part(e, batch, dt, law, options.correction)
+            leave(e, batch, dt)
+            tick(e, batch, dt)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import inlined_kernel, kernel
+from crowd_env._jit import inner_kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.state import Floats
 
@@ -60,7 +60,7 @@ def allocate_problem(people: int, entries: int, environments: int) -> Problem:
     )
 
 
-@inlined_kernel
+@inner_kernel
 def pose_no_overlap(
     begin: int,
     end: int,
@@ -80,17 +80,19 @@ def pose_no_overlap(
     Returns the number of rows that are likely to push: they come first.
     """
     busy = _sort(begin, end, first, last, e, contacts, v, problem, dt)
+    source, row, soft, reaction = problem.source, problem.row, problem.soft, problem.reaction
+    gap, impulse = contacts.gap, contacts.impulse
     for t in range(begin, end):
-        c = begin + problem.source[t]
+        c = begin + source[t]
         a = _place(t, c, first, last, contacts, mass, problem)
-        problem.row[t, 2] = contacts.gap[c] / dt
-        problem.soft[t] = 0.0
-        problem.reaction[t, 0] = a * contacts.impulse[c, 0] if warm else 0.0
-        problem.reaction[t, 1] = 0.0
+        row[t, 2] = gap[c] / dt
+        soft[t] = 0.0
+        reaction[t, 0] = a * impulse[c, 0] if warm else 0.0
+        reaction[t, 1] = 0.0
     return busy
 
 
-@inlined_kernel
+@inner_kernel
 def pose_percussions(
     begin: int,
     end: int,
@@ -110,59 +112,63 @@ def pose_percussions(
     number of rows: with tangential dissipation up to twice the number of contacts.
     """
     tangents = end
+    source, pair, row, soft, reaction = problem.source, problem.pair, problem.row, problem.soft, problem.reaction
+    contact_i, contact_j, normal = contacts.i, contacts.j, contacts.normal
     for t in range(begin, end):
-        problem.source[t] = t - begin
+        source[t] = t - begin
         a = _place(t, t, first, last, contacts, mass, problem)
-        i, j = contacts.i[t], contacts.j[t]
+        i, j = contact_i[t], contact_j[t]
         vx, vy = before[i, 0], before[i, 1]
         if j >= 0:
             vx -= before[j, 0]
             vy -= before[j, 1]
-        nx, ny = contacts.normal[t, 0], contacts.normal[t, 1]
+        nx, ny = normal[t, 0], normal[t, 1]
         w = vx * nx + vy * ny
-        problem.reaction[t, 0], problem.reaction[t, 1] = 0.0, 0.0
+        reaction[t, 0], reaction[t, 1] = 0.0, 0.0
         if w < 0.0:
-            problem.row[t, 2] = w if k_normal > 0.0 else 0.0
-            problem.soft[t] = a / (2.0 / k_normal + a)
+            row[t, 2] = w if k_normal > 0.0 else 0.0
+            soft[t] = a / (2.0 / k_normal + a)
             if k_tangent > 0.0:
                 k = tangents
                 tangents += 1
-                problem.source[k] = t - begin
-                problem.pair[k, 0], problem.pair[k, 1] = problem.pair[t, 0], problem.pair[t, 1]
-                problem.row[k, 0], problem.row[k, 1] = -ny, nx
-                problem.row[k, 2] = vy * nx - vx * ny
-                problem.row[k, 3] = problem.row[t, 3]
-                problem.soft[k] = -a / (2.0 / k_tangent + a)
-                problem.reaction[k, 0], problem.reaction[k, 1] = 0.0, 0.0
+                source[k] = t - begin
+                pair[k, 0], pair[k, 1] = pair[t, 0], pair[t, 1]
+                row[k, 0], row[k, 1] = -ny, nx
+                row[k, 2] = vy * nx - vx * ny
+                row[k, 3] = row[t, 3]
+                soft[k] = -a / (2.0 / k_tangent + a)
+                reaction[k, 0], reaction[k, 1] = 0.0, 0.0
         else:
-            problem.row[t, 2] = w if dissipative else 0.0
-            problem.soft[t] = 0.0
+            row[t, 2] = w if dissipative else 0.0
+            soft[t] = 0.0
     return tangents - begin
 
 
-@inlined_kernel
+@inner_kernel
 def _place(t: int, c: int, first: int, last: int, contacts: Contacts, mass: Floats, problem: Problem) -> float:
     """Give row ``t`` the bodies and the direction of contact ``c``; returns its inverse effective mass a_c [1/kg]."""
+    pair, row, normal = problem.pair, problem.row, contacts.normal
     i, j = contacts.i[c], contacts.j[c]
     a = 1.0 / mass[i]
-    problem.pair[t, 0] = i - first
-    problem.row[t, 0], problem.row[t, 1] = contacts.normal[c, 0], contacts.normal[c, 1]
+    pair[t, 0] = i - first
+    row[t, 0], row[t, 1] = normal[c, 0], normal[c, 1]
     if j >= 0:
-        problem.pair[t, 1] = j - first
-        problem.row[t, 3] = mass[j] / (mass[i] + mass[j])
+        pair[t, 1] = j - first
+        row[t, 3] = mass[j] / (mass[i] + mass[j])
         a += 1.0 / mass[j]
     else:
-        problem.pair[t, 1] = last - first
-        problem.row[t, 3] = 1.0  # exactly: the wall gets 1 - 1 = 0
+        pair[t, 1] = last - first
+        row[t, 3] = 1.0  # exactly: the wall gets 1 - 1 = 0
     return a
 
 
-@kernel
+@inner_kernel
 def _sort(
     begin: int, end: int, first: int, last: int, e: int, contacts: Contacts, v: Floats, problem: Problem, dt: float
 ) -> int:
     """Sort the contacts by colour; returns how many come before those that neither pushed nor would close without pushes."""
     source, pair, bodies = problem.source, problem.pair, problem.colours
+    contact_i, contact_j, normal, impulse, gap = contacts.i, contacts.j, contacts.normal, contacts.impulse, contacts.gap
     if end - begin <= _FEW:
         for c in range(begin, end):
             source[c] = c - begin
@@ -173,13 +179,13 @@ def _sort(
         bodies[i, 0] = 0
         bodies[i, 1] = 0
     for c in range(begin, end):
-        i, j = contacts.i[c], contacts.j[c]
+        i, j = contact_i[c], contact_j[c]
         colour = idle
-        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
+        nx, ny = normal[c, 0], normal[c, 1]
         w = v[i, 0] * nx + v[i, 1] * ny
         if j >= 0:
             w -= v[j, 0] * nx + v[j, 1] * ny
-        if contacts.impulse[c, 0] != 0.0 or dt * w + contacts.gap[c] < 0.0:
+        if impulse[c, 0] != 0.0 or dt * w + gap[c] < 0.0:
             taken = bodies[i + e, 0] | bodies[j + e, 0] if j >= 0 else bodies[i + e, 0]
             colour = 0
             while colour < idle - 1 and (taken >> colour) & 1:
@@ -202,29 +208,32 @@ def _sort(
     return busy
 
 
-@inlined_kernel
+@inner_kernel
 def give_impulses(begin: int, rows: int, number: int, contacts: Contacts, mass: Floats, problem: Problem) -> None:
     """Leave the impulses [N s] of the solution with the ``number`` contacts: rows beyond are tangential."""
+    source, row, reaction = problem.source, problem.row, problem.reaction
+    impulse, contact_i = contacts.impulse, contacts.i
     for c in range(begin, begin + number):
-        contacts.impulse[c, 1] = 0.0
+        impulse[c, 1] = 0.0
     for t in range(begin, begin + rows):
-        c = begin + problem.source[t]
-        impulse = problem.reaction[t, 0] * problem.row[t, 3] * mass[contacts.i[c]]  # share of i = 1 / (a m_i)
-        contacts.impulse[c, 0 if t < begin + number else 1] = impulse
+        c = begin + source[t]
+        gained = reaction[t, 0] * row[t, 3] * mass[contact_i[c]]  # share of i = 1 / (a m_i)
+        impulse[c, 0 if t < begin + number else 1] = gained
 
 
-@inlined_kernel
+@inner_kernel
 def keep_impulses(begin: int, end: int, contacts: Contacts, problem: Problem) -> None:
     """Keep the impulses of the contacts ``begin:end`` while they are found once more, up to a wider gap."""
+    reaction, impulse = problem.reaction, contacts.impulse
     for c in range(begin, end):
-        problem.reaction[c, 1] = contacts.impulse[c, 0]
+        reaction[c, 1] = impulse[c, 0]
 
 
-@inlined_kernel
+@inner_kernel
 def take_impulses(begin: int, end: int, margin: float, contacts: Contacts, problem: Problem) -> None:
     """Give the kept impulses to the same contacts: those with a gap below the former ``margin``, in the same order."""
-    kept = begin
+    gap, impulse, reaction, kept = contacts.gap, contacts.impulse, problem.reaction, begin
     for c in range(begin, end):
-        if contacts.gap[c] < margin:
-            contacts.impulse[c, 0] = problem.reaction[kept, 1]
+        if gap[c] < margin:
+            impulse[c, 0] = reaction[kept, 1]
             kept += 1

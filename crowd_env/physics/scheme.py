@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from crowd_env._reference import Reference
 from crowd_env.physics.social import SocialForce
-from crowd_env.physics.world import Batch
 from crowd_env.state import Bodies
 
 
@@ -60,9 +60,9 @@ class ContactScheme(Protocol):
         ...
 
     def advance(
-        self, batch: Batch, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self, batch: Reference, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
-        """Advance the environments ``first:stop`` to step ``n_substeps`` of this call, in place.
+        """Advance the environments ``first:stop`` of a `Batch` to step ``n_substeps`` of this call, in place.
 
         `Memory.progress` says from where.  Other environments are neither read nor written.  With ``threads`` > 1 as many
         threads make this call at once, each with its own number ``thread``, and share the slabs.

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import index, inlined_kernel, inner_kernel
+from crowd_env._jit import index, inner_kernel
 from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import gap_to_feature
 from crowd_env.physics.neighbor_list import NeighbourList
@@ -124,7 +124,7 @@ def _exp(x: float) -> float:
     return _POWERS[int(k) + 160] * (low + y4 * (high + y4 * (1.0 / 40320.0 + y * (1.0 / 362880.0))))
 
 
-@inlined_kernel
+@inner_kernel
 def add_social_forces(
     e: int,
     g: int,

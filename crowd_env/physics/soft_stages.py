@@ -1,60 +1,79 @@
-"""What a step of the soft scheme does besides pushing and walking: one thread does it, for all slabs of an environment."""
+"""What a step of the soft scheme does besides pushing and walking: people in and out of the lanes, the list, the exits."""
 
-from crowd_env._jit import index, inlined_kernel, inner_kernel
-from crowd_env.geometry import Boundary
-from crowd_env.physics.lanes import Lanes, enter_lanes
+from crowd_env._jit import index, inner_kernel
+from crowd_env.physics.lanes import park, show_positions
 from crowd_env.physics.leaving import leave_lanes_anywhere, leave_lanes_by_list, take_out_of_lanes
-from crowd_env.physics.neighbor_list import NeighbourList
-from crowd_env.physics.slabs import SLABS, Cut, first_entry, slab_start
+from crowd_env.physics.slabs import SLABS, first_entry, slab_start
 from crowd_env.physics.soft_contact import COUNT, DEEPEST, OUTSIDE, STRAYS, SUM
-from crowd_env.physics.world import Control, Diagnostics, Memory
-from crowd_env.state import Bodies, Bools, CrowdState, Floats
+from crowd_env.physics.world import Batch
+from crowd_env.state import Bools, Floats
 
 
-@inlined_kernel
-def begin_call(
-    e: int,
-    begin: int,
-    end: int,
-    bodies: Bodies,
-    state: CrowdState,
-    control: Control,
-    memory: Memory,
-    near: NeighbourList,
-    lanes: Lanes,
-    cut: Cut,
-) -> None:
+@inner_kernel
+def begin_call(e: int, batch: Batch) -> None:
     """Copy everyone into the lanes; whether the list still holds is to be seen."""
-    cut.inside[e], cut.pressed[e] = enter_lanes(
-        begin,
-        end,
-        state.position,
-        state.velocity,
-        state.active,
-        bodies.mass,
-        bodies.relaxation_time,
-        control.external_force,
-        control.driving,
-        memory.push,
-        memory.crush,
-        lanes,
-        near.origin_x,
-        near.origin_y,
-    )
-    latest = 0.0
-    for i in range(index(begin), index(end)):
-        latest = max(latest, bodies.response_time[i])
-    cut.last_response[e], cut.stray[e] = latest, True
+    bodies, state, memory, driving = batch.bodies, batch.state, batch.memory, batch.control.driving
+    mass, relaxation_time, response_time = bodies.mass, bodies.relaxation_time, bodies.response_time
+    position, velocity, active, external = state.position, state.velocity, state.active, batch.control.external_force
+    push, crush, lanes, near, cut = memory.push, memory.crush, memory.lanes, memory.near, memory.cut
+    x, y, vx, vy, gx, gy = lanes.x, lanes.y, lanes.vx, lanes.vy, lanes.gx, lanes.gy
+    fx, fy, squeeze, per_mass, per_tau = lanes.fx, lanes.fy, lanes.squeeze, lanes.per_mass, lanes.per_tau
+    push_x, push_y, crushed = lanes.push_x, lanes.push_y, lanes.crush
+    inside, pressed, latest = 0, False, 0.0
+    for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
+        fx[i] = fy[i] = squeeze[i] = 0.0
+        push_x[i], push_y[i], crushed[i] = push[i, 0], push[i, 1], crush[i]
+        latest = max(latest, response_time[i])
+        if active[i]:
+            inside += 1
+            x[i], y[i] = position[i, 0], position[i, 1]
+            vx[i], vy[i] = velocity[i, 0], velocity[i, 1]
+            gx[i], gy[i] = external[i, 0], external[i, 1]
+            pressed |= external[i, 0] != 0.0 or external[i, 1] != 0.0
+            per_mass[i] = 1.0 / mass[i]
+            per_tau[i] = 1.0 / relaxation_time[i] if driving else 0.0
+        else:
+            park(i, lanes, near.origin_x, near.origin_y)
+    cut.inside[e], cut.pressed[e], cut.last_response[e], cut.stray[e] = inside, pressed, latest, True
 
 
-@inlined_kernel
-def follow_list(
-    e: int, begin: int, end: int, slabs: int, active: Bools, near: NeighbourList, lanes: Lanes, cut: Cut
-) -> None:
-    """Note which entries belong to which slab; whoever is parked stays so."""
+@inner_kernel
+def aim(begin: int, end: int, e: int, batch: Batch) -> None:
+    """Write the desired velocity of those inside; see `crowd_env.physics.forces.desired_velocities`."""
+    time, active, response_time = batch.state.time[e], batch.state.active, batch.bodies.response_time
+    command, relative, way, pace = batch.control.command, batch.control.relative, batch.memory.way, batch.memory.pace
+    wish_x, wish_y = batch.memory.lanes.wish_x, batch.memory.lanes.wish_y
     for i in range(index(begin), index(end)):
         if not active[i]:
-            near.origin_x[i], near.origin_y[i] = lanes.x[i], lanes.y[i]
+            continue
+        speed = pace[i] if time >= response_time[i] else 0.0
+        cx, cy = command[i, 0], command[i, 1]
+        if relative[i]:
+            ex, ey = way[i, 0], way[i, 1]
+            cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
+        wish_x[i], wish_y[i] = speed * cx, speed * cy
+
+
+@inner_kernel
+def leave_lanes(begin: int, end: int, batch: Batch) -> None:
+    """Copy the people ``begin:end`` back, and the impulses that they have got in this call."""
+    lanes, active, push, crush = batch.memory.lanes, batch.state.active, batch.memory.push, batch.memory.crush
+    show_positions(begin, end, active, lanes.x, lanes.y, batch.state.position)
+    show_positions(begin, end, active, lanes.vx, lanes.vy, batch.state.velocity)
+    push_x, push_y, crushed = lanes.push_x, lanes.push_y, lanes.crush
+    for i in range(index(begin), index(end)):
+        push[i, 0], push[i, 1], crush[i] = push_x[i], push_y[i], crushed[i]
+
+
+@inner_kernel
+def follow_list(e: int, slabs: int, batch: Batch) -> None:
+    """Note which entries belong to which slab; whoever is parked stays so."""
+    near, lanes, cut, active = batch.memory.near, batch.memory.lanes, batch.memory.cut, batch.state.active
+    begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    origin_x, origin_y, x, y = near.origin_x, near.origin_y, lanes.x, lanes.y
+    for i in range(index(begin), index(end)):
+        if not active[i]:
+            origin_x[i], origin_y[i] = x[i], y[i]
     cut.stray[e] = False
     first, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
     for s in range(slabs):
@@ -65,25 +84,14 @@ def follow_list(
         cut.wall_stop[row] = first_entry(high, pair_end, wall_end, near.owner)
 
 
-@inlined_kernel
-def finish(
-    e: int,
-    g: int,
-    begin: int,
-    end: int,
-    slabs: int,
-    boundary: Boundary,
-    state: CrowdState,
-    near: NeighbourList,
-    lanes: Lanes,
-    cut: Cut,
-    sums: Diagnostics,
-    dt: float,
-) -> None:
+@inner_kernel
+def finish(e: int, slabs: int, batch: Batch, dt: float) -> None:
     """Add up what the slabs have seen, and take out whoever crossed an exit."""
+    boundary, state, memory, g = batch.world.boundary, batch.state, batch.memory, batch.world.geometry_of_env[e]
+    near, lanes, cut, sums = memory.near, memory.lanes, memory.cut, memory.diagnostics
+    begin, end, seen = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], cut.seen
     strays, count = 0.0, 0.0
     for row in range(SLABS * e, SLABS * e + slabs):
-        seen = cut.seen
         sums.max_overlap[e] = max(sums.max_overlap[e], seen[row, DEEPEST], seen[row, OUTSIDE])
         sums.max_outside[e] = max(sums.max_outside[e], seen[row, OUTSIDE])
         sums.overlap_sum[e] += seen[row, SUM]

@@ -1,7 +1,7 @@
 """What a step reads and what it remembers: the world around the crowd, what is asked of it, and the working memory."""
 
-from collections.abc import Collection
-from typing import NamedTuple
+from collections.abc import Callable, Collection
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,14 @@ class Control(NamedTuple):
     relative: Bools  # (P,)    command turns with the direction of the shortest path; else along the world axes
     external_force: Floats  # (P, 2)  N
     driving: bool  # pedestrians (eq 11) or passive grains
+
+
+class Asked(NamedTuple):
+    """What a caller asks for; None: what everyone does unless told otherwise."""
+
+    command: Floats | None  # (1, 0): straight along the way
+    relative: Bools | None  # True
+    external_force: Floats | None  # 0
 
 
 class Diagnostics(NamedTuple):
@@ -84,6 +92,21 @@ class Batch(NamedTuple):
     state: CrowdState
     control: Control
     memory: Memory
+
+
+def allocate_control(people: int, driving: bool) -> Control:
+    """Return room for what is asked of so many people."""
+    return Control(np.zeros((people, 2)), np.ones(people, dtype=np.bool_), np.zeros((people, 2)), driving)
+
+
+def ask(control: Control, asked: Asked, copy: Callable[[Any, Any], None] = np.copyto) -> None:
+    """Write what is asked for to where kernels read it; ``copy`` is given an array and what goes there."""
+    defaults: tuple[Any, ...] = ((1.0, 0.0), True, 0.0)
+    for array, values, default in zip(control[:-1], asked, defaults, strict=True):
+        if values is None:
+            array[:] = default
+        else:
+            copy(array, values)
 
 
 def no_diagnostics(environments: int) -> Diagnostics:
