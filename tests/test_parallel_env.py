@@ -101,6 +101,23 @@ def test_who_gets_out_leaves_in_that_step_and_who_is_late_is_truncated(scheme):
     assert infos[truncated[0]]["metrics"]["unfinished"] == len(truncated)
 
 
+def test_observations_stay_as_they_were():
+    """Rows handed out look at memory that later steps do not write."""
+    env = parallel_env(**SMALL)
+    observations, _ = env.reset(seed=3)
+    kept, copies = [], []
+    while env.agents:
+        kept.append(observations)
+        copies.append({agent: row.copy() for agent, row in observations.items()})
+        observations, *_ = env.step({})
+    assert len(kept) > 20
+    for seen, copied in zip(kept, copies, strict=True):
+        for agent, row in seen.items():
+            np.testing.assert_array_equal(row, copied[agent])
+    rows = [row for seen in kept[:3] for row in seen.values()]
+    assert not any(np.shares_memory(a, b) for i, a in enumerate(rows) for b in rows[:i])
+
+
 def test_after_the_end_a_step_gives_five_empty_dictionaries():
     env = parallel_env(count=2, time_limit=0.3)
     assert env.step({}) == ({}, {}, {}, {}, {})  # nor before the beginning
@@ -109,6 +126,23 @@ def test_after_the_end_a_step_gives_five_empty_dictionaries():
         env.step({})
     assert env.step({}) == ({}, {}, {}, {}, {})
     assert len(env.reset(seed=0)[0]) == 2
+
+
+def test_what_a_step_returned_can_be_changed():
+    answers = []
+    for change in (False, True):
+        env = parallel_env(**SMALL)
+        env.reset(seed=2)
+        for _ in range(3):
+            answer = env.step({})[1:]
+            answers.append(answer)
+            assert len({id(part) for part in answer}) == 4
+            if change:
+                for part in answer:
+                    part.update(dict.fromkeys(part, True))
+        answers.append(env.step({})[1:])
+    assert answers[3] == answers[7]
+    assert not any(answers[7][1].values()) and not any(answers[7][2].values())
 
 
 def test_reset_ignores_options_it_does_not_know():
@@ -193,6 +227,43 @@ def test_no_action_and_none_leave_it_to_the_rule(frame, kind):
         np.testing.assert_array_equal(silent.position, asked.position)
 
 
+@pytest.mark.parametrize("kind", ["continuous", "discrete"])
+def test_actions_are_read_alike_however_they_are_given(kind):
+    """All at once if everyone has one, in order; else one by one."""
+
+    def run(dress):
+        env = parallel_env(action=kind, **SMALL)
+        env.reset(seed=1)
+        rng = np.random.default_rng(0)
+        while env.agents:
+            count = len(env.agents)
+            ahead = rng.uniform((-0.2, -0.6), (1.0, 0.6), (count, 2))
+            rows = rng.integers(2, size=count) if kind == "discrete" else ahead
+            env.step(dress(dict(zip(env.agents, rows, strict=True))))
+        return env.env.simulation.state
+
+    def each(change):
+        return lambda actions: {agent: change(action) for agent, action in actions.items()}
+
+    expected = run(lambda actions: dict(reversed(actions.items())))
+    assert np.isfinite(expected.exit_time).any()  # from when on some have no slot among the actions
+    dresses = [lambda actions: actions, each(np.copy), each(np.ndarray.tolist if kind == "continuous" else int)]
+    dresses.append(each(lambda action: np.asarray(action, dtype=object)))
+    for dress in dresses:
+        np.testing.assert_array_equal(run(dress).position, expected.position)
+
+
+def test_none_among_the_actions_of_everybody_is_the_rule():
+    for kind, ahead in (("continuous", np.array([1.0, 0.0], dtype=np.float32)), ("discrete", 0)):
+        positions = []
+        for first in (ahead, None):
+            env = parallel_env(action=kind, **SMALL)
+            env.reset(seed=1)
+            env.step({agent: first if i == 0 else ahead for i, agent in enumerate(env.agents)})
+            positions.append(env.env.simulation.state.position.copy())
+        np.testing.assert_array_equal(*positions)
+
+
 def test_learned_and_ruled_pedestrians_share_a_room():
     """Those who want to stand do, though they are pushed; those who follow the rule get out."""
     env = parallel_env(count=6, time_limit=20.0, side=10.0, scheme="dem")
@@ -235,6 +306,26 @@ def test_a_malformed_action_is_refused_by_name(kind, actions, words):
     with pytest.raises(ValueError, match=words):
         env.step(actions)
     assert env.env.simulation.state.time[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "action", "words"),
+    [
+        ("continuous", np.zeros((2, 1), dtype=np.float32), r"pedestrian_1 .*\(2, 1\).*\(2,\)"),
+        ("continuous", np.zeros(1, dtype=np.float32), r"pedestrian_1 .*\(1,\).*\(2,\)"),
+        ("continuous", np.array([0, np.inf], dtype=np.float32), "pedestrian 1 .*finite"),
+        ("discrete", 9, r"pedestrian 1 is 9\.0; .*0 to 8"),
+        ("discrete", np.zeros(1, dtype=np.int64), r"pedestrian_1 .*\(1,\).*\(\)"),
+    ],
+)
+def test_a_malformed_action_among_good_ones_is_refused_by_name(kind, action, words):
+    env = parallel_env(action=kind, **SMALL)
+    env.reset(seed=0)
+    good = np.zeros(2, dtype=np.float32) if kind == "continuous" else 0
+    with pytest.raises(ValueError, match=words):
+        env.step({agent: action if agent == "pedestrian_1" else good for agent in env.agents})
+    with pytest.raises(ValueError, match=r"pedestrian_0 .*has the shape \(1,"):  # as many numbers, and all alike
+        env.step(dict.fromkeys(env.agents, np.reshape(good, (1, *np.shape(good)))))
 
 
 def test_someone_who_is_out_cannot_act():
