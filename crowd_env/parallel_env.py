@@ -1,7 +1,8 @@
 """PettingZoo ParallelEnv: one evacuation as dictionaries, one agent per pedestrian."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial, wraps
 from typing import Any
 
 import gymnasium
@@ -26,6 +27,9 @@ class CrowdParallelEnv(ParallelEnv):
     Who gets out leaves ``agents`` in the step in which he gets out, with his last observation and reward and
     ``terminated = True``.  At the time limit all who are left are truncated.  After the end, ``step({})`` returns five empty
     dictionaries.  ``reset`` ignores options it does not know.
+
+    The info of an agent holds the terms of his reward, unweighted, as ``reward/<name>``, and in the last step of an episode
+    its ``metrics``.  Infos are written when they are first looked at, see `UnreadInfos`; nothing changes them later.
 
     Parameters
     ----------
@@ -123,11 +127,7 @@ class CrowdParallelEnv(ParallelEnv):
         step = self.env.step(action, rule)
         observations = dict(zip(agents, step.observation[slots], strict=True))
         rewards = dict(zip(agents, step.reward[slots].tolist(), strict=True))
-        terms = {name: values[slots].tolist() for name, values in step.info.items() if name.startswith("reward/")}
-        infos = dict(zip(agents, _records(terms), strict=True))
-        if step.info["metrics"]:
-            for agent in agents:
-                infos[agent]["metrics"] = step.info["metrics"][0]._asdict()
+        infos = UnreadInfos(self._nobody, partial(_write_infos, self._nobody, slots, step.info))
         terminations, truncations = self._nobody.copy(), self._nobody.copy()
         if (step.terminated | step.truncated).any():
             terminations = dict(zip(agents, step.terminated[slots].tolist(), strict=True))
@@ -206,6 +206,68 @@ def _stacked(actions: list[Any], shape: tuple[int, ...]) -> np.ndarray | None:
     except (TypeError, ValueError):
         return None
     return whole if whole.dtype.kind in "biuf" and whole.shape == (len(actions), *shape) else None
+
+
+class Infos(dict[str, dict[str, Any]]):
+    """The infos of a step: a dictionary, whose copies and pickles are plain ones."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self),)
+
+
+class UnreadInfos(Infos):
+    """Infos whose values are written when someone first looks: few do, and it takes as long as all other dictionaries.
+
+    The first call of a method that could show or change a value writes them; from then on they are `Infos`, whose methods are
+    a dictionary's own.  The keys are there at once, since C code, as that of json, takes the length without calling one.
+
+    Parameters
+    ----------
+    keys : a dictionary with the keys.
+    write : returns the dictionary that it is to become.
+    """
+
+    def __init__(self, keys: Any = (), write: Callable[[], dict[str, dict[str, Any]]] = dict) -> None:
+        super().__init__(keys)
+        self._write = write
+
+    def read(self) -> None:
+        """Write the values."""
+        dict.update(self, self._write())
+        self.__class__ = Infos  # type: ignore[assignment]
+        del self._write
+
+
+def _read_first(name: str) -> Callable[..., Any]:
+    """Return a method of dictionaries, for those that are unread."""
+    method = getattr(dict, name)
+
+    @wraps(method)
+    def read_and_call(*args: Any, **kwargs: Any) -> Any:
+        for infos in args:  # the first one, and what it is compared with
+            if isinstance(infos, UnreadInfos):
+                infos.read()
+        return method(*args, **kwargs)
+
+    return read_and_call
+
+
+for _names in (
+    "__getitem__ __setitem__ __delitem__ __iter__ __reversed__ __repr__ __eq__ __ne__ __or__ __ror__ __ior__",
+    "get keys values items copy pop popitem setdefault update clear",
+):
+    for _name in _names.split():
+        setattr(UnreadInfos, _name, _read_first(_name))
+
+
+def _write_infos(agents: Iterable[str], slots: Ints | slice, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return for each agent the terms of his reward and, if the episode is over, its metrics."""
+    terms = {name: values[slots].tolist() for name, values in info.items() if name.startswith("reward/")}
+    infos: dict[str, dict[str, Any]] = dict(zip(agents, _records(terms), strict=True))
+    for metrics in info["metrics"].values():
+        for agent in agents:
+            infos[agent]["metrics"] = metrics._asdict()
+    return infos
 
 
 def _records(columns: dict[str, list[float]]) -> list[dict[str, float]]:
