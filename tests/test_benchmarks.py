@@ -27,7 +27,7 @@ from benchmarks import (
     train,
 )
 from benchmarks.measuring import Effort, Row, Sample, Stopwatch, fastest, in_turn, significant, times_better
-from crowd_env import SCHEMES
+from crowd_env import SCHEMES, parallel_env
 
 TINY = Effort(seconds=0.001, blocks=1)
 # What stands in for a new process with an empty cache, which takes half a minute.
@@ -83,9 +83,28 @@ def test_batch():
 def test_dictionaries():
     rows = dictionaries.rows(TINY, agents=10)
     check(rows)
-    ours, empty, ratio = rows
-    assert ratio.value == ours.value
-    assert ratio.ratio == pytest.approx(ours.value / empty.value, rel=0.02)
+    *ours, empty = rows[:4]
+    ratios = rows[4:]
+    assert [row.what for row in ratios] == [row.what for row in ours]
+    for row, ratio in zip(ours, ratios, strict=True):
+        assert ratio.value == row.value
+        assert ratio.ratio == pytest.approx(row.value / empty.value, rel=0.02)
+
+
+def test_the_interface_alone_has_no_physics():
+    env = dictionaries.without_physics(parallel_env("room-v0", count=5))
+    first, _ = env.reset(seed=0)
+    expected = parallel_env("room-v0", count=5)
+    expected.reset(seed=0)
+    moved, *rest = expected.step({})
+    seen = [env.step({agent: np.zeros(2) for agent in env.agents}) for _ in range(3)]
+    for observations, *others in seen:
+        assert all(np.array_equal(observations[agent], moved[agent]) for agent in first)
+        assert others == rest
+    assert not np.shares_memory(seen[0][0]["pedestrian_0"], seen[1][0]["pedestrian_0"])
+    assert env.env.simulation.state.time[0] == 0.0
+    with pytest.raises(ValueError, match=r"pedestrian_1 .*\(3,\)"):  # actions are read
+        env.step({"pedestrian_1": np.zeros(3)})
 
 
 def test_the_empty_environment_is_a_parallel_env():
