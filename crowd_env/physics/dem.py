@@ -40,7 +40,7 @@ from crowd_env.physics.soft_stages import (
     press,
     write_impulses,
 )
-from crowd_env.physics.step import tick, unfinished
+from crowd_env.physics.step import tick
 from crowd_env.physics.world import Batch
 from crowd_env.state import Bodies
 
@@ -144,10 +144,11 @@ def _push(e: int, low: int, high: int, row: int, batch: Batch, dt: float, stiffn
     world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
     near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
     if cut.look[e] > _NOTHING:
+        first, last = cut.inside_start[row], cut.inside_stop[row]
         if cut.look[e] == _LOOK:
             show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
-            look_around(e, low, high, batch, dt)
-        aim(low, high, e, batch)
+            look_around(e, first, last, batch, dt)
+        aim(first, last, e, batch)
     if social.cutoff > 0.0:
         show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
         show_positions(low, high, state.active, lanes.wish_x, lanes.wish_y, memory.desired)
@@ -243,19 +244,18 @@ def _advance_range(
 
     Between two gates nobody writes what another reads; what is not worth sharing is left to thread 0.
     """
-    state, memory, env_start = batch.state, batch.memory, batch.bodies.env_start
-    cut = memory.cut
+    memory, cut, env_start = batch.memory, batch.memory.cut, batch.bodies.env_start
     for e in range(first, stop):
         begin, end = env_start[e], env_start[e + 1]
         slabs = slabs_of(end - begin) if social.cutoff == 0.0 else 1
         together = threads if slabs > 1 else 1
-        if thread >= together or not unfinished(e, env_start, state.active, memory.progress, n_substeps):
+        if thread >= together or memory.progress[e] >= n_substeps:
             continue
         fresh = True
         while True:
             if thread == 0:
                 if fresh:
-                    begin_call(e, batch)
+                    begin_call(e, slabs, batch)
                 else:
                     finish(e, slabs, batch, dt)
                     tick(e, batch, dt)

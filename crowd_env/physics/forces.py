@@ -4,7 +4,6 @@ Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowd_env._jit import index, inner_kernel
 from crowd_env.guidance import apply_rules, notice_regions
@@ -18,7 +17,6 @@ from crowd_env.navigation_lookup import (
 )
 from crowd_env.physics.social import SocialLaw, add_social_forces
 from crowd_env.physics.world import Batch
-from crowd_env.state import Bools, Floats, Ints
 
 # The way out is looked up anew after so long: at every step of 0.01 s, at every tenth of 0.001 s.  It costs as much as two
 # contacts, and nobody gets 2 cm further in between.
@@ -26,30 +24,27 @@ LOOK_EVERY = 0.01  # s
 
 
 @inner_kernel
-def desired_velocities(e: int, batch: Batch, dt: float) -> None:
-    """Write the desired velocity [m/s] of everyone in environment ``e`` into ``Memory.desired`` (P, 2).
+def regular_forces(e: int, last: int, batch: Batch, dt: float, social: SocialLaw) -> None:
+    """Write the sum of all forces but contact [N] into ``Memory.force`` (P, 2): external, driving and social.
 
-    A command is a multiple of the desired speed, which is one's own but for what a region says.  A relative one turns with
-    the direction of the route one follows, looked up anew every 0.01 s: command (1, 0) is the rule "walk the way out".
+    It is written for those inside, whom ``Memory.inside`` lists up to place ``last``; with it the desired velocity [m/s], into
+    ``Memory.desired`` (P, 2).  A command is a multiple of the desired speed, which is one's own but for what a region says.  A
+    relative one turns with the direction of the route one follows, looked up anew every 0.01 s: command (1, 0) is the rule
+    "walk the way out".  With a social force the neighbour list must be complete up to its cut-off.
     """
-    bodies, control, memory = batch.bodies, batch.control, batch.memory
-    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
+    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
+    begin, way_age = bodies.env_start[e], memory.way_age
+    if way_age[e] > LOOK_EVERY - 0.5 * dt:
         follow_rules(e, batch)
-        look_around(e, begin, end, batch, dt)
-        memory.way_age[e] = 0.0
-    memory.way_age[e] += dt
-    _want(
-        begin,
-        end,
-        batch.state.time[e],
-        control.command,
-        control.relative,
-        memory.way,
-        memory.pace,
-        bodies.response_time,
-        memory.desired,
-    )
+        look_around(e, begin, last, batch, dt)
+        way_age[e] = 0.0
+    way_age[e] += dt
+    _drive(begin, last, state.time[e], batch)
+    if social.cutoff > 0.0:
+        g, desired = world.geometry_of_env[e], memory.desired
+        add_social_forces(
+            e, g, world.boundary, bodies, state, memory.near, desired, memory.heading, memory.force, social
+        )
 
 
 @inner_kernel
@@ -61,10 +56,9 @@ def has_regions(e: int, batch: Batch) -> bool:
 @inner_kernel
 def follow_rules(e: int, batch: Batch) -> None:
     """Bring pace and followed route up to date where there are regions."""
-    world, memory = batch.world, batch.memory
     if not has_regions(e, batch):
         return
-    g = world.geometry_of_env[e]
+    world, memory, g = batch.world, batch.memory, batch.world.geometry_of_env[e]
     notice_regions(e, g, world.guidance.region, batch.bodies, batch.state, memory.here, memory.pace)
     apply_rules(
         e,
@@ -81,87 +75,37 @@ def follow_rules(e: int, batch: Batch) -> None:
 
 
 @inner_kernel
-def look_around(e: int, begin: int, end: int, batch: Batch, dt: float) -> None:
-    """Bring the way of the people ``begin:end`` up to date."""
-    field, guidance, boundary = batch.world.field, batch.world.guidance, batch.world.boundary
-    bodies, state, memory = batch.bodies, batch.state, batch.memory
-    if not has_regions(e, batch):
-        _walk_freely(begin, end, bodies.desired_speed, state.route, memory.pace, memory.followed)
-    everyone = dt < LOOK_EVERY  # who may be told to follow the way before it is looked up again needs it too
-    hard = look_for_the_way(
-        e,
-        begin,
-        end,
-        field.cell,
-        field.direction,
-        boundary.exit,
-        field.shape,
-        field.node_start,
-        field.origin,
-        field.spacing,
-        field.margin,
-        guidance.field_of_route,
-        memory.followed,
-        state.position,
-        bodies.radius,
-        state.active,
-        batch.control.relative,
-        everyone,
-        memory.way,
-    )
-    if hard > 0:
-        _look_harder(e, begin, end, batch)
+def look_around(e: int, first: int, last: int, batch: Batch, dt: float) -> None:
+    """Bring the way of the people in the places ``first:last`` of `Memory.inside` up to date.
 
-
-@inner_kernel
-def _walk_freely(begin: int, end: int, desired_speed: Floats, route: Ints, pace: Floats, followed: Ints) -> None:
-    """Where there are neither regions nor rules everyone walks at the own speed on the own route."""
-    for i in range(index(begin), index(end)):
-        pace[i] = desired_speed[i]
-        followed[i] = route[i]
-
-
-@inner_kernel
-def look_for_the_way(
-    e: int,
-    begin: int,
-    end: int,
-    cell: NDArray[np.int16],
-    direction: Floats,
-    exit_line: Floats,
-    shape: Ints,
-    node_start: Ints,
-    origin: Floats,
-    spacing: Floats,
-    margin: Floats,
-    field_of_route: Ints,
-    followed: Ints,
-    position: Floats,
-    radius: Floats,
-    active: Bools,
-    relative: Bools,
-    everyone: bool,
-    way: Floats,
-) -> int:
-    """Write the direction (P, 2) of the followed route of those whose command is relative to it, or of everyone.
-
-    Returns for how many it is not plain; theirs is nan.
+    It is written for those whose command is relative to it, and for everyone if it will be good for more than one step.
     """
+    field, boundary, field_of_route = batch.world.field, batch.world.boundary, batch.world.guidance.field_of_route
+    cell, direction, exit_line, position = field.cell, field.direction, boundary.exit, batch.state.position
+    radius, desired_speed, route = batch.bodies.radius, batch.bodies.desired_speed, batch.state.route
+    relative, inside, followed = batch.control.relative, batch.memory.inside, batch.memory.followed
+    pace, way = batch.memory.pace, batch.memory.way
+    freely = not has_regions(e, batch)  # then everyone walks at the own speed on the own route
+    everyone = dt < LOOK_EVERY  # who may be told to follow the way before it is looked up again needs it too
     f, rows, cols, start, keep, left, bottom, size, hard = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0, 0
     aim, ax, ay, ux, uy, width, nx, ny = -1, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
-    for i in range(index(begin), index(end)):
-        if not (active[i] and (relative[i] or everyone)):
+    for place in range(index(first), index(last)):
+        i = inside[place]
+        if freely:
+            pace[i] = desired_speed[i]
+            followed[i] = route[i]
+        if not (relative[i] or everyone):
             continue
         mine = field_of_route[e, followed[i]]
         if mine != f:
             f = mine
-            rows, cols, keep = shape[f, 0], shape[f, 1], margin[f]
-            start, left, bottom, size = node_start[f], origin[f, 0], origin[f, 1], spacing[f]
+            rows, cols, keep = field.shape[f, 0], field.shape[f, 1], field.margin[f]
+            start, left, bottom, size = field.node_start[f], field.origin[f, 0], field.origin[f, 1], field.spacing[f]
         plain, ex, ey = False, np.nan, np.nan
         if cols > 0:
             x, y, r = position[i, 0], position[i, 1], radius[i]
-            first, u, v = quick_cell(start, rows, cols, left, bottom, size, x, y)
-            k = cell[first]
+            node, u, v = quick_cell(start, rows, cols, left, bottom, size, x, y)
+            k = cell[node]
             if k >= 0:
                 if k != aim:  # most aim at the same exit as the one before
                     aim = k
@@ -169,93 +113,52 @@ def look_for_the_way(
                 plain = True
                 ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, r, keep if keep >= 0.0 else r)
             elif k == BLEND:
-                plain, ex, ey = blended_direction(direction, first, cols, u, v)
-        if plain:
-            way[i, 0], way[i, 1] = ex, ey
-        else:
+                plain, ex, ey = blended_direction(direction, node, cols, u, v)
+        way[i, 0], way[i, 1] = ex, ey
+        if not plain:
             way[i, 0] = np.nan
             hard += 1
-    return hard
+    if hard > 0:
+        _look_harder(e, first, last, batch)
 
 
 @inner_kernel
-def _look_harder(e: int, begin: int, end: int, batch: Batch) -> None:
+def _look_harder(e: int, first: int, last: int, batch: Batch) -> None:
     """Find the way of those for whom it is not plain: in cells that a wall runs through."""
     field, boundary, field_of_route = batch.world.field, batch.world.boundary, batch.world.guidance.field_of_route
-    position, radius, active = batch.state.position, batch.bodies.radius, batch.state.active
+    position, radius, inside = batch.state.position, batch.bodies.radius, batch.memory.inside
     followed, way = batch.memory.followed, batch.memory.way
-    for i in range(index(begin), index(end)):
-        if active[i] and np.isnan(way[i, 0]):
+    for place in range(index(first), index(last)):
+        i = inside[place]
+        if np.isnan(way[i, 0]):
             f = field_of_route[e, followed[i]]
             way[i, 0], way[i, 1] = direction_at(field, boundary, f, position[i, 0], position[i, 1], radius[i])
 
 
 @inner_kernel
-def _want(
-    begin: int,
-    end: int,
-    time: float,
-    command: Floats,
-    relative: Bools,
-    way: Floats,
-    pace: Floats,
-    response_time: Floats,
-    desired: Floats,
-) -> None:
-    for i in range(index(begin), index(end)):
+def _drive(first: int, last: int, time: float, batch: Batch) -> None:
+    """Write desired velocities, and external and driving forces."""
+    bodies, control, memory, driving = batch.bodies, batch.control, batch.memory, batch.control.driving
+    command, relative, external, velocity = (
+        control.command,
+        control.relative,
+        control.external_force,
+        batch.state.velocity,
+    )
+    mass, relaxation_time, response_time = bodies.mass, bodies.relaxation_time, bodies.response_time
+    inside, way, pace, desired, force = memory.inside, memory.way, memory.pace, memory.desired, memory.force
+    for place in range(index(first), index(last)):
+        i = inside[place]
         speed = pace[i] if time >= response_time[i] else 0.0
         cx, cy = command[i, 0], command[i, 1]
         if relative[i]:
             ex, ey = way[i, 0], way[i, 1]
             cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
-        desired[i, 0], desired[i, 1] = speed * cx, speed * cy
-
-
-@inner_kernel
-def regular_forces(e: int, batch: Batch, social: SocialLaw) -> None:
-    """Write the sum of all forces but contact [N] into ``Memory.force`` (P, 2): external, driving and social.
-
-    With a social force the neighbour list must be complete up to its cut-off.
-    """
-    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
-    _drive(
-        bodies.env_start[e],
-        bodies.env_start[e + 1],
-        state.active,
-        state.velocity,
-        batch.control.external_force,
-        bodies.mass,
-        bodies.relaxation_time,
-        memory.desired,
-        batch.control.driving,
-        memory.force,
-    )
-    if social.cutoff > 0.0:
-        g, desired = world.geometry_of_env[e], memory.desired
-        add_social_forces(
-            e, g, world.boundary, bodies, state, memory.near, desired, memory.heading, memory.force, social
-        )
-
-
-@inner_kernel
-def _drive(
-    begin: int,
-    end: int,
-    active: Bools,
-    velocity: Floats,
-    external: Floats,
-    mass: Floats,
-    relaxation_time: Floats,
-    desired: Floats,
-    driving: bool,
-    force: Floats,
-) -> None:
-    """Write external and driving force."""
-    for i in range(index(begin), index(end)):
-        if not active[i]:
-            continue
-        force[i, 0], force[i, 1] = external[i, 0], external[i, 1]
+        wish_x, wish_y = speed * cx, speed * cy
+        fx, fy = external[i, 0], external[i, 1]
         if driving:
             rate = mass[i] / relaxation_time[i]
-            force[i, 0] += rate * (desired[i, 0] - velocity[i, 0])
-            force[i, 1] += rate * (desired[i, 1] - velocity[i, 1])
+            fx += rate * (wish_x - velocity[i, 0])
+            fy += rate * (wish_y - velocity[i, 1])
+        desired[i, 0], desired[i, 1] = wish_x, wish_y
+        force[i, 0], force[i, 1] = fx, fy

@@ -23,14 +23,14 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.physics.forces import desired_velocities, regular_forces
+from crowd_env.physics.forces import regular_forces
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social import SocialForce, SocialLaw, social_law
-from crowd_env.physics.step import detect, record_overlaps, record_pushes, tick, unfinished
+from crowd_env.physics.step import detect, muster, record_overlaps, record_pushes, tick
 from crowd_env.physics.world import Batch
-from crowd_env.state import Bodies, CrowdState, Floats
+from crowd_env.state import Bodies
 
 DampingUnit = Literal["rate per length", "rate", "critical"]
 
@@ -230,60 +230,60 @@ def _touch(first: int, last: int, batch: Batch, dt: float, elapsed: float, law: 
 
 
 @inner_kernel
-def _kick(begin: int, end: int, batch: Batch, half: float) -> None:
+def _kick(first: int, last: int, batch: Batch, half: float) -> None:
     """Half a kick (eqs 9, 11)."""
-    active, velocity, spin, mass = batch.state.active, batch.state.velocity, batch.state.spin, batch.bodies.mass
+    inside, velocity, spin, mass = batch.memory.inside, batch.state.velocity, batch.state.spin, batch.bodies.mass
     inertia, force, torque = batch.bodies.inertia, batch.memory.force, batch.memory.torque
-    for i in range(index(begin), index(end)):
-        if active[i]:
-            rate = half / mass[i]
-            velocity[i, 0] += rate * force[i, 0]
-            velocity[i, 1] += rate * force[i, 1]
-            if torque[i] != 0.0:  # few touch, and a division is dear
-                spin[i] += half * torque[i] / inertia[i]
+    for place in range(index(first), index(last)):
+        i = inside[place]
+        rate = half / mass[i]
+        velocity[i, 0] += rate * force[i, 0]
+        velocity[i, 1] += rate * force[i, 1]
+        if torque[i] != 0.0:  # few touch, and a division is dear
+            spin[i] += half * torque[i] / inertia[i]
 
 
 @inner_kernel
-def _drift(begin: int, end: int, state: CrowdState, previous: Floats, dt: float) -> None:
+def _drift(first: int, last: int, batch: Batch, dt: float) -> None:
     """Move and turn (eq 10)."""
-    active, position, velocity, angle, spin = state.active, state.position, state.velocity, state.angle, state.spin
-    for i in range(index(begin), index(end)):
-        if active[i]:
-            previous[i, 0], previous[i, 1] = position[i, 0], position[i, 1]
-            position[i, 0] += dt * velocity[i, 0]
-            position[i, 1] += dt * velocity[i, 1]
-            angle[i] += dt * spin[i]
+    state, inside, previous = batch.state, batch.memory.inside, batch.memory.previous
+    position, velocity, angle, spin = state.position, state.velocity, state.angle, state.spin
+    for place in range(index(first), index(last)):
+        i = inside[place]
+        previous[i, 0], previous[i, 1] = position[i, 0], position[i, 1]
+        position[i, 0] += dt * velocity[i, 0]
+        position[i, 1] += dt * velocity[i, 1]
+        angle[i] += dt * spin[i]
 
 
 @kernel
 def _advance_range(
     batch: Batch, dt: float, n_substeps: int, first: int, stop: int, law: HertzLaw, social: SocialLaw
 ) -> None:
-    bodies, state, memory = batch.bodies, batch.state, batch.memory
-    near, contacts, torque, phase = memory.near, memory.contacts, memory.torque, memory.phase
+    env_start, memory, progress, phase = batch.bodies.env_start, batch.memory, batch.memory.progress, batch.memory.phase
+    near, contacts, torque = memory.near, memory.contacts, memory.torque
     for e in range(first, stop):
-        begin, end, contact = bodies.env_start[e], bodies.env_start[e + 1], near.entry_start[e]
-        while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
+        begin, last, contact = env_start[e], muster(e, batch), near.entry_start[e]
+        while progress[e] < n_substeps and last > begin:
             if phase[e] == _KNOWN:
                 record_pushes(contact, contact + contacts.number[e], memory, 0.5)  # those of the last step
-                _kick(begin, end, batch, 0.5 * dt)
-                _drift(begin, end, state, memory.previous, dt)
-                leave(e, batch, dt)
+                _kick(begin, last, batch, 0.5 * dt)
+                _drift(begin, last, batch, dt)
+                last = leave(e, last, batch, dt)
                 phase[e] = _DRIFTED
             if not detect(e, batch, 0.0, social.cutoff):
                 break  # goes on from here, with more room
-            desired_velocities(e, batch, dt)
-            regular_forces(e, batch, social)
-            for i in range(index(begin), index(end)):
+            regular_forces(e, last, batch, dt, social)
+            for i in range(index(begin), index(env_start[e + 1])):
                 torque[i] = 0.0
-            last = contact + contacts.number[e]
+            behind = contact + contacts.number[e]
             elapsed = (
                 dt if phase[e] == _DRIFTED else 0.0
             )  # the first forces of all are those of springs not yet stretched
-            _touch(contact, last, batch, dt, elapsed, law)
+            _touch(contact, behind, batch, dt, elapsed, law)
             if phase[e] == _DRIFTED:
-                record_pushes(contact, last, memory, 0.5)
-                record_overlaps(e, contact, last, memory)
-                _kick(begin, end, batch, 0.5 * dt)
+                record_pushes(contact, behind, memory, 0.5)
+                record_overlaps(e, contact, behind, memory)
+                _kick(begin, last, batch, 0.5 * dt)
                 tick(e, batch, dt)
             phase[e] = _KNOWN

@@ -5,53 +5,33 @@ import numpy as np
 from crowd_env._jit import index, inner_kernel
 from crowd_env.physics.lanes import PARKED, Lanes, park
 from crowd_env.physics.neighbor_list import Places
+from crowd_env.physics.step import muster
 from crowd_env.physics.world import Batch
 from crowd_env.state import Bools, Floats, Ints
 
 
 @inner_kernel
-def leave(e: int, batch: Batch, dt: float) -> None:
-    """Take out whoever's centre crossed an exit line outwards during this step."""
-    bodies, state, boundary, g = batch.bodies, batch.state, batch.world.boundary, batch.world.geometry_of_env[e]
-    for k in range(boundary.exit_start[g], boundary.exit_start[g + 1]):
-        _cross(
-            bodies.env_start[e],
-            bodies.env_start[e + 1],
-            boundary.exit,
-            k,
-            k - boundary.exit_start[g],
-            batch.memory.previous,
-            state.position,
-            state.active,
-            state.time[e],
-            dt,
-            state.exit_time,
-            state.exit_index,
-        )
+def leave(e: int, last: int, batch: Batch, dt: float) -> int:
+    """Take out whoever's centre crossed an exit line outwards during this step.
 
-
-@inner_kernel
-def _cross(
-    begin: int,
-    end: int,
-    exit_line: Floats,
-    k: int,
-    number: int,
-    previous: Floats,
-    position: Floats,
-    active: Bools,
-    time: float,
-    dt: float,
-    exit_time: Floats,
-    exit_index: Ints,
-) -> None:
-    """Take out whoever crossed exit ``k``; of several that are crossed in one step the first counts."""
-    for i in range(index(begin), index(end)):
-        part = _crossing(exit_line, k, previous[i, 0], previous[i, 1], position[i, 0], position[i, 1])
-        if part <= 1.0 and _is_first(active[i], exit_time[i], time, time + part * dt):
-            active[i] = False
-            exit_time[i] = time + part * dt
-            exit_index[i] = number
+    Those inside are listed up to place ``last`` of `Memory.inside`; returns how far they are now.  Of several exits
+    that someone crosses in one step the first counts.
+    """
+    state, boundary, g = batch.state, batch.world.boundary, batch.world.geometry_of_env[e]
+    exits, stop, exit_line = boundary.exit_start[g], boundary.exit_start[g + 1], boundary.exit
+    inside, previous, position = batch.memory.inside, batch.memory.previous, state.position
+    active, exit_time, exit_index, time = state.active, state.exit_time, state.exit_index, state.time[e]
+    begin, left = batch.bodies.env_start[e], False
+    for k in range(exits, stop):
+        for place in range(index(begin), index(last)):
+            i = inside[place]
+            part = _crossing(exit_line, k, previous[i, 0], previous[i, 1], position[i, 0], position[i, 1])
+            if part <= 1.0 and _is_first(active[i], exit_time[i], time, time + part * dt):
+                left = True
+                active[i] = False
+                exit_time[i] = time + part * dt
+                exit_index[i] = k - exits
+    return muster(e, batch) if left else last
 
 
 @inner_kernel

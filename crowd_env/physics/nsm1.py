@@ -15,7 +15,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.physics.forces import desired_velocities, regular_forces
+from crowd_env.physics.forces import regular_forces
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_known, require_positive
@@ -25,15 +25,15 @@ from crowd_env.physics.social import SocialForce, SocialLaw, social_law
 from crowd_env.physics.solvers import SOLVERS, SolverName, Stopping, closing_speed, solve
 from crowd_env.physics.step import (
     detect,
+    muster,
     record_overlaps,
     record_pushes,
     record_solver,
     remember_impulses,
     tick,
-    unfinished,
 )
 from crowd_env.physics.world import Batch
-from crowd_env.state import Bodies, Bools, Floats
+from crowd_env.state import Bodies
 
 INFO = SchemeInfo(
     name="nsm1",
@@ -117,72 +117,65 @@ class NSM1:
 
 
 @inner_kernel
-def _try_velocities(e: int, batch: Batch, dt: float, spontaneous: bool) -> None:
+def _try_velocities(first: int, last: int, batch: Batch, dt: float, spontaneous: bool) -> None:
     """Write V_trial = u + h f / m into `Memory.before`.
 
     A spontaneous velocity is what the forces would lead to if h were tau: without others, the desired velocity itself; an
     external or social force shifts it by tau f / m, where the drive balances it.
     """
-    bodies, active, velocity = batch.bodies, batch.state.active, batch.state.velocity
-    mass, relaxation_time, force, trial = bodies.mass, bodies.relaxation_time, batch.memory.force, batch.memory.before
-    for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
-        if active[i]:
-            ahead = relaxation_time[i] if spontaneous else dt
-            for k in range(2):
-                trial[i, k] = velocity[i, k] + ahead * force[i, k] / mass[i]
+    inside, velocity, mass = batch.memory.inside, batch.state.velocity, batch.bodies.mass
+    relaxation_time, force, trial = batch.bodies.relaxation_time, batch.memory.force, batch.memory.before
+    for place in range(index(first), index(last)):
+        i = inside[place]
+        ahead = relaxation_time[i] if spontaneous else dt
+        for k in range(2):
+            trial[i, k] = velocity[i, k] + ahead * force[i, k] / mass[i]
 
 
 @inner_kernel
-def _project(e: int, batch: Batch, dt: float, spontaneous: bool, law: Stopping, cutoff: float) -> bool:
+def _project(e: int, last: int, batch: Batch, dt: float, spontaneous: bool, law: Stopping, cutoff: float) -> bool:
     """Leave the projection of the trial velocity in `Memory.before`; False if the contacts could not be found.
 
     Contacts are gathered up to the gap that two people could close in this step.  The projection can make someone faster
     than anyone was in the trial and in the step before; then the gap is widened and the step solved anew,
     from where it stood, so no contact is ever missed.
     """
-    bodies, state, memory = batch.bodies, batch.state, batch.memory
-    begin, end, active = bodies.env_start[e], bodies.env_start[e + 1], state.active
-    contacts, v, problem = memory.contacts, memory.before, memory.problem
-    first, sweeps, margin, solved = memory.near.entry_start[e], 0, -1.0, -np.inf
+    mass, memory, inside, v = batch.bodies.mass, batch.memory, batch.memory.inside, batch.memory.before
+    begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    contacts, problem, first = memory.contacts, memory.problem, memory.near.entry_start[e]
+    sweeps, margin, solved = 0, -1.0, -np.inf
     while True:
-        _try_velocities(e, batch, dt, spontaneous)
+        _try_velocities(begin, last, batch, dt, spontaneous)
         if margin < 0.0:
-            before = closing_speed(begin, end, active, state.velocity)
-            margin = _HEADROOM * dt * max(closing_speed(begin, end, active, v), before) + 1e-3
+            before = closing_speed(begin, last, inside, batch.state.velocity)
+            margin = _HEADROOM * dt * max(closing_speed(begin, last, inside, v), before) + 1e-3
         if not detect(e, batch, margin, cutoff):
             return False
         number = contacts.number[e]
-        last = first + number
-        take_impulses(first, last, solved, contacts, problem)
-        busy = pose_no_overlap(first, last, begin, end, e, contacts, bodies.mass, v, problem, dt, True)
-        iterations, residual, converged = solve(first, number, busy, begin, end, e, bodies.mass, v, problem, law)
+        stop = first + number
+        take_impulses(first, stop, solved, contacts, problem)
+        busy = pose_no_overlap(first, stop, begin, end, e, contacts, mass, v, problem, dt, True)
+        iterations, residual, converged = solve(first, number, busy, begin, end, e, mass, v, problem, law)
         sweeps += iterations
-        needed = dt * closing_speed(begin, end, active, v)
-        give_impulses(first, number, number, contacts, bodies.mass, problem)
+        needed = dt * closing_speed(begin, last, inside, v)
+        give_impulses(first, number, number, contacts, mass, problem)
         if not needed > margin:
             record_solver(e, memory.diagnostics, sweeps, residual, residual if converged else 0.0)
             return True
-        keep_impulses(first, last, contacts, problem)
+        keep_impulses(first, stop, contacts, problem)
         solved, margin = margin, 1.2 * needed
 
 
 @inner_kernel
-def _move(
-    begin: int,
-    end: int,
-    active: Bools,
-    position: Floats,
-    velocity: Floats,
-    after: Floats,
-    previous: Floats,
-    dt: float,
-) -> None:
-    for i in range(index(begin), index(end)):
-        if active[i]:
-            for k in range(2):
-                previous[i, k] = position[i, k]
-                velocity[i, k] = after[i, k]
-                position[i, k] += dt * after[i, k]
+def _move(first: int, last: int, batch: Batch, dt: float) -> None:
+    inside, after, previous = batch.memory.inside, batch.memory.before, batch.memory.previous
+    position, velocity = batch.state.position, batch.state.velocity
+    for place in range(index(first), index(last)):
+        i = inside[place]
+        for k in range(2):
+            previous[i, k] = position[i, k]
+            velocity[i, k] = after[i, k]
+            position[i, k] += dt * after[i, k]
 
 
 @kernel
@@ -196,23 +189,22 @@ def _advance_range(
     law: Stopping,
     social: SocialLaw,
 ) -> None:
-    bodies, state, memory = batch.bodies, batch.state, batch.memory
+    env_start, memory, progress = batch.bodies.env_start, batch.memory, batch.memory.progress
     for e in range(first, stop):
-        begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-        while unfinished(e, bodies.env_start, state.active, memory.progress, n_substeps):
-            desired_velocities(e, batch, dt)
+        begin, last = env_start[e], muster(e, batch)
+        while progress[e] < n_substeps and last > begin:
             if social.cutoff > 0.0:
                 memory.status[e] = update_neighbours(e, batch, social.cutoff)
                 if memory.status[e] != OK:
                     break
-            regular_forces(e, batch, social)
-            if not _project(e, batch, dt, spontaneous, law, social.cutoff):
+            regular_forces(e, last, batch, dt, social)
+            if not _project(e, last, batch, dt, spontaneous, law, social.cutoff):
                 break
             contact = memory.near.entry_start[e]
-            last = contact + memory.contacts.number[e]
-            record_pushes(contact, last, memory, 1.0)
-            record_overlaps(e, contact, last, memory)
-            remember_impulses(contact, last, memory)
-            _move(begin, end, state.active, state.position, state.velocity, memory.before, memory.previous, dt)
-            leave(e, batch, dt)
+            behind = contact + memory.contacts.number[e]
+            record_pushes(contact, behind, memory, 1.0)
+            record_overlaps(e, contact, behind, memory)
+            remember_impulses(contact, behind, memory)
+            _move(begin, last, batch, dt)
+            last = leave(e, last, batch, dt)
             tick(e, batch, dt)

@@ -17,7 +17,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.physics.forces import desired_velocities, regular_forces
+from crowd_env.physics.forces import regular_forces
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import FULL
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
@@ -27,15 +27,15 @@ from crowd_env.physics.social import SocialForce, SocialLaw, social_law
 from crowd_env.physics.solvers import SOLVERS, SolverName, Stopping, solve
 from crowd_env.physics.step import (
     detect,
+    muster,
     record_overlaps,
     record_pushes,
     record_solver,
     remember_impulses,
     tick,
-    unfinished,
 )
 from crowd_env.physics.world import Batch
-from crowd_env.state import Bodies, Bools, Floats
+from crowd_env.state import Bodies
 
 INFO = SchemeInfo(
     name="nsm2",
@@ -141,33 +141,26 @@ class NSM2:
 
 
 @inner_kernel
-def _accelerate(
-    begin: int, end: int, active: Bools, velocity: Floats, mass: Floats, force: Floats, before: Floats, dt: float
-) -> None:
+def _accelerate(first: int, last: int, batch: Batch, dt: float) -> None:
     """Keep u(n) and add the regular forces: u(n) + M^-1 p_ext."""
-    for i in range(index(begin), index(end)):
-        if active[i]:
-            for k in range(2):
-                before[i, k] = velocity[i, k]
-                velocity[i, k] += dt * force[i, k] / mass[i]
+    inside, force, before, velocity = batch.memory.inside, batch.memory.force, batch.memory.before, batch.state.velocity
+    mass = batch.bodies.mass
+    for place in range(index(first), index(last)):
+        i = inside[place]
+        for k in range(2):
+            before[i, k] = velocity[i, k]
+            velocity[i, k] += dt * force[i, k] / mass[i]
 
 
 @inner_kernel
-def _move(
-    begin: int,
-    end: int,
-    active: Bools,
-    position: Floats,
-    velocity: Floats,
-    before: Floats,
-    previous: Floats,
-    dt: float,
-) -> None:
-    for i in range(index(begin), index(end)):
-        if active[i]:
-            for k in range(2):
-                previous[i, k] = position[i, k]
-                position[i, k] += 0.5 * dt * (before[i, k] + velocity[i, k])
+def _move(first: int, last: int, batch: Batch, dt: float) -> None:
+    inside, before, previous = batch.memory.inside, batch.memory.before, batch.memory.previous
+    position, velocity = batch.state.position, batch.state.velocity
+    for place in range(index(first), index(last)):
+        i = inside[place]
+        for k in range(2):
+            previous[i, k] = position[i, k]
+            position[i, k] += 0.5 * dt * (before[i, k] + velocity[i, k])
 
 
 @inner_kernel
@@ -232,24 +225,22 @@ def _advance_range(
     options: Options,
     social: SocialLaw,
 ) -> None:
-    bodies, state, memory = batch.bodies, batch.state, batch.memory
-    active, position, velocity, before = state.active, state.position, state.velocity, memory.before
+    env_start, memory, progress = batch.bodies.env_start, batch.memory, batch.memory.progress
     for e in range(first, stop):
-        begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-        while unfinished(e, bodies.env_start, active, memory.progress, n_substeps):
+        begin, last = env_start[e], muster(e, batch)
+        while progress[e] < n_substeps and last > begin:
             if not detect(e, batch, _TOUCHING, social.cutoff):
                 break
             number = memory.contacts.number[e]
             if options.k_tangent > 0.0 and memory.near.entry_start[e] + 2 * number > memory.near.entry_start[e + 1]:
                 memory.status[e] = FULL  # a rough contact takes two rows: come back with more room
                 break
-            desired_velocities(e, batch, dt)
-            regular_forces(e, batch, social)
-            _accelerate(begin, end, active, velocity, bodies.mass, memory.force, before, dt)
+            regular_forces(e, last, batch, dt, social)
+            _accelerate(begin, last, batch, dt)
             if number > 0:
                 _collide(e, batch, law, options)
-            _move(begin, end, active, position, velocity, before, memory.previous, dt)
+            _move(begin, last, batch, dt)
             if options.correction > 0.0 and number > 0:
                 _part(e, batch, dt, law, options.correction)
-            leave(e, batch, dt)
+            last = leave(e, last, batch, dt)
             tick(e, batch, dt)

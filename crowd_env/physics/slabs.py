@@ -31,6 +31,8 @@ class Cut(NamedTuple):
     inside: Ints  # (E,)     people
     pressed: Bools  # (E,)     external or social forces act
     last_response: Floats  # (E,)  s    when the last one begins to walk
+    inside_start: Ints  # (E * SLABS,)  places of each slab in `Memory.inside`
+    inside_stop: Ints
     pair_start: Ints  # (E * SLABS,)  entries of each slab
     pair_stop: Ints
     wall_start: Ints
@@ -53,6 +55,8 @@ def allocate_cut(environments: int) -> Cut:
         inside=counts(environments),
         pressed=np.zeros(environments, dtype=np.bool_),
         last_response=np.zeros(environments),
+        inside_start=counts(rows),
+        inside_stop=counts(rows),
         pair_start=counts(rows),
         pair_stop=counts(rows),
         wall_start=counts(rows),

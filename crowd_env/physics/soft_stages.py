@@ -5,12 +5,13 @@ from crowd_env.physics.lanes import park, show_positions
 from crowd_env.physics.leaving import leave_lanes_anywhere, leave_lanes_by_list, take_out_of_lanes
 from crowd_env.physics.slabs import SLABS, first_entry, slab_start
 from crowd_env.physics.soft_contact import COUNT, DEEPEST, OUTSIDE, STRAYS, SUM
+from crowd_env.physics.step import muster
 from crowd_env.physics.world import Batch
 from crowd_env.state import Bools, Floats
 
 
 @inner_kernel
-def begin_call(e: int, batch: Batch) -> None:
+def begin_call(e: int, slabs: int, batch: Batch) -> None:
     """Copy everyone into the lanes; whether the list still holds is to be seen."""
     bodies, state, memory, driving = batch.bodies, batch.state, batch.memory, batch.control.driving
     mass, relaxation_time, response_time = bodies.mass, bodies.relaxation_time, bodies.response_time
@@ -19,13 +20,12 @@ def begin_call(e: int, batch: Batch) -> None:
     x, y, vx, vy, gx, gy = lanes.x, lanes.y, lanes.vx, lanes.vy, lanes.gx, lanes.gy
     fx, fy, squeeze, per_mass, per_tau = lanes.fx, lanes.fy, lanes.squeeze, lanes.per_mass, lanes.per_tau
     push_x, push_y, crushed = lanes.push_x, lanes.push_y, lanes.crush
-    inside, pressed, latest = 0, False, 0.0
+    pressed, latest = False, 0.0
     for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
         fx[i] = fy[i] = squeeze[i] = 0.0
         push_x[i], push_y[i], crushed[i] = push[i, 0], push[i, 1], crush[i]
         latest = max(latest, response_time[i])
         if active[i]:
-            inside += 1
             x[i], y[i] = position[i, 0], position[i, 1]
             vx[i], vy[i] = velocity[i, 0], velocity[i, 1]
             gx[i], gy[i] = external[i, 0], external[i, 1]
@@ -34,18 +34,29 @@ def begin_call(e: int, batch: Batch) -> None:
             per_tau[i] = 1.0 / relaxation_time[i] if driving else 0.0
         else:
             park(i, lanes, near.origin_x, near.origin_y)
-    cut.inside[e], cut.pressed[e], cut.last_response[e], cut.stray[e] = inside, pressed, latest, True
+    cut.pressed[e], cut.last_response[e], cut.stray[e] = pressed, latest, True
+    muster_slabs(e, slabs, batch)
 
 
 @inner_kernel
-def aim(begin: int, end: int, e: int, batch: Batch) -> None:
-    """Write the desired velocity of those inside; see `crowd_env.physics.forces.desired_velocities`."""
-    time, active, response_time = batch.state.time[e], batch.state.active, batch.bodies.response_time
+def muster_slabs(e: int, slabs: int, batch: Batch) -> None:
+    """List who is inside, and who of them belongs to which slab."""
+    cut, inside = batch.memory.cut, batch.memory.inside
+    begin, end, last = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], muster(e, batch)
+    cut.inside[e] = last - begin
+    for s in range(slabs):
+        cut.inside_start[SLABS * e + s] = first_entry(slab_start(s, slabs, begin, end), begin, last, inside)
+        cut.inside_stop[SLABS * e + s] = first_entry(slab_start(s + 1, slabs, begin, end), begin, last, inside)
+
+
+@inner_kernel
+def aim(first: int, last: int, e: int, batch: Batch) -> None:
+    """Write the desired velocity of the places ``first:last`` of `Memory.inside`; see `crowd_env.physics.forces`."""
+    time, inside, response_time = batch.state.time[e], batch.memory.inside, batch.bodies.response_time
     command, relative, way, pace = batch.control.command, batch.control.relative, batch.memory.way, batch.memory.pace
     wish_x, wish_y = batch.memory.lanes.wish_x, batch.memory.lanes.wish_y
-    for i in range(index(begin), index(end)):
-        if not active[i]:
-            continue
+    for place in range(index(first), index(last)):
+        i = inside[place]
         speed = pace[i] if time >= response_time[i] else 0.0
         cx, cy = command[i, 0], command[i, 1]
         if relative[i]:
@@ -138,8 +149,8 @@ def finish(e: int, slabs: int, batch: Batch, dt: float) -> None:
             state.exit_index,
         )
     if left > 0:
-        cut.inside[e] -= left
         take_out_of_lanes(begin, end, state.active, lanes, near.origin_x, near.origin_y, state.position, state.velocity)
+        muster_slabs(e, slabs, batch)
 
 
 @inner_kernel

@@ -12,9 +12,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import inner_kernel, kernel
+from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env.physics.rows import Indices, Problem
-from crowd_env.state import Bools, Floats
+from crowd_env.state import Floats
 
 SolverName = Literal["auto", "gauss-seidel", "accelerated"]
 SOLVERS = ("auto", "gauss-seidel", "accelerated")
@@ -195,12 +195,12 @@ def _look(
 
 
 @inner_kernel
-def closing_speed(begin: int, end: int, active: Bools, v: Floats) -> float:
-    """Sum of the two largest speeds [m/s] among the active people ``begin:end``: no two can close faster."""
-    first, second = 0.0, 0.0
-    for i in range(begin, end):
-        if active[i]:
-            square = v[i, 0] * v[i, 0] + v[i, 1] * v[i, 1]
-            if not square <= second:
-                first, second = max(first, square), min(first, square)
-    return np.sqrt(first) + np.sqrt(second)
+def closing_speed(first: int, last: int, inside: Indices, v: Floats) -> float:
+    """Sum of the two largest speeds [m/s] among the people in the places ``first:last``: no two can close faster."""
+    fastest, second = 0.0, 0.0
+    for place in range(index(first), index(last)):
+        i = inside[place]
+        square = v[i, 0] * v[i, 0] + v[i, 1] * v[i, 1]
+        if not square <= second:
+            fastest, second = max(fastest, square), min(fastest, square)
+    return np.sqrt(fastest) + np.sqrt(second)

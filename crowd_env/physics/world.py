@@ -10,7 +10,7 @@ from crowd_env.guidance import Guidance
 from crowd_env.navigation import FieldArrays
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.lanes import Lanes, allocate_lanes
-from crowd_env.physics.neighbor_list import NeighbourList, allocate_neighbours
+from crowd_env.physics.neighbor_list import NeighbourList, Places, allocate_neighbours
 from crowd_env.physics.rows import Problem, allocate_problem
 from crowd_env.physics.slabs import Cut, allocate_cut
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
@@ -62,6 +62,7 @@ class Memory(NamedTuple):
     problem: Problem
     lanes: Lanes
     cut: Cut
+    inside: Places  # (P,)   who is inside, environment e from env_start[e] on: see `step.muster`
     way: Floats  # (P, 2) direction of the shortest path when it was last looked up
     way_age: Floats  # (E,)   s since then
     followed: Ints  # (P,)   route that one follows: one's own, or that of a control rule
@@ -158,6 +159,7 @@ def allocate_memory(
         problem=allocate_problem(room("problem"), len(near.touch) if "problem" in uses else 0, environments),
         lanes=allocate_lanes(room("lanes")),
         cut=allocate_cut(environments),
+        inside=np.zeros(people, dtype=np.uint32),
         way=reals(people, 2),
         way_age=np.full(environments, np.inf),
         followed=np.zeros(people, dtype=np.int64),
