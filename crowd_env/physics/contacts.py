@@ -156,7 +156,7 @@ def _near_enough(
         dx, dy, limit = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry] + margin
         hit[hits] = entry
         hits += index(dx * dx + dy * dy < limit * limit)
-    return np.int64(hits)
+    return int(np.int64(hits))
 
 
 @inner_kernel

@@ -14,13 +14,13 @@ import numpy as np
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env._reference import Reference
 from crowd_env.physics.contacts import find_contacts
-from crowd_env.physics.forces import LOOK_EVERY, follow_rules, has_regions, look_around
+from crowd_env.physics.forces import LOOK_EVERY, follow_rules, influences, look_around
 from crowd_env.physics.lanes import book, count_strays, show_positions, walk, walk_freely
 from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_positive
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.slabs import SLABS, slab_start, slabs_of, wait_for_all
-from crowd_env.physics.social import SocialForce, SocialLaw, add_social_forces, social_law
+from crowd_env.physics.social import SocialForce, SocialLaw, add_social_forces
 from crowd_env.physics.soft_contact import (
     CARRIED,
     COUNT,
@@ -105,12 +105,22 @@ class DEM:
         self, batch: Reference, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
-        social = social_law(self.social, batch.fields.control.driving)
-        _advance_range(batch, dt, n_substeps, first, stop, self.stiffness, social, thread, threads)
+        acting = influences(self.social, batch)
+        _advance_range(batch, dt, n_substeps, first, stop, self.stiffness, *acting, thread, threads)
 
 
 @inner_kernel
-def _prepare(e: int, batch: Batch, dt: float, n_substeps: int, stiffness: float, cutoff: float, fresh: bool) -> None:
+def _prepare(
+    e: int,
+    slabs: int,
+    batch: Batch,
+    dt: float,
+    n_substeps: int,
+    stiffness: float,
+    reach: float,
+    regions: bool | None,
+    fresh: bool,
+) -> None:
     """What one thread does before a step: the list, what is to be looked up, and the contacts of the last step of a call."""
     world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
     near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
@@ -119,16 +129,16 @@ def _prepare(e: int, batch: Batch, dt: float, n_substeps: int, stiffness: float,
     if cut.go[e] and cut.stray[e]:
         show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
         show_positions(begin, end, state.active, lanes.vx, lanes.vy, state.velocity)
-        memory.status[e] = update_neighbours(e, batch, cutoff)
+        memory.status[e] = update_neighbours(e, batch, reach)
         cut.go[e] = memory.status[e] == OK
-        follow_list(e, slabs_of(end - begin) if cutoff == 0.0 else 1, batch)
+        follow_list(e, slabs, batch)
     if not cut.go[e]:
         return
     cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
     if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
         memory.way_age[e] = 0.0
         cut.look[e] = _LOOK
-        if has_regions(e, batch):
+        if regions is not None:
             show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
             follow_rules(e, batch)
     memory.way_age[e] += dt
@@ -139,7 +149,17 @@ def _prepare(e: int, batch: Batch, dt: float, n_substeps: int, stiffness: float,
 
 
 @inner_kernel
-def _push(e: int, low: int, high: int, row: int, batch: Batch, dt: float, stiffness: float, social: SocialLaw) -> None:
+def _push(
+    e: int,
+    low: int,
+    high: int,
+    row: int,
+    batch: Batch,
+    dt: float,
+    stiffness: float,
+    social: SocialLaw | None,
+    regions: bool | None,
+) -> None:
     """Find the forces on and among the people ``low:high`` of one slab."""
     world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
     near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
@@ -147,15 +167,13 @@ def _push(e: int, low: int, high: int, row: int, batch: Batch, dt: float, stiffn
         first, last = cut.inside_start[row], cut.inside_stop[row]
         if cut.look[e] == _LOOK:
             show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
-            look_around(e, first, last, batch, dt)
+            look_around(e, first, last, batch, dt, regions)
         aim(first, last, e, batch)
-    if social.cutoff > 0.0:
+    if social is not None:
         show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
         show_positions(low, high, state.active, lanes.wish_x, lanes.wish_y, memory.desired)
         copy_forces(low, high, batch.control.external_force, memory.force)
-        add_social_forces(
-            e, g, world.boundary, bodies, state, near, memory.desired, memory.heading, memory.force, social
-        )
+        add_social_forces(e, batch, social)
         press(low, high, state.active, memory.force, lanes.gx, lanes.gy)
     push_people(
         cut.pair_start[row],
@@ -197,7 +215,7 @@ def _push(e: int, low: int, high: int, row: int, batch: Batch, dt: float, stiffn
 
 
 @inner_kernel
-def _walk(e: int, low: int, high: int, row: int, batch: Batch, dt: float, cutoff: float) -> None:
+def _walk(e: int, low: int, high: int, row: int, batch: Batch, dt: float, reach: float) -> None:
     """Move the people ``low:high`` of one slab, and see who has gone far."""
     contacts, lanes, cut, near = batch.memory.contacts, batch.memory.lanes, batch.memory.cut, batch.memory.near
     touched = cut.seen[row, COUNT] > 0.0
@@ -215,7 +233,7 @@ def _walk(e: int, low: int, high: int, row: int, batch: Batch, dt: float, cutoff
                 lanes.fy,
                 lanes.squeeze,
             )
-    if touched or cut.pressed[e] or cutoff > 0.0:
+    if touched or cut.pressed[e] or reach > 0.0:
         walk(low, high, dt, lanes.fx, lanes.gx, lanes.per_mass, lanes.wish_x, lanes.per_tau, lanes.vx, lanes.x)
         walk(low, high, dt, lanes.fy, lanes.gy, lanes.per_mass, lanes.wish_y, lanes.per_tau, lanes.vy, lanes.y)
     else:
@@ -236,7 +254,9 @@ def _advance_range(
     first: int,
     stop: int,
     stiffness: float,
-    social: SocialLaw,
+    social: SocialLaw | None,
+    reach: float,
+    regions: bool | None,
     thread: int,
     threads: int,
 ) -> None:
@@ -247,7 +267,7 @@ def _advance_range(
     memory, cut, env_start = batch.memory, batch.memory.cut, batch.bodies.env_start
     for e in range(first, stop):
         begin, end = env_start[e], env_start[e + 1]
-        slabs = slabs_of(end - begin) if social.cutoff == 0.0 else 1
+        slabs = slabs_of(end - begin) if reach == 0.0 else 1
         together = threads if slabs > 1 else 1
         if thread >= together or memory.progress[e] >= n_substeps:
             continue
@@ -259,18 +279,18 @@ def _advance_range(
                 else:
                     finish(e, slabs, batch, dt)
                     tick(e, batch, dt)
-                _prepare(e, batch, dt, n_substeps, stiffness, social.cutoff, fresh)
+                _prepare(e, slabs, batch, dt, n_substeps, stiffness, reach, regions, fresh)
             fresh = False
             wait_for_all(cut.gate, together)
             if not cut.go[e]:
                 break
             for s in range(thread, slabs, together):
                 low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
-                _push(e, low, high, SLABS * e + s, batch, dt, stiffness, social)
+                _push(e, low, high, SLABS * e + s, batch, dt, stiffness, social, regions)
             wait_for_all(cut.gate, together)
             for s in range(thread, slabs, together):
                 low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
-                _walk(e, low, high, SLABS * e + s, batch, dt, social.cutoff)
+                _walk(e, low, high, SLABS * e + s, batch, dt, reach)
             wait_for_all(cut.gate, together)
         for s in range(thread, slabs, together):
             leave_lanes(slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end), batch)

@@ -6,6 +6,7 @@ Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a 
 import numpy as np
 
 from crowd_env._jit import index, inner_kernel
+from crowd_env._reference import Reference
 from crowd_env.guidance import apply_rules, notice_regions
 from crowd_env.navigation_lookup import (
     BLEND,
@@ -15,7 +16,7 @@ from crowd_env.navigation_lookup import (
     quick_cell,
     through_exit,
 )
-from crowd_env.physics.social import SocialLaw, add_social_forces
+from crowd_env.physics.social import SocialForce, SocialLaw, add_social_forces
 from crowd_env.physics.world import Batch
 
 # The way out is looked up anew after so long: at every step of 0.01 s, at every tenth of 0.001 s.  It costs as much as two
@@ -23,8 +24,18 @@ from crowd_env.physics.world import Batch
 LOOK_EVERY = 0.01  # s
 
 
+def influences(social: SocialForce | None, batch: Reference) -> tuple[SocialLaw | None, float, bool | None]:
+    """Return what there is besides contact and drive, as kernels take it: None is not even compiled.
+
+    The social force (passive grains feel none), how far it reaches [m], and whether there are regions, and so perhaps rules.
+    """
+    law = social.law() if social is not None and batch.fields.control.driving else None
+    regions = bool(batch.fields.world.guidance.region.shape.any())
+    return law, 0.0 if law is None else law.cutoff, regions or None
+
+
 @inner_kernel
-def regular_forces(e: int, last: int, batch: Batch, dt: float, social: SocialLaw) -> None:
+def regular_forces(e: int, last: int, batch: Batch, dt: float, social: SocialLaw | None, regions: bool | None) -> None:
     """Write the sum of all forces but contact [N] into ``Memory.force`` (P, 2): external, driving and social.
 
     It is written for those inside, whom ``Memory.inside`` lists up to place ``last``; with it the desired velocity [m/s], into
@@ -32,19 +43,16 @@ def regular_forces(e: int, last: int, batch: Batch, dt: float, social: SocialLaw
     relative one turns with the direction of the route one follows, looked up anew every 0.01 s: command (1, 0) is the rule
     "walk the way out".  With a social force the neighbour list must be complete up to its cut-off.
     """
-    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
-    begin, way_age = bodies.env_start[e], memory.way_age
+    begin, way_age = batch.bodies.env_start[e], batch.memory.way_age
     if way_age[e] > LOOK_EVERY - 0.5 * dt:
-        follow_rules(e, batch)
-        look_around(e, begin, last, batch, dt)
+        if regions is not None:
+            follow_rules(e, batch)
+        look_around(e, begin, last, batch, dt, regions)
         way_age[e] = 0.0
     way_age[e] += dt
-    _drive(begin, last, state.time[e], batch)
-    if social.cutoff > 0.0:
-        g, desired = world.geometry_of_env[e], memory.desired
-        add_social_forces(
-            e, g, world.boundary, bodies, state, memory.near, desired, memory.heading, memory.force, social
-        )
+    _drive(begin, last, batch.state.time[e], batch)
+    if social is not None:
+        add_social_forces(e, batch, social)
 
 
 @inner_kernel
@@ -75,7 +83,7 @@ def follow_rules(e: int, batch: Batch) -> None:
 
 
 @inner_kernel
-def look_around(e: int, first: int, last: int, batch: Batch, dt: float) -> None:
+def look_around(e: int, first: int, last: int, batch: Batch, dt: float, regions: bool | None) -> None:
     """Bring the way of the people in the places ``first:last`` of `Memory.inside` up to date.
 
     It is written for those whose command is relative to it, and for everyone if it will be good for more than one step.
@@ -85,7 +93,9 @@ def look_around(e: int, first: int, last: int, batch: Batch, dt: float) -> None:
     radius, desired_speed, route = batch.bodies.radius, batch.bodies.desired_speed, batch.state.route
     relative, inside, followed = batch.control.relative, batch.memory.inside, batch.memory.followed
     pace, way = batch.memory.pace, batch.memory.way
-    freely = not has_regions(e, batch)  # then everyone walks at the own speed on the own route
+    freely = True  # everyone walks at the own speed on the own route
+    if regions is not None:
+        freely = not has_regions(e, batch)
     everyone = dt < LOOK_EVERY  # who may be told to follow the way before it is looked up again needs it too
     f, rows, cols, start, keep, left, bottom, size, hard = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0, 0
     aim, ax, ay, ux, uy, width, nx, ny = -1, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0

@@ -23,11 +23,11 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.physics.forces import regular_forces
+from crowd_env.physics.forces import influences, regular_forces
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
 from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social import SocialForce, SocialLaw, social_law
+from crowd_env.physics.social import SocialForce, SocialLaw
 from crowd_env.physics.step import detect, muster, record_overlaps, record_pushes, tick
 from crowd_env.physics.world import Batch
 from crowd_env.state import Bodies
@@ -173,8 +173,7 @@ class Hertz:
             self.wall_friction,
             self.rotation,
         )
-        social = social_law(self.social, batch.fields.control.driving)
-        _advance_range(batch, dt, n_substeps, first, stop, law, social)
+        _advance_range(batch, dt, n_substeps, first, stop, law, *influences(self.social, batch))
 
 
 @inner_kernel
@@ -258,7 +257,15 @@ def _drift(first: int, last: int, batch: Batch, dt: float) -> None:
 
 @kernel
 def _advance_range(
-    batch: Batch, dt: float, n_substeps: int, first: int, stop: int, law: HertzLaw, social: SocialLaw
+    batch: Batch,
+    dt: float,
+    n_substeps: int,
+    first: int,
+    stop: int,
+    law: HertzLaw,
+    social: SocialLaw | None,
+    reach: float,
+    regions: bool | None,
 ) -> None:
     env_start, memory, progress, phase = batch.bodies.env_start, batch.memory, batch.memory.progress, batch.memory.phase
     near, contacts, torque = memory.near, memory.contacts, memory.torque
@@ -271,9 +278,9 @@ def _advance_range(
                 _drift(begin, last, batch, dt)
                 last = leave(e, last, batch, dt)
                 phase[e] = _DRIFTED
-            if not detect(e, batch, 0.0, social.cutoff):
+            if not detect(e, batch, 0.0, reach):
                 break  # goes on from here, with more room
-            regular_forces(e, last, batch, dt, social)
+            regular_forces(e, last, batch, dt, social, regions)
             for i in range(index(begin), index(env_start[e + 1])):
                 torque[i] = 0.0
             behind = contact + contacts.number[e]

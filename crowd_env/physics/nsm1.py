@@ -15,13 +15,13 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.physics.forces import regular_forces
+from crowd_env.physics.forces import influences, regular_forces
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_known, require_positive
 from crowd_env.physics.rows import give_impulses, keep_impulses, pose_no_overlap, take_impulses
 from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social import SocialForce, SocialLaw, social_law
+from crowd_env.physics.social import SocialForce, SocialLaw
 from crowd_env.physics.solvers import SOLVERS, SolverName, Stopping, closing_speed, solve
 from crowd_env.physics.step import (
     detect,
@@ -112,8 +112,9 @@ class NSM1:
         accelerated = self.solver != "gauss-seidel"
         relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
         law = Stopping(self.tolerance, relative, self.max_iterations, accelerated)
-        social = social_law(self.social, batch.fields.control.driving)
-        _advance_range(batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law, social)
+        _advance_range(
+            batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law, *influences(self.social, batch)
+        )
 
 
 @inner_kernel
@@ -187,18 +188,20 @@ def _advance_range(
     stop: int,
     spontaneous: bool,
     law: Stopping,
-    social: SocialLaw,
+    social: SocialLaw | None,
+    reach: float,
+    regions: bool | None,
 ) -> None:
     env_start, memory, progress = batch.bodies.env_start, batch.memory, batch.memory.progress
     for e in range(first, stop):
         begin, last = env_start[e], muster(e, batch)
         while progress[e] < n_substeps and last > begin:
-            if social.cutoff > 0.0:
-                memory.status[e] = update_neighbours(e, batch, social.cutoff)
+            if social is not None:
+                memory.status[e] = update_neighbours(e, batch, reach)
                 if memory.status[e] != OK:
                     break
-            regular_forces(e, last, batch, dt, social)
-            if not _project(e, last, batch, dt, spontaneous, law, social.cutoff):
+            regular_forces(e, last, batch, dt, social, regions)
+            if not _project(e, last, batch, dt, spontaneous, law, reach):
                 break
             contact = memory.near.entry_start[e]
             behind = contact + memory.contacts.number[e]

@@ -17,13 +17,13 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.physics.forces import regular_forces
+from crowd_env.physics.forces import influences, regular_forces
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import FULL
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
 from crowd_env.physics.rows import give_impulses, pose_no_overlap, pose_percussions
 from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social import SocialForce, SocialLaw, social_law
+from crowd_env.physics.social import SocialForce, SocialLaw
 from crowd_env.physics.solvers import SOLVERS, SolverName, Stopping, solve
 from crowd_env.physics.step import (
     detect,
@@ -58,7 +58,6 @@ class Options(NamedTuple):
     k_normal: float  # kg
     k_tangent: float  # kg
     dissipative: bool
-    correction: float
 
 
 @dataclass(frozen=True)
@@ -135,9 +134,9 @@ class NSM2:
         relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
         law = Stopping(self.tolerance, relative, self.max_iterations, accelerated)
         dissipation = (self.normal_dissipation, self.tangential_dissipation)
-        options = Options(*dissipation, self.reaction == "dissipative", self.position_correction)
-        social = social_law(self.social, batch.fields.control.driving)
-        _advance_range(batch, dt, n_substeps, first, stop, law, options, social)
+        options = Options(*dissipation, self.reaction == "dissipative")
+        correction = self.position_correction or None
+        _advance_range(batch, dt, n_substeps, first, stop, law, options, correction, *influences(self.social, batch))
 
 
 @inner_kernel
@@ -223,24 +222,27 @@ def _advance_range(
     stop: int,
     law: Stopping,
     options: Options,
-    social: SocialLaw,
+    correction: float | None,
+    social: SocialLaw | None,
+    reach: float,
+    regions: bool | None,
 ) -> None:
     env_start, memory, progress = batch.bodies.env_start, batch.memory, batch.memory.progress
     for e in range(first, stop):
         begin, last = env_start[e], muster(e, batch)
         while progress[e] < n_substeps and last > begin:
-            if not detect(e, batch, _TOUCHING, social.cutoff):
+            if not detect(e, batch, _TOUCHING, reach):
                 break
             number = memory.contacts.number[e]
             if options.k_tangent > 0.0 and memory.near.entry_start[e] + 2 * number > memory.near.entry_start[e + 1]:
                 memory.status[e] = FULL  # a rough contact takes two rows: come back with more room
                 break
-            regular_forces(e, last, batch, dt, social)
+            regular_forces(e, last, batch, dt, social, regions)
             _accelerate(begin, last, batch, dt)
             if number > 0:
                 _collide(e, batch, law, options)
             _move(begin, last, batch, dt)
-            if options.correction > 0.0 and number > 0:
-                _part(e, batch, dt, law, options.correction)
+            if correction is not None:
+                _part(e, batch, dt, law, correction)
             last = leave(e, last, batch, dt)
             tick(e, batch, dt)

@@ -19,11 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env._jit import index, inner_kernel
-from crowd_env.geometry import Boundary
 from crowd_env.physics.contacts import gap_to_feature
-from crowd_env.physics.neighbor_list import NeighbourList
 from crowd_env.physics.require import require_not_negative, require_positive
-from crowd_env.state import Bodies, CrowdState, Floats
+from crowd_env.physics.world import Batch
 
 
 class SocialLaw(NamedTuple):
@@ -33,7 +31,7 @@ class SocialLaw(NamedTuple):
     length: float
     anisotropy: float
     wall_strength: float
-    cutoff: float  # 0: no social force at all
+    cutoff: float
 
 
 @dataclass(frozen=True)
@@ -90,19 +88,12 @@ class SocialForce:
         return SocialLaw(self.strength, self.length, self.anisotropy, self.wall_strength, self.cutoff)
 
 
-NO_SOCIAL_LAW = SocialLaw(0.0, 1.0, 0.0, 0.0, 0.0)
-
 # Name -> social force; what the command line knows.
 SOCIAL_FORCES: dict[str, SocialForce | None] = {
     "none": None,
     "helbing": SocialForce.helbing(),
     "lin": SocialForce(),
 }
-
-
-def social_law(social: SocialForce | None, driving: bool) -> SocialLaw:
-    """Return what kernels read; passive grains feel no social force."""
-    return NO_SOCIAL_LAW if social is None or not driving else social.law()
 
 
 _POWERS = 2.0 ** np.arange(-160.0, 161.0)
@@ -125,25 +116,21 @@ def _exp(x: float) -> float:
 
 
 @inner_kernel
-def add_social_forces(
-    e: int,
-    g: int,
-    boundary: Boundary,
-    bodies: Bodies,
-    state: CrowdState,
-    near: NeighbourList,
-    desired: Floats,
-    heading: Floats,
-    force: Floats,
-    law: SocialLaw,
-) -> None:
-    """Add the social forces [N] on everyone in environment ``e`` to ``force`` (P, 2).
+def add_social_forces(e: int, batch: Batch, law: SocialLaw) -> None:
+    """Add the social forces [N] on everyone in environment ``e`` to `Memory.force`.
 
-    The neighbour list must be complete up to the cut-off.  ``heading`` (P, 4) is working memory, zero at first.
+    The neighbour list must be complete up to the cut-off.
     """
-    active, position, radius = state.active, state.position, bodies.radius
+    boundary, g, radius, near = (
+        batch.world.boundary,
+        batch.world.geometry_of_env[e],
+        batch.bodies.radius,
+        batch.memory.near,
+    )
+    active, position, force = batch.state.active, batch.state.position, batch.memory.force
+    desired, heading = batch.memory.desired, batch.memory.heading
     owner, partner, touch = near.owner, near.partner, near.touch
-    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
+    begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     strength, cutoff, per_length = law.strength, law.cutoff, 1.0 / law.length
     for i in range(index(begin), index(end)):
         x, y = desired[i, 0], desired[i, 1]

@@ -20,7 +20,7 @@ def muster(e: int, batch: Batch) -> int:
     for i in range(index(begin), index(end)):
         inside[place] = i
         place += index(active[i])
-    return np.int64(place)
+    return int(np.int64(place))  # int alone would keep it unsigned
 
 
 @inner_kernel
