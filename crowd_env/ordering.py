@@ -22,7 +22,7 @@ _CELL = 0.5  # m
 
 # What people remember from one call to the next: nobody else looks at it, so that it lies in the order of space itself; and
 # what others read or write, in slots.
-_KEPT = ("way", "here", "pace", "force", "torque")
+_KEPT = ("way", "steady", "shift", "here", "pace", "force", "torque")
 _SHOWN = ("followed", "push", "crush")
 
 

@@ -8,7 +8,9 @@ from scipy.spatial import cKDTree
 from shapely.geometry import box
 
 import crowd_env.ordering
+from crowd_env._reference import refer
 from crowd_env.geometry import Geometry
+from crowd_env.navigation import direction_at
 from crowd_env.physics import NSM2, SCHEMES
 from crowd_env.physics.slabs import SLABS, slabs_of
 from crowd_env.simulation import Simulation
@@ -199,3 +201,21 @@ def test_two_who_leave_side_by_side_leave_nothing_behind(name):
     np.testing.assert_array_equal(simulation.memory.crush, 0.0)
     assert simulation.diagnostics.max_overlap[0] < 0.01
     assert (simulation.state.position[:2, 0] < 5.1).all()
+
+
+@pytest.mark.parametrize("name", ["dem", "nsm2"])
+def test_who_looks_only_now_and_then_still_goes_the_way_out(name):
+    """In a large crowd the way may be 0.04 s old where it hardly turns: never by more than a few degrees."""
+    simulation = crowd(name, 1100, density=1.5)
+    field, boundary, state = refer(simulation.world.field), refer(simulation.world.boundary), simulation.state
+    worst = 0.0
+    for _ in range(30):
+        simulation.advance(n_substeps=7)
+        sorted_crowd, memory = simulation._sorted, simulation.memory
+        way, steady = np.empty((1100, 2)), np.empty(1100, dtype=bool)
+        way[sorted_crowd.slot], steady[sorted_crowd.slot] = memory.way, memory.steady
+        who = np.flatnonzero(state.active & steady)
+        assert len(who) > 0.5 * state.active.sum()  # most of the hall
+        now = [direction_at(field, boundary, 0, *state.position[i], simulation.bodies.radius[i]) for i in who]
+        worst = max(worst, np.linalg.norm(way[who] - np.array(now), axis=1).max())
+    assert 1e-4 < worst < 0.15

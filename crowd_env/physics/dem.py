@@ -14,7 +14,7 @@ import numpy as np
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env._reference import Reference
 from crowd_env.physics.contacts import find_contacts
-from crowd_env.physics.forces import LOOK_EVERY, follow_rules, influences, look_around
+from crowd_env.physics.forces import LOOK_EVERY, choose_turn, follow_rules, influences, look_around
 from crowd_env.physics.lanes import book, count_strays, show_positions, walk, walk_freely
 from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_positive
@@ -136,6 +136,7 @@ def _prepare(
         return
     cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
     if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
+        cut.turn[e] = choose_turn(e, batch, regions)
         memory.way_age[e] = 0.0
         cut.look[e] = _LOOK
         if regions is not None:
@@ -158,7 +159,6 @@ def _push(
     dt: float,
     stiffness: float,
     social: SocialLaw | None,
-    regions: bool | None,
 ) -> None:
     """Find the forces on and among the people ``low:high`` of one slab."""
     world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
@@ -167,7 +167,7 @@ def _push(
         first, last = cut.inside_start[row], cut.inside_stop[row]
         if cut.look[e] == _LOOK:
             show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
-            look_around(e, first, last, batch, dt, regions)
+            look_around(e, first, last, batch, dt, cut.turn[e])
         aim(first, last, e, batch)
     if social is not None:
         show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
@@ -275,7 +275,7 @@ def _advance_range(
         while True:
             if thread == 0:
                 if fresh:
-                    begin_call(e, slabs, batch)
+                    begin_call(e, slabs, batch, regions)
                 else:
                     finish(e, slabs, batch, dt)
                     tick(e, batch, dt)
@@ -286,7 +286,7 @@ def _advance_range(
                 break
             for s in range(thread, slabs, together):
                 low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
-                _push(e, low, high, SLABS * e + s, batch, dt, stiffness, social, regions)
+                _push(e, low, high, SLABS * e + s, batch, dt, stiffness, social)
             wait_for_all(cut.gate, together)
             for s in range(thread, slabs, together):
                 low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)

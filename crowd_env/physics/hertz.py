@@ -23,7 +23,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.physics.forces import influences, regular_forces
+from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
 from crowd_env.physics.scheme import SchemeInfo
@@ -271,6 +271,7 @@ def _advance_range(
     near, contacts, torque = memory.near, memory.contacts, memory.torque
     for e in range(first, stop):
         begin, last, contact = env_start[e], muster(e, batch), near.entry_start[e]
+        walk_freely(e, batch, regions)
         while progress[e] < n_substeps and last > begin:
             if phase[e] == _KNOWN:
                 record_pushes(contact, contact + contacts.number[e], memory, 0.5)  # those of the last step

@@ -17,7 +17,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.physics.forces import influences, regular_forces
+from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import FULL
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
@@ -230,6 +230,7 @@ def _advance_range(
     env_start, memory, progress = batch.bodies.env_start, batch.memory, batch.memory.progress
     for e in range(first, stop):
         begin, last = env_start[e], muster(e, batch)
+        walk_freely(e, batch, regions)
         while progress[e] < n_substeps and last > begin:
             if not detect(e, batch, _TOUCHING, reach):
                 break

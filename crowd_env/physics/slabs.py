@@ -28,6 +28,7 @@ class Cut(NamedTuple):
     go: Bools  # (E,)     another step is to be done
     stray: Bools  # (E,)     someone may have gone further than the list allows for
     look: Ints  # (E,)     what this step has to do about where people want to go
+    turn: Ints  # (E,)     whose turn it is to look, see `forces.choose_turn`
     inside: Ints  # (E,)     people
     pressed: Bools  # (E,)     external or social forces act
     last_response: Floats  # (E,)  s    when the last one begins to walk
@@ -52,6 +53,7 @@ def allocate_cut(environments: int) -> Cut:
         go=np.zeros(environments, dtype=np.bool_),
         stray=np.zeros(environments, dtype=np.bool_),
         look=counts(environments),
+        turn=counts(environments),
         inside=counts(environments),
         pressed=np.zeros(environments, dtype=np.bool_),
         last_response=np.zeros(environments),

@@ -1,6 +1,7 @@
 """What a step of the soft scheme does besides pushing and walking: people in and out of the lanes, the list, the exits."""
 
 from crowd_env._jit import index, inner_kernel
+from crowd_env.physics.forces import walk_freely
 from crowd_env.physics.lanes import park, show_positions
 from crowd_env.physics.leaving import leave_lanes_anywhere, leave_lanes_by_list, take_out_of_lanes
 from crowd_env.physics.slabs import SLABS, first_entry, slab_start
@@ -11,7 +12,7 @@ from crowd_env.state import Bools, Floats
 
 
 @inner_kernel
-def begin_call(e: int, slabs: int, batch: Batch) -> None:
+def begin_call(e: int, slabs: int, batch: Batch, regions: bool | None) -> None:
     """Copy everyone into the lanes; whether the list still holds is to be seen."""
     bodies, state, memory, driving = batch.bodies, batch.state, batch.memory, batch.control.driving
     mass, relaxation_time, response_time = bodies.mass, bodies.relaxation_time, bodies.response_time
@@ -36,6 +37,7 @@ def begin_call(e: int, slabs: int, batch: Batch) -> None:
             park(i, lanes, near.origin_x, near.origin_y)
     cut.pressed[e], cut.last_response[e], cut.stray[e] = pressed, latest, True
     muster_slabs(e, slabs, batch)
+    walk_freely(e, batch, regions)
 
 
 @inner_kernel

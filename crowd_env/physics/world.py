@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowd_env.geometry import Boundary
 from crowd_env.guidance import Guidance
@@ -14,6 +15,8 @@ from crowd_env.physics.neighbor_list import NeighbourList, Places, allocate_neig
 from crowd_env.physics.rows import Problem, allocate_problem
 from crowd_env.physics.slabs import Cut, allocate_cut
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+
+SHIFTS = 4  # in which those look for their way who need not do so every time
 
 
 class World(NamedTuple):
@@ -64,7 +67,10 @@ class Memory(NamedTuple):
     cut: Cut
     inside: Places  # (P,)   who is inside, environment e from env_start[e] on: see `step.muster`
     way: Floats  # (P, 2) direction of the shortest path when it was last looked up
-    way_age: Floats  # (E,)   s since then
+    way_age: Floats  # (E,)   s since then; infinite = it must be looked up for everyone
+    steady: Bools  # (P,)   the way is nearly the same all around: one need not look every time
+    shift: NDArray[np.uint8]  # (P,)   when it is one's turn, 0 to SHIFTS - 1
+    turn: Ints  # (E,)   whose turn it was to look
     followed: Ints  # (P,)   route that one follows: one's own, or that of a control rule
     here: Ints  # (P,)   regions that one stands in (bits)
     pace: Floats  # (P,)   m/s  desired speed there
@@ -162,6 +168,11 @@ def allocate_memory(
         inside=np.zeros(people, dtype=np.uint32),
         way=reals(people, 2),
         way_age=np.full(environments, np.inf),
+        steady=np.zeros(people, dtype=np.bool_),
+        shift=((np.arange(people) - np.repeat(bodies.env_start[:-1], np.diff(bodies.env_start))) % SHIFTS).astype(
+            np.uint8
+        ),
+        turn=counts(),
         followed=np.zeros(people, dtype=np.int64),
         here=np.zeros(people, dtype=np.int64),
         pace=bodies.desired_speed.copy(),
