@@ -31,6 +31,7 @@ class NeighbourList(NamedTuple):
     origin_x: Floats  # (P,)   m    positions when the list was built
     origin_y: Floats
     allowed: Floats  # (P,)   m    how far everyone may go from there
+    room: Floats  # (P,)   m    scratch: radius and way allowed, in the order of cells
     reach: Floats  # (E,)   m    gap up to which the list is complete until someone goes further; -1 = must be built
     horizon: Floats  # (E,)   s    for which the list should be good
     age: Ints  # (E,)   steps since it was built
@@ -56,6 +57,7 @@ def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
         origin_x=np.zeros(people),
         origin_y=np.zeros(people),
         allowed=np.zeros(people),
+        room=np.zeros(people),
         reach=np.full(environments, -1.0),
         horizon=np.full(environments, FIRST_HORIZON),
         age=np.zeros(environments, dtype=np.int64),
@@ -122,107 +124,86 @@ def list_pairs(
     size: float,
 ) -> bool:
     """Write all pairs nearer than ``reach`` and the ways allowed; cells of ``size``.  False if they do not fit."""
-    first, last = near.entry_start[e], near.entry_start[e + 1]
-    owner, partner, touch = near.owner, near.partner, near.touch
+    first, owner, partner, touch = near.entry_start[e], near.owner, near.partner, near.touch
     if end - begin <= _FEW:
-        entry = _all_pairs(begin, end, radius, near.allowed, active, position, reach, first, last, owner, partner)
+        entry = _all_pairs(e, begin, end, radius, active, position, near, reach)
     else:
         grid = sort_into_cells(e, begin, end, active, position, near, size)
-        entry = _pairs_by_cell(
-            begin,
-            end,
-            radius,
-            near.allowed,
-            active,
-            position,
-            reach,
-            grid,
-            near.cell_of,
-            near.cell_item,
-            near.cell_start,
-            first,
-            last,
-            owner,
-            partner,
-        )
+        entry = _pairs_by_cell(e, begin, end, radius, active, position, near, reach, grid)
     if entry < 0:
         return False
-    for k in range(first, entry):
+    for k in range(index(first), index(entry)):
         touch[k] = radius[owner[k]] + radius[partner[k]]
     near.pair_end[e] = entry
     return True
 
 
+# Entries are counted without sign: numba would guard every place they are written to, which takes half as long again.
+
+
 @inner_kernel
 def _all_pairs(
-    begin: int,
-    end: int,
-    radius: Floats,
-    allowed: Floats,
-    active: Bools,
-    position: Floats,
-    reach: float,
-    entry: int,
-    last: int,
-    owner: Places,
-    partner: Places,
+    e: int, begin: int, end: int, radius: Floats, active: Bools, position: Floats, near: NeighbourList, reach: float
 ) -> int:
-    """Write the near pairs of few people from ``entry`` on; returns one past the last, -1 if they do not fit."""
-    for i in range(begin, end):
+    """Write the near pairs of few people; returns one past the last entry, -1 if they do not fit."""
+    owner, partner, allowed = near.owner, near.partner, near.allowed
+    entry, last = index(near.entry_start[e]), index(near.entry_start[e + 1])
+    for i in range(index(begin), index(end)):
         if not active[i]:
             continue
-        if entry + end - i > last:  # room for all: then none needs to be asked
+        if entry + index(end) - i > last:  # room for all: then none needs to be asked
             return -1
         x, y, limit = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach
-        for j in range(index(i + 1), index(end)):
+        for j in range(i + index(1), index(end)):
             dx, dy, far = x - position[j, 0], y - position[j, 1], limit + (radius[j] + allowed[j])
             owner[entry], partner[entry] = i, j
-            entry += (dx * dx + dy * dy < far * far) & active[j]
-    return entry
+            entry += index((dx * dx + dy * dy < far * far) & active[j])
+    return int(np.int64(entry))
 
 
 @inner_kernel
 def _pairs_by_cell(
+    e: int,
     begin: int,
     end: int,
     radius: Floats,
-    allowed: Floats,
     active: Bools,
     position: Floats,
+    near: NeighbourList,
     reach: float,
     grid: tuple[int, int, int],
-    cell_of: Ints,
-    cell_item: Ints,
-    cell_start: Ints,
-    entry: int,
-    last: int,
-    owner: Places,
-    partner: Places,
 ) -> int:
-    """The same for many, who lie in cells no smaller than two radii and the reach."""
+    """The same for many, who lie in cells no smaller than two radii, the ways allowed, and the reach."""
     head, columns, rows = grid
+    cell_of, cell_item, cell_start, allowed = near.cell_of, near.cell_item, near.cell_start, near.allowed
+    x_of, y_of, room = near.origin_x, near.origin_y, near.room  # in the order of cells; the origins are written later
+    for item in range(index(begin), index(begin) + index(cell_start[head + columns * rows])):
+        j = cell_item[item]
+        x_of[item], y_of[item], room[item] = position[j, 0], position[j, 1], radius[j] + allowed[j]
+    owner, partner, one = near.owner, near.partner, index(1)
+    entry, last = index(near.entry_start[e]), index(near.entry_start[e + 1])
     for i in range(begin, end):
         if not active[i]:
             continue
         x, y, limit, row_begin = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach, entry
         column, row = cell_of[i] % columns, cell_of[i] // columns
         for above in range(max(row - 1, 0), min(row + 2, rows)):
-            start = begin + cell_start[head + above * columns + max(column - 1, 0)]
-            stop = begin + cell_start[head + above * columns + min(column + 1, columns - 1) + 1]
-            if entry + stop - start > last:  # room for all: then none needs to be asked
+            start = index(begin + cell_start[head + above * columns + max(column - 1, 0)])
+            stop = index(begin + cell_start[head + above * columns + min(column + 1, columns - 1) + 1])
+            if entry + stop - start > last:
                 return -1
-            for item in range(index(start), index(stop)):
+            for item in range(start, stop):
                 j = cell_item[item]
-                dx, dy, far = x - position[j, 0], y - position[j, 1], limit + (radius[j] + allowed[j])
+                dx, dy, far = x - x_of[item], y - y_of[item], limit + room[item]
                 owner[entry], partner[entry] = i, j
-                entry += (j > i) & (dx * dx + dy * dy < far * far)
-        for k in range(row_begin + 1, entry):  # insertion sort by partner: they are few, and nearly in order
-            j, place = partner[k], k
-            while place > row_begin and partner[place - 1] > j:
-                partner[place] = partner[place - 1]
-                place -= 1
+                entry += index((j > i) & (dx * dx + dy * dy < far * far))
+        for k in range(row_begin + one, entry):  # insertion sort by partner: they are few, and nearly in order
+            j, place = partner[k], index(k)
+            while place > row_begin and partner[place - one] > j:
+                partner[place] = partner[place - one]
+                place -= one
             partner[place] = j
-    return entry
+    return int(np.int64(entry))
 
 
 @inner_kernel
