@@ -35,6 +35,7 @@ class NeighbourList(NamedTuple):
     reach: Floats  # (E,)   m    gap up to which the list is complete until someone goes further; -1 = must be built
     horizon: Floats  # (E,)   s    for which the list should be good
     age: Ints  # (E,)   steps since it was built
+    built: Floats  # (E,)   s    when that was
     cell_start: NDArray[np.int32]  # cell heads of the counting sort, environment e from 4 * env_start[e] + 64 * e
     cell_item: NDArray[np.int32]  # (P,)
     cell_of: NDArray[np.int32]  # (P,)
@@ -61,6 +62,7 @@ def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
         reach=np.full(environments, -1.0),
         horizon=np.full(environments, FIRST_HORIZON),
         age=np.zeros(environments, dtype=np.int64),
+        built=np.zeros(environments),
         cell_start=np.zeros(4 * people + 64 * environments, dtype=np.int32),
         cell_item=np.zeros(people, dtype=np.int32),
         cell_of=np.zeros(people, dtype=np.int32),

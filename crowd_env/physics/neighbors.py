@@ -51,8 +51,8 @@ def _rebuild(e: int, batch: Batch, begin: int, end: int, margin: float) -> int:
         if active[i] and not (abs(position[i, 0]) < _FARTHEST and abs(position[i, 1]) < _FARTHEST):
             return DIVERGED  # nan too
     if near.reach[e] >= margin:
-        near.horizon[e] = _better_horizon(e, begin, end, radius, near)
-    near.age[e] = 0
+        near.horizon[e] = _better_horizon(e, begin, end, radius, near, batch.state.time[e] - near.built[e])
+    near.age[e], near.built[e] = 0, batch.state.time[e]
     near.reach[e] = -1.0
     widest, largest, horizon = 0.0, 0.0, near.horizon[e]
     for i in range(index(begin), index(end)):
@@ -92,10 +92,11 @@ def are_near(
 
 
 @inner_kernel
-def _better_horizon(e: int, begin: int, end: int, radius: Floats, near: NeighbourList) -> float:
+def _better_horizon(e: int, begin: int, end: int, radius: Floats, near: NeighbourList, lasted: float) -> float:
     """Return the horizon of the next list of environment ``e``: the last one's spare pairs are to cost what making it does.
 
-    Where people stand evenly the share d^2 / (d + s)^2 of the pairs would be there if nobody were allowed to go anywhere.
+    Where people stand evenly the share d^2 / (d + s)^2 of the pairs would be there if nobody were allowed to go anywhere.  A
+    list that ``lasted`` [s] much shorter than it was meant to was ended by a few who are too fast for any horizon.
     """
     horizon, allowed, diameter, skin = near.horizon[e], near.allowed, 0.0, 0.0
     for i in range(index(begin), index(end)):
@@ -104,6 +105,8 @@ def _better_horizon(e: int, begin: int, end: int, radius: Floats, near: Neighbou
     pairs = (near.pair_end[e] - near.entry_start[e]) / (end - begin)
     spare = pairs * (1.0 - (diameter / (diameter + skin)) ** 2)
     looks = spare * near.age[e]
+    if horizon > 4.0 * lasted:
+        return horizon / 1.25
     if looks < _LOOKS / 1.5:
         return min(1.25 * horizon, _LONGEST_HORIZON)
     return horizon / 1.25 if looks > _LOOKS * 1.5 else horizon
