@@ -72,6 +72,10 @@ class Reference:
         self.fields = fields
         self._numba_type_ = ReferenceType(tuple(kinds))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies and pickles refer to arrays of their own: an address means nothing elsewhere."""
+        return refer, (self.fields,)
+
 
 def refer(fields: Any) -> Reference:
     """Return a reference to a NamedTuple of C-contiguous arrays, floats, and NamedTuples or references of such.

@@ -1,5 +1,7 @@
 """References: what a kernel reads of a NamedTuple is what Python put there."""
 
+import copy
+import pickle
 import subprocess
 import sys
 from typing import Any, NamedTuple
@@ -7,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from crowd_env import CrowdEnv
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env._reference import Reference, refer
 
@@ -94,6 +97,22 @@ def test_empty_arrays_and_columns_of_one():
 def test_what_no_kernel_could_read_is_named(field, value, word):
     with pytest.raises(TypeError, match=word):
         refer(make()._replace(**{field: value}))
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.deepcopy, lambda thing: pickle.loads(pickle.dumps(thing))], ids=["copy", "pickle"]
+)
+def test_a_copy_refers_to_arrays_of_its_own(copied):
+    env = CrowdEnv("room-v0", scheme="dem")
+    env.reset(seed=0)
+    env.step(None)
+    other = copied(env)
+    expected, before = env.simulation.state.position.copy(), other.simulation.state.position.copy()
+    np.testing.assert_array_equal(before, expected)
+    ours = other.step(None)
+    np.testing.assert_array_equal(env.simulation.state.position, expected)
+    assert (other.simulation.state.position != before).any()
+    np.testing.assert_array_equal(env.step(None).observation, ours.observation)
 
 
 def test_an_unknown_attribute_is_a_typing_error():

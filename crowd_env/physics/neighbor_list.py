@@ -10,7 +10,7 @@ from crowd_env.geometry import Boundary
 from crowd_env.state import Bodies, Bools, Floats, Ints
 
 # Up to so many people all pairs are looked at: quicker than to sort them into cells.
-_FEW = 40
+_FEW = 64
 
 FIRST_HORIZON = 0.05  # s
 
