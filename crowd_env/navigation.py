@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from crowd_env import navigation_directions as directions
 from crowd_env import navigation_grid as grid
 from crowd_env.geometry import Boundary, Geometry
-from crowd_env.navigation_lookup import FieldArrays, direction_at, exit_target, quick_direction, travel_time_at
+from crowd_env.navigation_lookup import FieldArrays, direction_at, exit_target, travel_time_at
 from crowd_env.navigation_march import gate, lead_through, march, march_through
 from crowd_env.navigation_plan import (
     SOURCE,
@@ -37,7 +37,6 @@ __all__ = [
     "direction_at",
     "exit_target",
     "join_fields",
-    "quick_direction",
     "regions_along",
     "straight_field",
     "travel_time_at",
