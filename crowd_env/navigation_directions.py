@@ -1,4 +1,6 @@
-"""Kernels that turn travel times on a grid into directions for everyone: slope, band along walls, straight lines.
+"""Travel times on a grid become directions for everyone: slope, band along walls, straight lines.
+
+What NumPy does as fast is not compiled: a first start waits for every kernel.
 
 Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacing * (j, i)``.
 """
@@ -36,69 +38,64 @@ def _walls_within(walls: Floats, x: float, y: float, reach: float, near: Ints) -
 
 
 @inner_kernel
-def _is_seen(walls: Floats, near: Ints, x: float, y: float, px: float, py: float) -> bool:
-    for w in near:
+def _is_seen(walls: Floats, near: Ints, count: int, x: float, y: float, px: float, py: float) -> bool:
+    for n in range(count):
+        w = near[n]
         if crosses(x, y, px, py, walls[w, 0, 0], walls[w, 0, 1], walls[w, 1, 0], walls[w, 1, 1]):
             return False
     return True
 
 
-@inner_kernel
-def _time_at(time: Floats, i: int, j: int) -> float:
-    return time[i, j] if 0 <= i < time.shape[0] and 0 <= j < time.shape[1] else np.nan
-
-
-@inner_kernel
-def _slope(time: Floats, i: int, j: int, di: int, dj: int, spacing: float, upwind: bool) -> float:
-    """Return the derivative of ``time`` along one axis, over known nodes only; 0 if there is no neighbour.
-
-    Central if both neighbours are known, else one-sided of second order where there are two nodes, else of first.
-    ``upwind`` looks only to the side of the smaller neighbour (the upper one on a tie).
-    """
-    here, low, high = time[i, j], _time_at(time, i - di, j - dj), _time_at(time, i + di, j + dj)
-    if upwind:
-        if high < here and not low < high:
-            return (high - here) / spacing
-        return (here - low) / spacing if low < here else 0.0
-    if not np.isnan(low) and not np.isnan(high):
-        return (high - low) / (2.0 * spacing)
-    if not np.isnan(high):
-        next_high = _time_at(time, i + 2 * di, j + 2 * dj)
-        slope = (4.0 * high - 3.0 * here - next_high) / (2.0 * spacing)
-        return (high - here) / spacing if np.isnan(slope) else slope
-    if not np.isnan(low):
-        next_low = _time_at(time, i - 2 * di, j - 2 * dj)
-        slope = (3.0 * here - 4.0 * low + next_low) / (2.0 * spacing)
-        return (here - low) / spacing if np.isnan(slope) else slope
-    return 0.0
-
-
-@allocating_kernel
 def descend(time: Floats, spacing: float) -> Floats:
     """Return the unit vector (rows, cols, 2) of steepest descent of ``time`` at all known nodes; 0 elsewhere.
 
     Known nodes lie at least two spacings from every wall, so neighbours are never on different sides of one.
     """
-    rows, cols = time.shape
-    direction = np.zeros((rows, cols, 2))
-    for i in range(rows):
-        for j in range(cols):
-            if np.isnan(time[i, j]):
-                continue
-            norm, ex, ey = 0.0, 0.0, 0.0
-            for upwind in (False, True):
-                ex = -_slope(time, i, j, 0, 1, spacing, upwind)
-                ey = -_slope(time, i, j, 1, 0, spacing, upwind)
-                norm = np.sqrt(ex * ex + ey * ey)
-                if norm > _KINK:
-                    break
-            if norm > 1e-6:
-                direction[i, j, 0], direction[i, j, 1] = ex / norm, ey / norm
+    ex, ey = -_slope(time.T, spacing).T, -_slope(time, spacing)
+    norm = np.sqrt(ex * ex + ey * ey)
+    i, j = np.nonzero(norm <= _KINK)
+    around = np.pad(time, 1, constant_values=np.nan)
+    ex[i, j] = -_upwind_slope(around, i + 1, j + 1, 0, 1, spacing)
+    ey[i, j] = -_upwind_slope(around, i + 1, j + 1, 1, 0, spacing)
+    norm[i, j] = np.sqrt(ex[i, j] * ex[i, j] + ey[i, j] * ey[i, j])
+    direction = np.zeros((*time.shape, 2))
+    for k, e in enumerate((ex, ey)):
+        np.divide(e, norm, out=direction[..., k], where=norm > 1e-6)  # false for nan
     return direction
 
 
-@allocating_kernel
-def _push(walls: Floats, two_sided: Bools, near: Ints, x: float, y: float, radius: float) -> tuple[float, float]:
+def _slope(time: Floats, spacing: float) -> Floats:
+    """Return the derivative of ``time`` from row to row, over known nodes only; 0 if there is no neighbour.
+
+    Central if both neighbours are known, else one-sided of second order where there are two nodes, else of first; nan at
+    nodes that are not known.
+    """
+    known = ~np.isnan(time)
+    slope = np.full(time.shape, np.nan)
+    slope[1:-1] = (time[2:] - time[:-2]) / (2.0 * spacing)
+    slope[~known] = np.nan
+    i, j = np.nonzero(known & np.isnan(slope))
+    around = np.pad(time, ((2, 2), (0, 0)), constant_values=np.nan)
+    before, low, here, high, after = (around[i + k, j] for k in range(5))
+    forwards = (4.0 * high - 3.0 * here - after) / (2.0 * spacing)
+    forwards = np.where(np.isnan(forwards), (high - here) / spacing, forwards)
+    backwards = (3.0 * here - 4.0 * low + before) / (2.0 * spacing)
+    backwards = np.where(np.isnan(backwards), (here - low) / spacing, backwards)
+    slope[i, j] = np.where(np.isnan(high), np.where(np.isnan(low), 0.0, backwards), forwards)
+    return slope
+
+
+def _upwind_slope(around: Floats, i: Ints, j: Ints, di: int, dj: int, spacing: float) -> Floats:
+    """Return the derivative as `_slope` does, looking only to the side of the smaller neighbour (the upper one on a tie)."""
+    here, low, high = around[i, j], around[i - di, j - dj], around[i + di, j + dj]
+    lower = np.where(low < here, (here - low) / spacing, 0.0)
+    return np.where((high < here) & ~(low < high), (high - here) / spacing, lower)
+
+
+@inner_kernel
+def _push(
+    walls: Floats, two_sided: Bools, near: Ints, count: int, x: float, y: float, radius: float
+) -> tuple[float, float]:
     """Return the vector away from the walls nearer than ``radius``, as long as the depth in that band [radii].
 
     The nearest wall counts and, for concave corners, the nearest one in another direction; the many short walls of a
@@ -107,7 +104,8 @@ def _push(walls: Floats, two_sided: Bools, near: Ints, x: float, y: float, radiu
     px, py = 0.0, 0.0
     for turn in range(2):
         best, qx, qy = 0.0, 0.0, 0.0
-        for w in near:
+        for n in range(count):
+            w = near[n]
             ax, ay, bx, by = walls[w, 0, 0], walls[w, 0, 1], walls[w, 1, 0], walls[w, 1, 1]
             ux, uy = bx - ax, by - ay
             square = ux * ux + uy * uy
@@ -126,7 +124,6 @@ def _push(walls: Floats, two_sided: Bools, near: Ints, x: float, y: float, radiu
     return px, py
 
 
-@allocating_kernel
 def extend_once(
     time: Floats, direction: Floats, inside: Bools, walls: Floats, two_sided: Bools, origin: Floats, spacing: float,
     reach: float, radius: float,
@@ -137,9 +134,31 @@ def extend_once(
     node, turned away from the walls the more, the deeper the node lies in the band of that width along them; without it,
     it is the direction to the best known node.
     """
+    near = np.empty(len(walls), dtype=np.int64)
+    return int(
+        _extend(
+            time,
+            direction,
+            inside,
+            walls,
+            two_sided,
+            origin,
+            spacing,
+            reach,
+            radius,
+            time.copy(),
+            direction.copy(),
+            near,
+        )
+    )
+
+
+@kernel
+def _extend(
+    time: Floats, direction: Floats, inside: Bools, walls: Floats, two_sided: Bools, origin: Floats, spacing: float,
+    reach: float, radius: float, before: Floats, ahead: Floats, near: Ints,
+) -> int:  # fmt: skip
     rows, cols = time.shape
-    before, ahead = time.copy(), direction.copy()
-    near = np.empty(max(len(walls), 1), dtype=np.int64)
     window = int(np.ceil(reach / spacing))
     given = 0
     for i in range(rows):
@@ -155,7 +174,7 @@ def extend_once(
                     arrival = before[p, q] + length
                     if not (arrival < best or (length < least and radius > 0.0)) or np.isnan(arrival):
                         continue
-                    if not _is_seen(walls, near[:count], x, y, origin[0] + q * spacing, origin[1] + p * spacing):
+                    if not _is_seen(walls, near, count, x, y, origin[0] + q * spacing, origin[1] + p * spacing):
                         continue
                     if (length < least) if radius > 0.0 else (arrival < best):
                         least, row, col = length, p, q
@@ -166,7 +185,7 @@ def extend_once(
             given += 1
             ex, ey = (col - j) * spacing / least, (row - i) * spacing / least
             if radius > 0.0:
-                px, py = _push(walls, two_sided, near[:count], x, y, radius)
+                px, py = _push(walls, two_sided, near, count, x, y, radius)
                 depth = np.sqrt(px * px + py * py)
                 if depth > 1e-9:
                     ex, ey = ahead[row, col, 0], ahead[row, col, 1]
@@ -178,9 +197,14 @@ def extend_once(
     return given
 
 
-@kernel
 def fill_from_nearest(time: Floats, direction: Floats, inside: Bools, known: Bools, spacing: float) -> None:
     """Lead every walkable node without a direction to the nearest known node, in a straight line."""
+    if (inside & ~direction.any(axis=2)).any():  # seldom: most places need not wait until it is compiled
+        _fill(time, direction, inside, known, spacing)
+
+
+@kernel
+def _fill(time: Floats, direction: Floats, inside: Bools, known: Bools, spacing: float) -> None:
     rows, cols = time.shape
     for i in range(rows):
         for j in range(cols):
@@ -239,7 +263,6 @@ def passes(walls: Floats, x: float, y: float, tx: float, ty: float, radius: floa
     return True
 
 
-@allocating_kernel
 def straight_lines(
     time: Floats, direction: Floats, walls: Floats, exits: Floats, rows_of_exits: Ints, origin: Floats,
     spacing: float, radius: float, detour: float,
@@ -250,8 +273,17 @@ def straight_lines(
     closer than that, must not come any closer; and it must be the best way by the time found so far, which must not exceed
     its length by more than the share ``detour``: then slow ground lies in between.
     """
+    direct = np.full(time.shape, -1, dtype=np.int64)
+    _go_straight(time, direction, walls, exits, rows_of_exits, origin, spacing, radius, detour, direct)
+    return direct
+
+
+@kernel
+def _go_straight(
+    time: Floats, direction: Floats, walls: Floats, exits: Floats, rows_of_exits: Ints, origin: Floats,
+    spacing: float, radius: float, detour: float, direct: Ints,
+) -> None:  # fmt: skip
     rows, cols = time.shape
-    direct = np.full((rows, cols), -1, dtype=np.int64)
     for i in range(rows):
         for j in range(cols):
             limit = time[i, j] + spacing
@@ -272,33 +304,33 @@ def straight_lines(
                 time[i, j] = length
                 ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, radius, radius)
                 direction[i, j, 0], direction[i, j, 1] = ex, ey
-    return direct
 
 
-@allocating_kernel
 def cell_kinds(time: Floats, direct: Ints, blocked: NDArray[np.uint8]) -> Ints:
     """Return for the cell right of and above every node how to look up in it: an exit, `BLEND` or `ALONE`.
 
     It is an exit if all walkable corners reach that exit in a straight line.
     """
-    rows, cols = time.shape
-    kind = np.full((rows, cols), ALONE, dtype=np.int64)
-    for i in range(rows - 1):
-        for j in range(cols - 1):
-            a, b = not np.isnan(time[i, j]), not np.isnan(time[i, j + 1])
-            c, d = not np.isnan(time[i + 1, j]), not np.isnan(time[i + 1, j + 1])
-            lines = blocked[i, j]
-            split = (lines & RIGHT and a and b) or (lines & UP and a and c) or (blocked[i, j + 1] & UP and b and d)
-            split = split or (blocked[i + 1, j] & RIGHT and c and d)
-            split = split or (lines & DIAGONAL and a and d) or (lines & ANTIDIAGONAL and b and c)
-            if split or not (a or b or c or d):
-                continue
-            least, most = np.iinfo(np.int64).max, -1
-            for p, q, walkable in ((i, j, a), (i, j + 1, b), (i + 1, j, c), (i + 1, j + 1, d)):
-                if walkable:
-                    least, most = min(least, direct[p, q]), max(most, direct[p, q])
-            kind[i, j] = most if least == most else BLEND
+    walkable = ~np.isnan(time)
+    nowhere = np.iinfo(np.int32).max
+    least = _over_corners(np.minimum, np.where(walkable, direct, nowhere).astype(np.int32))
+    most = _over_corners(np.maximum, np.where(walkable, direct, -1).astype(np.int32))
+    kind = np.full(time.shape, ALONE, dtype=np.int64)
+    kind[:-1, :-1] = np.where(least == most, most, np.where(least == nowhere, ALONE, BLEND))
+    i, j = np.nonzero(blocked[:-1, :-1] | blocked[:-1, 1:] | blocked[1:, :-1])
+    a, b, c, d = walkable[i, j], walkable[i, j + 1], walkable[i + 1, j], walkable[i + 1, j + 1]
+    lines, right, above = blocked[i, j], blocked[i, j + 1], blocked[i + 1, j]
+    split = ((lines & RIGHT) > 0) & a & b | ((lines & UP) > 0) & a & c
+    split |= ((right & UP) > 0) & b & d | ((above & RIGHT) > 0) & c & d
+    split |= ((lines & DIAGONAL) > 0) & a & d | ((lines & ANTIDIAGONAL) > 0) & b & c
+    kind[i[split], j[split]] = ALONE
     return kind
+
+
+def _over_corners(combine: np.ufunc, values: np.ndarray) -> np.ndarray:
+    """Return ``combine`` (minimum, maximum) over the corners of every cell; ``values`` are (rows, cols)."""
+    beside = combine(values[:, :-1], values[:, 1:])
+    return np.asarray(combine(beside[:-1], beside[1:]))
 
 
 @allocating_kernel
