@@ -92,7 +92,7 @@ def exit_target(boundary: Boundary, k: int, x: float, y: float, radius: float) -
     return nearest_on_exit(ax, ay, ux, uy, width, x, y, radius)
 
 
-@kernel
+@inner_kernel
 def crosses(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> bool:
     """Return whether segments a-b and c-d cross each other; touching is not crossing."""
     c_side = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
