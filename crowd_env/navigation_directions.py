@@ -25,45 +25,59 @@ def descend(time: Floats, spacing: float) -> Floats:
 
     Known nodes lie at least two spacings from every wall, so neighbours are never on different sides of one.
     """
-    ex, ey = -_slope(time.T, spacing).T, -_slope(time, spacing)
-    norm = np.sqrt(ex * ex + ey * ey)
-    i, j = np.nonzero(norm <= _KINK)
-    around = np.pad(time, 1, constant_values=np.nan)
-    ex[i, j] = -_upwind_slope(around, i + 1, j + 1, 0, 1, spacing)
-    ey[i, j] = -_upwind_slope(around, i + 1, j + 1, 1, 0, spacing)
-    norm[i, j] = np.sqrt(ex[i, j] * ex[i, j] + ey[i, j] * ey[i, j])
     direction = np.zeros((*time.shape, 2))
-    for k, e in enumerate((ex, ey)):
-        np.divide(e, norm, out=direction[..., k], where=norm > 1e-6)  # false for nan
+    _descend(time, spacing, direction)
     return direction
 
 
-def _slope(time: Floats, spacing: float) -> Floats:
-    """Return the derivative of ``time`` from row to row, over known nodes only; 0 if there is no neighbour.
+@kernel
+def _descend(time: Floats, spacing: float, direction: Floats) -> None:
+    rows, cols = time.shape
+    for i in range(rows):
+        for j in range(cols):
+            if np.isnan(time[i, j]):
+                continue
+            norm, ex, ey = 0.0, 0.0, 0.0
+            for upwind in (False, True):
+                for along_x in (True, False):
+                    slope = -_slope(time, i, j, along_x, spacing, upwind)
+                    ex, ey = (slope, ey) if along_x else (ex, slope)
+                norm = np.sqrt(ex * ex + ey * ey)
+                if norm > _KINK:
+                    break
+            if norm > 1e-6:
+                direction[i, j, 0], direction[i, j, 1] = ex / norm, ey / norm
 
-    Central if both neighbours are known, else one-sided of second order where there are two nodes, else of first; nan at
-    nodes that are not known.
+
+@inner_kernel
+def _time_at(time: Floats, i: int, j: int) -> float:
+    return time[i, j] if 0 <= i < time.shape[0] and 0 <= j < time.shape[1] else np.nan
+
+
+@inner_kernel
+def _slope(time: Floats, i: int, j: int, along_x: bool, spacing: float, upwind: bool) -> float:
+    """Return the derivative of ``time`` along one axis, over known nodes only; 0 if there is no neighbour.
+
+    Central if both neighbours are known, else one-sided of second order where there are two nodes, else of first.
+    ``upwind`` looks only to the side of the smaller neighbour (the upper one on a tie).
     """
-    known = ~np.isnan(time)
-    slope = np.full(time.shape, np.nan)
-    slope[1:-1] = (time[2:] - time[:-2]) / (2.0 * spacing)
-    slope[~known] = np.nan
-    i, j = np.nonzero(known & np.isnan(slope))
-    around = np.pad(time, ((2, 2), (0, 0)), constant_values=np.nan)
-    before, low, here, high, after = (around[i + k, j] for k in range(5))
-    forwards = (4.0 * high - 3.0 * here - after) / (2.0 * spacing)
-    forwards = np.where(np.isnan(forwards), (high - here) / spacing, forwards)
-    backwards = (3.0 * here - 4.0 * low + before) / (2.0 * spacing)
-    backwards = np.where(np.isnan(backwards), (here - low) / spacing, backwards)
-    slope[i, j] = np.where(np.isnan(high), np.where(np.isnan(low), 0.0, backwards), forwards)
-    return slope
-
-
-def _upwind_slope(around: Floats, i: Ints, j: Ints, di: int, dj: int, spacing: float) -> Floats:
-    """Return the derivative as `_slope` does, looking only to the side of the smaller neighbour (the upper one on a tie)."""
-    here, low, high = around[i, j], around[i - di, j - dj], around[i + di, j + dj]
-    lower = np.where(low < here, (here - low) / spacing, 0.0)
-    return np.where((high < here) & ~(low < high), (high - here) / spacing, lower)
+    di, dj = (0, 1) if along_x else (1, 0)
+    here, low, high = time[i, j], _time_at(time, i - di, j - dj), _time_at(time, i + di, j + dj)
+    if upwind:
+        if high < here and not low < high:
+            return (high - here) / spacing
+        return (here - low) / spacing if low < here else 0.0
+    if not np.isnan(low) and not np.isnan(high):
+        return (high - low) / (2.0 * spacing)
+    if not np.isnan(high):
+        next_high = _time_at(time, i + 2 * di, j + 2 * dj)
+        slope = (4.0 * high - 3.0 * here - next_high) / (2.0 * spacing)
+        return (high - here) / spacing if np.isnan(slope) else slope
+    if not np.isnan(low):
+        next_low = _time_at(time, i - 2 * di, j - 2 * dj)
+        slope = (3.0 * here - 4.0 * low + next_low) / (2.0 * spacing)
+        return (here - low) / spacing if np.isnan(slope) else slope
+    return 0.0
 
 
 @inner_kernel

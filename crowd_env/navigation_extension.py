@@ -148,7 +148,8 @@ def _extend(
 
 def fill_from_nearest(time: Floats, direction: Floats, inside: Bools, known: Bools, spacing: float) -> None:
     """Lead every walkable node without a direction to the nearest known node, in a straight line."""
-    if (inside & ~direction.any(axis=2)).any():  # seldom: most places need not wait until it is compiled
+    lost = inside & (direction[..., 0] == 0.0) & (direction[..., 1] == 0.0)
+    if lost.any():  # seldom: most places need not wait until this is compiled
         _fill(time, direction, inside, known, spacing)
 
 
