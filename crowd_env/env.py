@@ -7,13 +7,15 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
+from crowd_env._reference import refer
 from crowd_env.action import ActionKind, Frame, action_space, check_frame, to_command
 from crowd_env.metrics import EpisodeMetrics, summarise_exits
 from crowd_env.observation import ObservationLayout
 from crowd_env.observer import Observer
 from crowd_env.physics import ContactScheme, make_scheme
-from crowd_env.progress import settle
-from crowd_env.reward import RewardWeights, Transition
+from crowd_env.progress import open_books, settle
+from crowd_env.recycled import Recycled
+from crowd_env.reward import REWARDS, RewardWeights, Transition, evaluate
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
 from crowd_env.simulation import Simulation, check_step
@@ -125,8 +127,6 @@ class CrowdEnv:
             _check_stable(place, scheme, dt)
         self.time_limit = np.array([time_limit or self.scenarios[k].time_limit for k in which])
         self.scenario_of_env = [self.scenarios[k] for k in which]
-        self._blocked_after = np.array([self.scenarios[k].blocked_after for k in which])
-        self._last_exit = np.zeros(num_envs)  # s
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
         draws = [
             s.population.draw(rng, s.geometry) for s, rng in zip(self.scenario_of_env, self._generators, strict=True)
@@ -148,12 +148,27 @@ class CrowdEnv:
         people = int(self.env_start[-1])
         self.env_of_person = np.repeat(np.arange(num_envs), np.diff(self.env_start))
         self._observer = Observer(self.simulation, self.layout, in_world=frame == "world", threads=threads)
-        self._duration = np.zeros(people)
-        self._impulse = np.zeros(people)
         self._route_of_all: list[Ints | None] = [None] * len(
             self.scenarios
         )  # known when it is the same in each episode
         self.finished = np.ones(num_envs, dtype=np.bool_)  # until the first reset
+        self._transition = refer(
+            Transition(
+                inside=np.zeros(people, dtype=np.bool_),
+                left=np.zeros(people, dtype=np.bool_),
+                travel_time_before=self._observer.travel_time_before,
+                travel_time_after=self._observer.travel_time,
+                duration=np.zeros(people),
+                crush=self.simulation.memory.crush,
+                mass=self.simulation.bodies.mass,
+                env_start=self.env_start,
+            )
+        )
+        blocked_after = np.array([place.blocked_after for place in self.scenario_of_env])
+        self._books = open_books(self._transition, self.simulation.state, self.finished, self.time_limit, blocked_after)
+        self._weighing = refer(self.reward_weights.plan())
+        self._term_names = [f"reward/{name}" for name in REWARDS]
+        self._terms = Recycled((len(REWARDS), people))
         self._started = False
 
     @property
@@ -213,43 +228,16 @@ class CrowdEnv:
             raise ValueError("call reset before the first step")
         simulation, state = self.simulation, self.simulation.state
         command, relative = self._command(action, rule)
-        inside, started = state.active.copy(), state.time.copy()
+        transition, books = self._transition.fields, self._books.fields
+        transition.inside[:], books.started[:] = state.active, state.time
         simulation.advance(command, relative=relative, n_substeps=self.n_substeps)
-        memory = simulation.memory
-        observation = self._observer.observe(inside)
-        left, truncated = np.empty_like(inside), np.empty_like(inside)
-        ended = np.empty_like(self.finished)
-        settle(
-            simulation.bodies,
-            state,
-            inside,
-            started,
-            self.time_limit,
-            self._blocked_after,
-            simulation.dt,
-            memory.crush,
-            self._last_exit,
-            self._impulse,
-            self.finished,
-            self._duration,
-            left,
-            truncated,
-            ended,
-        )
-        reward, terms = self.reward_weights.evaluate(
-            Transition(
-                inside=inside,
-                left=left,
-                travel_time_before=self._observer.travel_time_before,
-                travel_time_after=self._observer.travel_time,
-                duration=self._duration,
-                crush=memory.crush,
-                mass=simulation.bodies.mass,
-            ),
-            self.env_start,
-        )
+        observation = self._observer.observe(transition.inside)
+        settle(self._books, simulation.dt)
+        left, truncated, ended = transition.left.copy(), books.truncated.copy(), books.ended.copy()
+        terms = self._terms.take()
+        reward = evaluate(self._transition, self._weighing, terms)
         over = np.flatnonzero(ended)
-        info: dict[str, Any] = {f"reward/{name}": values for name, values in terms.items()}
+        info: dict[str, Any] = dict(zip(self._term_names, terms, strict=True))
         info["finished"] = ended
         info["diagnostics"] = type(simulation.last_diagnostics)._make(a.copy() for a in simulation.last_diagnostics)
         info["metrics"] = {int(e): self.metrics(int(e)) for e in over}
@@ -263,24 +251,22 @@ class CrowdEnv:
 
     def metrics(self, e: int) -> EpisodeMetrics:
         """Return the metrics of the episode of environment ``e`` so far."""
-        people, sums = self.people(e), self.simulation.diagnostics
+        people, sums, books = self.people(e), self.simulation.diagnostics, self._books.fields
         exits = summarise_exits(np.sort(self.simulation.state.exit_time[people]))
+        blocked = books.clock[e] - books.last_exit[e] > books.blocked_after[e]
         return EpisodeMetrics(
             evacuation_time=exits.last,
             mean_exit_time=exits.mean,
             unfinished=exits.missing,
-            blocked_since=float(self._last_exit[e]) if exits.missing and self._is_blocked(e) else float("nan"),
+            blocked_since=float(books.last_exit[e]) if exits.missing and blocked else float("nan"),
             flow=exits.flow,
-            contact_impulse=float(self._impulse[people].mean()),
+            contact_impulse=float(books.impulse[people].mean()),
             max_overlap=float(sums.max_overlap[e]),
             mean_overlap=float(sums.overlap_sum[e] / max(sums.overlap_count[e], 1)),
             max_outside=float(sums.max_outside[e]),
             residual=float(sums.residual[e]),
             unconverged=int(sums.unconverged[e]),
         )
-
-    def _is_blocked(self, e: int) -> bool:
-        return bool(self.simulation.state.time[e] - self._last_exit[e] > self._blocked_after[e])
 
     def _restart(self, e: int) -> None:
         scenario = self.scenario_of_env[e]
@@ -295,8 +281,8 @@ class CrowdEnv:
             self.simulation.send(e, chosen)
             if not scenario.depends_on_place(self.strategy):
                 self._route_of_all[kind] = chosen
-        self._impulse[self.people(e)] = 0.0
-        self._last_exit[e] = 0.0
+        self._books.fields.impulse[self.people(e)] = 0.0
+        self._books.fields.last_exit[e] = 0.0
         self.finished[e] = False
 
     def _command(self, action: ArrayLike | None, rule: ArrayLike | None) -> tuple[Floats | None, Bools | None]:

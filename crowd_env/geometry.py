@@ -167,12 +167,12 @@ class Geometry:
         stands = np.isin(self.door_of_wall, numbers)
         return self.walls[stands], self.two_sided[stands]
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
         """The bounding box (min x, min y, max x, max y) of the walkable area [m]."""
         return self.walkable.bounds
 
-    @property
+    @cached_property
     def area(self) -> float:
         """The walkable area [m^2]."""
         return float(self.walkable.area)

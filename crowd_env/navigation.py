@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from crowd_env import navigation_directions as directions
 from crowd_env import navigation_grid as grid
 from crowd_env.geometry import Boundary, Geometry
-from crowd_env.navigation_lookup import FieldArrays, direction_at, exit_target, quick_direction, travel_time_at
+from crowd_env.navigation_extension import extend_once, fill_from_nearest
+from crowd_env.navigation_lookup import FieldArrays, direction_at, exit_target, travel_time_at
 from crowd_env.navigation_march import gate, lead_through, march, march_through
 from crowd_env.navigation_plan import (
     SOURCE,
@@ -37,7 +38,6 @@ __all__ = [
     "direction_at",
     "exit_target",
     "join_fields",
-    "quick_direction",
     "regions_along",
     "straight_field",
     "travel_time_at",
@@ -265,12 +265,10 @@ def _solve(
     direction = directions.descend(time, h)
     lead_through(time, direction, gates)
     band, reach = radius, radius + SOURCE * h
-    while directions.extend_once(
-        time, direction, nodes.inside, plan.walls, plan.two_sided, nodes.origin, h, reach, band
-    ):
+    while extend_once(time, direction, nodes.inside, plan.walls, plan.two_sided, nodes.origin, h, reach, band):
         band = 0.0  # further passes fill gaps that are narrower than the disc: straight to the better end
     require_reached(plan, nodes, np.isnan(time))
-    directions.fill_from_nearest(time, direction, nodes.inside, ~np.isnan(time), h)
+    fill_from_nearest(time, direction, nodes.inside, ~np.isnan(time), h)
     # Where the floor is not the same all the way, a straight line is taken only if it takes no longer than on plain floor.
     detour = np.inf if speed is None else 0.02
     walls = np.concatenate(

@@ -1,4 +1,6 @@
-"""Kernels that turn travel times on a grid into directions for everyone: slope, band along walls, straight lines.
+"""Travel times on a grid become directions for everyone: slope, straight lines, and how to look up between the nodes.
+
+What NumPy does as fast is not compiled: a first start waits for every kernel.
 
 Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacing * (j, i)``.
 """
@@ -14,33 +16,37 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-_LEAN = 2.0  # how much a direction turns away from the wall per body radius of depth in the band along it
 _GET_AWAY = 0.25  # a straight line parts from a wall in whose band it starts by at least this sine
 _KINK = 0.95  # a gradient shorter than this (1 = smooth) averages two ways of equal length that part by over 36 degrees
 
 
-@inner_kernel
-def _walls_within(walls: Floats, x: float, y: float, reach: float, near: Ints) -> int:
-    """Write the walls whose bounding box comes within ``reach`` of (x, y) into ``near``; return their number."""
-    count = 0
-    for w in range(len(walls)):
-        if (
-            min(walls[w, 0, 0], walls[w, 1, 0]) <= x + reach
-            and max(walls[w, 0, 0], walls[w, 1, 0]) >= x - reach
-            and min(walls[w, 0, 1], walls[w, 1, 1]) <= y + reach
-            and max(walls[w, 0, 1], walls[w, 1, 1]) >= y - reach
-        ):
-            near[count] = w
-            count += 1
-    return count
+def descend(time: Floats, spacing: float) -> Floats:
+    """Return the unit vector (rows, cols, 2) of steepest descent of ``time`` at all known nodes; 0 elsewhere.
+
+    Known nodes lie at least two spacings from every wall, so neighbours are never on different sides of one.
+    """
+    direction = np.zeros((*time.shape, 2))
+    _descend(time, spacing, direction)
+    return direction
 
 
-@inner_kernel
-def _is_seen(walls: Floats, near: Ints, x: float, y: float, px: float, py: float) -> bool:
-    for w in near:
-        if crosses(x, y, px, py, walls[w, 0, 0], walls[w, 0, 1], walls[w, 1, 0], walls[w, 1, 1]):
-            return False
-    return True
+@kernel
+def _descend(time: Floats, spacing: float, direction: Floats) -> None:
+    rows, cols = time.shape
+    for i in range(rows):
+        for j in range(cols):
+            if np.isnan(time[i, j]):
+                continue
+            norm, ex, ey = 0.0, 0.0, 0.0
+            for upwind in (False, True):
+                for along_x in (True, False):
+                    slope = -_slope(time, i, j, along_x, spacing, upwind)
+                    ex, ey = (slope, ey) if along_x else (ex, slope)
+                norm = np.sqrt(ex * ex + ey * ey)
+                if norm > _KINK:
+                    break
+            if norm > 1e-6:
+                direction[i, j, 0], direction[i, j, 1] = ex / norm, ey / norm
 
 
 @inner_kernel
@@ -49,12 +55,13 @@ def _time_at(time: Floats, i: int, j: int) -> float:
 
 
 @inner_kernel
-def _slope(time: Floats, i: int, j: int, di: int, dj: int, spacing: float, upwind: bool) -> float:
+def _slope(time: Floats, i: int, j: int, along_x: bool, spacing: float, upwind: bool) -> float:
     """Return the derivative of ``time`` along one axis, over known nodes only; 0 if there is no neighbour.
 
     Central if both neighbours are known, else one-sided of second order where there are two nodes, else of first.
     ``upwind`` looks only to the side of the smaller neighbour (the upper one on a tie).
     """
+    di, dj = (0, 1) if along_x else (1, 0)
     here, low, high = time[i, j], _time_at(time, i - di, j - dj), _time_at(time, i + di, j + dj)
     if upwind:
         if high < here and not low < high:
@@ -71,136 +78,6 @@ def _slope(time: Floats, i: int, j: int, di: int, dj: int, spacing: float, upwin
         slope = (3.0 * here - 4.0 * low + next_low) / (2.0 * spacing)
         return (here - low) / spacing if np.isnan(slope) else slope
     return 0.0
-
-
-@allocating_kernel
-def descend(time: Floats, spacing: float) -> Floats:
-    """Return the unit vector (rows, cols, 2) of steepest descent of ``time`` at all known nodes; 0 elsewhere.
-
-    Known nodes lie at least two spacings from every wall, so neighbours are never on different sides of one.
-    """
-    rows, cols = time.shape
-    direction = np.zeros((rows, cols, 2))
-    for i in range(rows):
-        for j in range(cols):
-            if np.isnan(time[i, j]):
-                continue
-            norm, ex, ey = 0.0, 0.0, 0.0
-            for upwind in (False, True):
-                ex = -_slope(time, i, j, 0, 1, spacing, upwind)
-                ey = -_slope(time, i, j, 1, 0, spacing, upwind)
-                norm = np.sqrt(ex * ex + ey * ey)
-                if norm > _KINK:
-                    break
-            if norm > 1e-6:
-                direction[i, j, 0], direction[i, j, 1] = ex / norm, ey / norm
-    return direction
-
-
-@allocating_kernel
-def _push(walls: Floats, two_sided: Bools, near: Ints, x: float, y: float, radius: float) -> tuple[float, float]:
-    """Return the vector away from the walls nearer than ``radius``, as long as the depth in that band [radii].
-
-    The nearest wall counts and, for concave corners, the nearest one in another direction; the many short walls of a
-    round column must not count each.
-    """
-    px, py = 0.0, 0.0
-    for turn in range(2):
-        best, qx, qy = 0.0, 0.0, 0.0
-        for w in near:
-            ax, ay, bx, by = walls[w, 0, 0], walls[w, 0, 1], walls[w, 1, 0], walls[w, 1, 1]
-            ux, uy = bx - ax, by - ay
-            square = ux * ux + uy * uy
-            if not two_sided[w] and ux * (y - ay) - uy * (x - ax) < -1e-9 * square:
-                continue  # the far side of an obstacle
-            s = min(max(((x - ax) * ux + (y - ay) * uy) / square, 0.0), 1.0)
-            dx, dy = x - ax - s * ux, y - ay - s * uy
-            distance = np.sqrt(dx * dx + dy * dy)
-            if distance < 1e-6:  # on the wall: the area is to its left
-                dx, dy, distance = -uy * 1e-6 / np.sqrt(square), ux * 1e-6 / np.sqrt(square), 1e-6
-            depth = (radius - distance) / radius
-            along = (dx * px + dy * py) / distance
-            if depth > best and (turn == 0 or along < 0.5 * np.sqrt(px * px + py * py)):
-                best, qx, qy = depth, depth * dx / distance, depth * dy / distance
-        px, py = px + qx, py + qy
-    return px, py
-
-
-@allocating_kernel
-def extend_once(
-    time: Floats, direction: Floats, inside: Bools, walls: Floats, two_sided: Bools, origin: Floats, spacing: float,
-    reach: float, radius: float,
-) -> int:  # fmt: skip
-    """Give walkable nodes without a time (nan) the least time + distance over known nodes in a window; count them.
-
-    Only known nodes that are seen past all walls count.  With ``radius`` > 0 the direction is that of the nearest known
-    node, turned away from the walls the more, the deeper the node lies in the band of that width along them; without it,
-    it is the direction to the best known node.
-    """
-    rows, cols = time.shape
-    before, ahead = time.copy(), direction.copy()
-    near = np.empty(max(len(walls), 1), dtype=np.int64)
-    window = int(np.ceil(reach / spacing))
-    given = 0
-    for i in range(rows):
-        for j in range(cols):
-            if not inside[i, j] or not np.isnan(before[i, j]):
-                continue
-            x, y = origin[0] + j * spacing, origin[1] + i * spacing
-            count = _walls_within(walls, x, y, (window + 1) * spacing, near)
-            best, least, row, col = np.inf, np.inf, i, j
-            for p in range(max(i - window, 0), min(i + window + 1, rows)):
-                for q in range(max(j - window, 0), min(j + window + 1, cols)):
-                    length = spacing * np.sqrt(float((p - i) ** 2 + (q - j) ** 2))
-                    arrival = before[p, q] + length
-                    if not (arrival < best or (length < least and radius > 0.0)) or np.isnan(arrival):
-                        continue
-                    if not _is_seen(walls, near[:count], x, y, origin[0] + q * spacing, origin[1] + p * spacing):
-                        continue
-                    if (length < least) if radius > 0.0 else (arrival < best):
-                        least, row, col = length, p, q
-                    best = min(best, arrival)
-            if best == np.inf:
-                continue
-            time[i, j] = best
-            given += 1
-            ex, ey = (col - j) * spacing / least, (row - i) * spacing / least
-            if radius > 0.0:
-                px, py = _push(walls, two_sided, near[:count], x, y, radius)
-                depth = np.sqrt(px * px + py * py)
-                if depth > 1e-9:
-                    ex, ey = ahead[row, col, 0], ahead[row, col, 1]
-                    inward = min(ex * px + ey * py, 0.0) / (depth * depth)
-                    ex, ey = ex + (_LEAN - inward) * px, ey + (_LEAN - inward) * py
-            norm = np.sqrt(ex * ex + ey * ey)
-            if norm > 1e-9:
-                direction[i, j, 0], direction[i, j, 1] = ex / norm, ey / norm
-    return given
-
-
-@kernel
-def fill_from_nearest(time: Floats, direction: Floats, inside: Bools, known: Bools, spacing: float) -> None:
-    """Lead every walkable node without a direction to the nearest known node, in a straight line."""
-    rows, cols = time.shape
-    for i in range(rows):
-        for j in range(cols):
-            if not inside[i, j] or direction[i, j, 0] != 0.0 or direction[i, j, 1] != 0.0:
-                continue
-            lost = np.isnan(time[i, j])
-            p, q, least = i, j, np.inf
-            for ring in range(1, max(rows, cols)):
-                if ring * ring > least:
-                    break
-                for k in range(max(i - ring, 0), min(i + ring + 1, rows)):
-                    step = 1 if abs(k - i) == ring else 2 * ring
-                    for m in range(j - ring, j + ring + 1, step):
-                        square = float((k - i) ** 2 + (m - j) ** 2)
-                        if 0 <= m < cols and square < least and known[k, m] and (lost or time[k, m] < time[i, j]):
-                            p, q, least = k, m, square
-            if least < np.inf:
-                direction[i, j, 0], direction[i, j, 1] = (q - j) / np.sqrt(least), (p - i) / np.sqrt(least)
-                if lost:
-                    time[i, j] = time[p, q] + spacing * np.sqrt(least)
 
 
 @inner_kernel
@@ -239,7 +116,6 @@ def passes(walls: Floats, x: float, y: float, tx: float, ty: float, radius: floa
     return True
 
 
-@allocating_kernel
 def straight_lines(
     time: Floats, direction: Floats, walls: Floats, exits: Floats, rows_of_exits: Ints, origin: Floats,
     spacing: float, radius: float, detour: float,
@@ -250,8 +126,17 @@ def straight_lines(
     closer than that, must not come any closer; and it must be the best way by the time found so far, which must not exceed
     its length by more than the share ``detour``: then slow ground lies in between.
     """
+    direct = np.full(time.shape, -1, dtype=np.int64)
+    _go_straight(time, direction, walls, exits, rows_of_exits, origin, spacing, radius, detour, direct)
+    return direct
+
+
+@kernel
+def _go_straight(
+    time: Floats, direction: Floats, walls: Floats, exits: Floats, rows_of_exits: Ints, origin: Floats,
+    spacing: float, radius: float, detour: float, direct: Ints,
+) -> None:  # fmt: skip
     rows, cols = time.shape
-    direct = np.full((rows, cols), -1, dtype=np.int64)
     for i in range(rows):
         for j in range(cols):
             limit = time[i, j] + spacing
@@ -272,33 +157,33 @@ def straight_lines(
                 time[i, j] = length
                 ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, radius, radius)
                 direction[i, j, 0], direction[i, j, 1] = ex, ey
-    return direct
 
 
-@allocating_kernel
 def cell_kinds(time: Floats, direct: Ints, blocked: NDArray[np.uint8]) -> Ints:
     """Return for the cell right of and above every node how to look up in it: an exit, `BLEND` or `ALONE`.
 
     It is an exit if all walkable corners reach that exit in a straight line.
     """
-    rows, cols = time.shape
-    kind = np.full((rows, cols), ALONE, dtype=np.int64)
-    for i in range(rows - 1):
-        for j in range(cols - 1):
-            a, b = not np.isnan(time[i, j]), not np.isnan(time[i, j + 1])
-            c, d = not np.isnan(time[i + 1, j]), not np.isnan(time[i + 1, j + 1])
-            lines = blocked[i, j]
-            split = (lines & RIGHT and a and b) or (lines & UP and a and c) or (blocked[i, j + 1] & UP and b and d)
-            split = split or (blocked[i + 1, j] & RIGHT and c and d)
-            split = split or (lines & DIAGONAL and a and d) or (lines & ANTIDIAGONAL and b and c)
-            if split or not (a or b or c or d):
-                continue
-            least, most = np.iinfo(np.int64).max, -1
-            for p, q, walkable in ((i, j, a), (i, j + 1, b), (i + 1, j, c), (i + 1, j + 1, d)):
-                if walkable:
-                    least, most = min(least, direct[p, q]), max(most, direct[p, q])
-            kind[i, j] = most if least == most else BLEND
+    walkable = ~np.isnan(time)
+    nowhere = np.iinfo(np.int32).max
+    least = _over_corners(np.minimum, np.where(walkable, direct, nowhere).astype(np.int32))
+    most = _over_corners(np.maximum, np.where(walkable, direct, -1).astype(np.int32))
+    kind = np.full(time.shape, ALONE, dtype=np.int64)
+    kind[:-1, :-1] = np.where(least == most, most, np.where(least == nowhere, ALONE, BLEND))
+    i, j = np.nonzero(blocked[:-1, :-1] | blocked[:-1, 1:] | blocked[1:, :-1])
+    a, b, c, d = walkable[i, j], walkable[i, j + 1], walkable[i + 1, j], walkable[i + 1, j + 1]
+    lines, right, above = blocked[i, j], blocked[i, j + 1], blocked[i + 1, j]
+    split = ((lines & RIGHT) > 0) & a & b | ((lines & UP) > 0) & a & c
+    split |= ((right & UP) > 0) & b & d | ((above & RIGHT) > 0) & c & d
+    split |= ((lines & DIAGONAL) > 0) & a & d | ((lines & ANTIDIAGONAL) > 0) & b & c
+    kind[i[split], j[split]] = ALONE
     return kind
+
+
+def _over_corners(combine: np.ufunc, values: np.ndarray) -> np.ndarray:
+    """Return ``combine`` (minimum, maximum) over the corners of every cell; ``values`` are (rows, cols)."""
+    beside = combine(values[:, :-1], values[:, 1:])
+    return np.asarray(combine(beside[:-1], beside[1:]))
 
 
 @allocating_kernel

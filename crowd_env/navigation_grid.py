@@ -1,4 +1,4 @@
-"""Kernels over the nodes of a grid: distance to walls, lines that walls cross, parts that are connected.
+"""The nodes of a grid: distance to walls, lines that walls cross, parts that are connected.
 
 Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacing * (j, i)``.
 """
@@ -6,7 +6,7 @@ Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacin
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import allocating_kernel, inner_kernel
+from crowd_env._jit import inner_kernel, kernel
 from crowd_env.navigation_lookup import crosses
 
 Floats = NDArray[np.float64]
@@ -27,93 +27,92 @@ def distance_to_segment(x: float, y: float, ax: float, ay: float, bx: float, by:
     return np.sqrt((ax + s * ux - x) ** 2 + (ay + s * uy - y) ** 2)
 
 
-@allocating_kernel
 def capped_distance(segments: Floats, rows: int, cols: int, origin: Floats, spacing: float, cap: float) -> Floats:
     """Return the distance of every node to the nearest of ``segments`` (W, 2, 2), or ``cap`` if that is nearer [m]."""
     nearest = np.full((rows, cols), cap)
+    _lower_to_distance(segments, origin, spacing, cap, nearest)
+    return nearest
+
+
+@kernel
+def _lower_to_distance(segments: Floats, origin: Floats, spacing: float, cap: float, nearest: Floats) -> None:
+    """Lower ``nearest`` (rows, cols) [m] to the distance to segments wherever that is less than ``cap``."""
+    rows, cols = nearest.shape
     for w in range(len(segments)):
         ax, ay, bx, by = segments[w, 0, 0], segments[w, 0, 1], segments[w, 1, 0], segments[w, 1, 1]
-        i0 = max(int((min(ay, by) - cap - origin[1]) / spacing), 0)
-        i1 = min(int((max(ay, by) + cap - origin[1]) / spacing) + 2, rows)
-        j0 = max(int((min(ax, bx) - cap - origin[0]) / spacing), 0)
-        j1 = min(int((max(ax, bx) + cap - origin[0]) / spacing) + 2, cols)
+        i0, i1 = window(ay, by, cap, origin[1], spacing, rows)
+        j0, j1 = window(ax, bx, cap, origin[0], spacing, cols)
         for i in range(i0, i1):
             for j in range(j0, j1):
                 distance = distance_to_segment(origin[0] + j * spacing, origin[1] + i * spacing, ax, ay, bx, by)
                 nearest[i, j] = min(nearest[i, j], distance)
-    return nearest
 
 
-@allocating_kernel
+@inner_kernel
+def window(a: float, b: float, reach: float, origin: float, spacing: float, count: int) -> tuple[int, int]:
+    """Return first and last + 1 of the ``count`` nodes of an axis that come within ``reach`` of a...b [m]."""
+    first = int((min(a, b) - reach - origin) / spacing)
+    last = int((max(a, b) + reach - origin) / spacing) + 2
+    return max(first, 0), min(last, count)
+
+
 def blocked_lines(walls: Floats, rows: int, cols: int, origin: Floats, spacing: float) -> NDArray[np.uint8]:
     """Return for every node which of the four lines of its cell (bits `RIGHT` ... `ANTIDIAGONAL`) a wall crosses."""
     blocked = np.zeros((rows, cols), dtype=np.uint8)
-    for w in range(len(walls)):
-        ax, ay, bx, by = walls[w, 0, 0], walls[w, 0, 1], walls[w, 1, 0], walls[w, 1, 1]
-        i0 = max(int((min(ay, by) - origin[1]) / spacing) - 1, 0)
-        i1 = min(int((max(ay, by) - origin[1]) / spacing) + 2, rows)
-        j0 = max(int((min(ax, bx) - origin[0]) / spacing) - 1, 0)
-        j1 = min(int((max(ax, bx) - origin[0]) / spacing) + 2, cols)
-        for i in range(i0, i1):
-            for j in range(j0, j1):
-                x0, y0 = origin[0] + j * spacing, origin[1] + i * spacing
-                x1, y1 = x0 + spacing, y0 + spacing
-                if distance_to_segment(x0, y0, ax, ay, bx, by) > 2.0 * spacing:
-                    continue
-                if crosses(ax, ay, bx, by, x0, y0, x1, y0):
-                    blocked[i, j] |= RIGHT
-                if crosses(ax, ay, bx, by, x0, y0, x0, y1):
-                    blocked[i, j] |= UP
-                if crosses(ax, ay, bx, by, x0, y0, x1, y1):
-                    blocked[i, j] |= DIAGONAL
-                if crosses(ax, ay, bx, by, x1, y0, x0, y1):
-                    blocked[i, j] |= ANTIDIAGONAL
+    _block_lines(walls, origin, spacing, blocked)
     return blocked
 
 
-@allocating_kernel
+@kernel
+def _block_lines(walls: Floats, origin: Floats, spacing: float, blocked: NDArray[np.uint8]) -> None:
+    rows, cols = blocked.shape
+    for w in range(len(walls)):
+        ax, ay, bx, by = walls[w, 0, 0], walls[w, 0, 1], walls[w, 1, 0], walls[w, 1, 1]
+        i0, i1 = window(ay, by, spacing, origin[1], spacing, rows)
+        j0, j1 = window(ax, bx, spacing, origin[0], spacing, cols)
+        for i in range(i0, i1):
+            for j in range(j0, j1):
+                x, y = origin[0] + j * spacing, origin[1] + i * spacing
+                if distance_to_segment(x, y, ax, ay, bx, by) > 2.0 * spacing:
+                    continue
+                for line in range(4):  # from the node, or for the last one from its right neighbour
+                    x0, x1 = (x + spacing if line == 3 else x), (x if line == 1 or line == 3 else x + spacing)
+                    y1 = y if line == 0 else y + spacing
+                    if crosses(ax, ay, bx, by, x0, y, x1, y1):
+                        blocked[i, j] |= 1 << line
+
+
 def with_fringe(free: Bools, allowed: Bools) -> Bools:
     """Return ``free`` and its side-by-side neighbours that are ``allowed``."""
-    rows, cols = free.shape
     wider = free.copy()
-    for i in range(rows):
-        for j in range(cols):
-            if allowed[i, j] and not free[i, j]:
-                beside = (i > 0 and free[i - 1, j]) or (i + 1 < rows and free[i + 1, j])
-                wider[i, j] = beside or (j > 0 and free[i, j - 1]) or (j + 1 < cols and free[i, j + 1])
-    return wider
+    wider[1:] |= free[:-1]
+    wider[:-1] |= free[1:]
+    wider[:, 1:] |= free[:, :-1]
+    wider[:, :-1] |= free[:, 1:]
+    return free | (wider & allowed)
 
 
-@allocating_kernel
 def connected_parts(free: Bools, seeds: Bools) -> Ints:
-    """Return a label per node: 1 = connected to a seed (side by side), 2, 3 ... other parts, 0 = not free."""
-    rows, cols = free.shape
-    label = np.zeros((rows, cols), dtype=np.int64)
-    stack = np.empty(rows * cols, dtype=np.int64)
-    size, latest = 0, 1
-    for n in range(rows * cols):
-        if seeds[n // cols, n % cols] and free[n // cols, n % cols]:
-            label[n // cols, n % cols] = 1
-            stack[size] = n
-            size += 1
-    following = 0
-    while True:
-        while size > 0:
-            size -= 1
-            i, j = stack[size] // cols, stack[size] % cols
-            for di, dj in ((0, 1), (1, 0), (0, -1), (-1, 0)):
-                p, q = i + di, j + dj
-                if 0 <= p < rows and 0 <= q < cols and free[p, q] and label[p, q] == 0:
-                    label[p, q] = latest
-                    stack[size] = p * cols + q
-                    size += 1
-        while following < rows * cols:
-            i, j = following // cols, following % cols
-            if free[i, j] and label[i, j] == 0:
-                break
-            following += 1
-        if following == rows * cols:
-            return label
-        latest += 1
-        label[following // cols, following % cols] = latest
-        stack[0], size = following, 1
+    """Return a label per node: 1 = connected to a seed (side by side), 2, 3 ... other parts, 0 = not free.
+
+    What lies side by side in a row is a run; runs that touch runs of the next row take the least number of all they hang
+    together with.
+    """
+    starts = free.copy()
+    starts[:, 1:] &= ~free[:, :-1]
+    run = np.where(free, (np.cumsum(starts, dtype=np.int32) - 1).reshape(free.shape), -1)
+    touch = free[1:] & free[:-1]
+    touch[:, 1:] &= ~touch[:, :-1]  # once where runs begin to lie side by side
+    upper, lower = run[:-1][touch], run[1:][touch]
+    part = np.arange(np.count_nonzero(starts))
+    while (part[upper] != part[lower]).any():
+        least = np.minimum(part[upper], part[lower])
+        for side in (upper, lower):
+            np.minimum.at(part, part[side], least)
+        while (part != part[part]).any():
+            part = part[part]
+    number = np.zeros(len(part), dtype=np.int64)
+    number[part[run[seeds & free]]] = 1
+    others = (part == np.arange(len(part))) & (number == 0)
+    number[others] = 2 + np.arange(np.count_nonzero(others))
+    return np.append(number[part], 0)[run]

@@ -92,7 +92,7 @@ def exit_target(boundary: Boundary, k: int, x: float, y: float, radius: float) -
     return nearest_on_exit(ax, ay, ux, uy, width, x, y, radius)
 
 
-@kernel
+@inner_kernel
 def crosses(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> bool:
     """Return whether segments a-b and c-d cross each other; touching is not crossing."""
     c_side = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
@@ -104,7 +104,7 @@ def crosses(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx
     return (a_side > 1e-12 and b_side < -1e-12) or (a_side < -1e-12 and b_side > 1e-12)
 
 
-@kernel
+@inner_kernel
 def _cell(u: float, count: int) -> tuple[int, float]:
     """Return the cell of grid coordinate ``u`` along an axis of ``count`` nodes, and the place within it (0..1).
 
@@ -202,35 +202,54 @@ def blended_direction(direction: Floats, first: int, cols: int, u: float, v: flo
 
 
 @inner_kernel
-def quick_direction(
-    cell: NDArray[np.int16],
-    direction: Floats,
-    exit_line: Floats,
-    start: int,
-    rows: int,
-    cols: int,
-    left: float,
-    bottom: float,
-    spacing: float,
-    margin: float,
-    x: float,
-    y: float,
-    radius: float,
-) -> tuple[bool, float, float]:
-    """Return whether the way out at (x, y) is plain, and its unit vector: all but the cells that a wall runs through.
+def way_at(
+    field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, radius: float
+) -> tuple[float, float, float]:
+    """Return the unit vector of the way out at (x, y) for a disc of ``radius`` [m] by field ``f``, and its length [m].
 
-    It takes the few arrays it reads apart from the rest: handing over a whole NamedTuple of arrays costs more than the look-up.
+    The length is the travel time at 1 m/s [s].  Without a field they are (0, 0) and nan.
     """
-    first, u, v = quick_cell(start, rows, cols, left, bottom, spacing, x, y)
-    k = cell[first]
+    rows, cols = field.shape[f, 0], field.shape[f, 1]
+    if cols == 0:
+        return 0.0, 0.0, np.nan
+    first, u, v = quick_cell(
+        field.node_start[f], rows, cols, field.origin[f, 0], field.origin[f, 1], field.spacing[f], x, y
+    )
+    k = field.cell[first]
     if k >= 0:
-        ax, ay, ux, uy, width, nx, ny = exit_frame(exit_line, k)
+        margin = field.margin[f]
         margin = margin if margin >= 0.0 else radius
+        ax, ay, ux, uy, width, nx, ny = exit_frame(boundary.exit, k)
         ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, radius, margin)
-        return True, ex, ey
-    if k != BLEND:
-        return False, 0.0, 0.0
-    return blended_direction(direction, first, cols, u, v)
+        tx, ty = nearest_on_exit(ax, ay, ux, uy, width, x, y, margin)
+        return ex, ey, np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
+    if k == BLEND:
+        plain, ex, ey = blended_direction(field.direction, first, cols, u, v)
+        length = _blended_time(field.travel_time, first, cols, u, v)
+        if not (plain and length >= 0.0):
+            node = _best_corner(field.travel_time, first, cols)
+            if not plain:  # two ways of equal length: take one
+                ex, ey = field.direction[node, 0], field.direction[node, 1]
+            if not length >= 0.0:
+                length = field.travel_time[node]
+        return ex, ey, length
+    node = _node_for(field, boundary, f, x, y, first)
+    if node < 0:
+        return 0.0, 0.0, np.nan
+    return field.direction[node, 0], field.direction[node, 1], field.travel_time[node]
+
+
+@inner_kernel
+def _blended_time(travel_time: Floats, first: int, cols: int, u: float, v: float) -> float:
+    """Return the travel time between the walkable corners of a cell, nan if they are too far."""
+    total, weights = 0.0, 0.0
+    for c in range(4):
+        time = travel_time[first + (c >> 1) * cols + (c & 1)]
+        weight = (u if c & 1 else 1.0 - u) * (v if c >> 1 else 1.0 - v)
+        if time < np.inf:  # false for nan
+            total += weight * time
+            weights += weight
+    return total / weights if weights > 1e-3 else np.nan
 
 
 @kernel
@@ -238,59 +257,12 @@ def direction_at(
     field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, radius: float
 ) -> tuple[float, float]:
     """Return the unit vector of the way out at (x, y) for a disc of ``radius`` [m] by field ``f``; (0, 0) without one."""
-    rows, cols = field.shape[f, 0], field.shape[f, 1]
-    if cols == 0:
-        return 0.0, 0.0
-    start, spacing, left, bottom = field.node_start[f], field.spacing[f], field.origin[f, 0], field.origin[f, 1]
-    plain, ex, ey = quick_direction(
-        field.cell,
-        field.direction,
-        boundary.exit,
-        start,
-        rows,
-        cols,
-        left,
-        bottom,
-        spacing,
-        field.margin[f],
-        x,
-        y,
-        radius,
-    )
-    if plain:
-        return ex, ey
-    first, _, _ = quick_cell(start, rows, cols, left, bottom, spacing, x, y)
-    if field.cell[first] == BLEND:
-        best = _best_corner(field.travel_time, first, cols)  # two ways of equal length: take one
-    else:
-        best = _node_for(field, boundary, f, x, y, first)
-        if best < 0:
-            return 0.0, 0.0
-    return field.direction[best, 0], field.direction[best, 1]
+    ex, ey, _ = way_at(field, boundary, f, x, y, radius)
+    return ex, ey
 
 
 @kernel
 def travel_time_at(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, radius: float) -> float:
     """Return the length of the way out from (x, y) [m], i.e. the travel time at 1 m/s [s]; nan without a field."""
-    cols = field.shape[f, 1]
-    if cols == 0:
-        return np.nan
-    j, u = _cell((x - field.origin[f, 0]) / field.spacing[f], cols)
-    i, v = _cell((y - field.origin[f, 1]) / field.spacing[f], field.shape[f, 0])
-    first = field.node_start[f] + i * cols + j
-    k = field.cell[first]
-    if k >= 0:
-        margin = field.margin[f]
-        tx, ty = exit_target(boundary, k, x, y, margin if margin >= 0.0 else radius)
-        return np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
-    if k != BLEND:
-        node = _node_for(field, boundary, f, x, y, first)
-        return field.travel_time[node] if node >= 0 else np.nan
-    total, weights = 0.0, 0.0
-    for c in range(4):
-        time = field.travel_time[first + (c >> 1) * cols + (c & 1)]
-        weight = (u if c & 1 else 1.0 - u) * (v if c >> 1 else 1.0 - v)
-        if time < np.inf:  # false for nan
-            total += weight * time
-            weights += weight
-    return total / weights if weights > 1e-3 else field.travel_time[_best_corner(field.travel_time, first, cols)]
+    _, _, length = way_at(field, boundary, f, x, y, radius)
+    return length

@@ -6,12 +6,12 @@ Vectors are given in the frame of the actions: along and to the left of the shor
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from crowd_env.geometry import Boundary
-from crowd_env.perception import (
+from crowd_env.state import Ints
+from crowd_env.view import (
     CRUSH,
     DENSITY,
     DESIRED_SPEED,
@@ -23,12 +23,8 @@ from crowd_env.perception import (
     VELOCITY,
     WALLS,
     Plan,
-    cast_rays,
-    feel,
-    look_around,
+    View,
 )
-from crowd_env.physics.neighbor_list import NeighbourList
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 __all__ = ["SIGHT", "TERMS", "ObservationLayout", "View"]
 
@@ -36,23 +32,6 @@ __all__ = ["SIGHT", "TERMS", "ObservationLayout", "View"]
 ALL_PAIRS = 96
 MOST_NEIGHBOURS = 32
 MOST_RAYS = 360
-
-
-class View(NamedTuple):
-    """What an observation is made from."""
-
-    boundary: Boundary
-    door_open: Bools  # (E, D)
-    geometry_of_env: Ints  # (E,)
-    bodies: Bodies
-    state: CrowdState
-    near: NeighbourList  # only its cells, as scratch
-    push: Floats  # (P, 2) N s  contact impulse since the last decision
-    crush: Floats  # (P,)   N s  sum of its magnitudes
-    seen: Bools  # (P,)    whose observation is wanted; the rest stays zero
-    axis: Floats  # (P, 2)  first axis of the frame
-    direction: Floats  # (P, 2)  of the shortest path
-    travel_time: Floats  # (P,)    s, at the own desired speed; 0 for those who are out
 
 
 # Name -> (law, width); "neighbours" and "walls" multiply the width by how many are asked for.  A law is a function
@@ -128,8 +107,14 @@ class ObservationLayout:
         begin = sum(self.width(name) for name in self.terms[: self.terms.index(term)])
         return slice(begin, begin + self.width(term))
 
-    def plan(self, all_pairs: int = ALL_PAIRS) -> Plan:
-        """Return where the compiled terms go, and scratch for one thread; rooms of up to ``all_pairs`` people need no cells."""
+    def plan(self, largest: int, all_pairs: int = ALL_PAIRS) -> Plan:
+        """Return where the compiled terms go, and scratch for one thread.
+
+        Parameters
+        ----------
+        largest : how many people the largest room holds.
+        all_pairs : rooms of up to so many people need no cells.
+        """
         column = np.full(9, -1, dtype=np.int64)
         for term in self.terms:
             law = TERMS[term][0]
@@ -140,66 +125,11 @@ class ObservationLayout:
             column=column,
             turn=np.column_stack([np.cos(angle), np.sin(angle)]),
             beam=np.zeros((3, self.rays)),
-            nearest=np.zeros(self.neighbours, dtype=np.int64),
-            around=np.zeros((3, all_pairs)),
-            slot=np.zeros(all_pairs, dtype=np.int64),
-            key=np.zeros(all_pairs, dtype=np.int64),
+            nearest=np.zeros(self.neighbours),
+            around=np.zeros((4, largest)),
+            key=np.zeros(largest),
+            all_pairs=all_pairs,
         )
-
-    def observe(self, view: View, rooms: Ints, plan: Plan, out: np.ndarray) -> None:
-        """Write the rows of ``out`` (P, size) float32 of everyone in ``rooms``, all but the terms that are not compiled."""
-        bodies, state, env_start, column = view.bodies, view.state, view.bodies.env_start, plan.column
-        feel(
-            rooms,
-            env_start,
-            column,
-            view.seen,
-            view.axis,
-            state.velocity,
-            bodies.desired_speed,
-            view.direction,
-            view.travel_time,
-            view.push,
-            view.crush,
-            bodies.mass,
-            out,
-        )
-        if "walls" in self.terms:
-            cast_rays(
-                rooms,
-                env_start,
-                column,
-                view.geometry_of_env,
-                view.boundary.wall_start,
-                view.boundary.wall,
-                view.boundary.wall_door,
-                view.door_open,
-                view.seen,
-                view.axis,
-                state.position,
-                bodies.radius,
-                plan.turn,
-                plan.beam,
-                out,
-            )
-        if "neighbours" in self.terms or "density" in self.terms:
-            look_around(
-                rooms,
-                env_start,
-                column,
-                view.axis,
-                view.seen,
-                state.active,
-                state.position,
-                state.velocity,
-                bodies.radius,
-                view.near,
-                plan.nearest,
-                plan.around,
-                plan.slot,
-                plan.key,
-                out,
-            )
 
     @property
     def own_terms(self) -> tuple[str, ...]:

@@ -4,9 +4,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from crowd_env._reference import Reference, refer
 from crowd_env.observation import ObservationLayout, View
-from crowd_env.perception import Plan
-from crowd_env.progress import look_ahead
+from crowd_env.perception import perceive
 from crowd_env.recycled import Recycled
 from crowd_env.simulation import Simulation
 from crowd_env.state import Bools, Ints
@@ -38,55 +38,64 @@ class Observer:
         self.travel_time = np.zeros(people)
         self.travel_time_before = np.zeros(people)
         self.rows = Recycled((people, layout.size), np.float32)
-        self._field = np.full(people, -1, dtype=np.int64)  # by which the travel time was found
+        self._looked_up = np.full(people, -1, dtype=np.int64)
         self._axis = np.tile([1.0, 0.0], (people, 1)) if in_world else self.direction
+        self._seen = np.zeros(people, dtype=np.bool_)
+        self._who = np.zeros(people, dtype=np.int32)
         self._all_rooms = np.arange(rooms)
         side_by_side = min(threads, rooms) if people >= _ENOUGH_FOR_THREADS else 1
-        self._plans = [layout.plan() for _ in range(side_by_side)]
+        largest = int(np.diff(simulation.bodies.env_start).max())
+        self._plans = [refer(layout.plan(largest)) for _ in range(side_by_side)]
         self._pool: ThreadPoolExecutor | None = None
+        self._view: Reference | None = None
+        self._made_of: tuple[object, object] | None = None  # what the view refers to and the simulation may replace
 
     def observe(self, seen: Bools, rooms: Ints | None = None, out: np.ndarray | None = None) -> np.ndarray:
         """Return the observation (P, D) of those ``seen`` (P,), or write that of some rooms; the others' rows are zero."""
-        simulation = self.simulation
-        world, bodies, state, memory = simulation.world, simulation.bodies, simulation.state, simulation.memory
+        view = self._referred()
+        self._seen[:] = seen
         rows = self.rows.take() if out is None else out
-        view = View(
-            boundary=world.boundary,
-            door_open=memory.door_open,
-            geometry_of_env=world.geometry_of_env,
-            bodies=bodies,
-            state=state,
-            near=memory.near,
-            push=memory.push,
-            crush=memory.crush,
-            seen=seen,
-            axis=self._axis,
-            direction=self.direction,
-            travel_time=self.travel_time,
-        )
-
-        def look(part: Ints, plan: Plan) -> None:
-            look_ahead(
-                part,
-                world.field,
-                world.boundary,
-                world.guidance.field_of_route,
-                memory.followed,
-                bodies,
-                state,
-                seen,
-                self._field,
-                self.direction,
-                self.travel_time,
-                self.travel_time_before,
-            )
-            self.layout.observe(view, part, plan, rows)
-
         if rooms is not None or len(self._plans) == 1:
-            look(self._all_rooms if rooms is None else rooms, self._plans[0])
+            perceive(self._all_rooms if rooms is None else rooms, view, self._plans[0], rows)
         else:
             if self._pool is None:
                 self._pool = ThreadPoolExecutor(len(self._plans))
-            list(self._pool.map(look, np.array_split(self._all_rooms, len(self._plans)), self._plans))
-        self.layout.add_own_terms(view, self._all_rooms if rooms is None else rooms, rows)
+            parts = np.array_split(self._all_rooms, len(self._plans))
+            list(self._pool.map(lambda part, plan: perceive(part, view, plan, rows), parts, self._plans))
+        if self.layout.own_terms:
+            self.layout.add_own_terms(view.fields, self._all_rooms if rooms is None else rooms, rows)
         return rows
+
+    def _referred(self) -> Reference:
+        """Return what an observation is made from, anew if the simulation has replaced something: a door, its memory."""
+        world, memory = self.simulation.world, self.simulation.memory
+        if (
+            self._view is None
+            or self._made_of is None
+            or self._made_of[0] is not world
+            or self._made_of[1] is not memory
+        ):
+            self._made_of = (world, memory)
+            self._view = refer(
+                View(
+                    boundary=world.boundary,
+                    door_open=memory.door_open,
+                    geometry_of_env=world.geometry_of_env,
+                    field=world.field,
+                    field_of_route=world.guidance.field_of_route,
+                    followed=memory.followed,
+                    bodies=self.simulation.bodies,
+                    state=self.simulation.state,
+                    near=memory.near,
+                    push=memory.push,
+                    crush=memory.crush,
+                    seen=self._seen,
+                    who=self._who,
+                    axis=self._axis,
+                    direction=self.direction,
+                    travel_time=self.travel_time,
+                    travel_time_before=self.travel_time_before,
+                    looked_up=self._looked_up,
+                )
+            )
+        return self._view

@@ -1,165 +1,75 @@
-"""What became of everyone in a decision step, compiled: who got out, who has how far to go, and whose episode is over."""
+"""What became of everyone in a decision step, compiled: who got out, and whose episode is over."""
+
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from crowd_env._jit import inner_kernel, kernel
-from crowd_env.geometry import Boundary
-from crowd_env.navigation import FieldArrays, direction_at, travel_time_at
-from crowd_env.navigation_lookup import (
-    BLEND,
-    blended_direction,
-    exit_frame,
-    nearest_on_exit,
-    quick_cell,
-    through_exit,
-)
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env._jit import kernel
+from crowd_env._reference import Reference, refer
+from crowd_env.reward import Transition
+from crowd_env.state import Bools, CrowdState, Floats
 
 
-@kernel
-def look_ahead(
-    rooms: Ints,
-    field: FieldArrays,
-    boundary: Boundary,
-    field_of_route: Ints,
-    followed: Ints,
-    bodies: Bodies,
-    state: CrowdState,
-    seen: Bools,
-    row: Ints,
-    direction: Floats,
-    travel_time: Floats,
-    before: Floats,
-) -> None:
-    """Write direction (P, 2) and travel time (P,) of the followed route of everyone who is seen, for some rooms.
+class Books(NamedTuple):
+    """What is kept of a step and of the episodes so far."""
 
-    ``row`` (P,) is the field that was looked at.  ``before`` (P,) becomes the travel time as it was, or, if it was by another
-    field, as it is now: another way is no progress.
-    """
-    cell, directions, times, exit_line = field.cell, field.direction, field.travel_time, boundary.exit
-    position, radius, active, speed = state.position, bodies.radius, state.active, bodies.desired_speed
-    f, rows, cols, start, margin, left, bottom, spacing = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0
-    for e in rooms:
-        for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-            if not seen[i]:
-                before[i] = travel_time[i]
-                continue
-            mine = field_of_route[e, followed[i]]
-            if mine != f:
-                f = mine
-                rows, cols, margin = field.shape[f, 0], field.shape[f, 1], field.margin[f]
-                start, left, bottom, spacing = (
-                    field.node_start[f],
-                    field.origin[f, 0],
-                    field.origin[f, 1],
-                    field.spacing[f],
-                )
-            x, y, r = position[i, 0], position[i, 1], radius[i]
-            plain, ex, ey, length = False, 0.0, 0.0, np.nan
-            if cols > 0:
-                first, u, v = quick_cell(start, rows, cols, left, bottom, spacing, x, y)
-                plain, ex, ey, length = quick_way(
-                    cell, directions, times, exit_line, first, cols, u, v, margin if margin >= 0.0 else r, x, y, r
-                )
-            if not plain:
-                ex, ey = direction_at(field, boundary, f, x, y, r)
-            direction[i, 0], direction[i, 1] = ex, ey
-            now = 0.0
-            if active[i]:
-                if not length >= 0.0:
-                    length = travel_time_at(field, boundary, f, x, y, r)
-                # Someone who does not want to move would need for ever: the time at a slow walk stands in.
-                now = length / max(speed[i], 0.1)
-            before[i] = travel_time[i] if row[i] == f else now
-            row[i] = f
-            travel_time[i] = now
+    step: Transition  # who was inside at its start, and what became of them
+    active: Bools  # (P,)
+    exit_time: Floats  # (P,)  s
+    clock: Floats  # (E,)  s
+    started: Floats  # (E,)  s    when the step started
+    time_limit: Floats  # (E,)  s
+    blocked_after: Floats  # (E,)  s
+    last_exit: Floats  # (E,)  s    of the episode
+    impulse: Floats  # (P,)  N s  of the episode, sum of contact impulse magnitudes
+    finished: Bools  # (E,)
+    truncated: Bools  # (P,)   whom the end of the episode found inside
+    ended: Bools  # (E,)   whose episode ended in this step
 
 
-@inner_kernel
-def quick_way(
-    cell: NDArray[np.int16],
-    direction: Floats,
-    travel_time: Floats,
-    exit_line: Floats,
-    first: int,
-    cols: int,
-    u: float,
-    v: float,
-    margin: float,
-    x: float,
-    y: float,
-    radius: float,
-) -> tuple[bool, float, float, float]:
-    """Return what `quick_direction` does, and the length of the way [m] as `travel_time_at` has it, nan if it is not plain."""
-    k = cell[first]
-    if k >= 0:
-        ax, ay, ux, uy, width, nx, ny = exit_frame(exit_line, k)
-        tx, ty = nearest_on_exit(ax, ay, ux, uy, width, x, y, margin)
-        ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, radius, margin)
-        return True, ex, ey, np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
-    if k != BLEND:
-        return False, 0.0, 0.0, np.nan
-    plain, ex, ey = blended_direction(direction, first, cols, u, v)
-    total, weights = 0.0, 0.0
-    for c in range(4):
-        time = travel_time[first + (c >> 1) * cols + (c & 1)]
-        weight = (u if c & 1 else 1.0 - u) * (v if c >> 1 else 1.0 - v)
-        if time < np.inf:  # false for nan
-            total += weight * time
-            weights += weight
-    return plain, ex, ey, total / weights if weights > 1e-3 else np.nan
+def open_books(step: Any, state: CrowdState, finished: Bools, time_limit: Floats, blocked_after: Floats) -> Reference:
+    """Return empty `Books` for a reference ``step`` to a `Transition`; all arrays are shared with the caller."""
+    people, rooms = len(state.active), len(state.time)
+    return refer(
+        Books(
+            step=step,
+            active=state.active,
+            exit_time=state.exit_time,
+            clock=state.time,
+            started=np.zeros(rooms),
+            time_limit=time_limit,
+            blocked_after=blocked_after,
+            last_exit=np.zeros(rooms),
+            impulse=np.zeros(people),
+            finished=finished,
+            truncated=np.zeros(people, dtype=np.bool_),
+            ended=np.zeros(rooms, dtype=np.bool_),
+        )
+    )
 
 
 @kernel
-def settle(
-    bodies: Bodies,
-    state: CrowdState,
-    inside: Bools,
-    started: Floats,
-    time_limit: Floats,
-    blocked_after: Floats,
-    dt: float,
-    crush: Floats,
-    last_exit: Floats,
-    impulse: Floats,
-    finished: Bools,
-    duration: Floats,
-    left: Bools,
-    truncated: Bools,
-    ended: Bools,
-) -> int:
-    """Close the books of a step; return how many environments ended in it.
-
-    Parameters
-    ----------
-    inside, started : (P,) who was inside at its start, (E,) s when it started.
-    time_limit, blocked_after : (E,) s.
-    crush : (P,) N s, contact impulses of the step.
-    last_exit, impulse, finished : (E,) s, (P,) N s, (E,), of the episode, brought up to date.
-    duration, left, truncated, ended : written: (P,) s inside during the step, (P,) who got out, (P,) whom the end of the
-        episode found inside, (E,) whose episode ended.  Who is truncated is no longer active.
-    """
-    env_start, active, exit_time, clock = bodies.env_start, state.active, state.exit_time, state.time
-    count = 0
-    for e in range(len(clock)):
-        now, last, still = clock[e], last_exit[e], 0
-        for i in range(env_start[e], env_start[e + 1]):
-            left[i] = inside[i] and not active[i]
+def settle(books: Books, dt: float) -> None:
+    """Close the books of a step; who is truncated is no longer active."""
+    step, active, exit_time = books.step, books.active, books.exit_time
+    left, truncated, duration = step.left, books.truncated, step.duration
+    for e in range(len(books.clock)):
+        begin, end = step.env_start[e], step.env_start[e + 1]
+        now, started, last, still = books.clock[e], books.started[e], books.last_exit[e], 0
+        for i in range(begin, end):
+            left[i] = step.inside[i] and not active[i]
             truncated[i] = False
-            impulse[i] += crush[i]
-            duration[i] = now - started[e]
+            books.impulse[i] += step.crush[i]
+            duration[i] = now - started
             still += active[i]
             if left[i]:
-                duration[i] = exit_time[i] - started[e]
+                duration[i] = exit_time[i] - started
                 last = max(last, exit_time[i])
-        last_exit[e] = last
-        stopped = now > time_limit[e] - 0.5 * dt or now - last > blocked_after[e]
-        ended[e] = (stopped or still == 0) and not finished[e]
-        count += ended[e]
-        finished[e] = finished[e] or ended[e]
+        books.last_exit[e] = last
+        stopped = now > books.time_limit[e] - 0.5 * dt or now - last > books.blocked_after[e]
+        books.ended[e] = (stopped or still == 0) and not books.finished[e]
+        books.finished[e] |= books.ended[e]
         if stopped and still > 0:
-            for i in range(env_start[e], env_start[e + 1]):
+            for i in range(begin, end):
                 truncated[i] = active[i]
                 active[i] = False
-    return count

@@ -14,6 +14,7 @@ import skfmm
 from crowd_env import navigation_directions as directions
 from crowd_env import navigation_grid as grid
 from crowd_env.navigation import NavigationField
+from crowd_env.navigation_extension import fill_from_nearest
 from crowd_env.navigation_plan import SOURCE
 from crowd_env.state import Bools, Floats
 
@@ -94,7 +95,7 @@ class Remarcher:
             time[far] = np.ma.getdata(marched)[far] + start
         known = ~np.isnan(time)
         direction = directions.descend(time, self.spacing)
-        directions.fill_from_nearest(time, direction, self._inside, known, self.spacing)
+        fill_from_nearest(time, direction, self._inside, known, self.spacing)
         return replace(self._template, travel_time=time, direction=direction)
 
 

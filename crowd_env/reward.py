@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env._jit import kernel
+from crowd_env._reference import Reference
 from crowd_env.state import Bools, Floats, Ints
 
 
@@ -20,6 +21,7 @@ class Transition(NamedTuple):
     duration: Floats  # (P,)   s inside during the step
     crush: Floats  # (P,)   N s, sum of contact impulse magnitudes
     mass: Floats  # (P,)   kg
+    env_start: Ints  # (E+1,) first slot of each environment
 
 
 # Numbers of the terms that `judge` computes.
@@ -38,40 +40,49 @@ REWARDS: dict[str, Callable[[Transition], Floats] | int] = {
 }
 
 
-@kernel
-def judge(step: Transition, row: Ints, terms: Floats) -> None:
-    """Write the compiled terms into rows of ``terms`` (K, P), as ``row`` (4,) says; -1 = not wanted."""
-    for i in range(len(step.inside)):
-        inside = step.inside[i]
-        if row[PROGRESS] >= 0:
-            terms[row[PROGRESS], i] = step.travel_time_before[i] - step.travel_time_after[i] if inside else 0.0
-        if row[EXIT] >= 0:
-            terms[row[EXIT], i] = 1.0 if step.left[i] else 0.0
-        if row[TIME] >= 0:
-            terms[row[TIME], i] = -step.duration[i] if inside else 0.0
-        if row[CONTACT] >= 0:
-            terms[row[CONTACT], i] = -step.crush[i] / step.mass[i] if inside else 0.0
+class Weighing(NamedTuple):
+    """How the K terms become one reward."""
+
+    row: Ints  # (4,)  row of each compiled term; -1 = not wanted
+    order: Ints  # (W,)  rows that are weighed ...
+    weights: Floats  # (W,)  ... and by how much
+    team_share: float
 
 
 @kernel
-def weigh(
-    terms: Floats, order: Ints, weights: Floats, share: float, inside: Bools, env_start: Ints, total: Floats
-) -> None:
-    """Write the weighted sum (P,) of the rows ``order`` of ``terms`` (K, P), of which ``share`` goes to everyone inside."""
-    for e in range(len(env_start) - 1):
-        people, all_in_all = 0, 0.0
-        for i in range(env_start[e], env_start[e + 1]):
+def judge(step: Transition, weighing: Weighing, terms: Floats, reward: Floats) -> None:
+    """Write the compiled terms into ``terms`` (K, P), and the weighted sum of all into ``reward`` (P,)."""
+    inside, left, duration, crush, mass = step.inside, step.left, step.duration, step.crush, step.mass
+    before, after, order, weights, share = (
+        step.travel_time_before,
+        step.travel_time_after,
+        weighing.order,
+        weighing.weights,
+        weighing.team_share,
+    )
+    progress, out, time, contact = weighing.row[PROGRESS], weighing.row[EXIT], weighing.row[TIME], weighing.row[CONTACT]
+    for e in range(len(step.env_start) - 1):
+        begin, end, people, total = step.env_start[e], step.env_start[e + 1], 0, 0.0
+        for i in range(begin, end):
+            if progress >= 0:
+                terms[progress, i] = before[i] - after[i] if inside[i] else 0.0
+            if out >= 0:
+                terms[out, i] = 1.0 if left[i] else 0.0
+            if time >= 0:
+                terms[time, i] = -duration[i] if inside[i] else 0.0
+            if contact >= 0:
+                terms[contact, i] = -crush[i] / mass[i] if inside[i] else 0.0
             own = 0.0
             for k in range(len(order)):
                 own += weights[k] * terms[order[k], i]
-            total[i] = own
-            all_in_all += own
+            reward[i] = own
+            total += own
             people += inside[i]
         if share > 0.0 and people > 0:
-            mean = all_in_all / people
-            for i in range(env_start[e], env_start[e + 1]):
+            mean = total / people
+            for i in range(begin, end):
                 if inside[i]:
-                    total[i] = (1.0 - share) * total[i] + share * mean
+                    reward[i] = (1.0 - share) * reward[i] + share * mean
 
 
 @dataclass(frozen=True)
@@ -101,19 +112,23 @@ class RewardWeights:
         if not 0.0 <= self.team_share <= 1.0:
             raise ValueError(f"team_share is {self.team_share!r}; it must be in [0, 1]")
 
-    def evaluate(self, step: Transition, env_start: Ints) -> tuple[Floats, dict[str, Floats]]:
-        """Return the reward (P,) and its terms by name, unweighted; 0 for those who were not inside."""
+    def plan(self) -> Weighing:
+        """Return how the terms in ``REWARDS``, in their order, become one reward."""
         names = list(REWARDS)
-        terms = np.empty((len(names), len(step.inside)))
         row = np.full(4, -1, dtype=np.int64)
         for k, law in enumerate(REWARDS.values()):
             if isinstance(law, int):
                 row[law] = k
-            else:
-                terms[k] = np.where(step.inside, law(step), 0.0)
-        judge(step, row, terms)
-        total = np.empty(len(step.inside))
         order = np.array([names.index(name) for name in self.weights], dtype=np.int64)
         weights = np.array(list(self.weights.values()), dtype=np.float64)
-        weigh(terms, order, weights, float(self.team_share), step.inside, env_start, total)
-        return total, dict(zip(names, terms, strict=True))
+        return Weighing(row, order, weights, float(self.team_share))
+
+
+def evaluate(step: Reference, weighing: Reference, terms: Floats) -> Floats:
+    """Return the reward (P,) of a `Transition` and write its terms (K, P), unweighted; 0 for those who were not inside."""
+    for k, law in enumerate(REWARDS.values()):
+        if not isinstance(law, int):
+            terms[k] = np.where(step.fields.inside, law(step.fields), 0.0)
+    reward = np.empty(terms.shape[1])
+    judge(step, weighing, terms, reward)
+    return reward

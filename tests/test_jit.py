@@ -6,9 +6,10 @@ import sys
 from pathlib import Path
 
 PROGRAM = """
-from crowd_env.navigation_lookup import crosses
-assert crosses(0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0, 0.0)
-assert not crosses(0.0, 0.0, 1.0, 1.0, 2.0, 1.0, 3.0, 0.0)
+import numpy as np
+from crowd_env.population import closest_pair
+position, radius = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0]]), np.array([0.1, 0.2, 0.3])
+assert closest_pair(position, radius)[:2] == (1, 2)
 """
 
 

@@ -11,11 +11,13 @@ import numba
 import numpy as np
 import pytest
 import shapely
+from scipy import ndimage
 from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import MultiPolygon, Point, Polygon, box
 
 from crowd_env.geometry import Geometry, join_boundaries
 from crowd_env.navigation import direction_at, exit_target, join_fields, travel_time_at, travel_time_field
+from crowd_env.navigation_grid import connected_parts
 
 RADIUS = 0.25
 STEP = 0.01
@@ -433,3 +435,15 @@ def test_impossible_fields_are_refused_in_one_sentence(build, message):
     with pytest.raises(ValueError, match=message) as caught:
         build()
     assert "\n" not in str(caught.value)
+
+
+def test_connected_parts_are_those_of_scipy():
+    rng = np.random.default_rng(0)
+    for share in (0.3, 0.5, 0.6, 0.7, 1.0):
+        free, seeds = rng.random((40, 60)) < share, rng.random((40, 60)) < 0.01
+        label, (parts, count) = connected_parts(free, seeds), ndimage.label(free)
+        reached = np.unique(parts[seeds & free])
+        np.testing.assert_array_equal(label == 1, np.isin(parts, reached) & free)
+        np.testing.assert_array_equal(label == 0, ~free)
+        pairs = np.unique(np.stack([parts, label], axis=-1)[label > 1], axis=0)
+        assert len(pairs) == count - len(reached) == label.max() - 1  # one number each

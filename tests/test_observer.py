@@ -5,6 +5,7 @@ import pytest
 from crowds import cluttered
 
 from crowd_env import CrowdEnv, ObservationLayout, Population, RewardWeights, Scenario, make_scenario
+from crowd_env._reference import refer
 from crowd_env.observation import TERMS
 from crowd_env.recycled import Recycled
 from crowd_env.reward import REWARDS
@@ -23,7 +24,7 @@ def test_all_pairs_and_cells_show_the_same_to_the_last_bit(terms, neighbours):
     for _ in range(25):
         env.step(rng.uniform((0.2, -0.4), (1.0, 0.4), (env.num_people, 2)))
     for most in (0, 20, 10_000):
-        observer._plans = [env.layout.plan(all_pairs=most)]
+        observer._plans = [refer(env.layout.plan(env.num_people, all_pairs=most))]
         shows.append(observer.observe(env.active))
     assert shows[0].any() and not env.active.all()
     np.testing.assert_array_equal(shows[0], shows[1])
