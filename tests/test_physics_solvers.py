@@ -1,18 +1,24 @@
 """The solver of NSM1 and NSM2: its start, its wall and its two ways to stop."""
 
+import numba
 import numpy as np
 import pytest
 from crowds import people, scatter
 from shapely.geometry import box
 
 from crowd_env.geometry import Geometry
-from crowd_env.physics import NSM1, NSM2
-from crowd_env.physics.rows import allocate_problem, pose_no_overlap
-from crowd_env.physics.solvers import Stopping, _begin, solve
+from crowd_env.physics import NSM1, NSM2, rows, solvers
+from crowd_env.physics.rows import allocate_problem
+from crowd_env.physics.solvers import Stopping
 from crowd_env.simulation import Simulation
 from crowd_env.state import make_state
 
 DT = 0.01
+
+# Only kernels call these: here they get an entrance for Python.
+pose_no_overlap, solve, _begin = (
+    numba.njit(stage.py_func, error_model="numpy") for stage in (rows.pose_no_overlap, solvers.solve, solvers._begin)
+)
 
 
 def jam(scheme, count=150, side=9.0, steps=200, seed=0):

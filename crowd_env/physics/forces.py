@@ -8,14 +8,7 @@ import numpy as np
 from crowd_env._jit import index, inner_kernel
 from crowd_env._reference import Reference
 from crowd_env.guidance import apply_rules, notice_regions
-from crowd_env.navigation_lookup import (
-    BLEND,
-    blended_direction,
-    direction_at,
-    exit_frame,
-    quick_cell,
-    through_exit,
-)
+from crowd_env.navigation_lookup import BLEND, blended_direction, exit_frame, quick_cell, through_exit, way_at
 from crowd_env.physics.social import SocialForce, SocialLaw, add_social_forces
 from crowd_env.physics.world import SHIFTS, Batch
 from crowd_env.state import Floats
@@ -130,7 +123,7 @@ def look_around(e: int, first: int, last: int, batch: Batch, dt: float, turn: in
     )
     way, steady, shift = batch.memory.way, batch.memory.steady, batch.memory.shift
     everyone = dt < LOOK_EVERY  # who may be told to follow the way before it is looked up again needs it too
-    f, rows, cols, start, keep, left, bottom, size, hard = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0, 0
+    f, rows, cols, start, keep, left, bottom, size = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0
     aim, ax, ay, ux, uy, width, nx, ny = -1, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
     for place in range(index(first), index(last)):
         i = inside[place]
@@ -159,12 +152,9 @@ def look_around(e: int, first: int, last: int, batch: Batch, dt: float, turn: in
             elif k == BLEND:
                 plain, ex, ey = blended_direction(direction, node, cols, u, v)
                 steady[i] = _is_steady(direction, node, cols)
+        if not plain:  # in cells that a wall runs through
+            ex, ey, _ = way_at(field, boundary, f, position[i, 0], position[i, 1], radius[i])
         way[i, 0], way[i, 1] = ex, ey
-        if not plain:
-            way[i, 0] = np.nan
-            hard += 1
-    if hard > 0:
-        _look_harder(e, first, last, batch)
 
 
 @inner_kernel
@@ -174,19 +164,6 @@ def _is_steady(direction: Floats, node: int, cols: int) -> bool:
     ax, ay = direction[node, 0] - direction[above + 1, 0], direction[node, 1] - direction[above + 1, 1]
     bx, by = direction[node + 1, 0] - direction[above, 0], direction[node + 1, 1] - direction[above, 1]
     return max(ax * ax + ay * ay, bx * bx + by * by) < _STEADY * _STEADY
-
-
-@inner_kernel
-def _look_harder(e: int, first: int, last: int, batch: Batch) -> None:
-    """Find the way of those for whom it is not plain: in cells that a wall runs through."""
-    field, boundary, field_of_route = batch.world.field, batch.world.boundary, batch.world.guidance.field_of_route
-    position, radius, inside = batch.state.position, batch.bodies.radius, batch.memory.inside
-    followed, way = batch.memory.followed, batch.memory.way
-    for place in range(index(first), index(last)):
-        i = inside[place]
-        if np.isnan(way[i, 0]):
-            f = field_of_route[e, followed[i]]
-            way[i, 0], way[i, 1] = direction_at(field, boundary, f, position[i, 0], position[i, 1], radius[i])
 
 
 @inner_kernel

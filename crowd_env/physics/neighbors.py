@@ -33,20 +33,12 @@ def update_neighbours(e: int, batch: Batch, margin: float) -> int:
 
     Returns OK; FULL if the entries do not fit; or DIVERGED if someone is nowhere near the world.
     """
-    bodies, state, near = batch.bodies, batch.state, batch.memory.near
-    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    near.age[e] += 1
-    if margin <= near.reach[e] and are_near(
-        begin, end, state.active, state.position, near.origin_x, near.origin_y, near.allowed
-    ):
-        return OK
-    return _rebuild(e, batch, begin, end, margin)
-
-
-@inner_kernel
-def _rebuild(e: int, batch: Batch, begin: int, end: int, margin: float) -> int:
     near, radius, allowed = batch.memory.near, batch.bodies.radius, batch.memory.near.allowed
     active, position, velocity = batch.state.active, batch.state.position, batch.state.velocity
+    begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    near.age[e] += 1
+    if margin <= near.reach[e] and are_near(begin, end, active, position, near.origin_x, near.origin_y, allowed):
+        return OK
     for i in range(begin, end):
         if active[i] and not (abs(position[i, 0]) < _FARTHEST and abs(position[i, 1]) < _FARTHEST):
             return DIVERGED  # nan too

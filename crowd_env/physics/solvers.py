@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import index, inner_kernel, kernel
+from crowd_env._jit import index, inner_kernel
 from crowd_env.physics.rows import Indices, Problem
 from crowd_env.state import Floats
 
@@ -33,7 +33,7 @@ class Stopping(NamedTuple):
     accelerated: bool  # with momentum
 
 
-@kernel
+@inner_kernel
 def solve(
     begin: int,
     rows: int,
@@ -96,7 +96,7 @@ def solve(
     return sweeps, residual, residual <= law.tolerance and size <= limit
 
 
-@kernel
+@inner_kernel
 def _begin(pair: Indices, row: Floats, reaction: Floats, mass: Floats, start: Floats, u: Floats) -> None:
     """Start from the best multiple of the given reactions: the one of least energy, so never worse than from none.
 
