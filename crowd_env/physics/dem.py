@@ -163,8 +163,8 @@ def _push(
     """Find the forces on and among the people ``low:high`` of one slab."""
     world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
     near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
+    first, last = cut.inside_start[row], cut.inside_stop[row]
     if cut.look[e] > _NOTHING:
-        first, last = cut.inside_start[row], cut.inside_stop[row]
         if cut.look[e] == _LOOK:
             show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
             look_around(e, first, last, batch, dt, cut.turn[e])
@@ -173,7 +173,7 @@ def _push(
         show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
         show_positions(low, high, state.active, lanes.wish_x, lanes.wish_y, memory.desired)
         copy_forces(low, high, batch.control.external_force, memory.force)
-        add_social_forces(e, batch, social)
+        add_social_forces(e, last, batch, social)
         press(low, high, state.active, memory.force, lanes.gx, lanes.gy)
     push_people(
         cut.pair_start[row],

@@ -50,7 +50,7 @@ def regular_forces(e: int, last: int, batch: Batch, dt: float, social: SocialLaw
     way_age[e] += dt
     _drive(begin, last, batch.state.time[e], batch)
     if social is not None:
-        add_social_forces(e, batch, social)
+        add_social_forces(e, last, batch, social)
 
 
 @inner_kernel

@@ -26,7 +26,7 @@ class SchemeInfo:
 
 def scratch_of(scheme: "ContactScheme") -> frozenset[str]:
     """Return the names of the scratch memory that a scheme works with."""
-    social = ("desired", "force", "heading") if scheme.social is not None else ()
+    social = ("desired", "force", "heading", "noticed") if scheme.social is not None else ()
     return frozenset((*scheme.info.uses, *social))
 
 

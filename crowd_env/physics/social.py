@@ -14,7 +14,7 @@ It acts in contact too, for any overlap.  Someone who wants to go nowhere has no
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from crowd_env._jit import index, inner_kernel
 from crowd_env.physics.contacts import gap_to_feature
 from crowd_env.physics.require import require_not_negative, require_positive
 from crowd_env.physics.world import Batch
+from crowd_env.state import Floats
 
 
 class SocialLaw(NamedTuple):
@@ -112,63 +113,84 @@ def _exp(x: float) -> float:
     y4 = y2 * y2
     low = (1.0 + y) + y2 * (0.5 + y * (1.0 / 6.0))
     high = (1.0 / 24.0 + y * (1.0 / 120.0)) + y2 * (1.0 / 720.0 + y * (1.0 / 5040.0))
-    return _POWERS[int(k) + 160] * (low + y4 * (high + y4 * (1.0 / 40320.0 + y * (1.0 / 362880.0))))
+    return _POWERS[index(k + 160.0)] * (low + y4 * (high + y4 * (1.0 / 40320.0 + y * (1.0 / 362880.0))))
 
 
 @inner_kernel
-def add_social_forces(e: int, batch: Batch, law: SocialLaw) -> None:
-    """Add the social forces [N] on everyone in environment ``e`` to `Memory.force`.
+def add_social_forces(e: int, last: int, batch: Batch, law: SocialLaw) -> None:
+    """Add the social forces [N] on those inside, whom `Memory.inside` lists up to place ``last``, to `Memory.force`.
 
-    The neighbour list must be complete up to the cut-off.
+    The neighbour list must be complete up to the cut-off.  Distance and size are found for all pairs first, eight in one
+    instruction; then what they do to whom is added up in the order of the list.
     """
-    boundary, g, radius, near = (
-        batch.world.boundary,
-        batch.world.geometry_of_env[e],
-        batch.bodies.radius,
-        batch.memory.near,
-    )
-    active, position, force = batch.state.active, batch.state.position, batch.memory.force
+    near, inside, position, force = batch.memory.near, batch.memory.inside, batch.state.position, batch.memory.force
     desired, heading = batch.memory.desired, batch.memory.heading
-    owner, partner, touch = near.owner, near.partner, near.touch
-    begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    strength, cutoff, per_length = law.strength, law.cutoff, 1.0 / law.length
-    for i in range(index(begin), index(end)):
+    begin = batch.bodies.env_start[e]
+    for place in range(index(begin), index(last)):
+        i = inside[place]
         x, y = desired[i, 0], desired[i, 1]
         if heading[i, 2] != x or heading[i, 3] != y:  # seldom: a root and a division are dear
             speed = np.sqrt(x * x + y * y)
             share = law.anisotropy / speed if speed > 0.0 else 0.0
             heading[i, 0], heading[i, 1], heading[i, 2], heading[i, 3] = share * x, share * y, x, y
-    entry, pair_end = near.entry_start[e], near.pair_end[e]
-    wall, wall_end = pair_end, near.wall_end[e]
-    for i in range(index(begin), index(end)):
-        x, y, ahead_x, ahead_y = position[i, 0], position[i, 1], heading[i, 0], heading[i, 1]
-        total_x, total_y = 0.0, 0.0
-        while entry < pair_end and owner[entry] == i:
-            j, touching = partner[entry], touch[entry]
-            entry += 1
-            dx, dy, reach = x - position[j, 0], y - position[j, 1], touching + cutoff
-            square = dx * dx + dy * dy
-            if square >= reach * reach or not (active[j] and active[i]):
-                continue
-            distance = np.sqrt(square)
-            nx, ny = 1.0, 0.0
-            if distance > 0.0:
-                per_distance = 1.0 / distance
-                nx, ny = per_distance * dx, per_distance * dy
-            size = strength * _exp((reach - cutoff - distance) * per_length)
+    noticed, hit, owner, partner = batch.memory.noticed, batch.memory.contacts.hit, near.owner, near.partner
+    sizes, normal_x, normal_y = noticed.size, noticed.x, noticed.y
+    pair, hits = index(near.entry_start[e]), _notice(e, batch, law.cutoff)
+    _repel(pair, hits, normal_x, normal_y, sizes, law.strength, law.cutoff, 1.0 / law.length)
+    wall, wall_end = index(near.pair_end[e]), index(near.wall_end[e])
+    for place in range(index(begin), index(last)):
+        i = inside[place]
+        ahead_x, ahead_y, total_x, total_y = heading[i, 0], heading[i, 1], 0.0, 0.0
+        while pair < hits and owner[hit[pair]] == i:
+            j, nx, ny, size = partner[hit[pair]], normal_x[pair], normal_y[pair], sizes[pair]
+            pair += index(1)
             mine = size * (1.0 - (ahead_x * nx + ahead_y * ny))
             other = size * (1.0 + (heading[j, 0] * nx + heading[j, 1] * ny))
             total_x += mine * nx
             total_y += mine * ny
             force[j, 0] -= other * nx
             force[j, 1] -= other * ny
-        while wall < wall_end and owner[wall] == i:
-            if law.wall_strength > 0.0:
-                gap, nx, ny = gap_to_feature(x, y, radius[i], boundary, g, np.int64(partner[wall]))
-                if gap < cutoff:
-                    size = law.wall_strength * _exp(-gap * per_length) * (1.0 - (ahead_x * nx + ahead_y * ny))
+        while law.wall_strength > 0.0 and wall < wall_end and owner[wall] <= i:
+            if owner[wall] == i:
+                boundary, g, radius = batch.world.boundary, batch.world.geometry_of_env[e], batch.bodies.radius[i]
+                feature = np.int64(partner[wall])
+                gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius, boundary, g, feature)
+                if gap < law.cutoff:
+                    size = law.wall_strength * _exp(-gap * (1.0 / law.length)) * (1.0 - (ahead_x * nx + ahead_y * ny))
                     total_x += size * nx
                     total_y += size * ny
-            wall += 1
+            wall += index(1)
         force[i, 0] += total_x
         force[i, 1] += total_y
+
+
+@inner_kernel
+def _notice(e: int, batch: Batch, cutoff: float) -> Any:
+    """Write down the pairs nearer than ``cutoff``, without a branch; returns one past the last place.
+
+    The entries go to `Contacts.hit`, the way from the one to the other [m] to `Memory.noticed`, and to its ``size`` how far
+    apart their centres are at the cut-off.
+    """
+    near, hit, position, active = batch.memory.near, batch.memory.contacts.hit, batch.state.position, batch.state.active
+    owner, partner, touch, hits = near.owner, near.partner, near.touch, index(near.entry_start[e])
+    x, y, size = batch.memory.noticed.x, batch.memory.noticed.y, batch.memory.noticed.size
+    for entry in range(index(near.entry_start[e]), index(near.pair_end[e])):
+        i, j = owner[entry], partner[entry]
+        dx, dy, reach = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry] + cutoff
+        hit[hits], x[hits], y[hits], size[hits] = entry, dx, dy, reach
+        hits += index((dx * dx + dy * dy < reach * reach) & active[i] & active[j])
+    return hits
+
+
+@inner_kernel
+def _repel(
+    first: int, last: int, x: Floats, y: Floats, size: Floats, strength: float, cutoff: float, per_length: float
+) -> None:
+    """Make of ways and reaches unit vectors and the sizes [N] of isotropic forces."""
+    for pair in range(first, last):
+        dx, dy = x[pair], y[pair]
+        distance = np.sqrt(dx * dx + dy * dy)
+        per_distance = 1.0 / distance
+        size[pair] = strength * _exp((size[pair] - cutoff - distance) * per_length)
+        x[pair] = per_distance * dx if distance > 0.0 else 1.0
+        y[pair] = per_distance * dy if distance > 0.0 else 0.0

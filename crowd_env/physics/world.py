@@ -57,6 +57,14 @@ class Diagnostics(NamedTuple):
     unconverged: Ints  # (E,)       steps that ended above the tolerance
 
 
+class Noticed(NamedTuple):
+    """Scratch of the social force: the pairs near enough for it, (M,) each."""
+
+    x: Floats  # unit vector from the second to the first
+    y: Floats
+    size: Floats  # N
+
+
 class Memory(NamedTuple):
     """Working memory of a batch, allocated once; nothing is allocated inside a step."""
 
@@ -82,6 +90,7 @@ class Memory(NamedTuple):
     previous: Floats  # (P, 2) position at the start of the step
     before: Floats  # (P, 2) velocity at the start of the step
     heading: Floats  # (P, 4) desired direction times the anisotropy of the social force; the desired velocity it is of
+    noticed: Noticed
     torque: Floats  # (P,)   N m
     phase: Ints  # (E,)   how far a step is that needs the forces of the one before; 0 = they are not known
     push: Floats  # (P, 2) N s  sum of contact impulses on each person during the call
@@ -137,7 +146,7 @@ def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
 
 
 # What not every scheme works with: the fields of `Memory` that are left empty unless it says so (`SchemeInfo.uses`).
-SCRATCH = ("problem", "lanes", "desired", "force", "previous", "before", "heading", "torque")
+SCRATCH = ("problem", "lanes", "desired", "force", "previous", "before", "heading", "noticed", "torque")
 
 
 def allocate_memory(
@@ -184,6 +193,7 @@ def allocate_memory(
         previous=reals(room("previous"), 2),
         before=reals(room("before"), 2),
         heading=reals(room("heading"), 4),
+        noticed=allocate_noticed(len(near.touch) if "noticed" in uses else 0),
         torque=reals(room("torque")),
         phase=counts(),
         push=reals(people, 2),
@@ -194,6 +204,11 @@ def allocate_memory(
     )
 
 
+def allocate_noticed(entries: int) -> Noticed:
+    """Return room for so many pairs."""
+    return Noticed._make(np.zeros(entries) for _ in Noticed._fields)
+
+
 def grow_memory(memory: Memory, bodies: Bodies, uses: Collection[str] = SCRATCH) -> Memory:
     """Return the same memory with twice the room for neighbours; contacts are kept, the list is built at the next step."""
     people = len(bodies.radius)
@@ -201,6 +216,8 @@ def grow_memory(memory: Memory, bodies: Bodies, uses: Collection[str] = SCRATCH)
     near = allocate_neighbours(bodies, 2 * now)
     contacts = allocate_contacts(near)
     move_contacts(memory.contacts, memory.near.entry_start, contacts, near.entry_start)
+    if "noticed" in uses:
+        memory = memory._replace(noticed=allocate_noticed(len(near.touch)))
     if "problem" in uses:
         memory = memory._replace(problem=allocate_problem(people, len(near.touch), len(bodies.env_start) - 1))
     return memory._replace(near=near, contacts=contacts)
