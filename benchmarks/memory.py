@@ -1,7 +1,8 @@
 """Bytes that a simulation keeps, by kind: the sum over all its arrays.
 
-People: one row a person.  Neighbours and contacts: lists of pairs, and what the solver needs for them.  Place: walls and
-travel-time fields, once whatever the crowd.  Of an environment of a batch: everything of the batch over its environments.
+People: one row a person.  Neighbours and contacts: lists of pairs, with what finds them, and what the solver needs for them.
+Place: walls and travel-time fields, once whatever the crowd.  Of an environment of a batch: everything of the batch over its
+environments.
 """
 
 from collections.abc import Iterator
@@ -44,7 +45,9 @@ def by_kind(simulation: Simulation, people: int) -> dict[str, int]:
     """Return the bytes of people, of lists of pairs, and of the place."""
     sums = {"people": 0, "neighbours and contacts": 0, "place": 0}
     for path, array in arrays(simulation):
-        if len(array) in (people, people + 1):
+        if ".near." in path:
+            sums["neighbours and contacts"] += array.nbytes
+        elif len(array) in (people, people + 1):
             sums["people"] += array.nbytes
         elif any(word in path for word in _PLACE) or len(array) < people:
             sums["place"] += array.nbytes
