@@ -125,7 +125,7 @@ class CrowdEnv:
             raise ValueError(f"time_limit is {time_limit!r} s; it must be > 0 and finite")
         for place in self.scenarios:
             _check_stable(place, scheme, dt)
-        self.time_limit = np.array([time_limit or self.scenarios[k].time_limit for k in which])
+        time_limits = np.array([time_limit or self.scenarios[k].time_limit for k in which])
         self.scenario_of_env = [self.scenarios[k] for k in which]
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
         draws = [
@@ -151,7 +151,6 @@ class CrowdEnv:
         self._route_of_all: list[Ints | None] = [None] * len(
             self.scenarios
         )  # known when it is the same in each episode
-        self.finished = np.ones(num_envs, dtype=np.bool_)  # until the first reset
         self._transition = refer(
             Transition(
                 inside=np.zeros(people, dtype=np.bool_),
@@ -165,11 +164,23 @@ class CrowdEnv:
             )
         )
         blocked_after = np.array([place.blocked_after for place in self.scenario_of_env])
-        self._books = open_books(self._transition, self.simulation.state, self.finished, self.time_limit, blocked_after)
+        self._books = open_books(self._transition, self.simulation.state, time_limits, blocked_after)
         self._weighing = refer(self.reward_weights.plan())
         self._term_names = [f"reward/{name}" for name in REWARDS]
         self._terms = Recycled((len(REWARDS), people))
         self._started = False
+
+    @property
+    def time_limit(self) -> Floats:
+        """Time limit of each environment (E,) [s]; what is written into it counts from the next step on."""
+        limits: Floats = self._books.fields.time_limit
+        return limits
+
+    @property
+    def finished(self) -> Bools:
+        """Which environments wait for a reset (E,): all of them until the first."""
+        finished: Bools = self._books.fields.finished
+        return finished
 
     @property
     def num_people(self) -> int:

@@ -27,8 +27,8 @@ class Books(NamedTuple):
     ended: Bools  # (E,)   whose episode ended in this step
 
 
-def open_books(step: Any, state: CrowdState, finished: Bools, time_limit: Floats, blocked_after: Floats) -> Reference:
-    """Return empty `Books` for a reference ``step`` to a `Transition`; all arrays are shared with the caller."""
+def open_books(step: Any, state: CrowdState, time_limit: Floats, blocked_after: Floats) -> Reference:
+    """Return empty `Books` for a reference ``step`` to a `Transition`; all episodes are finished, none has begun."""
     people, rooms = len(state.active), len(state.time)
     return refer(
         Books(
@@ -41,7 +41,7 @@ def open_books(step: Any, state: CrowdState, finished: Bools, time_limit: Floats
             blocked_after=blocked_after,
             last_exit=np.zeros(rooms),
             impulse=np.zeros(people),
-            finished=finished,
+            finished=np.ones(rooms, dtype=np.bool_),
             truncated=np.zeros(people, dtype=np.bool_),
             ended=np.zeros(rooms, dtype=np.bool_),
         )

@@ -512,3 +512,15 @@ def test_every_step_says_what_went_on_in_it(name):
 def test_there_is_at_least_one_thread(threads):
     with pytest.raises(ValueError, match=rf"^threads is {threads}; it must be at least 1$"):
         Simulation(plain(), *people_at([0, 0]), threads=threads)
+
+
+def test_more_memory_keeps_all_that_others_hold_on_to():
+    """Environments refer to the impulses once: they must stay the same arrays when lists of neighbours grow."""
+    geometry = Geometry.from_polygon(box(0, 0, 5, 5), exits=[[(5, 2), (5, 3)]])
+    bodies = make_bodies(np.full(3, 0.2), np.full(3, 70.0))
+    memory = Simulation(geometry, bodies, make_state(np.array([[1.0, 1], [2, 2], [3, 3]])), scheme="hertz").memory
+    grown = grow_memory(memory, bodies)
+    assert len(grown.near.owner) > len(memory.near.owner)
+    assert len(grown.noticed.size) == len(grown.near.owner) == len(grown.contacts.hit)
+    replaced = {name for name in memory._fields if getattr(grown, name) is not getattr(memory, name)}
+    assert replaced == {"near", "contacts", "problem", "noticed"}
