@@ -14,6 +14,7 @@ from benchmarks.crowds import Crowd
 from benchmarks.measuring import Effort, Row, significant
 from benchmarks.scenes import jam
 from crowd_env import CrowdEnv, Simulation
+from crowd_env._reference import Reference
 
 SIZE = 10_000
 _SCHEMES = (("dem", 0.001), ("nsm1", 0.01), ("nsm2", 0.01), ("hertz", 0.001))
@@ -74,6 +75,8 @@ def arrays(root: Any) -> Iterator[tuple[str, np.ndarray]]:
             waiting += [(f"{path}.{name}", part) for name, part in zip(thing._fields, thing, strict=True)]
         elif isinstance(thing, list | tuple):
             waiting += [(path, part) for part in thing]
+        elif isinstance(thing, Reference):
+            waiting.append((path, thing.fields))  # named as what it refers to
         elif isinstance(thing, dict):
             waiting += [(f"{path}.{name}", part) for name, part in thing.items()]
         elif type(thing).__module__.startswith("crowd_env"):
