@@ -61,8 +61,10 @@ def against_threads(effort: Effort, rooms: int = 256, settle: int = 50) -> list[
     field = scene.scenario.field()
     groups: dict[str, list[Rooms] | list[Crowd]] = {
         f"dem, {rooms} x 20": [Rooms("dem", rooms, 20, settle, effort, threads) for threads in counts],
-        f"dem 0.001 s, {scene.people} people": [Crowd(scene, "dem", 0.001, effort, field, t) for t in counts],
     }
+    for dt in (0.001, 0.01):
+        crowds = [Crowd(scene, "dem", dt, effort, field, threads) for threads in counts]
+        groups[f"dem {dt:g} s, {scene.people} people"] = crowds
     found: list[Row] = []
     for name, contenders in groups.items():
         effort.tell(f"{name}: threads")
