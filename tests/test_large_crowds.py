@@ -13,8 +13,10 @@ from crowd_env.geometry import Geometry
 from crowd_env.navigation import direction_at
 from crowd_env.physics import NSM2, SCHEMES
 from crowd_env.physics.slabs import SLABS, slabs_of
+from crowd_env.routes import Route
 from crowd_env.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
+from crowd_env.ways import find_ways
 
 every_scheme = pytest.mark.parametrize("name", SCHEMES)
 
@@ -219,3 +221,24 @@ def test_who_looks_only_now_and_then_still_goes_the_way_out(name):
         now = [direction_at(field, boundary, 0, *state.position[i], simulation.bodies.radius[i]) for i in who]
         worst = max(worst, np.linalg.norm(way[who] - np.array(now), axis=1).max())
     assert 1e-4 < worst < 0.15
+
+
+@pytest.mark.parametrize("name", ["dem", "nsm2"])
+def test_whoever_is_given_another_route_turns_at_once(name):
+    side, count = 28.0, 1100
+    rng = np.random.default_rng(0)
+    exits = {"east": [(side, 12), (side, 16)], "west": [(0, 16), (0, 12)]}
+    place = Geometry.from_polygon(box(0, 0, side, side), exits=exits)
+    ways = find_ways(place, 0.2, routes=[Route("right", ("east",)), Route("left", ("west",))])
+    lattice = np.stack(np.meshgrid(np.arange(34), np.arange(34)), -1).reshape(-1, 2)[:count]
+    bodies = make_bodies(np.full(count, 0.2), np.full(count, 70.0), desired_speed=1.0)
+    state = make_state(2.0 + 0.7 * lattice + rng.uniform(-0.05, 0.05, (count, 2)))
+    state.route[:] = ways.number("right")
+    simulation = Simulation(place, bodies, state, scheme=name, dt=0.01, fields=[ways])
+    simulation.advance(n_substeps=13)
+    far = np.abs(state.position - side / 2).max(axis=1) < 9.0
+    assert (state.velocity[far, 0] > 0.05).all()
+    before = state.velocity[:, 0].copy()
+    state.route[:] = ways.number("left")
+    simulation.advance(n_substeps=1)
+    assert (state.velocity[far, 0] < before[far]).all()
