@@ -89,7 +89,7 @@ def test_a_wall_does_not_move():
     people_ = len(mass)
     busy = pose_no_overlap(0, number, 0, people_, 0, contacts, mass, free, problem, DT, True)
     sweeps, _, converged = solve(
-        0, number, busy, 0, people_, 0, mass, free, problem, Stopping(1e-9, np.inf, 20_000, True)
+        0, number, busy, 0, people_, 0, mass, free, problem, None, Stopping(1e-9, np.inf, 20_000, True)
     )
     assert converged and sweeps > 50
     np.testing.assert_array_equal(problem.velocity[people_], 0.0)

@@ -156,7 +156,7 @@ def _project(e: int, last: int, batch: Batch, dt: float, spontaneous: bool, law:
         stop = first + number
         take_impulses(first, stop, solved, contacts, problem)
         busy = pose_no_overlap(first, stop, begin, end, e, contacts, mass, v, problem, dt, True)
-        iterations, residual, converged = solve(first, number, busy, begin, end, e, mass, v, problem, law)
+        iterations, residual, converged = solve(first, number, busy, begin, end, e, mass, v, problem, None, law)
         sweeps += iterations
         needed = dt * closing_speed(begin, last, inside, v)
         give_impulses(first, number, number, contacts, mass, problem)

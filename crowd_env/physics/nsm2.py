@@ -184,7 +184,7 @@ def _collide(e: int, batch: Batch, law: Stopping, options: Options) -> None:
         options.dissipative,
     )
     iterations, residual, converged = solve(
-        first, rows, rows, begin, end, e, bodies.mass, batch.state.velocity, problem, law
+        first, rows, rows, begin, end, e, bodies.mass, batch.state.velocity, problem, problem.soft, law
     )
     give_impulses(first, rows, number, contacts, bodies.mass, problem)
     record_solver(e, memory.diagnostics, iterations, residual, residual if converged else 0.0)
@@ -207,7 +207,7 @@ def _part(e: int, batch: Batch, dt: float, law: Stopping, correction: float) -> 
     for i in range(index(begin), index(end)):
         shift[i, 0], shift[i, 1] = 0.0, 0.0
     busy = pose_no_overlap(first, last, begin, end, e, contacts, bodies.mass, shift, problem, dt / correction, False)
-    solve(first, last - first, busy, begin, end, e, bodies.mass, shift, problem, law)
+    solve(first, last - first, busy, begin, end, e, bodies.mass, shift, problem, None, law)
     for i in range(index(begin), index(end)):
         position[i, 0] += dt * shift[i, 0]
         position[i, 1] += dt * shift[i, 1]

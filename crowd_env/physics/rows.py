@@ -80,13 +80,12 @@ def pose_no_overlap(
     Returns the number of rows that are likely to push: they come first.
     """
     busy = _sort(begin, end, first, last, e, contacts, v, problem, dt)
-    source, row, soft, reaction = problem.source, problem.row, problem.soft, problem.reaction
+    source, row, reaction = problem.source, problem.row, problem.reaction
     gap, impulse = contacts.gap, contacts.impulse
     for t in range(begin, end):
         c = begin + source[t]
         a = _place(t, c, first, last, contacts, mass, problem)
         row[t, 2] = gap[c] / dt
-        soft[t] = 0.0
         reaction[t, 0] = a * impulse[c, 0] if warm else 0.0
         reaction[t, 1] = 0.0
     return busy

@@ -44,18 +44,21 @@ def solve(
     mass: Floats,
     v: Floats,
     problem: Problem,
+    soft: Floats | None,
     law: Stopping,
 ) -> tuple[int, float, bool]:
     """Solve ``rows`` rows from ``begin`` on, of the people ``first:last``; the first ``busy`` of them are taken up at once.
 
+    ``soft`` is `Problem.soft`, or None if all rows are hard: then nobody has to ask each, nor fetch it from memory.
     ``v`` holds the velocities without contact and becomes the solution; `Problem.reaction` holds a start and becomes the
     reactions.  Returns the number of sweeps, the residual in m/s, and whether it is small enough.
     """
     if rows == 0:
         return 0, 0.0, True
     pair, source = problem.pair[begin : begin + rows], problem.source[begin : begin + rows]
-    row, soft = problem.row[begin : begin + rows], problem.soft[begin : begin + rows]
-    reaction, start = problem.reaction[begin : begin + rows], v[first:last]
+    row, reaction, start = problem.row[begin : begin + rows], problem.reaction[begin : begin + rows], v[first:last]
+    if soft is not None:
+        soft = soft[begin : begin + rows]
     u, u_last = problem.velocity[first + e : last + e + 1], problem.v_last[first + e : last + e + 1]
     for i in range(last - first):
         u[i, 0], u[i, 1] = start[i, 0], start[i, 1]
@@ -136,7 +139,9 @@ def _extrapolate(beta: float, u: Floats, u_last: Floats) -> None:
 
 
 @inner_kernel
-def _sweep(busy: int, pair: Indices, row: Floats, soft: Floats, reaction: Floats, u: Floats, beta: float) -> bool:
+def _sweep(
+    busy: int, pair: Indices, row: Floats, soft: Floats | None, reaction: Floats, u: Floats, beta: float
+) -> bool:
     """Set the first ``busy`` rows right, one after the other; returns whether the momentum ``beta`` went uphill."""
     uphill = 0.0
     for t in range(np.uint64(busy)):
@@ -145,7 +150,11 @@ def _sweep(busy: int, pair: Indices, row: Floats, soft: Floats, reaction: Floats
         ax, ay, bx, by = u[i, 0], u[i, 1], u[j, 0], u[j, 1]
         now = reaction[t, 0]
         ahead = now + beta * (now - reaction[t, 1])
-        r = _law(soft[t], row[t, 2], nx * (ax - bx) + ny * (ay - by) - ahead)
+        free = nx * (ax - bx) + ny * (ay - by) - ahead
+        if soft is not None:
+            r = _law(soft[t], row[t, 2], free)
+        else:
+            r = _hard(row[t, 2], free)
         d = r - ahead
         uphill -= d * (r - now)
         reaction[t, 0], reaction[t, 1] = r, now
@@ -157,11 +166,17 @@ def _sweep(busy: int, pair: Indices, row: Floats, soft: Floats, reaction: Floats
 
 
 @inner_kernel
+def _hard(bias: float, free: float) -> float:
+    """The reaction of a hard row: as much as keeps it from closing."""
+    r = -free - bias
+    return r if r > 0.0 else 0.0
+
+
+@inner_kernel
 def _law(soft: float, bias: float, free: float) -> float:
     """What a reaction [m/s] should be, if the row would separate at the speed ``free`` without it."""
     if soft == 0.0:
-        r = -free - bias
-        return r if r > 0.0 else 0.0
+        return _hard(bias, free)
     if soft < 0.0:
         return soft * (bias + free)
     # Below K_N w- / 2 the contact separates, w = -w- - 2 P / K_N; above it the reaction holds it closed.
@@ -170,7 +185,7 @@ def _law(soft: float, bias: float, free: float) -> float:
 
 @inner_kernel
 def _look(
-    busy: int, pair: Indices, source: Indices, row: Floats, soft: Floats, reaction: Floats, u: Floats
+    busy: int, pair: Indices, source: Indices, row: Floats, soft: Floats | None, reaction: Floats, u: Floats
 ) -> tuple[float, float, int]:
     """Return the residual [m/s] of all rows, its 2-norm, and how many rows are busy now: all that should push join in."""
     worst, square = 0.0, 0.0
@@ -178,7 +193,10 @@ def _look(
         i, j = pair[t, 0], pair[t, 1]
         now = reaction[t, 0]
         free = row[t, 0] * (u[i, 0] - u[j, 0]) + row[t, 1] * (u[i, 1] - u[j, 1]) - now
-        r = _law(soft[t], row[t, 2], free)
+        if soft is not None:
+            r = _law(soft[t], row[t, 2], free)
+        else:
+            r = _hard(row[t, 2], free)
         off = abs(r - now)
         if not off <= worst:
             worst = off
