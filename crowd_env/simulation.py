@@ -132,7 +132,8 @@ class Simulation:
         self.diagnostics = no_diagnostics(environments)
         self._sorted = SortedCrowd(bodies, state, self.memory) if SortedCrowd.is_needed(bodies) else None
         self._control = allocate_control(len(bodies.radius), driving)
-        self._batch: Reference | None = None  # what kernels work on; None = something in it was replaced
+        self._batch: Reference | None = None  # what kernels work on
+        self._made_of: tuple[object, ...] = ()  # and the tuples that it refers to
         self._pool: ThreadPoolExecutor | None = None
 
     @property
@@ -225,12 +226,13 @@ class Simulation:
         self.memory.way_age[e] = np.inf
         self.wayfinder.close(e, shut)
         self.world = self.world._replace(field=self.wayfinder.field)
-        self._batch = None
 
     def _referred(self) -> Reference:
-        """Return all that kernels work on."""
-        if self._batch is None:
-            batch = Batch(self.world, self.bodies, self.state, self._control, self.memory)
+        """Return all that kernels work on, anew if something was replaced."""
+        parts = (self.world, self.bodies, self.state, self._control, self.memory)
+        if self._batch is None or any(now is not then for now, then in zip(parts, self._made_of, strict=True)):
+            batch = Batch(*parts)
+            self._made_of = parts
             self._batch = refer(batch if self._sorted is None else self._sorted.stands_in(batch))
         return self._batch
 
@@ -253,7 +255,6 @@ class Simulation:
                 return
             # the environments that were full go on where they were
             self.memory = grow_memory(self.memory, self.bodies, self._scratch)
-            self._batch = None
 
     def _run(self, batch: Reference, n_substeps: int) -> None:
         """Advance the batch on all threads: the kernels hold no lock.

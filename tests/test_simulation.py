@@ -524,3 +524,16 @@ def test_more_memory_keeps_all_that_others_hold_on_to():
     assert len(grown.noticed.size) == len(grown.near.owner) == len(grown.contacts.hit)
     replaced = {name for name in memory._fields if getattr(grown, name) is not getattr(memory, name)}
     assert replaced == {"near", "contacts", "problem", "noticed"}
+
+
+def test_a_replaced_state_is_the_one_that_moves():
+    geometry = Geometry.from_polygon(box(0, 0, 5, 5), exits=[[(5, 2), (5, 3)]])
+    bodies = make_bodies(np.full(1, 0.2), np.full(1, 70.0), desired_speed=1.0)
+    simulation = Simulation(geometry, bodies, make_state(np.array([[1.0, 2.5]])), scheme="dem", dt=0.01)
+    simulation.advance(n_substeps=10)
+    checkpoint = simulation.state.copy()
+    first, simulation.state = simulation.state, checkpoint
+    before = first.position.copy()
+    simulation.advance(n_substeps=10)
+    np.testing.assert_array_equal(first.position, before)
+    assert checkpoint.position[0, 0] > before[0, 0]
