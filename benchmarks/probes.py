@@ -17,7 +17,6 @@ Floats = NDArray[np.float64]
 # Level -> elements of each of three arrays of float64: 24 kB, 400 kB, 6 MB, 192 MB in all.
 LEVELS = {"L1": 1_000, "L2": 16_000, "L3": 250_000, "DRAM": 8_000_000}
 DEGREE = 32  # of the polynomial of the multiply-add loop
-PAIR_FLOPS = 16.0  # of a spring between two discs, with its square root and division, on one of them
 
 _fast = numba.njit(fastmath=True, error_model="numpy", cache=False)
 

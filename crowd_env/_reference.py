@@ -23,8 +23,6 @@ from numba.extending import NativeValue, models, register_model, typeof_impl, un
 from numba.np import numpy_support
 from numba.np.arrayobj import populate_array
 
-_WORD = 8  # bytes
-
 
 class ReferenceType(types.Type):
     """numba's type of a `Reference`: names and types of its fields, each at a fixed place of the table."""
@@ -54,6 +52,7 @@ class Reference:
     Attributes
     ----------
     address : of the table.
+    fields : what it refers to, as Python sees it.
     """
 
     def __init__(self, fields: Any) -> None:
