@@ -275,6 +275,8 @@ class CrowdEnv:
             max_overlap=float(sums.max_overlap[e]),
             mean_overlap=float(sums.overlap_sum[e] / max(sums.overlap_count[e], 1)),
             max_outside=float(sums.max_outside[e]),
+            max_speed=float(sums.max_speed[e]),
+            escaped=int(self.simulation.escaped[people].sum()),
             residual=float(sums.residual[e]),
             unconverged=int(sums.unconverged[e]),
         )
