@@ -214,8 +214,8 @@ class Simulation:
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
             self._run_until(target, asked)
         add_diagnostics(self.diagnostics, self.memory.diagnostics)
-        people, state = self.bodies.env_start, self.state
-        mark_outside(self._border, self.world.geometry_of_env, people, state.active, state.position, self.escaped)
+        state, geometry_of_env = self.state, self.world.geometry_of_env
+        mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, state.position, self.escaped)
 
     def close_doors(self, e: int, closed: Iterable[str]) -> None:
         """Close these doors of environment ``e`` and open all others; ways are found accordingly.
