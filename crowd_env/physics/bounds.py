@@ -22,7 +22,7 @@ from crowd_env.physics.lanes import Lanes
 from crowd_env.physics.neighbor_list import Places
 from crowd_env.physics.neighbors import TOO_FAST
 from crowd_env.physics.world import Batch
-from crowd_env.state import MAX_SPEED
+from crowd_env.state import MAX_SPEED, Floats
 
 # m; far above the rounding of map coordinates (1e-9 m at 5000 km), far below anything that is measured.
 MARGIN = 1e-6
@@ -44,37 +44,57 @@ def speed_limit(batch: Batch) -> float:
 
 
 @inner_kernel
-def within(vx: float, vy: float, limit: float) -> tuple[float, float]:
-    """Return a velocity in the same direction that does not exceed ``limit`` [m/s]; nan stays nan."""
-    square = vx * vx + vy * vy
-    if square > limit * limit:
-        share = limit / np.sqrt(square)
-        return vx * share, vy * share
-    return vx, vy
+def hold_to_speed(e: int, last: int, batch: Batch, velocity: Floats, limit: float) -> float:
+    """Hold ``velocity`` (P, 2) to ``limit`` [m/s] and return the largest speed [m/s], which is kept in the sums too."""
+    begin, inside, most, fastest = batch.bodies.env_start[e], batch.memory.inside, limit * limit, 0.0
+    for place in range(index(begin), index(last)):
+        i = inside[place]
+        fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
+    if fastest > most:
+        for place in range(index(begin), index(last)):
+            i = inside[place]
+            square = velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1]
+            if square > most:
+                share = limit / np.sqrt(square)
+                velocity[i, 0] *= share
+                velocity[i, 1] *= share
+        fastest = most
+    speed, sums = float(np.sqrt(fastest)), batch.memory.diagnostics.max_speed
+    sums[e] = max(sums[e], speed)
+    return speed
 
 
 @inner_kernel
-def record_speed(e: int, batch: Batch, square: float) -> None:
-    """Keep the largest speed that was seen, given its square."""
-    most = batch.memory.diagnostics.max_speed
-    most[e] = max(most[e], np.sqrt(square))
-
-
-@inner_kernel
-def stay_within_bounds(e: int, batch: Batch, deepest: float, smallest: float, furthest: float) -> bool:
+def stay_within_bounds(e: int, last: int, batch: Batch, deepest: float, smallest: float, furthest: float) -> bool:
     """Hold environment ``e`` at its walls after a move; False (with the reason in `status`) if someone went too far.
 
     ``deepest`` [m] is the deepest contact with a wall at the start of the step, ``smallest`` the least radius and
-    ``furthest`` the longest path, infinite if one was longer than the own radius.
+    ``furthest`` the longest path; people are those whom `Memory.inside` lists up to place ``last``.
     """
-    if not batch.control.bounded:
+    if deepest + furthest <= smallest - 2.0 * MARGIN or not batch.control.bounded:
         return True
-    if furthest == np.inf:
+    if furthest > smallest and _is_too_far(e, last, batch):
         batch.memory.status[e] = TOO_FAST
         return False
-    if deepest + furthest > smallest - 2.0 * MARGIN:
-        _hold_at_walls(e, batch)
+    _hold_at_walls(e, batch)
     return True
+
+
+@inner_kernel
+def _is_too_far(e: int, last: int, batch: Batch) -> bool:
+    """Whether anyone has moved further than the own radius in this step."""
+    inside, previous, position, radius = (
+        batch.memory.inside,
+        batch.memory.previous,
+        batch.state.position,
+        batch.bodies.radius,
+    )
+    for place in range(index(batch.bodies.env_start[e]), index(last)):
+        i = inside[place]
+        dx, dy = position[i, 0] - previous[i, 0], position[i, 1] - previous[i, 1]
+        if dx * dx + dy * dy > radius[i] * radius[i]:
+            return True
+    return False
 
 
 @inner_kernel

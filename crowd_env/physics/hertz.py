@@ -23,7 +23,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.physics.bounds import least_radius, record_speed, speed_limit, stay_within_bounds, within
+from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
@@ -230,39 +230,31 @@ def _touch(first: int, last: int, batch: Batch, dt: float, elapsed: float, law: 
 
 
 @inner_kernel
-def _kick(e: int, last: int, batch: Batch, half: float, limit: float) -> None:
-    """Half a kick (eqs 9, 11), to no more than ``limit`` [m/s]."""
+def _kick(e: int, last: int, batch: Batch, half: float, limit: float) -> float:
+    """Half a kick (eqs 9, 11), to no more than ``limit`` [m/s]; returns the largest speed [m/s]."""
     inside, velocity, spin, mass = batch.memory.inside, batch.state.velocity, batch.state.spin, batch.bodies.mass
     inertia, force, torque = batch.bodies.inertia, batch.memory.force, batch.memory.torque
-    fastest = 0.0
     for place in range(index(batch.bodies.env_start[e]), index(last)):
         i = inside[place]
         rate = half / mass[i]
-        vx, vy = within(velocity[i, 0] + rate * force[i, 0], velocity[i, 1] + rate * force[i, 1], limit)
-        velocity[i, 0], velocity[i, 1] = vx, vy
-        fastest = max(fastest, vx * vx + vy * vy)
+        velocity[i, 0] += rate * force[i, 0]
+        velocity[i, 1] += rate * force[i, 1]
         if torque[i] != 0.0:  # few touch, and a division is dear
             spin[i] += half * torque[i] / inertia[i]
-    record_speed(e, batch, fastest)
+    return float(hold_to_speed(e, last, batch, velocity, limit))
 
 
 @inner_kernel
-def _drift(e: int, last: int, batch: Batch, dt: float) -> float:
-    """Move and turn (eq 10); returns the longest path [m], infinite if longer than the radius."""
+def _drift(first: int, last: int, batch: Batch, dt: float) -> None:
+    """Move and turn (eq 10)."""
     state, inside, previous = batch.state, batch.memory.inside, batch.memory.previous
     position, velocity, angle, spin = state.position, state.velocity, state.angle, state.spin
-    radius, fastest, too_far = batch.bodies.radius, 0.0, 0
-    for place in range(index(batch.bodies.env_start[e]), index(last)):
+    for place in range(index(first), index(last)):
         i = inside[place]
-        vx, vy = velocity[i, 0], velocity[i, 1]
         previous[i, 0], previous[i, 1] = position[i, 0], position[i, 1]
-        position[i, 0] += dt * vx
-        position[i, 1] += dt * vy
+        position[i, 0] += dt * velocity[i, 0]
+        position[i, 1] += dt * velocity[i, 1]
         angle[i] += dt * spin[i]
-        speed = vx * vx + vy * vy
-        too_far += not dt * dt * speed <= radius[i] * radius[i]  # nan too
-        fastest = max(fastest, speed)
-    return np.inf if too_far > 0 else float(dt * np.sqrt(fastest))
 
 
 @kernel
@@ -287,8 +279,9 @@ def _advance_range(
         while progress[e] < n_substeps and last > begin:
             if phase[e] == _KNOWN:
                 record_pushes(contact, contact + contacts.number[e], memory, 0.5)  # those of the last step
-                _kick(e, last, batch, 0.5 * dt, limit)
-                if not stay_within_bounds(e, batch, deepest, smallest, _drift(e, last, batch, dt)):
+                furthest = dt * _kick(e, last, batch, 0.5 * dt, limit)
+                _drift(begin, last, batch, dt)
+                if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
                     break
                 last = leave(e, last, batch, dt)
                 phase[e] = _DRIFTED

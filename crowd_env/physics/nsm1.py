@@ -15,7 +15,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.physics.bounds import least_radius, record_speed, speed_limit, stay_within_bounds, within
+from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import OK, update_neighbours
@@ -170,22 +170,17 @@ def _project(e: int, last: int, batch: Batch, dt: float, spontaneous: bool, law:
 
 @inner_kernel
 def _move(e: int, last: int, batch: Batch, dt: float, limit: float) -> float:
-    """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m], infinite if longer than the radius."""
+    """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
     inside, after, previous = batch.memory.inside, batch.memory.before, batch.memory.previous
-    position, velocity, radius = batch.state.position, batch.state.velocity, batch.bodies.radius
-    fastest, too_far = 0.0, 0
+    position, velocity = batch.state.position, batch.state.velocity
+    furthest = dt * hold_to_speed(e, last, batch, after, limit)
     for place in range(index(batch.bodies.env_start[e]), index(last)):
         i = inside[place]
-        vx, vy = within(after[i, 0], after[i, 1], limit)
-        velocity[i, 0], velocity[i, 1] = vx, vy
-        previous[i, 0], previous[i, 1] = position[i, 0], position[i, 1]
-        position[i, 0] += dt * vx
-        position[i, 1] += dt * vy
-        speed = vx * vx + vy * vy
-        too_far += not dt * dt * speed <= radius[i] * radius[i]  # nan too
-        fastest = max(fastest, speed)
-    record_speed(e, batch, fastest)
-    return np.inf if too_far > 0 else float(dt * np.sqrt(fastest))
+        for k in range(2):
+            previous[i, k] = position[i, k]
+            velocity[i, k] = after[i, k]
+            position[i, k] += dt * after[i, k]
+    return float(furthest)
 
 
 @kernel
@@ -220,7 +215,7 @@ def _advance_range(
             deepest = record_overlaps(e, contact, behind, memory)
             remember_impulses(contact, behind, memory)
             furthest = _move(e, last, batch, dt, limit)
-            if not stay_within_bounds(e, batch, deepest, smallest, furthest):
+            if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
                 break
             last = leave(e, last, batch, dt)
             tick(e, batch, dt)

@@ -18,7 +18,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.physics.bounds import least_radius, record_speed, speed_limit, stay_within_bounds, within
+from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import FULL
@@ -163,23 +163,19 @@ def _accelerate(first: int, last: int, batch: Batch, dt: float) -> None:
 
 @inner_kernel
 def _move(e: int, last: int, batch: Batch, dt: float, limit: float) -> float:
-    """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m], infinite if longer than the radius."""
+    """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
     inside, before, previous = batch.memory.inside, batch.memory.before, batch.memory.previous
-    position, velocity, radius = batch.state.position, batch.state.velocity, batch.bodies.radius
-    fastest, furthest, too_far = 0.0, 0.0, 0
+    position, velocity = batch.state.position, batch.state.velocity
+    hold_to_speed(e, last, batch, velocity, limit)
+    furthest = 0.0
     for place in range(index(batch.bodies.env_start[e]), index(last)):
         i = inside[place]
-        vx, vy = within(velocity[i, 0], velocity[i, 1], limit)
-        velocity[i, 0], velocity[i, 1] = vx, vy
-        dx, dy = 0.5 * dt * (before[i, 0] + vx), 0.5 * dt * (before[i, 1] + vy)
+        dx, dy = 0.5 * dt * (before[i, 0] + velocity[i, 0]), 0.5 * dt * (before[i, 1] + velocity[i, 1])
         previous[i, 0], previous[i, 1] = position[i, 0], position[i, 1]
         position[i, 0] += dx
         position[i, 1] += dy
-        path = dx * dx + dy * dy
-        too_far += not path <= radius[i] * radius[i]  # nan too
-        fastest, furthest = max(fastest, vx * vx + vy * vy), max(furthest, path)
-    record_speed(e, batch, fastest)
-    return np.inf if too_far > 0 else float(np.sqrt(furthest))
+        furthest = max(furthest, dx * dx + dy * dy)
+    return float(np.sqrt(furthest))
 
 
 @inner_kernel
@@ -269,7 +265,7 @@ def _advance_range(
             furthest = _move(e, last, batch, dt, limit)
             if correction is not None:
                 furthest += _part(e, batch, dt, law, correction)
-            if not stay_within_bounds(e, batch, deepest, smallest, furthest):
+            if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
                 break
             last = leave(e, last, batch, dt)
             tick(e, batch, dt)
