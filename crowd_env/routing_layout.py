@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,13 +25,9 @@ class DecisionRegions(NamedTuple):
 
 def named_regions(geometry: Geometry, names: Sequence[str]) -> DecisionRegions:
     """Return regions of a plan as decision regions; where they overlap the first one counts."""
-
-    def locate(position: Floats) -> Ints:
-        inside = np.stack([geometry.contains(position, name) for name in names])
-        return np.where(inside.any(axis=0), inside.argmax(axis=0), -1).astype(np.int64)
-
     floors = [geometry.walkable.intersection(geometry.regions[name]) for name in names]
     centre = np.array([(floor.centroid.x, floor.centroid.y) for floor in floors])
+    locate = partial(_first_that_holds, geometry, tuple(names))
     return DecisionRegions(tuple(names), np.array([floor.area for floor in floors]), centre, locate)
 
 
@@ -71,11 +68,21 @@ def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
     if not names:
         raise too_small
 
-    def locate(position: Floats) -> Ints:
-        column, row = np.floor((position - low) / size).astype(np.int64).T
-        return number[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
+    return DecisionRegions(tuple(names), np.array(area), np.array(centre), partial(_cell_of, low, size, number))
 
-    return DecisionRegions(tuple(names), np.array(area), np.array(centre), locate)
+
+# Functions of the module, not of a plan: a process can send them to another.
+def _first_that_holds(geometry: Geometry, names: tuple[str, ...], position: Floats) -> Ints:
+    """Return the first of the named regions (K,) that holds a position (K, 2); -1 = none."""
+    inside = np.stack([geometry.contains(position, name) for name in names])
+    return np.where(inside.any(axis=0), inside.argmax(axis=0), -1).astype(np.int64)
+
+
+def _cell_of(low: Floats, size: Floats, number: Ints, position: Floats) -> Ints:
+    """Return the number (K,) of the cell of a grid that a position (K, 2) lies in; -1 = none."""
+    rows, columns = number.shape
+    column, row = np.floor((position - low) / size).astype(np.int64).T
+    return np.asarray(number[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)], dtype=np.int64)
 
 
 def _checked(grid: Any) -> tuple[int, int]:

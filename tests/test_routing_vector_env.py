@@ -1,11 +1,14 @@
 """Many evacuations led by one controller each, and what a controller's environment refuses."""
 
+import copy
+import pickle
+
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from crowd_env import CrowdEnv, EpisodeMetrics, Geometry, Population, Scenario, Uniform
+from crowd_env import CrowdEnv, CrowdVectorEnv, EpisodeMetrics, Geometry, Population, Scenario, Uniform
 from crowd_env.geometry import box
 from crowd_env.routing_env import RoutingEnv, RoutingVectorEnv
 
@@ -82,6 +85,27 @@ def test_episodes_go_on_after_a_restart_with_other_draws():
             flows.append(rows[1, env.layout["flow"]].max())
     assert max(flows) > 0
     assert not np.array_equal(env.batch.env.simulation.state.position, first)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: RoutingEnv(SMALL),
+        lambda: RoutingEnv(SMALL, regions=["start"]),
+        lambda: RoutingVectorEnv(SMALL, num_envs=2),
+        lambda: CrowdVectorEnv("room-v0", num_envs=2, count=5),
+    ],
+)
+def test_a_copy_goes_on_alike(make, copied):
+    env = make()
+    env.reset(seed=1)
+    env.action_space.seed(0)
+    env.step(env.action_space.sample())
+    other = copied(env)
+    for _ in range(3):
+        action = env.action_space.sample()
+        np.testing.assert_array_equal(env.step(action)[0], other.step(action)[0])
 
 
 # -------------------------------------------------------------------------------------------------------------- errors
