@@ -1,7 +1,7 @@
 """What learning libraries hand in, actions and reset options: made into arrays, or refused in a sentence."""
 
 import reprlib
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -42,14 +42,14 @@ def as_numbers(action: Any, shape: tuple[int, ...], what: str) -> np.ndarray:
     return array
 
 
-def check_options(options: Any, known: Collection[str] = ()) -> None:
-    """Raise ValueError unless ``options`` of a reset is None or a dictionary of known ones."""
+def check_options(options: Any, known: Collection[str] = (), *, idle: Collection[str] = ()) -> None:
+    """Raise ValueError unless ``options`` of a reset is None or a dictionary of known ones; ``idle`` ones do nothing."""
     if options is None:
         return
-    if not isinstance(options, dict):
+    if not isinstance(options, Mapping):
         raise ValueError(f"options is {shown(options)}; it must be a dictionary or None")
     for name in options:
-        if name not in known:
+        if name not in known and name not in idle:
             raise ValueError(
                 f"unknown reset option {name!r}; known: {', '.join(known) or 'none'}; "
                 "scenario, crowd and limits are given when the environment is made"

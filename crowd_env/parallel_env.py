@@ -125,7 +125,7 @@ class CrowdParallelEnv(ParallelEnv):
         ValueError
             If the seed is no whole number >= 0, or there are options: all are given when the environment is made.
         """
-        check_options(options, ("options",))  # means nothing; PettingZoo's checkers give it to every environment
+        check_options(options, idle=("options",))  # PettingZoo's own checkers give it to every environment
         observation, _ = self.env.reset(None if seed is None else [seed])
         self._begun = True
         self._let_stay(list(self.possible_agents), slice(None))

@@ -147,7 +147,7 @@ def test_what_a_step_returned_can_be_changed():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"count": 5}, "unknown reset option 'count'.*when the environment is made"),
+        ({"count": 5}, r"unknown reset option 'count'; known: none; .* given when the environment is made"),
         ({"options": 1, "seed": 3}, "unknown reset option 'seed'"),
         ([("count", 5)], r"options is \[\('count', 5\)\].*dictionary"),
     ],

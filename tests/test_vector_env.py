@@ -34,9 +34,7 @@ def one(kind):
     scenario = hall()
     return (
         RoutingEnv(scenario, interval=1.0, grid=(2, 1)),
-        lambda count, **options: RoutingVectorEnv(
-            scenario, num_envs=count, **{"interval": 1.0, "grid": (2, 1), **options}
-        ),
+        lambda count, **options: RoutingVectorEnv(scenario, num_envs=count, interval=1.0, grid=(2, 1), **options),
     )
 
 
