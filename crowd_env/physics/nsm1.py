@@ -15,6 +15,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
+from crowd_env.physics.bounds import least_radius, record_speed, speed_limit, stay_within_bounds, within
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import OK, update_neighbours
@@ -168,15 +169,23 @@ def _project(e: int, last: int, batch: Batch, dt: float, spontaneous: bool, law:
 
 
 @inner_kernel
-def _move(first: int, last: int, batch: Batch, dt: float) -> None:
+def _move(e: int, last: int, batch: Batch, dt: float, limit: float) -> float:
+    """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m], infinite if longer than the radius."""
     inside, after, previous = batch.memory.inside, batch.memory.before, batch.memory.previous
-    position, velocity = batch.state.position, batch.state.velocity
-    for place in range(index(first), index(last)):
+    position, velocity, radius = batch.state.position, batch.state.velocity, batch.bodies.radius
+    fastest, too_far = 0.0, 0
+    for place in range(index(batch.bodies.env_start[e]), index(last)):
         i = inside[place]
-        for k in range(2):
-            previous[i, k] = position[i, k]
-            velocity[i, k] = after[i, k]
-            position[i, k] += dt * after[i, k]
+        vx, vy = within(after[i, 0], after[i, 1], limit)
+        velocity[i, 0], velocity[i, 1] = vx, vy
+        previous[i, 0], previous[i, 1] = position[i, 0], position[i, 1]
+        position[i, 0] += dt * vx
+        position[i, 1] += dt * vy
+        speed = vx * vx + vy * vy
+        too_far += not dt * dt * speed <= radius[i] * radius[i]  # nan too
+        fastest = max(fastest, speed)
+    record_speed(e, batch, fastest)
+    return np.inf if too_far > 0 else float(dt * np.sqrt(fastest))
 
 
 @kernel
@@ -196,6 +205,7 @@ def _advance_range(
     for e in range(first, stop):
         begin, last = env_start[e], muster(e, batch)
         walk_freely(e, batch, regions)
+        limit, smallest = speed_limit(batch), least_radius(e, last, batch)
         while progress[e] < n_substeps and last > begin:
             if social is not None:
                 memory.status[e] = update_neighbours(e, batch, reach)
@@ -207,8 +217,10 @@ def _advance_range(
             contact = memory.near.entry_start[e]
             behind = contact + memory.contacts.number[e]
             record_pushes(contact, behind, memory, 1.0)
-            record_overlaps(e, contact, behind, memory)
+            deepest = record_overlaps(e, contact, behind, memory)
             remember_impulses(contact, behind, memory)
-            _move(begin, last, batch, dt)
+            furthest = _move(e, last, batch, dt, limit)
+            if not stay_within_bounds(e, batch, deepest, smallest, furthest):
+                break
             last = leave(e, last, batch, dt)
             tick(e, batch, dt)

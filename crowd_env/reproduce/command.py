@@ -57,7 +57,9 @@ def reproduce(
     ] = None,
     scheme: Annotated[
         str | None,
-        typer.Option(help="Scheme that fig3 draws: " + ", ".join(SCHEMES) + "; default nsm2.", rich_help_panel=_ROOM),
+        typer.Option(
+            help="Scheme that fig3 draws: " + ", ".join(SCHEMES) + "; default nsm2-printed.", rich_help_panel=_ROOM
+        ),
     ] = None,
     door_width: Annotated[float | None, typer.Option(help="m; default 0.82.", rich_help_panel=_ROOM)] = None,
     side: Annotated[float | None, typer.Option(help="Of the square room, m; default 5.", rich_help_panel=_ROOM)] = None,
@@ -71,8 +73,12 @@ def reproduce(
     stiffness: Annotated[
         float | None, typer.Option(help="k of dem, N/m; default 1.2e5.", rich_help_panel=_ROOM)
     ] = None,
-    k_normal: Annotated[float | None, typer.Option(help="K_N of nsm2, kg; default 1e5.", rich_help_panel=_ROOM)] = None,
-    k_tangent: Annotated[float | None, typer.Option(help="K_T of nsm2, kg; default 0.", rich_help_panel=_ROOM)] = None,
+    k_normal: Annotated[
+        float | None, typer.Option(help="K_N of nsm2-printed, kg; default 1e5.", rich_help_panel=_ROOM)
+    ] = None,
+    k_tangent: Annotated[
+        float | None, typer.Option(help="K_T of nsm2-printed, kg; default 0.", rich_help_panel=_ROOM)
+    ] = None,
     preset: Annotated[
         str | None,
         typer.Option(

@@ -12,7 +12,7 @@ from crowd_env.reproduce.settings import Settings
 from crowd_env.state import Floats
 
 # Table 5 of the paper, flows in persons/s; it has one NSM1, we have the two that its text describes.
-PRINTED = {"dem": "3.04", "nsm1": "4.65", "nsm1-inertial": "4.65", "nsm2": "2.60"}
+PRINTED = {"dem": "3.04", "nsm1": "4.65", "nsm1-inertial": "4.65", "nsm2-printed": "2.60"}
 EXPERIMENT = "2.67"
 
 _AT_ONCE = 50  # environments in a batch

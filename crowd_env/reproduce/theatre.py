@@ -33,7 +33,9 @@ IMPLIED = {"people by A": (42, 38), "people by B": (59, 63)}
 
 # "The adapted NSM2 that contained the socio-psychological force", Table 6; with the angle fixed at 90 degrees it is 1000 N
 # from all sides.
-SCHEME = NSM2(1e5, 0.0, social=SocialForce(strength=1000.0, length=0.08, anisotropy=0.0, cutoff=0.64))
+SCHEME = NSM2(
+    1e5, 0.0, reaction="printed", social=SocialForce(strength=1000.0, length=0.08, anisotropy=0.0, cutoff=0.64)
+)
 
 SYNTHETIC = (
     "The plan is SYNTHETIC: the paper draws its theatre in a figure that is in no printed text. Rooms, seats, doors, stairs, "
