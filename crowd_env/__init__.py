@@ -76,7 +76,7 @@ __all__ = [
 
 
 def register() -> None:
-    """Register every scenario as ``crowd_env/<name>`` with PettingZoo (parallel) and Gymnasium (one room and batch)."""
+    """Register every scenario as ``crowd_env/<name>`` with PettingZoo (both APIs) and Gymnasium (one room and batch)."""
     for name in SCENARIOS:
         options = {"scenario": name}
         identity = f"crowd_env/{name}"
@@ -89,6 +89,8 @@ def register() -> None:
             )
         if identity not in pettingzoo.parallel_registry:
             pettingzoo.register("parallel", identity, "crowd_env.parallel_env:parallel_env", kwargs=options)
+        if identity not in pettingzoo.aec_registry:
+            pettingzoo.register("aec", identity, "crowd_env.parallel_env:env", kwargs=options)
     if ROUTING not in gymnasium.registry:
         gymnasium.register(
             ROUTING,

@@ -30,6 +30,7 @@ class Way(NamedTuple):
     following: int  # way that takes over there; -1 = none
     shut: bool  # it leads to closed exits alone
     remarcher: Remarcher | None  # makes the field anew from the crowd of each environment; None = it never changes
+    exits: tuple[str, ...]  # that it may lead to in the end; () = all
     rest: NavigationField | None = None  # of a way via a region: travel time to the exit, what follows included
 
     @property
@@ -158,10 +159,10 @@ def find_ways(
             if one_way:
                 raise ValueError(f"route {name!r}: the fastest way does not know one-way doors; take another strategy")
             remarcher = Remarcher(found, geometry.walls_when(at_this)[0], pace)
-            return Way(name, remarcher.march(), goal, then, shut, remarcher)
+            return Way(name, remarcher.march(), goal, then, shut, remarcher, route.exits)
         if target != "path" and via is None and route.strategy == "shortest":
             found = straight_field(found, geometry, _MARGINS[target])
-        return Way(name, found, goal, then, shut, None)
+        return Way(name, found, goal, then, shut, None, route.exits)
 
     second: list[Way] = []
     for route in wanted.values():

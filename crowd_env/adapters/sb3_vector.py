@@ -75,7 +75,9 @@ class VectorVecEnv(VecEnv):
             }
         self._return[done] = 0.0
         self._length[done] = 0
-        self.finished_episodes.extend(info.get("metrics", {}).values())
+        metrics = info.get("final_info", {}).get("metrics", {})
+        for e in np.flatnonzero(done) if metrics else ():
+            self.finished_episodes.append(EpisodeMetrics(*(metrics[name][e].item() for name in EpisodeMetrics._fields)))
         return np.asarray(observation), np.asarray(reward, dtype=np.float32), done, infos
 
     def take_finished(self) -> list[EpisodeMetrics]:
