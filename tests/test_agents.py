@@ -14,7 +14,6 @@ from agents.report import comparison_table
 from agents.runs import new_folder, read_json, versions, write_json
 from crowd_env import SCHEMES, make_scenario
 from crowd_env.experiment import report, run_rule
-from crowd_env.rendering.saving import written
 
 SMALL = make_scenario("room-v0", count=6, time_limit=8.0)
 
@@ -143,14 +142,18 @@ def test_two_processes_that_want_one_folder_get_two(tmp_path, monkeypatch):
 
 
 def test_two_processes_that_write_one_file_do_not_meet(tmp_path, monkeypatch):
-    """Each writes to a part of its own: the other one's is still there when this one has been moved."""
-    path = tmp_path / "a.json"
-    monkeypatch.setattr("os.getpid", lambda: 1)
-    with written(path) as part:
-        part.write_text('{"a": 1}')
+    """Another process writes the same file, and is done with it, while this one is at its part."""
+    path, write = tmp_path / "a.json", Path.write_text
+
+    def slowly(self, *args, **options):
+        write(self, *args, **options)
+        monkeypatch.setattr(Path, "write_text", write)
         with monkeypatch.context() as other:
-            other.setattr("os.getpid", lambda: 2)
+            other.setattr("os.getpid", lambda: 1)
             write_json(path, {"a": 2})
+
+    monkeypatch.setattr(Path, "write_text", slowly)
+    write_json(path, {"a": 1})
     assert read_json(path) == {"a": 1} and [p.name for p in tmp_path.iterdir()] == ["a.json"]
 
 

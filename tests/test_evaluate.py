@@ -205,6 +205,16 @@ def test_mistakes_are_said_in_one_line(capsys, arguments, message):
     assert re.search(message, err) and len(err.strip().splitlines()) == 1 and err.startswith("error: ")
 
 
+def test_a_folder_that_cannot_be_written_is_said_in_one_line(capsys, tmp_path):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "odd").mkdir()
+    (tmp_path / "odd" / "evaluation.json").write_text("[1]")
+    for name, words in (("file", "cannot write"), ("file/x", "cannot write"), ("odd", "does not hold the settings")):
+        code, out, err = call(capsys, command.main, "--runs", 1, "--out", tmp_path / name)
+        assert code == 2 and out == "" and err.startswith("error: ") and len(err.strip().splitlines()) == 1
+        assert words in err
+
+
 @pytest.mark.slow
 def test_the_command_as_it_is_written(tmp_path):
     words = (

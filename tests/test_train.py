@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
+from stable_baselines3 import PPO
 from training_runs import ROOT, call, checkpoint, curve, tiny
 
 import train
@@ -15,7 +16,7 @@ from agents import make_policy
 from agents.comparison import last_times, minus_first
 from agents.evaluation import evaluate
 from agents.learned.rate import FallingRate
-from agents.learned.training import CURVE_COLUMNS
+from agents.learned.training import CURVE_COLUMNS, Companion
 from agents.network import read_network
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
 from crowd_env.adapters.sb3 import CrowdVecEnv
@@ -223,3 +224,19 @@ def test_the_learning_rate_never_falls_below_zero_and_follows_the_larger_spent_s
     assert rate(0.9) == pytest.approx(4e-4) and rate(0.1) == pytest.approx(1e-4)
     rate.time_spent = 1.2
     assert rate(0.9) == 0.0
+
+
+def test_the_learning_rate_falls_with_the_time_where_that_runs_out_first(tmp_path, monkeypatch):
+    rates, update = [], PPO._update_learning_rate
+
+    def watched(self, optimizers):
+        update(self, optimizers)
+        rates.append(optimizers.param_groups[0]["lr"])
+
+    monkeypatch.setattr(PPO, "_update_learning_rate", watched)
+    monkeypatch.setattr(Companion, "seconds", property(lambda self: self.model.num_timesteps / 100.0))
+    folder = tmp_path / "run"
+    config = tiny(folder, steps=10**6, minutes=1.0, eval_every=10**9)  # 60 s are over after 6000 of the steps
+    assert train.train(folder, config)
+    full, rollout = config["ppo"]["learning_rate"], 32 * 40
+    assert rates == pytest.approx([full * (1.0 - k * rollout / 6000) for k in range(1, 5)])
