@@ -193,6 +193,15 @@ def test_pooled_line_is_that_of_all_exits_together():
     assert ESTIMATORS["before 5 s"].estimate(times)[:2] == (pytest.approx(slope), n)
 
 
+def test_the_interval_of_the_pooled_line_covers_as_often_as_it_says():
+    rng = np.random.default_rng(0)
+    truth, covered = pooled_line(np.cumsum(rng.gamma(4.0, 0.1, (20_000, 20)), axis=1))[0], []
+    for _ in range(1000):
+        low, high = ESTIMATORS["pooled"].estimate(np.cumsum(rng.gamma(4.0, 0.1, (10, 20)), axis=1)).ci95
+        covered.append(low < truth < high)
+    assert 0.90 < np.mean(covered) < 0.97  # by drawing the runs again it was 0.82
+
+
 def test_windows_of_exits():
     # Two slow exits, fifteen at 4 /s, three slow ones.
     gaps = np.concatenate([[1.0, 1.0], np.full(15, 0.25), np.full(3, 2.0)])

@@ -25,7 +25,7 @@ class Row:
     reading: str  # estimator and reading of the paper
     expected: float | None = None  # closed form of the same quantity
     sd: float | None = None  # over runs
-    ci95: tuple[float, float] | None = None  # bootstrap over runs
+    ci95: tuple[float, float] | None = None  # of the mean, over runs
     closes: bool = False  # the last of a section of the table
 
     @property
