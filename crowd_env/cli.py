@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 from crowd_env.clogging_command import clog
-from crowd_env.console import notes, progress_bar, said_plainly
-from crowd_env.experiment import report, run_rule
+from crowd_env.console import check_picture, counted, interrupted, notes, progress_bar, said_plainly
+from crowd_env.experiment import RunsInterrupted, report, run_rule
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
 from crowd_env.population import Population, Uniform
 from crowd_env.reproduce.command import reproduce
@@ -24,6 +24,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+_LEAST_AROUND = 0.5  # m
 _JSON = typer.Option("--json", help="Print one JSON object instead of a table.")
 
 
@@ -137,33 +138,43 @@ def run(
     crowd-env run my_room.wkt --exit 5,2,5,3 --n 40 --film out.gif
     """
     with said_plainly():
-        place = _read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit)
-        contact = make_scheme(scheme, social)
         if film is not None:
-            _check_film(film)
+            check_picture("--film", film, (".gif", ".mp4", ".png"))
         _check_network(force_network, at, around)
+        place = _read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit)
+        if at is not None and at > place.time_limit:
+            raise ValueError(f"--at is {at:g} s; the evacuation ends after {place.time_limit:g} s at the latest")
+        contact = make_scheme(scheme, social)
         begin = time.monotonic()
+        stopped = None
         with progress_bar(f"{place.name}, {scheme}", runs) as progress:
-            episodes = run_rule(
-                place, contact, runs, seed=seed, dt=dt, strategy=strategy, rules=rules, progress=progress
-            )
-        figures = report(place, scheme, episodes)
+            try:
+                episodes = dict(
+                    enumerate(
+                        run_rule(
+                            place, contact, runs, seed=seed, dt=dt, strategy=strategy, rules=rules, progress=progress
+                        )
+                    )
+                )
+            except RunsInterrupted as error:
+                if not error.finished:
+                    interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
+                episodes, stopped = error.finished, error
+        figures = report(place, scheme, list(episodes.values()), list(episodes))
+        if stopped is not None:
+            figures["interrupted_of"] = stopped.asked
+    # Before any picture: what has been computed must not be lost with it.
+    if as_json:
+        typer.echo(json.dumps(figures))
+    else:
+        Console().print(_table(figures, time.monotonic() - begin))
+    with said_plainly():
+        if stopped is not None:
+            interrupted(f"{stopped}; the figures are of these, and lean to short evacuations")
         if film is not None:
             _film(place, film, seed, scheme=contact, dt=dt, strategy=strategy, rules=rules)
         if force_network is not None:
             _draw_network(place, contact, seed, dt, at, around, force_network)
-    if as_json:
-        typer.echo(json.dumps(figures))
-        return
-    Console().print(_table(figures, time.monotonic() - begin))
-
-
-def _check_film(path: Path) -> None:
-    from crowd_env.rendering.saving import check_suffix
-
-    check_suffix(path, (".gif", ".mp4", ".png"))
-    if not path.absolute().parent.is_dir():
-        raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
 
 
 def _film(place: Scenario, path: Path, seed: int, *, scheme: ContactScheme, **options: Any) -> None:
@@ -183,23 +194,13 @@ def _film(place: Scenario, path: Path, seed: int, *, scheme: ContactScheme, **op
 
 
 def _check_network(path: Path | None, at: float | None, around: float | None) -> None:
-    for option, value in (("--at", at), ("--around", around)):
+    for option, value, least in (("--at", at, 0.0), ("--around", around, _LEAST_AROUND)):
         if value is not None and path is None:
             raise ValueError(f"{option} belongs to --force-network, which is not given")
-        if value is not None and not value > 0:
-            raise ValueError(f"{option} is {value:g}; it must be > 0")
-    if path is None:
-        return
-    from crowd_env.rendering.canvas import new_figure
-    from crowd_env.rendering.saving import check_suffix
-
-    check_suffix(path, (".png",))
-    if not path.absolute().parent.is_dir():
-        raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
-    try:
-        new_figure((1.0, 1.0))  # says now, not after the work, that the drawing library is missing
-    except ModuleNotFoundError as error:
-        raise ValueError(str(error)) from None
+        if value is not None and not (value > 0 and value >= least):
+            raise ValueError(f"{option} is {value:g}; it must be {f'>= {least:g} m' if least else '> 0'}")
+    if path is not None:
+        check_picture("--force-network", path, (".png",))
 
 
 def _draw_network(
@@ -227,13 +228,14 @@ def _table(figures: dict[str, Any], seconds: float) -> Table:
         return number(figure["mean"]) + ("" if figure["sd"] is None else f" ± {number(figure['sd'])}")
 
     evacuation, flow = figures["evacuation_time"], figures["flow"]
-    title = f"{figures['scenario']}: {figures['people']} people, {figures['scheme']}, {figures['runs']} runs"
+    people, runs = counted(figures["people"], "person", "people"), counted(figures["runs"], "run", "runs")
+    title = f"{figures['scenario']}: {people}, {figures['scheme']}, {runs}"
     table = Table(title=title, show_header=False, caption=f"{seconds:.1f} s of computing")
     table.add_row("evacuation time", f"{spread(evacuation)} s")
     if evacuation["ci95"][0] is not None:
         table.add_row("  95 % interval of the mean", " to ".join(number(bound) for bound in evacuation["ci95"]) + " s")
     table.add_row("flow", f"{spread(flow)} 1/s")
-    table.add_row("unfinished", f"{figures['unfinished']} people in {figures['unfinished_runs']} runs")
+    table.add_row("unfinished", _unfinished(figures))
     for blocked in figures["blocked"]:
         table.add_row(
             "  blocked", f"run {blocked['run']}: nobody out after {blocked['since']:.1f} s, {blocked['left']} left"
@@ -243,6 +245,11 @@ def _table(figures: dict[str, Any], seconds: float) -> Table:
     table.add_row("reach beyond a wall", f"at most {number(figures['outside_mm'])} mm")
     table.add_row("solver residual", f"at most {figures['residual']:.1e} m/s")
     return table
+
+
+def _unfinished(figures: dict[str, Any]) -> str:
+    people, runs = figures["unfinished"], figures["unfinished_runs"]
+    return f"{counted(people, 'person', 'people')} in {counted(runs, 'run', 'runs')}"
 
 
 @app.command("list")
@@ -268,10 +275,11 @@ def plan(
 ) -> None:
     """Draw plans: walls, exits, regions and where people start, coloured by the group they belong to."""
     with said_plainly():
+        check_picture("--out", out, (".png",), makes_folder=True)
         from crowd_env.rendering.sheet import draw_sheet
 
         draw_sheet(out, [make_scenario(name) for name in scenario], seed=seed)
-    notes.print(f"plan: {out}", markup=False)
+        notes.print(f"plan: {out}", markup=False)
 
 
 @app.command()
