@@ -22,6 +22,7 @@ __all__ = [
     "closest_pair",
     "place",
     "require_names",
+    "require_room",
 ]
 
 # Equal discs cannot cover more of the plane than a hexagonal packing does.
@@ -29,6 +30,7 @@ _CLOSEST_PACKING = np.pi / np.sqrt(12.0)
 # Random placement one by one jams near 0.547; above this share people are set on a hexagonal lattice instead.
 _RANDOM_LIMIT = 0.45
 _ROUNDS = 400
+_MOST_CELLS = 4e6
 
 # Their draws need no check: the bounds have been checked.
 _KEEP_THEIR_BOUNDS = (Uniform, Normal, LogNormal)
@@ -58,6 +60,8 @@ class Population:
     name: str = ""
 
     def __post_init__(self) -> None:
+        if isinstance(self.count, bool) or not isinstance(self.count, int | np.integer):
+            raise ValueError(f"population: count is {self.count!r}; it must be a whole number of people")
         if self.count < 1:
             raise ValueError(f"a population needs at least 1 person, not {self.count}")
         for name, least in (("radius", 0.0), ("mass", 0.0), ("relaxation_time", 0.0)):
@@ -74,6 +78,10 @@ class Population:
                 )
             if self.start_region is not None:
                 raise ValueError(f"people have recorded starts or the start region {self.start_region!r}, not both")
+        if isinstance(self.exits, str):
+            raise ValueError(
+                f"population: exits is the text {self.exits!r}; it must be a list of names: ({self.exits!r},)"
+            )
         if self.route is not None and self.exits:
             raise ValueError(f"people take the route {self.route!r} or the best of some exits, not both")
 
@@ -133,12 +141,31 @@ def require_names(kind: str, names: Iterable[str | None], known: Iterable[str]) 
             raise ValueError(f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}")
 
 
+def require_room(geometry: Geometry, parts: Iterable[Population]) -> None:
+    """Raise ValueError if there are more people than even the closest packing has room for, before any of them is drawn."""
+    waiting: dict[str | None, tuple[int, float]] = {}
+    for part in parts:
+        if part.starts is None:
+            count, cover = waiting.get(part.start_region, (0, 0.0))
+            waiting[part.start_region] = count + part.count, cover + part.count * np.pi * part.radius.low**2
+    for region, (count, cover) in waiting.items():
+        area = geometry.area_of(region)
+        if cover > _CLOSEST_PACKING * area:
+            where = f"{area:.1f} m2" + ("" if region is None else f" of {region!r}")
+            most = int(count * _CLOSEST_PACKING * area / cover)
+            raise ValueError(
+                f"{count} people do not fit without overlap into {where}: even the closest packing of the smallest bodies "
+                f"leaves room for at most {most}"
+            )
+
+
 def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:
     """Raise ValueError unless recorded positions lie inside, clear of walls and of each other."""
     outside = np.flatnonzero(~geometry.contains(starts))
     if len(outside):
         k = outside[0]
-        raise ValueError(f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is outside the walkable area")
+        where = "in a part that no exit reaches" if geometry.is_left_out(starts[k]) else "outside the walkable area"
+        raise ValueError(f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is {where}")
     clearance = geometry.clearance(starts)
     k = int(np.argmin(clearance - radius))
     if clearance[k] < radius[k] - 1e-9:
@@ -241,7 +268,8 @@ def _place_randomly(
     geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None, standing: Standing | None
 ) -> Floats | None:
     low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
-    size = 2.0 * float(radius.max())
+    # Cells a body wide, or wider in places so large that there would be many more of them than people.
+    size = max(2.0 * float(radius.max()), float(np.sqrt((high_x - low_x) * (high_y - low_y) / _MOST_CELLS)))
     columns, rows = int((high_x - low_x) / size) + 1, int((high_y - low_y) / size) + 1
     boundary, count = geometry.boundary, len(radius)
     cells = np.empty(columns * rows + count, dtype=np.int64)
@@ -362,14 +390,24 @@ def _place_on_lattice(
     raise ValueError(_too_many(radius, area, f"a regular lattice holds {most} there{beside}"))
 
 
-@kernel
 def closest_pair(position: Floats, radius: Floats) -> tuple[int, int, float]:
-    """Return the two discs with the smallest gap, and that gap [m]; all pairs, for checks of the input only."""
+    """Return the two discs with the smallest gap, and that gap [m]; (0, 0, inf) for fewer than two."""
+    order = np.argsort(position[:, 0], kind="stable")
+    return _closest_pair(position, radius, order, 2.0 * float(np.max(radius, initial=0.0)))
+
+
+@kernel
+def _closest_pair(position: Floats, radius: Floats, order: Ints, widest: float) -> tuple[int, int, float]:
+    """Look from each disc, from left to right, only as far as a smaller gap can be."""
     best_i, best_j, best = 0, 0, np.inf
-    for i in range(len(radius)):
-        for j in range(i + 1, len(radius)):
+    for m in range(len(order)):
+        i = order[m]
+        for n in range(m + 1, len(order)):
+            j = order[n]
+            if position[j, 0] - position[i, 0] - widest > best:
+                break
             distance = np.hypot(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1])
             gap = distance - radius[i] - radius[j]
             if gap < best:
-                best_i, best_j, best = i, j, gap
+                best_i, best_j, best = min(i, j), max(i, j), gap
     return best_i, best_j, best
