@@ -99,7 +99,7 @@ def _ask_for_unit(area: BaseGeometry, exits: Sequence[BaseGeometry]) -> None:
     ValueError
         If nothing so large or so small is a building.
     """
-    if area.is_empty or not np.isfinite(shapely.get_coordinates(area)).all():
+    if not area.area > 0 or not np.isfinite(shapely.get_coordinates(area)).all():
         return  # said better by those who read the shapes
     x0, y0, x1, y1 = area.bounds
     across = max(x1 - x0, y1 - y0)
