@@ -196,9 +196,8 @@ def _attempts(plan: Plan, spacing: float) -> Iterator[tuple[float, float, float]
     least = max(plan.min_radius, 2 * spacing)  # nodes on both sides of a thin wall must be no neighbours
     most = max(plan.radius, least)
     finer = [spacing]
-    while (
-        finer[-1] / 2 >= _FINEST - 1e-9
-        and np.prod([1.0 * n for n in _nodes(plan.geometry, finer[-1] / 2)]) < _FINE_NODES
+    while finer[-1] / 2 >= _FINEST - 1e-9 and np.prod([1.0 * n for n in _nodes(plan.geometry, finer[-1] / 2)]) < min(
+        _FINE_NODES, _MAX_NODES
     ):
         finer.append(finer[-1] / 2)
     fits = min(plan.widest.values(), default=np.inf) / 2 + _TOUCH
