@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 import typer
 from rich.console import Console
@@ -72,9 +72,16 @@ def _sentence(error: Exception) -> str:
 @contextmanager
 def _warnings_are_notes() -> Iterator[None]:
     """Show every warning of the block once, as a sentence without the line of code that it came from."""
-    said = set()
+    said: set[str] = set()
 
-    def show(message: Warning | str, *_: object) -> None:
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
         text = " ".join(str(message).split())
         if text not in said:
             said.add(text)

@@ -9,6 +9,7 @@ import numpy as np
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform
 from crowd_env.geometry import Boundary, Geometry
+from crowd_env.placement_checks import check_starts, closest_pair
 from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies
 
 __all__ = [
@@ -78,7 +79,7 @@ class Population:
                 )
             if self.start_region is not None:
                 raise ValueError(f"people have recorded starts or the start region {self.start_region!r}, not both")
-        if isinstance(self.exits, str):
+        if isinstance(self.exits, str):  # type: ignore[unreachable]  # a tuple of letters to whoever reads it
             raise ValueError(
                 f"population: exits is the text {self.exits!r}; it must be a list of names: ({self.exits!r},)"
             )
@@ -157,28 +158,6 @@ def require_room(geometry: Geometry, parts: Iterable[Population]) -> None:
                 f"{count} people do not fit without overlap into {where}: even the closest packing of the smallest bodies "
                 f"leaves room for at most {most}"
             )
-
-
-def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:
-    """Raise ValueError unless recorded positions lie inside, clear of walls and of each other."""
-    outside = np.flatnonzero(~geometry.contains(starts))
-    if len(outside):
-        k = outside[0]
-        where = "in a part that no exit reaches" if geometry.is_left_out(starts[k]) else "outside the walkable area"
-        raise ValueError(f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is {where}")
-    clearance = geometry.clearance(starts)
-    k = int(np.argmin(clearance - radius))
-    if clearance[k] < radius[k] - 1e-9:
-        raise ValueError(
-            f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is {clearance[k]:.3f} m from a wall; "
-            f"its body of radius {radius[k]:.3f} m does not fit"
-        )
-    i, j, gap = closest_pair(np.ascontiguousarray(starts, dtype=np.float64), radius)
-    if gap < -1e-9:
-        raise ValueError(
-            f"starts {i} and {j} overlap by {-gap:.3f} m: their radii add up to {radius[i] + radius[j]:.3f} m; "
-            "take smaller bodies"
-        )
 
 
 def place(
@@ -388,26 +367,3 @@ def _place_on_lattice(
             return points[rng.permutation(len(points))[: len(radius)]]
     beside = "" if standing is None else f" beside the {len(standing[1])} who stand already"
     raise ValueError(_too_many(radius, area, f"a regular lattice holds {most} there{beside}"))
-
-
-def closest_pair(position: Floats, radius: Floats) -> tuple[int, int, float]:
-    """Return the two discs with the smallest gap, and that gap [m]; (0, 0, inf) for fewer than two."""
-    order = np.argsort(position[:, 0], kind="stable")
-    return _closest_pair(position, radius, order, 2.0 * float(np.max(radius, initial=0.0)))
-
-
-@kernel
-def _closest_pair(position: Floats, radius: Floats, order: Ints, widest: float) -> tuple[int, int, float]:
-    """Look from each disc, from left to right, only as far as a smaller gap can be."""
-    best_i, best_j, best = 0, 0, np.inf
-    for m in range(len(order)):
-        i = order[m]
-        for n in range(m + 1, len(order)):
-            j = order[n]
-            if position[j, 0] - position[i, 0] - widest > best:
-                break
-            distance = np.hypot(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1])
-            gap = distance - radius[i] - radius[j]
-            if gap < best:
-                best_i, best_j, best = min(i, j), max(i, j), gap
-    return best_i, best_j, best
