@@ -452,10 +452,10 @@ def test_an_interruption_leaves_old_files_and_no_pieces(tmp_path, results):
         yield ("first",)
         raise KeyboardInterrupt
 
-    from crowd_env.reproduce.result import RawTable, _write
+    from crowd_env.reproduce.result import RawTable, write_table
 
     with pytest.raises(KeyboardInterrupt):
-        _write(tmp_path / "table3.csv", RawTable(("name",), interrupted()))
+        write_table(tmp_path / "table3.csv", RawTable(("name",), interrupted()))
     with pytest.raises(KeyboardInterrupt), written(tmp_path / "table3.png") as part:
         part.write_bytes(PNG)
         raise KeyboardInterrupt

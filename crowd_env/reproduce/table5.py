@@ -18,7 +18,7 @@ from crowd_env.reproduce.evacuations import (
     room_remarks,
 )
 from crowd_env.reproduce.flow import ESTIMATORS
-from crowd_env.reproduce.result import Progress, Result, Row
+from crowd_env.reproduce.result import Halfway, Progress, Result, Row
 from crowd_env.reproduce.settings import Settings
 
 TITLE = "Table 5: average flow through the door, persons/s"
@@ -42,7 +42,13 @@ def schemes(settings: Settings) -> tuple[str, ...]:
 
 def reproduce(settings: Settings, progress: Progress) -> Result:
     """Return Table 5."""
-    done = {name: evacuate(settings, name, progress) for name in SCHEMES}
+    done: dict[str, Evacuations] = {}
+    for name in SCHEMES:
+        try:
+            done[name] = evacuate(settings, name, progress)
+        except Halfway as halfway:
+            before = list(done.values())
+            raise halfway.after(raw_times(settings, before), len(before) * settings.runs) from None
     rows = [row for result in done.values() for row in flow_rows(result)]
     rows += [_ordered(done, order) for order in (*_ORDERS, *_PAIRS)]
     rows[-1] = replace(rows[-1], closes=True)
