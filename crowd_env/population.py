@@ -9,6 +9,7 @@ import numpy as np
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform
 from crowd_env.geometry import Boundary, Geometry
+from crowd_env.starts import check_starts, closest_pair, read_starts
 from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies
 
 __all__ = [
@@ -52,7 +53,9 @@ class Population:
     relaxation_time: Distribution = field(default_factory=lambda: Uniform(0.1, 0.5))  # s
     response_time: Distribution = field(default_factory=lambda: Uniform(0.0, 0.0))  # s
     start_region: str | None = None  # name of a region of the geometry; None = anywhere inside
-    starts: Floats | None = None  # (K, 2) m, recorded positions or seats; of more than ``count``, some are drawn
+    starts: Floats | None = (
+        None  # (K, 2) m, recorded positions or seats, copied; of more than ``count``, some are drawn
+    )
     route: str | None = None  # name of the route or exit that they mean to take, whatever the strategy of the run
     exits: tuple[str, ...] = ()  # names of the exits that they know: they take the best of them; () = all
     name: str = ""
@@ -67,11 +70,7 @@ class Population:
             if getattr(self, name).low < 0:
                 raise ValueError(f"population: {name} must be >= 0, but can be as low as {getattr(self, name).low:g}")
         if self.starts is not None:
-            shape = np.shape(self.starts)
-            if len(shape) != 2 or shape[1] != 2 or shape[0] < self.count:
-                raise ValueError(
-                    f"starts must have the shape ({self.count}, 2), not {shape}, or more rows to draw from"
-                )
+            object.__setattr__(self, "starts", read_starts(self.starts, self.count))
             if self.start_region is not None:
                 raise ValueError(f"people have recorded starts or the start region {self.start_region!r}, not both")
         if self.route is not None and self.exits:
@@ -118,7 +117,8 @@ class Population:
 
     def draw_starts(self, rng: np.random.Generator, geometry: Geometry, radius: Floats) -> Floats:
         """Return the recorded positions (count, 2), or some drawn from them, checked for bodies of ``radius`` (count,)."""
-        starts = np.array(self.starts, dtype=np.float64)
+        assert self.starts is not None  # nobody asks else
+        starts = self.starts.copy()
         if len(starts) > self.count:
             starts = starts[rng.permutation(len(starts))[: self.count]]
         check_starts(geometry, starts, radius)
@@ -131,27 +131,6 @@ def require_names(kind: str, names: Iterable[str | None], known: Iterable[str]) 
     for name in names:
         if name is not None and name not in known:
             raise ValueError(f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}")
-
-
-def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:
-    """Raise ValueError unless recorded positions lie inside, clear of walls and of each other."""
-    outside = np.flatnonzero(~geometry.contains(starts))
-    if len(outside):
-        k = outside[0]
-        raise ValueError(f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is outside the walkable area")
-    clearance = geometry.clearance(starts)
-    k = int(np.argmin(clearance - radius))
-    if clearance[k] < radius[k] - 1e-9:
-        raise ValueError(
-            f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is {clearance[k]:.3f} m from a wall; "
-            f"its body of radius {radius[k]:.3f} m does not fit"
-        )
-    i, j, gap = closest_pair(np.ascontiguousarray(starts, dtype=np.float64), radius)
-    if gap < -1e-9:
-        raise ValueError(
-            f"starts {i} and {j} overlap by {-gap:.3f} m: their radii add up to {radius[i] + radius[j]:.3f} m; "
-            "take smaller bodies"
-        )
 
 
 def place(
@@ -360,16 +339,3 @@ def _place_on_lattice(
             return points[rng.permutation(len(points))[: len(radius)]]
     beside = "" if standing is None else f" beside the {len(standing[1])} who stand already"
     raise ValueError(_too_many(radius, area, f"a regular lattice holds {most} there{beside}"))
-
-
-@kernel
-def closest_pair(position: Floats, radius: Floats) -> tuple[int, int, float]:
-    """Return the two discs with the smallest gap, and that gap [m]; all pairs, for checks of the input only."""
-    best_i, best_j, best = 0, 0, np.inf
-    for i in range(len(radius)):
-        for j in range(i + 1, len(radius)):
-            distance = np.hypot(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1])
-            gap = distance - radius[i] - radius[j]
-            if gap < best:
-                best_i, best_j, best = i, j, gap
-    return best_i, best_j, best

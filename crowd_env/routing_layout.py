@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -32,13 +33,16 @@ def named_regions(geometry: Geometry, names: Sequence[str]) -> DecisionRegions:
     names = tuple(names)
     check_names("region", names, tuple(geometry.regions))
 
-    def locate(position: Floats) -> Ints:
-        inside = np.stack([geometry.contains(position, name) for name in names])
-        return np.where(inside.any(axis=0), inside.argmax(axis=0), -1).astype(np.int64)
-
     floors = [geometry.walkable.intersection(geometry.regions[name]) for name in names]
     centre = np.array([(floor.centroid.x, floor.centroid.y) for floor in floors])
-    return DecisionRegions(names, np.array([floor.area for floor in floors]), centre, locate)
+    return DecisionRegions(
+        names, np.array([floor.area for floor in floors]), centre, partial(_in_named, geometry, names)
+    )
+
+
+def _in_named(geometry: Geometry, names: tuple[str, ...], position: Floats) -> Ints:
+    inside = np.stack([geometry.contains(position, name) for name in names])
+    return np.where(inside.any(axis=0), inside.argmax(axis=0), -1).astype(np.int64)
 
 
 def grid_regions(geometry: Geometry, columns: int, rows: int) -> DecisionRegions:
@@ -67,11 +71,14 @@ def grid_regions(geometry: Geometry, columns: int, rows: int) -> DecisionRegions
                 area.append(float(floor.area))
                 centre.append((floor.centroid.x, floor.centroid.y))
 
-    def locate(position: Floats) -> Ints:
-        column, row = np.floor((position - low) / size).astype(np.int64).T
-        return number[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
+    return DecisionRegions(tuple(names), np.array(area), np.array(centre), partial(_in_grid, low, size, number))
 
-    return DecisionRegions(tuple(names), np.array(area), np.array(centre), locate)
+
+def _in_grid(low: Floats, size: Floats, number: Ints, position: Floats) -> Ints:
+    """Return the number of the cell of each position; beyond the grid counts as its border."""
+    rows, columns = number.shape
+    column, row = np.floor((position - low) / size).astype(np.int64).T
+    return number[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
 
 
 @dataclass(frozen=True)
