@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,14 @@ from crowd_env.routes import DoorEvent
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 CHECK_EVERY = 0.1  # s
+
+
+class DoorsThen(NamedTuple):
+    """What a checkpoint keeps of a `Doorkeeper`, for every environment."""
+
+    closed: tuple[frozenset[str], ...]
+    happened: tuple[frozenset[int], ...]  # events
+    due: Floats  # (E,)  s
 
 
 class Doorkeeper:
@@ -42,6 +51,16 @@ class Doorkeeper:
         self._happened[e] = set()
         self._due[e] = 0.0
         return self.closed[e]
+
+    def moment(self) -> DoorsThen:
+        """Return a copy of how things stand."""
+        return DoorsThen(tuple(self.closed), tuple(map(frozenset, self._happened)), self._due.copy())
+
+    def restore(self, then: DoorsThen) -> None:
+        """Let things stand as they did."""
+        self.closed = list(then.closed)
+        self._happened = [set(events) for events in then.happened]
+        self._due[:] = then.due
 
     def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
         """Return after how many steps the next environment must be looked at; None if no door moves any more."""

@@ -1,5 +1,6 @@
 """CrowdEnv: a batch of evacuations over arrays; the only place where learning meets physics."""
 
+import copy
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -9,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from crowd_env._reference import refer
 from crowd_env.action import ActionKind, Frame, action_space, check_frame, to_command
+from crowd_env.checkpoint import EnvCheckpoint, copy_arrays, write_arrays
+from crowd_env.groups import extreme_bodies
 from crowd_env.metrics import EpisodeMetrics, summarise_exits
 from crowd_env.observation import ObservationLayout
 from crowd_env.observer import Observer
@@ -17,8 +20,10 @@ from crowd_env.progress import open_books, settle
 from crowd_env.reward import RewardFunction, RewardWeights, Transition
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
-from crowd_env.simulation import Simulation, check_step
-from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies, make_state
+from crowd_env.seeding import seed_words
+from crowd_env.simulation import Simulation
+from crowd_env.simulation_input import check_step
+from crowd_env.state import Bodies, Bools, Floats, Ints, make_state
 
 
 class Step(NamedTuple):
@@ -124,7 +129,7 @@ class CrowdEnv:
         if time_limit is not None and not 0 < time_limit < np.inf:
             raise ValueError(f"time_limit is {time_limit!r} s; it must be > 0 and finite")
         for place in self.scenarios:
-            _check_stable(place, scheme, dt)
+            check_step(make_scheme(scheme), extreme_bodies(place.population), dt)  # every draw, not only the first
         time_limits = np.array([time_limit or self.scenarios[k].time_limit for k in which])
         self.scenario_of_env = [self.scenarios[k] for k in which]
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
@@ -145,6 +150,7 @@ class CrowdEnv:
             geometry_of_env=which,
             threads=threads,
         )
+        self.simulation.state.active[:] = False  # nobody is there before the first reset
         people = int(self.env_start[-1])
         self.env_of_person = np.repeat(np.arange(num_envs), np.diff(self.env_start))
         self._observer = Observer(self.simulation, self.layout, in_world=frame == "world", threads=threads)
@@ -167,6 +173,8 @@ class CrowdEnv:
         self._books = open_books(self._transition, self.simulation.state, time_limits, blocked_after)
         self._reward = RewardFunction(self.reward_weights, people)
         self._started = False
+        self._times_restored = 0
+        self._unsettled = False  # a step was begun whose books were never closed: Ctrl-C, or a crowd that diverged
 
     @property
     def time_limit(self) -> Floats:
@@ -212,7 +220,7 @@ class CrowdEnv:
         chosen = np.ones(self.num_envs, dtype=np.bool_) if mask is None else np.asarray(mask, dtype=np.bool_)
         if chosen.shape != (self.num_envs,):
             raise ValueError(f"mask must have the shape ({self.num_envs},), not {chosen.shape}")
-        for e, words in enumerate(_seed_words(seed, self.num_envs)):
+        for e, words in enumerate(seed_words(seed, self.num_envs)):
             if chosen[e] and words is not None:
                 self._generators[e] = np.random.default_rng(words)
         for k in np.flatnonzero(chosen):
@@ -221,6 +229,8 @@ class CrowdEnv:
         observation, transition = self._observer.observe(self.active), self._transition.fields
         fresh = chosen[self.env_of_person]
         transition.travel_time_before[fresh] = transition.travel_time_after[fresh]
+        if chosen.all():
+            self._times_restored, self._unsettled = self.simulation.times_restored, False
         return observation, {}
 
     def step(self, action: ArrayLike | None = None, rule: ArrayLike | None = None) -> Step:
@@ -239,12 +249,19 @@ class CrowdEnv:
         if not self._started:
             raise ValueError("call reset before the first step")
         simulation, state = self.simulation, self.simulation.state
+        if simulation.times_restored != self._times_restored:
+            raise ValueError(
+                "the simulation alone was restored, the environment was not; restore or reset the environment"
+            )
         command, relative = self._command(action, rule)
         transition, books = self._transition.fields, self._books.fields
-        transition.inside[:], books.started[:] = state.active, state.time
+        if not self._unsettled:  # else this step goes on with the one before: who got out in between has left
+            transition.inside[:], books.started[:] = state.active, state.time
+        self._unsettled = True
         simulation.advance(command, relative=relative, n_substeps=self.n_substeps)
         observation = self._observer.observe(transition.inside)
         settle(self._books, simulation.dt)
+        self._unsettled = False
         left, truncated, ended = transition.left.copy(), books.truncated.copy(), books.ended.copy()
         reward, terms = self._reward(self._transition)
         over = np.flatnonzero(ended)
@@ -281,6 +298,43 @@ class CrowdEnv:
             unconverged=int(sums.unconverged[e]),
         )
 
+    def checkpoint(self) -> EnvCheckpoint:
+        """Return a copy of all that the future depends on, to `restore` here, or in an environment made like this one.
+
+        The last observation is the caller's, who keeps it beside the checkpoint if he needs it.
+        """
+        return EnvCheckpoint(
+            self.simulation.checkpoint(),
+            copy_arrays(self._books.fields),
+            copy_arrays(self._transition.fields),
+            tuple(array.copy() for array in self._observer.kept),
+            tuple(copy.deepcopy(rng.bit_generator.state) for rng in self._generators),
+            self._started,
+            self._unsettled,
+        )
+
+    def restore(self, checkpoint: EnvCheckpoint) -> None:
+        """Go back to a moment: the same actions, and resets without a seed, lead bit by bit to what they led to then.
+
+        Raises
+        ------
+        TypeError
+            If it is no checkpoint of an environment.
+        ValueError
+            If the checkpoint is of an environment of other people, places, scheme or steps.
+        """
+        if not isinstance(checkpoint, EnvCheckpoint):
+            raise TypeError(f"restore takes a checkpoint() of an environment, not {type(checkpoint).__name__}")
+        self.simulation.restore(checkpoint.simulation)
+        write_arrays(self._books.fields, checkpoint.books)
+        write_arrays(self._transition.fields, checkpoint.step)
+        for array, then in zip(self._observer.kept, checkpoint.seen, strict=True):
+            array[:] = then
+        for rng, state in zip(self._generators, checkpoint.generators, strict=True):
+            rng.bit_generator.state = copy.deepcopy(state)
+        self._started, self._unsettled = checkpoint.started, checkpoint.unsettled
+        self._times_restored = self.simulation.times_restored
+
     def _restart(self, e: int) -> None:
         scenario = self.scenario_of_env[e]
         bodies, position = scenario.population.draw(self._generators[e], scenario.geometry)
@@ -296,6 +350,8 @@ class CrowdEnv:
                 self._route_of_all[kind] = chosen
         self._books.fields.impulse[self.people(e)] = 0.0
         self._books.fields.last_exit[e] = 0.0
+        self._books.fields.started[e] = 0.0
+        self._transition.fields.inside[self.people(e)] = True
         self.finished[e] = False
 
     def _command(self, action: ArrayLike | None, rule: ArrayLike | None) -> tuple[Floats | None, Bools | None]:
@@ -311,15 +367,6 @@ class CrowdEnv:
         return command, (~asked if self.frame == "world" else None)
 
 
-def _check_stable(scenario: Scenario, scheme: str | ContactScheme, dt: float) -> None:
-    """Raise ValueError if some draw of the population could be unstable, not only the first one."""
-    people = scenario.population
-    scheme = make_scheme(scheme)
-    one = (np.array([people.radius.low]), np.array([people.mass.low]))
-    lightest = make_bodies(*one, relaxation_time=people.relaxation_time.low)
-    check_step(scheme, lightest, dt)
-
-
 def _whole_number(decision_dt: float, dt: float) -> int:
     if not (0 < dt < np.inf and 0 < decision_dt < np.inf):
         raise ValueError(f"dt is {dt!r} s and decision_dt {decision_dt!r} s; both must be > 0 and finite")
@@ -327,23 +374,3 @@ def _whole_number(decision_dt: float, dt: float) -> int:
     if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
         raise ValueError(f"decision_dt = {decision_dt:g} s is not a whole number of physics steps of dt = {dt:g} s")
     return round(ratio)
-
-
-def _seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[int] | None]:
-    """Return what each environment's generator is made of."""
-    if seed is None:
-        return [None] * num_envs
-    words: list[list[int] | None]
-    if isinstance(seed, list | tuple | np.ndarray):
-        words = [[_seed(word), 0] for word in seed]
-    else:
-        words = [[_seed(seed), e] for e in range(num_envs)]
-    if len(words) != num_envs:
-        raise ValueError(f"{len(words)} seeds for {num_envs} environments; give one each, or a single int")
-    return words
-
-
-def _seed(word: Any) -> int:
-    if not isinstance(word, int | np.integer) or word < 0:
-        raise ValueError(f"seed {word!r} is not a whole number >= 0")
-    return int(word)

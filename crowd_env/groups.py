@@ -1,13 +1,13 @@
 """A crowd of several kinds of people: each with its own bodies, its own place to start from and its own way out."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from crowd_env.geometry import Geometry
 from crowd_env.population import Population, check_starts, place
-from crowd_env.state import Bodies, Floats
+from crowd_env.state import Bodies, Floats, make_bodies
 
 _BOUNDED = ("radius", "mass", "desired_speed", "relaxation_time", "response_time")
 
@@ -144,3 +144,28 @@ class Groups:
         """Where people start: the named regions in the order of the groups, then anywhere."""
         of_parts = dict.fromkeys(part.start_region for part in self.parts if part.starts is None)
         return sorted(of_parts, key=lambda name: name is None)
+
+
+class Parts(Protocol):
+    """What is made of populations: `Groups`, or one `Population`."""
+
+    @property
+    def parts(self) -> tuple[Population, ...]:
+        """Its parts, one kind of people each."""
+        ...
+
+
+def extreme_bodies(people: Parts) -> Bodies:
+    """Return bodies whose stable step is no longer than that of any draw.
+
+    Of each part all are as heavy, thick, quick and eager as they can be, and one more is as light and thin as he can be.
+    """
+    parts = people.parts
+    counts = [part.count + 1 for part in parts]
+    first = np.cumsum([0, *counts[:-1]])
+    radius = np.repeat([part.radius.high for part in parts], counts)
+    mass = np.repeat([part.mass.high for part in parts], counts)
+    radius[first], mass[first] = [part.radius.low for part in parts], [part.mass.low for part in parts]
+    speed = np.repeat([part.desired_speed.high for part in parts], counts)
+    tau = np.repeat([part.relaxation_time.low for part in parts], counts)
+    return make_bodies(radius, mass, desired_speed=speed, relaxation_time=tau)

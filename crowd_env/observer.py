@@ -1,7 +1,5 @@
 """Who looks: the observations of a batch of crowds, and how far everyone still has to go."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 
 from crowd_env._reference import Reference, refer
@@ -10,6 +8,7 @@ from crowd_env.perception import perceive
 from crowd_env.recycled import Recycled
 from crowd_env.simulation import Simulation
 from crowd_env.state import Bools, Ints
+from crowd_env.workers import Workers
 
 _ENOUGH_FOR_THREADS = 1000  # people; calling the threads costs as much as observing two hundred
 
@@ -45,7 +44,7 @@ class Observer:
         side_by_side = min(threads, rooms) if people >= _ENOUGH_FOR_THREADS else 1
         largest = int(np.diff(simulation.bodies.env_start).max())
         self._plans = [refer(layout.plan(largest)) for _ in range(side_by_side)]
-        self._pool: ThreadPoolExecutor | None = None
+        self._workers = Workers()
         self._view: Reference | None = None
         self._made_of: tuple[object, object] | None = None  # what the view refers to and the simulation may replace
 
@@ -57,13 +56,18 @@ class Observer:
         if rooms is not None or len(self._plans) == 1:
             perceive(self._all_rooms if rooms is None else rooms, view, self._plans[0], rows)
         else:
-            if self._pool is None:
-                self._pool = ThreadPoolExecutor(len(self._plans))
             parts = np.array_split(self._all_rooms, len(self._plans))
-            list(self._pool.map(lambda part, plan: perceive(part, view, plan, rows), parts, self._plans))
+            self._workers.run(
+                lambda part, plan: perceive(part, view, plan, rows), list(zip(parts, self._plans, strict=True))
+            )
         if self.layout.own_terms:
             self.layout.add_own_terms(view.fields, self._all_rooms if rooms is None else rooms, rows)
         return rows
+
+    @property
+    def kept(self) -> tuple[np.ndarray, ...]:
+        """What the next observation and reward depend on besides the simulation."""
+        return self.direction, self.travel_time, self.potential
 
     def _referred(self) -> Reference:
         """Return what an observation is made from, anew if the simulation has replaced something: a door, its memory."""

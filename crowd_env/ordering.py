@@ -7,7 +7,7 @@ with it their last digits; it depends on nothing but the environment's own clock
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,13 @@ _KEPT = ("way", "steady", "shift", "here", "pace", "force", "torque")
 _SHOWN = ("followed", "push", "crush")
 
 
+class Order(NamedTuple):
+    """In which order people are, and until when: what a checkpoint keeps of a `SortedCrowd`."""
+
+    slot: Ints  # (P,)
+    due: Floats  # (E,)  s
+
+
 class SortedCrowd:
     """Working copies of a batch, in the order of space where an environment is large.
 
@@ -37,6 +44,7 @@ class SortedCrowd:
     def __init__(self, bodies: Bodies, state: CrowdState, memory: Memory) -> None:
         self._env_start = bodies.env_start
         self.slot: Ints = np.arange(len(bodies.radius))
+        self._first_shift = memory.shift.copy()  # of everyone in his slot
         self._large = np.flatnonzero(np.diff(bodies.env_start) >= MANY).tolist()
         self._due = np.full(len(state.time), -math.inf)
         self._bodies = Bodies._make([*(array.copy() for array in bodies[:-1]), bodies.env_start])
@@ -48,9 +56,24 @@ class SortedCrowd:
         """Whether any environment is large."""
         return bool((np.diff(bodies.env_start) >= MANY).any())
 
-    def restart(self, e: int) -> None:
-        """Environment ``e`` has other people: they are to be sorted before the next step."""
+    def restart(self, e: int, bodies: Bodies, memory: Memory) -> None:
+        """Environment ``e`` has other people: in their slots, as at first, and to be sorted before the next step."""
+        people = slice(int(self._env_start[e]), int(self._env_start[e + 1]))
+        self.slot[people] = np.arange(people.start, people.stop)
+        memory.shift[people] = self._first_shift[people]
+        for copy, array in zip(self._bodies[:-1], bodies[:-1], strict=True):
+            copy[people] = array[people]
         self._due[e] = -math.inf
+
+    def order(self) -> Order:
+        """Return a copy of the order."""
+        return Order(self.slot.copy(), self._due.copy())
+
+    def restore(self, order: Order, bodies: Bodies) -> None:
+        """Take up an order; the rest of the memory that lies in it is restored by itself."""
+        self.slot[:], self._due[:] = order
+        for copy, array in zip(self._bodies[:-1], bodies[:-1], strict=True):
+            copy[:] = array[self.slot]
 
     def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
         """Return after how many steps the next environment is due; None if there is none."""
@@ -69,7 +92,7 @@ class SortedCrowd:
         slots = self.slot[people]
         order = _order_of_space(state.position[slots], state.active[slots])
         self.slot[people] = slots[order]
-        for array in (*self._shown.values(), *(getattr(memory, name) for name in _KEPT)):
+        for array in (getattr(memory, name) for name in _KEPT):
             if len(array):  # not every scheme uses all
                 array[people] = array[people][order]
         for copy, array in zip(self._bodies[:-1], bodies[:-1], strict=True):

@@ -9,7 +9,7 @@ import numpy as np
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform
 from crowd_env.geometry import Boundary, Geometry
-from crowd_env.placement_checks import check_starts, closest_pair
+from crowd_env.starts import check_starts, closest_pair, read_starts
 from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies
 
 __all__ = [
@@ -55,7 +55,9 @@ class Population:
     relaxation_time: Distribution = field(default_factory=lambda: Uniform(0.1, 0.5))  # s
     response_time: Distribution = field(default_factory=lambda: Uniform(0.0, 0.0))  # s
     start_region: str | None = None  # name of a region of the geometry; None = anywhere inside
-    starts: Floats | None = None  # (K, 2) m, recorded positions or seats; of more than ``count``, some are drawn
+    starts: Floats | None = (
+        None  # (K, 2) m, recorded positions or seats, copied; of more than ``count``, some are drawn
+    )
     route: str | None = None  # name of the route or exit that they mean to take, whatever the strategy of the run
     exits: tuple[str, ...] = ()  # names of the exits that they know: they take the best of them; () = all
     name: str = ""
@@ -72,11 +74,7 @@ class Population:
             if getattr(self, name).low < 0:
                 raise ValueError(f"population: {name} must be >= 0, but can be as low as {getattr(self, name).low:g}")
         if self.starts is not None:
-            shape = np.shape(self.starts)
-            if len(shape) != 2 or shape[1] != 2 or shape[0] < self.count:
-                raise ValueError(
-                    f"starts must have the shape ({self.count}, 2), not {shape}, or more rows to draw from"
-                )
+            object.__setattr__(self, "starts", read_starts(self.starts, self.count))
             if self.start_region is not None:
                 raise ValueError(f"people have recorded starts or the start region {self.start_region!r}, not both")
         if isinstance(self.exits, str):  # type: ignore[unreachable]  # a tuple of letters to whoever reads it
@@ -127,7 +125,8 @@ class Population:
 
     def draw_starts(self, rng: np.random.Generator, geometry: Geometry, radius: Floats) -> Floats:
         """Return the recorded positions (count, 2), or some drawn from them, checked for bodies of ``radius`` (count,)."""
-        starts = np.array(self.starts, dtype=np.float64)
+        assert self.starts is not None  # nobody asks else
+        starts = self.starts.copy()
         if len(starts) > self.count:
             starts = starts[rng.permutation(len(starts))[: self.count]]
         check_starts(geometry, starts, radius)

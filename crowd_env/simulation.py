@@ -2,17 +2,19 @@
 
 import itertools
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from crowd_env._reference import Reference, refer
+from crowd_env.checkpoint import Checkpoint, has_room, made_by, recall, remember, require_same, write_arrays
+from crowd_env.contact_list import ContactList, list_contacts
 from crowd_env.doors import Doorkeeper
+from crowd_env.episode import begin_memory, begin_state
 from crowd_env.geometry import Geometry, join_boundaries
 from crowd_env.geometry_inside import border_of, mark_outside
-from crowd_env.limits import check_stride, why_stopped
-from crowd_env.navigation import NavigationField, travel_time_field
+from crowd_env.limits import why_stopped
+from crowd_env.navigation import NavigationField
 from crowd_env.ordering import SortedCrowd
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.neighbors import DIVERGED, FULL, OK, TOO_FAST
@@ -29,20 +31,22 @@ from crowd_env.physics.world import (
     grow_memory,
     no_diagnostics,
 )
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.simulation_input import (
+    check_routes,
+    check_step,
+    check_threads,
+    fields_of,
+    flags,
+    routes_of,
+    vectors,
+    which_geometry,
+)
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state
 from crowd_env.wayfinding import Wayfinder
 from crowd_env.ways import Ways
+from crowd_env.workers import Workers
 
-
-class ContactList(NamedTuple):
-    """Contacts of one environment at the start of its last physics step (hertz: at its end), and the impulses of that step."""
-
-    i: Ints  # (C,)    person, counted within the environment
-    j: Ints  # (C,)    other person > i, or -1 - k: wall feature k
-    gap: Floats  # (C,)    m, < 0 is overlap
-    normal: Floats  # (C, 2)  unit vector from j to i
-    impulse: Floats  # (C, 2)  N s, normal and tangential
-    converged: bool  # whether every solve of the episode so far met its tolerance
+_IN_PLACE = ("state", "bodies", "memory")  # others hold on to their arrays
 
 
 class Simulation:
@@ -51,7 +55,8 @@ class Simulation:
     Parameters
     ----------
     geometry : one for all environments, or several together with ``geometry_of_env``.
-    bodies, state : arrays of all environments; the simulation works on them in place.
+    bodies, state : arrays of all environments; the simulation works on them in place.  Their arrays may be written to, they
+        themselves cannot be replaced: to go back to another moment is what `checkpoint` and `restore` are for.
     scheme : name in ``SCHEMES`` or a scheme with its own parameters.
     dt : s, physics step; by default the scheme's own, 0.01 or (hertz) 0.001.
     fields : travel-time field, or all the ways, of each geometry; made here for geometries with exits if not given.
@@ -65,7 +70,8 @@ class Simulation:
     Raises
     ------
     ValueError
-        If ``dt`` is not positive or above the stable step, a position is not finite, or the scheme refuses the use.
+        If ``dt`` is not positive or above the stable step, an array has the wrong shape or type or does not fit the others, a
+        position is not finite, a body cannot be, or the scheme refuses the use.
     """
 
     def __init__(
@@ -84,52 +90,31 @@ class Simulation:
         allow_unstable: bool = False,
     ) -> None:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
+        check_bodies(bodies)
+        check_state(state, bodies)
         self.bodies, self.state = bodies, state
         self.scheme = make_scheme(scheme)
         self.dt = dt = self.scheme.info.default_dt if dt is None else dt
-        self.driving = driving
-        self.threads = threads
-        if threads < 1:
-            raise ValueError(f"threads is {threads}; it must be at least 1")
+        self.driving, self.allow_unstable = driving, allow_unstable
+        self.threads = check_threads(threads)
         self.scheme.check(driving)
         check_step(self.scheme, bodies, dt, allow_unstable)
-        if driving and not allow_unstable:
-            check_stride(bodies, dt)
-        _check_people(bodies, state)
-        if fields is None:
-            radius = bodies.radius
-            fields = [
-                travel_time_field(g, float(radius.max()), min_radius=float(radius.min())) if len(g.exits) else None
-                for g in self.geometries
-            ]
-        self.fields = list(fields)
+        self.fields = fields_of(self.geometries, fields, bodies)
         boundary = join_boundaries(self.geometries)
         environments = len(state.time)
-        which = np.zeros(environments, dtype=np.int64) if geometry_of_env is None else geometry_of_env
-        if len(which) != environments or min(which) < 0 or max(which) >= len(self.geometries):
-            raise ValueError(
-                f"geometry_of_env must name, for each of {environments} environments, "
-                f"one of {len(self.geometries)} geometries, 0 to {len(self.geometries) - 1}"
-            )
-        which = np.asarray(which, dtype=np.int64)
-        if len(self.fields) != len(self.geometries):
-            raise ValueError(
-                f"{len(self.fields)} fields for {len(self.geometries)} geometries; give one (or None) for each"
-            )
+        which = which_geometry(geometry_of_env, environments, len(self.geometries))
         self.wayfinder = Wayfinder(self.fields, which, boundary, replan_every)
         guidance = self.wayfinder.guidance
         self.world = World(boundary, self.wayfinder.field, which, guidance)
-        doors_of_places = [(p.closed_at_start, p.events) if isinstance(p, Ways) else ((), ()) for p in self.fields]
-        self._doorkeeper = Doorkeeper(
-            self.geometries, [closed for closed, _ in doors_of_places], [events for _, events in doors_of_places], which
-        )
+        closed, events = ([getattr(place, name, ()) for place in self.fields] for name in ("closed_at_start", "events"))
+        self._doorkeeper = Doorkeeper(self.geometries, closed, events, which)
         doors = max(len(place.doors) for place in self.geometries)
         rules = int(np.diff(guidance.rule.start).max(initial=0))
         self._scratch = scratch_of(self.scheme)
         self.memory = allocate_memory(bodies, rules=rules, doors=doors, uses=self._scratch)
         known = (guidance.field_of_route >= 0).sum(axis=1)
         self._routes_of_person = np.repeat(known, np.diff(bodies.env_start))
-        _check_routes(state.route, self._routes_of_person)
+        check_routes(state.route, self._routes_of_person)
         self.memory.followed[:] = state.route
         for e in range(environments):
             self.close_doors(e, self._doorkeeper.restart(e))
@@ -143,7 +128,17 @@ class Simulation:
         self._control = allocate_control(len(bodies.radius), driving, bounded=not allow_unstable)
         self._batch: Reference | None = None  # what kernels work on
         self._made_of: tuple[object, ...] = ()  # and the tuples that it refers to
-        self._pool: ThreadPoolExecutor | None = None
+        self._workers = Workers()
+        self.times_restored = 0  # whoever keeps books beside the simulation sees that they are of another moment
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse to replace what observers and environments hold on to: they would go on looking at dead arrays."""
+        if name in _IN_PLACE and name in self.__dict__:
+            raise AttributeError(
+                f"{name} cannot be replaced, others hold on to its arrays: write into them, or go back to another moment with "
+                "checkpoint() and restore()"
+            )
+        super().__setattr__(name, value)
 
     @property
     def last_diagnostics(self) -> Diagnostics:
@@ -180,18 +175,14 @@ class Simulation:
             If someone would move further in one step than the own radius, or a position is no longer finite.
         """
         people = len(self.bodies.radius)
-        if relative is not None:
-            relative = np.ascontiguousarray(relative, dtype=np.bool_)
-            if relative.shape != (people,):
-                raise ValueError(f"relative must have the shape ({people},), not {relative.shape}")
         asked = Asked(
-            _checked("command", command, (people, 2)),
-            relative,
-            _checked("external_force", external_force, (people, 2)),
+            vectors("command", command, people),
+            flags("relative", relative, people),
+            vectors("external_force", external_force, people),
         )
         if n_substeps < 0:
             raise ValueError(f"n_substeps is {n_substeps}; it must be >= 0")
-        _check_routes(self.state.route, self._routes_of_person)
+        check_routes(self.state.route, self._routes_of_person)
         memory = self.memory
         memory.status[:] = OK
         for sums in (memory.push, memory.crush, memory.progress, memory.cut.gate, *memory.diagnostics):
@@ -239,6 +230,12 @@ class Simulation:
         self.wayfinder.close(e, shut)
         self.world = self.world._replace(field=self.wayfinder.field)
 
+    def _people(self, e: int) -> slice:
+        """Return whose slots are those of environment ``e``; ValueError if there is none of that number."""
+        if not 0 <= e < len(self.state.time):
+            raise ValueError(f"there is no environment {e!r}; they are numbered 0 to {len(self.state.time) - 1}")
+        return slice(int(self.bodies.env_start[e]), int(self.bodies.env_start[e + 1]))
+
     def _referred(self) -> Reference:
         """Return all that kernels work on, anew if something was replaced."""
         parts = (self.world, self.bodies, self.state, self._control, self.memory)
@@ -253,9 +250,11 @@ class Simulation:
         while True:
             if self._sorted is not None:
                 self._sorted.take_in(self.state, self.memory, self._control, asked)
-            self._run(self._referred(), n_substeps)
-            if self._sorted is not None:
-                self._sorted.give_back(self.state, self.memory)
+            try:
+                self._run(self._referred(), n_substeps)
+            finally:  # Ctrl-C too finds everyone where he has come to
+                if self._sorted is not None:
+                    self._sorted.give_back(self.state, self.memory)
             status = self.memory.status
             stopped = np.flatnonzero((status == DIVERGED) | (status == TOO_FAST))
             if len(stopped):
@@ -263,8 +262,11 @@ class Simulation:
                 raise FloatingPointError(why_stopped(self.scheme.info.name, e, int(status[e]), *who, self.dt))
             if not (status == FULL).any():
                 return
-            # the environments that were full go on where they were
-            self.memory = grow_memory(self.memory, self.bodies, self._scratch)
+            self._grow()  # the environments that were full go on where they were
+
+    def _grow(self) -> None:
+        """Make more room for neighbours; what others hold on to stays."""
+        self.__dict__["memory"] = grow_memory(self.memory, self.bodies, self._scratch)
 
     def _run(self, batch: Reference, n_substeps: int) -> None:
         """Advance the batch on all threads: the kernels hold no lock.
@@ -278,12 +280,7 @@ class Simulation:
         else:
             edges = np.linspace(0, count, min(threads, count) + 1).astype(int).tolist()
             parts = [(first, stop, 0, 1) for first, stop in itertools.pairwise(edges)]
-        if len(parts) == 1:
-            self.scheme.advance(batch, self.dt, n_substeps, *parts[0])
-            return
-        if self._pool is None:
-            self._pool = ThreadPoolExecutor(threads)
-        list(self._pool.map(lambda part: self.scheme.advance(batch, self.dt, n_substeps, *part), parts))
+        self._workers.run(lambda *part: self.scheme.advance(batch, self.dt, n_substeps, *part), parts)
 
     def _is_shared(self) -> bool:
         """Whether several threads step one crowd together."""
@@ -294,44 +291,84 @@ class Simulation:
     ) -> None:
         """Begin a new episode in environment ``e`` with other people, as many as before; the others are not touched.
 
-        ``route`` is the number of the way that each means to take; `send` changes it later.
+        ``route`` is the number of the way that each means to take; `send` changes it later.  Ways that follow the crowd are
+        found at once.
 
         Raises
         ------
         ValueError
-            If the number of people differs.
+            If the number of people differs, an array has the wrong shape, or a value is not one that it can have.
         """
-        people = slice(int(self.bodies.env_start[e]), int(self.bodies.env_start[e + 1]))
-        if len(bodies.radius) != people.stop - people.start:
-            raise ValueError(f"environment {e} holds {people.stop - people.start} people, not {len(bodies.radius)}")
-        _check_routes(np.broadcast_to(route, (people.stop - people.start,)), self._routes_of_person[people])
+        people = self._people(e)
+        count = people.stop - people.start
+        check_bodies(bodies)
+        if len(bodies.radius) != count:
+            raise ValueError(f"environment {e} holds {count} people, not {len(bodies.radius)}")
+        check_step(self.scheme, bodies, self.dt, self.allow_unstable)
+        stand = vectors("position", position, count)
+        assert stand is not None  # or there would be nobody to place
+        walk = vectors("velocity", velocity, count)
+        routes = routes_of(route, self._routes_of_person[people])
         for name in Bodies._fields[:-1]:
             getattr(self.bodies, name)[people] = getattr(bodies, name)
-        state = self.state
-        state.position[people] = position
-        state.velocity[people] = 0.0 if velocity is None else velocity
-        state.angle[people] = 0.0
-        state.spin[people] = 0.0
-        state.active[people] = True
-        state.exit_time[people] = np.nan
-        state.exit_index[people] = -1
-        state.route[people] = route
-        self.memory.followed[people] = route
-        self.wayfinder.restart(e)
+        begin_state(e, people, self.state, stand, walk, routes)
+        begin_memory(e, people, self.memory, self.bodies, routes, self.diagnostics)
         if self._sorted is not None:
-            self._sorted.restart(e)
+            self._sorted.restart(e, self.bodies, self.memory)
+        self.wayfinder.restart(e)
         self.close_doors(e, self._doorkeeper.restart(e))
-        self.memory.rule_on[e] = False
-        state.time[e] = 0.0
-        self.memory.phase[e] = 0
-        self.memory.way_age[e] = np.inf
-        self.memory.near.reach[e] = -1.0
-        self.memory.contacts.number[e] = 0
-        self.memory.push[people] = 0.0
-        self.memory.crush[people] = 0.0
-        for total in (*self.diagnostics, *self.memory.diagnostics):
-            total[e] = 0
         self.escaped[people] = False
+        self.wayfinder.update(self.bodies, self.state, only=e)
+
+    def checkpoint(self) -> Checkpoint:
+        """Return a copy of all that the future depends on, to `restore` here, or in a simulation made like this one."""
+        return Checkpoint(
+            self._made_like(),
+            Bodies._make(array.copy() for array in self.bodies),
+            self.state.copy(),
+            remember(self.memory),
+            Diagnostics._make(array.copy() for array in self.diagnostics),
+            self._doorkeeper.moment(),
+            self.wayfinder.moment(),
+            None if self._sorted is None else self._sorted.order(),
+            self.escaped.copy(),
+        )
+
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Go back to a moment; what follows is bit by bit what followed it then, as far as the same is asked for.
+
+        All arrays of `state`, `bodies` and `memory` are written in place: whoever holds them sees that moment.
+
+        Raises
+        ------
+        TypeError
+            If it is no checkpoint of a simulation.
+        ValueError
+            If the checkpoint is of a simulation of other people, places, scheme or steps.
+        """
+        if not isinstance(checkpoint, Checkpoint):
+            raise TypeError(f"restore takes a checkpoint() of a simulation, not {type(checkpoint).__name__}")
+        require_same(self._made_like(), checkpoint.made_by)
+        while not has_room(self.memory, checkpoint.memory):
+            self._grow()
+        recall(self.memory, checkpoint.memory)
+        for ours, then in (
+            (self.bodies, checkpoint.bodies),
+            (self.state, checkpoint.state),
+            (self.diagnostics, checkpoint.diagnostics),
+        ):
+            write_arrays(ours, then._asdict())
+        self.escaped[:] = checkpoint.escaped
+        self._doorkeeper.restore(checkpoint.doors)
+        self.wayfinder.restore(checkpoint.ways)
+        self.world = self.world._replace(field=self.wayfinder.field)
+        if self._sorted is not None and checkpoint.order is not None:
+            self._sorted.restore(checkpoint.order, self.bodies)
+        self.times_restored += 1
+
+    def _made_like(self) -> dict[str, Any]:
+        is_sorted, interval = self._sorted is not None, self.wayfinder.interval
+        return made_by(self.scheme, self.dt, self.driving, interval, self.bodies, is_sorted, self.world)
 
     def send(self, e: int, route: Ints | int) -> None:
         """Let everyone in environment ``e`` take another way: one number for all, or one each.
@@ -341,69 +378,13 @@ class Simulation:
         ValueError
             If there is no such way.
         """
-        people = slice(int(self.bodies.env_start[e]), int(self.bodies.env_start[e + 1]))
-        wanted = np.broadcast_to(np.asarray(route, dtype=np.int64), (people.stop - people.start,))
-        _check_routes(wanted, self._routes_of_person[people])
+        people = self._people(e)
+        wanted = routes_of(route, self._routes_of_person[people])
         self.state.route[people] = wanted
         self.memory.followed[people] = wanted
         self.memory.way_age[e] = np.inf
 
     def contacts(self, e: int = 0) -> ContactList:
         """Return a copy of the contacts of environment ``e``."""
-        contacts, begin = self.memory.contacts, int(self.memory.near.entry_start[e])
-        rows = slice(begin, begin + int(contacts.number[e]))
-        first, i, j, normal = self.bodies.env_start[e], contacts.i[rows], contacts.j[rows], contacts.normal[rows]
-        order = np.arange(len(i))
-        if self._sorted is not None:
-            i, j, normal, order = self._sorted.by_slot(i, j, normal)
-        return ContactList(
-            i - first,
-            np.where(j >= 0, j - first, j),
-            contacts.gap[rows][order].copy(),
-            normal.copy(),
-            contacts.impulse[rows][order].copy(),
-            bool(self.diagnostics.unconverged[e] == 0),
-        )
-
-
-def _checked(name: str, values: Floats | None, shape: tuple[int, int]) -> Floats | None:
-    """Return ``values`` as kernels want them: a kernel would read past the end of an array that is too short."""
-    if values is None:
-        return None
-    array = np.ascontiguousarray(values, dtype=np.float64)
-    if array.shape != shape:
-        raise ValueError(f"{name} must have the shape {shape}, not {array.shape}")
-    if not np.isfinite(array).all():
-        bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
-        raise ValueError(f"{name} of pedestrian {bad[0]} is {array[bad[0]].tolist()}; it must be finite")
-    return array
-
-
-def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable: bool = False) -> None:
-    """Raise ValueError unless ``dt`` is positive and, if that matters, at most the scheme's stable step."""
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt is {dt!r} s; it must be finite and > 0")
-    limit = scheme.stable_dt(bodies)
-    if dt > limit and not allow_unstable:
-        raise ValueError(
-            f"dt = {dt:g} s is above the stable step of {scheme.info.name}, {limit:.4g} s for these people: "
-            f"{scheme.info.stable_step}"
-        )
-
-
-def _check_routes(route: Ints, known: Ints) -> None:
-    """Raise ValueError unless everyone's route is one of those that are known to him: kernels look it up unseen."""
-    if ((route < 0) | (route >= known)).any():
-        bad = np.flatnonzero((route < 0) | (route >= known))
-        raise ValueError(f"route of pedestrian {bad[0]} is {route[bad[0]]}; it must be from 0 to {known[bad[0]] - 1}")
-
-
-def _check_people(bodies: Bodies, state: CrowdState) -> None:
-    if len(bodies.radius) != len(state.position):
-        raise ValueError(f"{len(bodies.radius)} bodies but {len(state.position)} positions")
-    if int(bodies.env_start[-1]) != len(bodies.radius) or len(bodies.env_start) != len(state.time) + 1:
-        raise ValueError("env_start must run from 0 to the number of people, with one entry more than state.time")
-    for name in ("position", "velocity"):
-        bad = np.flatnonzero(~np.isfinite(getattr(state, name)).all(axis=1))
-        if len(bad):
-            raise ValueError(f"{name} of pedestrian {bad[0]} is not finite")
+        first = self._people(e).start
+        return list_contacts(e, first, self.memory, self._sorted, bool(self.diagnostics.unconverged[e] == 0))

@@ -4,10 +4,12 @@ All people of all environments lie one behind the other (``P`` people, ``E`` env
 slice ``env_start[e]:env_start[e + 1]``.  Slots never move: someone who has left is ``active = False`` in place.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from crowd_env._jit import kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -30,7 +32,7 @@ class Bodies(NamedTuple):
 
 
 class CrowdState(NamedTuple):
-    """What moves; a copy of it is a checkpoint."""
+    """What moves.  What else the future depends on is in `Simulation.checkpoint`."""
 
     position: Floats  # (P, 2)  m
     velocity: Floats  # (P, 2)  m/s
@@ -61,44 +63,55 @@ def make_bodies(
     Raises
     ------
     ValueError
-        If a radius, mass or relaxation time is not positive and finite, or a speed or response time is negative.
+        If a radius, mass or relaxation time is not positive and finite, a speed or response time is negative, an array does
+        not fit the others, or ``env_start`` does not ascend from 0 to the number of people.
     """
-    radius = np.atleast_1d(np.asarray(radius, dtype=np.float64))
+    radius = np.atleast_1d(_numbers("radius", radius)).copy()
+    if radius.ndim != 1 or not len(radius):
+        raise ValueError(f"radius has the shape {radius.shape}; it must be (P,), one number for each of P > 0 people")
     count = len(radius)
 
-    def full(value: Floats | float) -> Floats:
-        return np.ascontiguousarray(np.broadcast_to(np.asarray(value, dtype=np.float64), (count,))).copy()
+    def full(name: str, value: Floats | float) -> Floats:
+        values = _numbers(name, value)
+        if values.shape not in ((), (1,), (count,)):
+            raise ValueError(f"{name} has the shape {values.shape}; it must be one number, or ({count},) as radius")
+        return np.array(np.broadcast_to(values, (count,)), order="C")
 
     bodies = Bodies(
-        radius=radius.copy(),
-        mass=full(mass),
-        inertia=0.5 * full(mass) * radius**2,
-        desired_speed=full(desired_speed),
-        relaxation_time=full(relaxation_time),
-        response_time=full(response_time),
-        env_start=np.array([0, count]) if env_start is None else np.asarray(env_start, dtype=np.int64),
+        radius=radius,
+        mass=full("mass", mass),
+        inertia=0.5 * full("mass", mass) * radius**2,
+        desired_speed=full("desired_speed", desired_speed),
+        relaxation_time=full("relaxation_time", relaxation_time),
+        response_time=full("response_time", response_time),
+        env_start=np.array([0, count]) if env_start is None else _whole_numbers("env_start", env_start),
     )
-    for name in ("radius", "mass", "relaxation_time"):
-        _require(name, getattr(bodies, name), "> 0", lambda x: x > 0)
-    for name in ("desired_speed", "response_time"):
-        _require(name, getattr(bodies, name), ">= 0", lambda x: x >= 0)
-    _require("desired_speed", bodies.desired_speed, f"at most {MAX_SPEED} m/s", lambda x: x <= MAX_SPEED)
+    check_bodies(bodies)
     return bodies
 
 
-def _require(name: str, values: Floats, bound: str, holds) -> None:  # type: ignore[no-untyped-def]
-    bad = np.flatnonzero(~(np.isfinite(values) & holds(values)))
-    if len(bad):
-        raise ValueError(f"{name} of pedestrian {bad[0]} is {values[bad[0]]:g}; it must be finite and {bound}")
-
-
 def make_state(position: Floats, velocity: Floats | None = None, *, environments: int = 1) -> CrowdState:
-    """Return a `CrowdState` at time zero with everyone inside; velocity defaults to rest."""
-    position = np.array(position, dtype=np.float64).reshape(-1, 2)
+    """Return a `CrowdState` at time zero with everyone inside; velocity defaults to rest.
+
+    Raises
+    ------
+    ValueError
+        If position or velocity are not one (x, y) for each person, or there is no environment.
+    """
+    position = np.atleast_2d(_numbers("position", position)).copy(order="C")
+    if position.ndim != 2 or position.shape[1] != 2:
+        raise ValueError(f"position has the shape {position.shape}; it must be (P, 2), one (x, y) for each person")
     count = len(position)
+    if velocity is None:
+        velocity = np.zeros((count, 2))
+    velocity = np.atleast_2d(_numbers("velocity", velocity)).copy(order="C")
+    if velocity.shape != (count, 2):
+        raise ValueError(f"velocity has the shape {velocity.shape}; it must be ({count}, 2) as position")
+    if environments < 1:
+        raise ValueError(f"environments is {environments}; it must be at least 1")
     return CrowdState(
         position=position,
-        velocity=np.zeros((count, 2)) if velocity is None else np.array(velocity, dtype=np.float64).reshape(count, 2),
+        velocity=velocity,
         angle=np.zeros(count),
         spin=np.zeros(count),
         active=np.ones(count, dtype=np.bool_),
@@ -107,6 +120,97 @@ def make_state(position: Floats, velocity: Floats | None = None, *, environments
         route=np.zeros(count, dtype=np.int64),
         time=np.zeros(environments),
     )
+
+
+def check_bodies(bodies: Bodies) -> None:
+    """Raise ValueError unless all arrays fit together, and every value is one that a body can have.
+
+    Kernels look at nothing: they would read and write beyond an array that is too short.
+    """
+    count = len(bodies.radius) if np.ndim(bodies.radius) else 0
+    if count < 1:
+        raise ValueError("bodies.radius is empty; there must be at least one person")
+    for name, array in zip(Bodies._fields[:-1], bodies, strict=False):
+        _check_array(f"bodies.{name}", array, np.float64, (count,))
+    for name in ("radius", "mass", "inertia", "relaxation_time"):
+        _require(name, getattr(bodies, name), positive=True)
+    for name in ("desired_speed", "response_time"):
+        _require(name, getattr(bodies, name), positive=False)
+    fastest = int(np.argmax(bodies.desired_speed))
+    if bodies.desired_speed[fastest] > MAX_SPEED:
+        speed = bodies.desired_speed[fastest]
+        raise ValueError(f"desired_speed of pedestrian {fastest} is {speed:g}; it must be at most {MAX_SPEED} m/s")
+    start = bodies.env_start
+    _check_array("bodies.env_start", start, np.int64, np.shape(start)[:1])
+    if len(start) < 2 or start[0] != 0 or start[-1] != count or (len(start) > 2 and (np.diff(start) < 1).any()):
+        raise ValueError(
+            f"bodies.env_start is {_short(start)}; it must ascend from 0 to the number of people, {count}, with at least one "
+            "person in each environment"
+        )
+
+
+def check_state(state: CrowdState, bodies: Bodies) -> None:
+    """Raise ValueError unless all arrays fit these bodies and each other, and positions and velocities are finite."""
+    count, environments = len(bodies.radius), len(bodies.env_start) - 1
+    pair, one = (count, 2), (count,)
+    shapes = dict(zip(CrowdState._fields, (pair, pair, one, one, one, one, one, one, (environments,)), strict=True))
+    kinds = {"active": np.bool_, "exit_index": np.int64, "route": np.int64}
+    for name, shape in shapes.items():
+        _check_array(f"state.{name}", getattr(state, name), kinds.get(name, np.float64), shape)
+    for name in ("position", "velocity", "angle", "spin"):
+        bad = np.flatnonzero(~np.isfinite(getattr(state, name).reshape(count, -1)).all(axis=1))
+        if len(bad):
+            raise ValueError(f"{name} of pedestrian {bad[0]} is not finite")
+    if not np.isfinite(state.time).all():
+        raise ValueError(f"state.time of environment {int(np.argmin(np.isfinite(state.time)))} is not finite")
+
+
+def _check_array(name: str, array: Any, kind: Any, shape: tuple[int, ...]) -> None:
+    """Raise ValueError unless this is an array that kernels can work on in place."""
+    if not isinstance(array, np.ndarray):
+        raise ValueError(f"{name} is {type(array).__name__}; it must be a NumPy array")
+    if array.shape != shape:
+        raise ValueError(f"{name} has the shape {array.shape}; it must be {shape}")
+    if array.dtype != kind:
+        raise ValueError(f"{name} holds {array.dtype}; it must hold {np.dtype(kind)}")
+    if not array.flags.c_contiguous or not array.flags.aligned:
+        raise ValueError(f"{name} is not contiguous in memory; give np.ascontiguousarray({name.partition('.')[2]})")
+    if not array.flags.writeable:
+        raise ValueError(f"{name} is read-only; it is worked on in place: give a copy")
+
+
+def _numbers(name: str, values: Any) -> Floats:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is not made of numbers: {error}") from None
+
+
+def _whole_numbers(name: str, values: Any) -> Ints:
+    array = np.asarray(values)
+    if array.ndim != 1 or array.dtype.kind not in "iu":
+        raise ValueError(f"{name} is {_short(array)}; it must be a row of whole numbers")
+    return np.array(array, dtype=np.int64)
+
+
+def _short(values: np.ndarray) -> str:
+    return str(values.tolist() if values.size <= 8 else [*values.ravel()[:7].tolist(), "..."])
+
+
+def _require(name: str, values: Floats, positive: bool) -> None:
+    bad = _first_bad(values, positive)
+    if bad >= 0:
+        bound = "> 0" if positive else ">= 0"
+        raise ValueError(f"{name} of pedestrian {bad} is {values[bad]:g}; it must be finite and {bound}")
+
+
+@kernel
+def _first_bad(values: Floats, positive: bool) -> int:
+    """Return where the first value is that is not finite or too small, -1 if there is none; NumPy takes ten times as long."""
+    for i in range(len(values)):
+        if not (values[i] < np.inf and (values[i] > 0.0 or (values[i] == 0.0 and not positive))):
+            return i
+    return -1
 
 
 def as_grid(values: np.ndarray, environments: int) -> np.ndarray:

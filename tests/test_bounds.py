@@ -141,9 +141,7 @@ def test_one_who_goes_too_far_in_a_step_is_named_with_place_and_time(name):
 
 
 def test_desired_speeds_above_what_anyone_ran_are_refused():
-    with pytest.raises(
-        ValueError, match=r"desired_speed of pedestrian 1 is 13; it must be finite and at most 12\.5 m/s"
-    ):
+    with pytest.raises(ValueError, match=r"desired_speed of pedestrian 1 is 13; it must be at most 12\.5 m/s"):
         make_bodies([0.2, 0.2], 80.0, desired_speed=[1.0, 13.0])
 
 

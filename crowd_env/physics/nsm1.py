@@ -18,7 +18,7 @@ from crowd_env._reference import Reference
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
-from crowd_env.physics.neighbors import OK, update_neighbours
+from crowd_env.physics.neighbors import FULL, OK, update_neighbours
 from crowd_env.physics.require import require_known, require_positive
 from crowd_env.physics.rows import give_impulses, keep_impulses, pose_no_overlap, take_impulses
 from crowd_env.physics.scheme import SchemeInfo
@@ -47,6 +47,9 @@ INFO = SchemeInfo(
     uses=("problem", "desired", "force", "previous", "before"),
 )
 
+
+# In Memory.phase: whether the forces of the present step have been found before it ran out of room.
+_UNKNOWN, _KNOWN = 0, 1
 
 # Margin for contacts over what the speeds before and of the trial ask for: wider costs less than to solve a step twice.
 _HEADROOM = 1.25
@@ -196,7 +199,7 @@ def _advance_range(
     reach: float,
     regions: bool | None,
 ) -> None:
-    env_start, memory, progress = batch.bodies.env_start, batch.memory, batch.memory.progress
+    env_start, memory, progress, phase = batch.bodies.env_start, batch.memory, batch.memory.progress, batch.memory.phase
     for e in range(first, stop):
         begin, last = env_start[e], muster(e, batch)
         walk_freely(e, batch, regions)
@@ -206,9 +209,12 @@ def _advance_range(
                 memory.status[e] = update_neighbours(e, batch, reach)
                 if memory.status[e] != OK:
                     break
-            regular_forces(e, last, batch, dt, social, regions)
+            if phase[e] == _UNKNOWN:  # or the way would be looked up twice in one step
+                regular_forces(e, last, batch, dt, social, regions)
             if not _project(e, last, batch, dt, spontaneous, law, reach):
+                phase[e] = _KNOWN if memory.status[e] == FULL else _UNKNOWN  # goes on from here, with more room
                 break
+            phase[e] = _UNKNOWN
             contact = memory.near.entry_start[e]
             behind = contact + memory.contacts.number[e]
             record_pushes(contact, behind, memory, 1.0)

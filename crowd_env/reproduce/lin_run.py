@@ -7,14 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env.groups import extreme_bodies
 from crowd_env.navigation import NavigationField
 from crowd_env.physics import Hertz, SocialForce
 from crowd_env.physics.hertz import DampingUnit
 from crowd_env.reproduce.sound import require_nobody_outside
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
-from crowd_env.simulation import Simulation, check_step
-from crowd_env.state import Floats, make_bodies, make_state
+from crowd_env.simulation import Simulation
+from crowd_env.simulation_input import check_step
+from crowd_env.state import Floats, make_state
 from crowd_env.ways import Target
 
 _LOOK = 1.0  # s, how often we look whether it is over; the result does not depend on it
@@ -76,11 +78,7 @@ class Run:
         scenario, scheme = self.scenario(), self.scheme()
         people = scenario.population
         people.draw(np.random.default_rng([self.seed, 0]), scenario.geometry)
-        # No draw has a shorter stable step than this one: the lightest and thinnest of all in a heavy crowd.
-        radius, mass = np.full(self.count + 1, people.radius.high), np.full(self.count + 1, people.mass.high)
-        radius[0], mass[0] = people.radius.low, people.mass.low
-        speed, tau = people.desired_speed.high, people.relaxation_time.low
-        check_step(scheme, make_bodies(radius, mass, desired_speed=speed, relaxation_time=tau), self.dt)
+        check_step(scheme, extreme_bodies(people), self.dt)
 
 
 class Snapshot(NamedTuple):

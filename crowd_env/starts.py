@@ -1,10 +1,26 @@
-"""Whether people who stand at recorded places can stand there."""
+"""Recorded starts: read, and checked to be places where people can stand."""
+
+from typing import Any
 
 import numpy as np
 
 from crowd_env._jit import kernel
 from crowd_env.geometry import Geometry
 from crowd_env.state import Floats, Ints
+
+
+def read_starts(starts: Any, count: int) -> Floats:
+    """Return a copy of recorded starts (K, 2) as kernels want it; ValueError if they cannot be such."""
+    try:
+        positions = np.array(starts, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"starts must be numbers, one (x, y) [m] a row: {error}") from None
+    if positions.ndim != 2 or positions.shape[1] != 2 or len(positions) < count:
+        raise ValueError(f"starts must have the shape ({count}, 2), not {positions.shape}, or more rows to draw from")
+    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
+    if len(bad):
+        raise ValueError(f"start {bad[0]} is {positions[bad[0]].tolist()}; it must be finite")
+    return positions
 
 
 def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:

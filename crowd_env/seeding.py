@@ -1,0 +1,26 @@
+"""What the random generator of each environment is made of."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+
+def seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[int] | None]:
+    """Return what each environment's generator is made of."""
+    if seed is None:
+        return [None] * num_envs
+    words: list[list[int] | None]
+    if isinstance(seed, list | tuple | np.ndarray):
+        words = [[_seed(word), 0] for word in seed]
+    else:
+        words = [[_seed(seed), e] for e in range(num_envs)]
+    if len(words) != num_envs:
+        raise ValueError(f"{len(words)} seeds for {num_envs} environments; give one each, or a single int")
+    return words
+
+
+def _seed(word: Any) -> int:
+    if not isinstance(word, int | np.integer) or word < 0:
+        raise ValueError(f"seed {word!r} is not a whole number >= 0")
+    return int(word)

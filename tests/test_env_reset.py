@@ -1,0 +1,46 @@
+"""Which environments a reset begins, and that all others stand still and earn nothing."""
+
+import numpy as np
+
+from crowd_env import CrowdEnv
+
+
+def test_environments_that_were_never_reset_are_not_simulated_and_pay_and_end_nothing():
+    env = CrowdEnv("room-v0", num_envs=3, scheme="dem", autoreset=True, time_limit=6.0)
+    observation, _ = env.reset([1, 2, 3], mask=[False, True, False])
+    others = np.ones(60, dtype=bool)
+    others[env.people(1)] = False
+    before = env.simulation.state.copy()
+    assert not observation[others].any()
+    for _ in range(70):
+        step = env.step(None)
+        assert not step.reward[others].any()
+        assert not step.observation[others].any()
+        assert not (step.terminated | step.truncated)[others].any()
+        assert not any(values[others].any() for name, values in step.info.items() if name.startswith("reward/"))
+        assert not step.info["finished"][[0, 2]].any()
+    assert env.finished.tolist() == [True, False, True]
+    assert not env.active[others].any()
+    np.testing.assert_array_equal(env.simulation.state.position[others], before.position[others])
+    assert env.simulation.state.time[[0, 2]].tolist() == [0.0, 0.0]
+
+
+def test_an_environment_reset_later_is_what_it_would_have_been_at_first():
+    late, fresh = (CrowdEnv("room-v0", num_envs=2, scheme="dem") for _ in range(2))
+    late.reset([1, 2], mask=[True, False])
+    for _ in range(5):
+        late.step(None)
+    late.reset([1, 2], mask=[False, True])
+    fresh.reset([1, 2])
+    people = fresh.people(1)
+    for _ in range(5):
+        np.testing.assert_array_equal(late.step(None).observation[people], fresh.step(None).observation[people])
+
+
+def test_nobody_is_inside_before_the_first_reset():
+    env = CrowdEnv("room-v0", num_envs=2)
+    assert env.finished.all()
+    assert not env.active.any()
+    env.reset([1, 2])
+    assert env.active.all()
+    assert not env.finished.any()
