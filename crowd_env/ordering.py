@@ -46,6 +46,7 @@ class SortedCrowd:
         self.slot: Ints = np.arange(len(bodies.radius))
         self._first_shift = memory.shift.copy()  # of everyone in his slot
         self._large = np.flatnonzero(np.diff(bodies.env_start) >= MANY).tolist()
+        self._small = _stretches(np.diff(bodies.env_start) < MANY, bodies.env_start)  # who keep their order
         self._due = np.full(len(state.time), -math.inf)
         self._bodies = Bodies._make([*(array.copy() for array in bodies[:-1]), bodies.env_start])
         self._state = CrowdState._make([*(array.copy() for array in state[:-1]), state.time])
@@ -56,13 +57,11 @@ class SortedCrowd:
         """Whether any environment is large."""
         return bool((np.diff(bodies.env_start) >= MANY).any())
 
-    def restart(self, e: int, bodies: Bodies, memory: Memory) -> None:
+    def restart(self, e: int, memory: Memory) -> None:
         """Environment ``e`` has other people: in their slots, as at first, and to be sorted before the next step."""
         people = slice(int(self._env_start[e]), int(self._env_start[e + 1]))
         self.slot[people] = np.arange(people.start, people.stop)
         memory.shift[people] = self._first_shift[people]
-        for copy, array in zip(self._bodies[:-1], bodies[:-1], strict=True):
-            copy[people] = array[people]
         self._due[e] = -math.inf
 
     def order(self) -> Order:
@@ -70,10 +69,10 @@ class SortedCrowd:
         return Order(self.slot.copy(), self._due.copy())
 
     def restore(self, order: Order, bodies: Bodies) -> None:
-        """Take up an order; the rest of the memory that lies in it is restored by itself."""
+        """Take up an order; the memory that lies in it is restored by itself."""
         self.slot[:], self._due[:] = order
-        for copy, array in zip(self._bodies[:-1], bodies[:-1], strict=True):
-            copy[:] = array[self.slot]
+        for own, array in zip(self._bodies[:-1], bodies[:-1], strict=True):
+            own[:] = array[self.slot]
 
     def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
         """Return after how many steps the next environment is due; None if there is none."""
@@ -95,8 +94,8 @@ class SortedCrowd:
         for array in (getattr(memory, name) for name in _KEPT):
             if len(array):  # not every scheme uses all
                 array[people] = array[people][order]
-        for copy, array in zip(self._bodies[:-1], bodies[:-1], strict=True):
-            copy[people] = array[self.slot[people]]
+        for own, values in zip(self._bodies[:-1], bodies[:-1], strict=True):
+            own[people] = values[self.slot[people]]
         memory.near.reach[e] = -1.0
         rank = np.empty(len(order), dtype=np.int64)
         rank[order] = np.arange(len(order))
@@ -106,8 +105,11 @@ class SortedCrowd:
         """Return the batch as the physics sees it: with the copies."""
         return batch._replace(bodies=self._bodies, state=self._state, memory=batch.memory._replace(**self._shown))
 
-    def take_in(self, state: CrowdState, memory: Memory, control: Control, asked: Asked) -> None:
+    def take_in(self, bodies: Bodies, state: CrowdState, memory: Memory, control: Control, asked: Asked) -> None:
         """Read anew what others may have changed, and write what is asked for to ``control``."""
+        for people in self._small:
+            for own, values in zip(self._bodies[:-1], bodies[:-1], strict=True):
+                own[people] = values[people]
         for copy, array in zip(self._state[:-1], state[:-1], strict=True):
             _gather(self.slot, array, copy)
         for name in _SHOWN:
@@ -128,6 +130,12 @@ class SortedCrowd:
         i, j = np.where(swap, j, i), np.where(swap, i, j)
         order = np.argsort(contact_keys(i, j))
         return i[order], j[order], np.where(swap[:, None], -normal, normal)[order], order
+
+
+def _stretches(chosen: Bools, env_start: Ints) -> list[slice]:
+    """Return whose people the chosen environments are, those that follow one another together."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
+    return [slice(int(env_start[e]), int(env_start[stop])) for e, stop in edges.reshape(-1, 2)]
 
 
 def _gather(slot: Ints, source: Any, copy: Any) -> None:

@@ -249,7 +249,7 @@ class Simulation:
         """Advance every environment to step ``n_substeps`` of this call."""
         while True:
             if self._sorted is not None:
-                self._sorted.take_in(self.state, self.memory, self._control, asked)
+                self._sorted.take_in(self.bodies, self.state, self.memory, self._control, asked)
             try:
                 self._run(self._referred(), n_substeps)
             finally:  # Ctrl-C too finds everyone where he has come to
@@ -314,7 +314,7 @@ class Simulation:
         begin_state(e, people, self.state, stand, walk, routes)
         begin_memory(e, people, self.memory, self.bodies, routes, self.diagnostics)
         if self._sorted is not None:
-            self._sorted.restart(e, self.bodies, self.memory)
+            self._sorted.restart(e, self.memory)
         self.wayfinder.restart(e)
         self.close_doors(e, self._doorkeeper.restart(e))
         self.escaped[people] = False

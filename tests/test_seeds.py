@@ -97,14 +97,15 @@ def test_a_crowd_of_more_than_a_thousand_is_the_same_in_its_second_episode_and_b
     assert again[1] == play(make(small), [2], steps)[0]
 
 
-def test_bodies_that_overlap_at_the_start_are_the_drawn_ones_beside_a_large_crowd(forty_are_many):
-    env = CrowdEnv([room(60), room(12)], num_envs=2)
-    env.reset([1, 2])
-    env.step(None)
-    physics = env.simulation._sorted.stands_in(env.simulation._referred().fields).bodies
-    for name in ("radius", "mass", "inertia", "desired_speed", "relaxation_time", "response_time"):
-        drawn = getattr(env.simulation.bodies, name)
-        np.testing.assert_array_equal(getattr(physics, name)[env.people(1)], drawn[env.people(1)])
+def test_bodies_that_are_changed_by_hand_count_at_once_beside_a_large_crowd_too(forty_are_many):
+    alone, batch = CrowdEnv(room(12)), CrowdEnv([room(60), room(12)], num_envs=2)
+    alone.reset([2])
+    batch.reset([1, 2])
+    people = batch.people(1)
+    for _ in range(3):
+        alone.simulation.bodies.desired_speed[:] *= 0.8
+        batch.simulation.bodies.desired_speed[:] *= 0.8
+        np.testing.assert_array_equal(batch.step(None).observation[people], alone.step(None).observation)
 
 
 def test_a_crowd_that_threads_share_is_the_same_in_its_second_episode():
