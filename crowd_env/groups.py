@@ -5,8 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowd_env.checks import Range, check_fields, whole
 from crowd_env.geometry import Geometry
-from crowd_env.population import Population, check_starts, place
+from crowd_env.population import MOST_PEOPLE, Population, check_starts, place
 from crowd_env.state import Bodies, Floats
 
 _BOUNDED = ("radius", "mass", "desired_speed", "relaxation_time", "response_time")
@@ -29,7 +30,7 @@ class Groups:
     Raises
     ------
     ValueError
-        If there is no part, or two have the same name.
+        If there is no part, two have the same name, or they are too many.
 
     Examples
     --------
@@ -41,12 +42,14 @@ class Groups:
     parts: tuple[Population, ...]
 
     def __post_init__(self) -> None:
+        check_fields("groups", self)
         if not self.parts:
             raise ValueError("a crowd needs at least one group")
         names = [part.name for part in self.parts if part.name]
         twice = [name for k, name in enumerate(names) if name in names[:k]]
         if twice:
             raise ValueError(f"two groups have the name {twice[0]!r}")
+        whole("groups: the number of people in all", self.count, Range(1, MOST_PEOPLE))
 
     @property
     def count(self) -> int:
@@ -93,7 +96,8 @@ class Groups:
         other = [name for name, value in options.items() if name not in _BOUNDED and value is not None]
         if other:
             raise ValueError(f"groups cannot share {other[0]!r}; give them a count or one of {', '.join(_BOUNDED)}")
-        counts = [part.count for part in self.parts] if count is None else self._shares(count)
+        everyone = None if count is None else whole("groups: count", count, Range(1, MOST_PEOPLE))
+        counts = [part.count for part in self.parts] if everyone is None else self._shares(everyone)
         shared = {name: value for name, value in options.items() if name in _BOUNDED}
         return Groups(tuple(part.changed(count=n, **shared) for part, n in zip(self.parts, counts, strict=True)))
 

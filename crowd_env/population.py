@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from crowd_env._jit import inner_kernel, kernel
-from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, array, check_fields
+from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
 from crowd_env.geometry import Boundary, Geometry
 from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies
 
@@ -30,6 +31,17 @@ _CLOSEST_PACKING = np.pi / np.sqrt(12.0)
 _RANDOM_LIMIT = 0.45
 _ROUNDS = 400
 
+MOST_PEOPLE = 500_000
+"""In one place: neighbours are told apart by a number of 19 bits."""
+_COUNT = Range(1, MOST_PEOPLE)
+_ALLOWED = {
+    "radius": POSITIVE,
+    "mass": POSITIVE,
+    "relaxation_time": POSITIVE,
+    "desired_speed": NOT_NEGATIVE,
+    "response_time": NOT_NEGATIVE,
+}
+
 # Their draws need no check: the bounds have been checked.
 _KEEP_THEIR_BOUNDS = (Uniform, Normal, LogNormal)
 
@@ -43,6 +55,14 @@ class Population:
 
     Defaults are Table 4 of Pécol et al. 2011 (uniform within the ranges); nobody hesitates; all take the way of the run's
     strategy.  Crowds of several kinds are `crowd_env.groups.Groups`.
+
+    A distribution may be given as in a scenario file: a number, a pair (low, high), or a table such as
+    ``{"distribution": "normal", "mean": 0.22, "sd": 0.01, "low": 0.2, "high": 0.25}``.
+
+    Raises
+    ------
+    ValueError
+        If a field is not what it should be, or two contradict each other.
     """
 
     count: int
@@ -58,20 +78,23 @@ class Population:
     name: str = ""
 
     def __post_init__(self) -> None:
-        if self.count < 1:
-            raise ValueError(f"a population needs at least 1 person, not {self.count}")
-        for name, least in (("radius", 0.0), ("mass", 0.0), ("relaxation_time", 0.0)):
-            if not getattr(self, name).low > least:
-                raise ValueError(f"population: {name} must be > 0, but can be as low as {getattr(self, name).low:g}")
-        for name in ("desired_speed", "response_time"):
-            if getattr(self, name).low < 0:
-                raise ValueError(f"population: {name} must be >= 0, but can be as low as {getattr(self, name).low:g}")
+        check_fields("population", self, count=_COUNT)
+        for name, allowed in _ALLOWED.items():
+            law = as_distribution("population", name, getattr(self, name))
+            object.__setattr__(self, name, law)
+            if law.low not in allowed:
+                bound = str(allowed).removesuffix(" and finite")
+                raise ValueError(f"population: {name} must be {bound}, but can be as low as {law.low:g}")
         if self.starts is not None:
-            shape = np.shape(self.starts)
-            if len(shape) != 2 or shape[1] != 2 or shape[0] < self.count:
+            starts = array("population: starts", self.starts, (None, 2))
+            object.__setattr__(self, "starts", np.array(starts, dtype=np.float64, order="C"))
+            if len(starts) < self.count:
                 raise ValueError(
-                    f"starts must have the shape ({self.count}, 2), not {shape}, or more rows to draw from"
+                    f"starts must have the shape ({self.count}, 2), not {starts.shape}, or more rows to draw from"
                 )
+            bad = np.flatnonzero(~np.isfinite(self.starts).all(axis=1))
+            if len(bad):
+                raise ValueError(f"population: starts: row {bad[0]} is {starts[bad[0]].tolist()}; it must be finite")
             if self.start_region is not None:
                 raise ValueError(f"people have recorded starts or the start region {self.start_region!r}, not both")
         if self.route is not None and self.exits:

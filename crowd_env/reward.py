@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowd_env._jit import kernel
 from crowd_env._reference import Reference
+from crowd_env.checks import SHARE, check_fields, from_table, known, number, refuse
 from crowd_env.state import Bools, Floats, Ints
 
 
@@ -104,13 +105,14 @@ class RewardWeights:
     team_share: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, weight in self.weights.items():
-            if name not in REWARDS:
-                raise ValueError(f"unknown reward term {name!r}; known: {', '.join(REWARDS)}")
-            if not np.isfinite(weight):
-                raise ValueError(f"weight of reward term {name!r} is {weight!r}; it must be finite")
-        if not 0.0 <= self.team_share <= 1.0:
-            raise ValueError(f"team_share is {self.team_share!r}; it must be in [0, 1]")
+        check_fields("reward", self, team_share=SHARE)
+        if not isinstance(self.weights, Mapping):
+            refuse("reward: weights", self.weights, "a table of weights such as {'time': 1.0}")
+        weights = {
+            known("reward term", name, REWARDS): number(f"weight of reward term {name!r}", weight)
+            for name, weight in self.weights.items()
+        }
+        object.__setattr__(self, "weights", weights)  # a copy: what is changed in the table later changes nothing here
 
     def plan(self) -> Weighing:
         """Return how the terms in ``REWARDS``, in their order, become one reward."""
@@ -122,6 +124,25 @@ class RewardWeights:
         order = np.array([names.index(name) for name in self.weights], dtype=np.int64)
         weights = np.array(list(self.weights.values()), dtype=np.float64)
         return Weighing(row, order, weights, float(self.team_share))
+
+
+def make_weights(reward: RewardWeights | Mapping[str, Any] | None) -> RewardWeights:
+    """Return weights, those of plain data, or the default.
+
+    Plain data are the weights alone, ``{"time": 1.0}``, or the fields of `RewardWeights`, ``{"weights": {"time": 1.0}}``.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a name is unknown.
+    """
+    if reward is None:
+        return RewardWeights()
+    if isinstance(reward, Mapping):
+        return from_table("reward", RewardWeights, reward) if "weights" in reward else RewardWeights(weights=reward)
+    if not isinstance(reward, RewardWeights):
+        refuse("reward", reward, "a RewardWeights, a table of weights such as {'time': 1.0} or None")
+    return reward
 
 
 def evaluate(step: Reference, weighing: Reference, terms: Floats) -> Floats:

@@ -4,10 +4,11 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from crowd_env.checks import POSITIVE, Range, check_fields, flag, refuse, shown, texts
 from crowd_env.geometry import Geometry, parse_exit
 from crowd_env.groups import Groups
 from crowd_env.navigation import NavigationField, OneWay
@@ -18,6 +19,8 @@ from crowd_env.ways import Target, Ways, find_ways
 
 Strategy = Literal["shortest", "nearest", "fastest", "comfortable"]
 People: TypeAlias = Population | Groups
+
+_PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,14 +56,7 @@ class Scenario:
     comfort: Comfort = field(default_factory=Comfort)
 
     def __post_init__(self) -> None:
-        if not 0 < self.time_limit < np.inf:
-            raise ValueError(
-                f"scenario {self.name!r}: the time limit is {self.time_limit!r} s; it must be > 0 and finite"
-            )
-        if self.target not in get_args(Target):
-            raise ValueError(f"unknown target {self.target!r}; known: {', '.join(get_args(Target))}")
-        if not self.blocked_after > 0:
-            raise ValueError(f"scenario {self.name!r}: blocked_after is {self.blocked_after!r} s; it must be > 0")
+        check_fields(f"scenario {shown(self.name)}", self, time_limit=POSITIVE, blocked_after=_PERHAPS_NEVER)
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
         for part in self.population.parts:
@@ -90,6 +86,7 @@ class Scenario:
         ValueError
             If the strategy is unknown or a way leads nowhere.
         """
+        flag("rules", rules)
         routes = list(self.routes)
         known = (*get_args(Strategy), *(route.name for route in routes), *self._exits)
         if strategy not in known:
@@ -178,15 +175,16 @@ def scenario_from_wkt(
     ValueError
         If the file cannot be read or the plan cannot be used; the message names the file.
     """
-    path = Path(path)
+    path = _path("the floor plan", path)
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"cannot read the floor plan {path}: {error}") from None
-    if not exits:
+    names = texts(f"{path}: exits", exits)
+    if not names:
         raise ValueError(f"{path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
     try:
-        geometry = Geometry.from_wkt(text, exits=[parse_exit(text) for text in exits])
+        geometry = Geometry.from_wkt(text, exits=[parse_exit(one) for one in names])
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return Scenario(path.stem, geometry, population, time_limit, title=f"floor plan {path.name}")
@@ -200,7 +198,7 @@ def read_starts(path: str | Path) -> Floats:
     ValueError
         If the file cannot be read, lacks a column, or holds something that is not a number; file and line are named.
     """
-    path = Path(path)
+    path = _path("the starting positions", path)
     try:
         with path.open(newline="") as file:
             rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
@@ -222,3 +220,9 @@ def read_starts(path: str | Path) -> Floats:
         bad = int(np.argmax(~np.isfinite(starts).all(axis=1)))
         raise ValueError(f"{path}: person {bad + 1} has a position that is not finite")
     return starts
+
+
+def _path(what: str, path: Any) -> Path:
+    if not isinstance(path, str | Path):
+        refuse(f"the file of {what}", path, "the path of a file")
+    return Path(path)

@@ -5,6 +5,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 from crowd_env.scenario_numbers import fill_in
@@ -64,11 +65,11 @@ class Entry:
 
     def number(self, *, infinite: bool = False) -> float:
         """Return it as a number, finite unless ``infinite`` is allowed."""
-        if isinstance(self.value, bool) or not isinstance(self.value, int | float):
+        if isinstance(self.value, bool) or not isinstance(self.value, Real):
             raise self._must_be("a number")
         if math.isnan(self.value) or (math.isinf(self.value) and not infinite):
             raise self.error(f"is {self.value}; it must be finite")
-        return self.value
+        return self.value  # type: ignore[return-value]  # as it is: an int stays one
 
     def whole(self) -> int:
         """Return it as a whole number."""
