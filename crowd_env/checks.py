@@ -182,7 +182,7 @@ def array(what: str, value: Any, shape: tuple[int | None, ...], kinds: str = "iu
     fits = found.ndim == len(shape) and all(
         length is None or length == there for length, there in zip(shape, found.shape, strict=True)
     )
-    if found.dtype.kind not in kinds:
+    if found.dtype.kind not in kinds or found.ndim == 0:
         refuse(what, value, f"an array of {'booleans' if kinds == 'b' else 'real numbers'} of the shape {told}")
     if not fits:
         raise ValueError(f"{what} must have the shape {told}, not {found.shape}")

@@ -115,16 +115,16 @@ class CrowdEnv:
         self.n_substeps = _whole_number(decision_dt, dt)
         if time_limit is not None:
             time_limit = number("time_limit", time_limit, POSITIVE, "s")
+        rules, autoreset = flag("rules", rules), flag("autoreset", autoreset)
         text("strategy", strategy, "the name of a strategy")
+        self.layout, self.reward_weights = make_layout(observation), make_weights(reward)
+        self.single_action_space = action_space(action)
         self.scenarios = [make_scenario(kind, **scenario_options) for kind in _as_several(scenario)]
         self.num_envs = num_envs
         self.decision_dt = decision_dt
         self.frame: Frame = frame
         self.action_kind: ActionKind = action
-        self.layout = make_layout(observation)
-        self.reward_weights = make_weights(reward)
-        self.autoreset = flag("autoreset", autoreset)
-        self.single_action_space = action_space(action)
+        self.autoreset = autoreset
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
         _check_size(self.scenarios, num_envs)
         which = np.arange(num_envs) % len(self.scenarios)
@@ -139,7 +139,7 @@ class CrowdEnv:
         self.env_start = np.concatenate([[0], np.cumsum([len(position) for _, position in draws])]).astype(np.int64)
         columns = [np.concatenate(column) for column in zip(*(bodies[:-1] for bodies, _ in draws), strict=True)]
         self.strategy = strategy
-        self.ways = [s.ways(strategy, rules=flag("rules", rules)) for s in self.scenarios]
+        self.ways = [s.ways(strategy, rules=rules) for s in self.scenarios]
         self.simulation = Simulation(
             [s.geometry for s in self.scenarios],
             Bodies._make([*columns, self.env_start]),
@@ -342,7 +342,7 @@ def _check_stable(scenario: Scenario, scheme: ContactScheme, dt: float) -> None:
 
 def _whole_number(decision_dt: float, dt: float) -> int:
     ratio = decision_dt / dt
-    if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
+    if not 0.5 < ratio < 1e9 or abs(ratio - round(ratio)) > 1e-6:
         raise ValueError(f"decision_dt = {decision_dt:g} s is not a whole number of physics steps of dt = {dt:g} s")
     return round(ratio)
 

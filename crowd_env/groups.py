@@ -1,11 +1,12 @@
 """A crowd of several kinds of people: each with its own bodies, its own place to start from and its own way out."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.checks import Range, check_fields, whole
+from crowd_env.checks import Range, check_fields, from_table, refuse, whole
 from crowd_env.geometry import Geometry
 from crowd_env.population import MOST_PEOPLE, Population, check_starts, place
 from crowd_env.state import Bodies, Floats
@@ -147,3 +148,18 @@ class Groups:
         """Where people start: the named regions in the order of the groups, then anywhere."""
         of_parts = dict.fromkeys(part.start_region for part in self.parts if part.starts is None)
         return sorted(of_parts, key=lambda name: name is None)
+
+
+def as_people(population: Population | Groups | Mapping[str, Any] | None) -> Population | Groups | None:
+    """Return a population, or the one of plain data such as ``{"count": 30, "radius": 0.2}``; None stays.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a key is unknown.
+    """
+    if isinstance(population, Mapping):
+        return from_table("population", Population, population)
+    if population is not None and not isinstance(population, Population | Groups):
+        refuse("population", population, "a Population, Groups, or a table of the fields of a Population")
+    return population

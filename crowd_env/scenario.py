@@ -4,13 +4,13 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from crowd_env.checks import POSITIVE, Range, check_fields, flag, refuse, shown, texts
+from crowd_env.checks import POSITIVE, Range, check_fields, flag, shown
 from crowd_env.geometry import Geometry, parse_exit
-from crowd_env.groups import Groups
+from crowd_env.groups import Groups, as_people
 from crowd_env.navigation import NavigationField, OneWay
 from crowd_env.population import Population, require_names
 from crowd_env.routes import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
@@ -56,6 +56,7 @@ class Scenario:
     comfort: Comfort = field(default_factory=Comfort)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "population", as_people(self.population))
         check_fields(f"scenario {shown(self.name)}", self, time_limit=POSITIVE, blocked_after=_PERHAPS_NEVER)
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
@@ -89,8 +90,8 @@ class Scenario:
         flag("rules", rules)
         routes = list(self.routes)
         known = (*get_args(Strategy), *(route.name for route in routes), *self._exits)
-        if strategy not in known:
-            raise ValueError(f"{self.name}: unknown strategy {strategy!r}; known: {', '.join(known)}")
+        if not isinstance(strategy, str) or strategy not in known:
+            raise ValueError(f"{self.name}: unknown strategy {shown(strategy)}; known: {', '.join(known)}")
         for part in self.population.parts:
             names = [OUT, *(route.name for route in routes)]
             routes += [route for route in self._taken(part, strategy) if route.name not in names]
@@ -175,16 +176,15 @@ def scenario_from_wkt(
     ValueError
         If the file cannot be read or the plan cannot be used; the message names the file.
     """
-    path = _path("the floor plan", path)
+    path = Path(path)
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"cannot read the floor plan {path}: {error}") from None
-    names = texts(f"{path}: exits", exits)
-    if not names:
+    if not exits:
         raise ValueError(f"{path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
     try:
-        geometry = Geometry.from_wkt(text, exits=[parse_exit(one) for one in names])
+        geometry = Geometry.from_wkt(text, exits=[parse_exit(text) for text in exits])
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return Scenario(path.stem, geometry, population, time_limit, title=f"floor plan {path.name}")
@@ -198,7 +198,7 @@ def read_starts(path: str | Path) -> Floats:
     ValueError
         If the file cannot be read, lacks a column, or holds something that is not a number; file and line are named.
     """
-    path = _path("the starting positions", path)
+    path = Path(path)
     try:
         with path.open(newline="") as file:
             rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
@@ -220,9 +220,3 @@ def read_starts(path: str | Path) -> Floats:
         bad = int(np.argmax(~np.isfinite(starts).all(axis=1)))
         raise ValueError(f"{path}: person {bad + 1} has a position that is not finite")
     return starts
-
-
-def _path(what: str, path: Any) -> Path:
-    if not isinstance(path, str | Path):
-        refuse(f"the file of {what}", path, "the path of a file")
-    return Path(path)
