@@ -152,6 +152,19 @@ def texts(what: str, value: Any) -> tuple[str, ...]:
     return names
 
 
+def table(what: str, value: Any, of: str) -> Mapping[str, Any]:
+    """Return a table; ``of`` says from what to what.
+
+    Raises
+    ------
+    ValueError
+        If it is something else.
+    """
+    if not isinstance(value, Mapping):
+        refuse(what, value, f"a table of {of}")
+    return value
+
+
 def known(what: str, value: Any, names: Iterable[str]) -> str:
     """Return a name that is one of ``names``.
 
@@ -166,27 +179,38 @@ def known(what: str, value: Any, names: Iterable[str]) -> str:
     return str(value)
 
 
-def array(what: str, value: Any, shape: tuple[int | None, ...], kinds: str = "iuf") -> np.ndarray:
-    """Return an array of numbers of this shape; None = any length.
+def array(what: str, value: Any, shape: tuple[Any, ...], kinds: str = "iuf") -> np.ndarray:
+    """Return an array of numbers of this shape; None = any length, ... (first) = any dimensions before the others.
 
     Raises
     ------
     ValueError
         If it has another shape, or holds something else (``kinds`` as in ``numpy.dtype.kind``).
     """
-    told = f"({', '.join('K' if length is None else str(length) for length in shape)}{',' * (len(shape) == 1)})"
+    names = {None: "K", ...: "..."}
+    told = f"({', '.join(names.get(length, str(length)) for length in shape)}{',' * (len(shape) == 1)})"
     try:
         found = np.asarray(value)
     except (TypeError, ValueError):  # rows of different lengths
         refuse(what, value, f"an array of the shape {told}")
-    fits = found.ndim == len(shape) and all(
-        length is None or length == there for length, there in zip(shape, found.shape, strict=True)
+    wanted = (*(None,) * (found.ndim - len(shape) + 1), *shape[1:]) if shape[0] is ... else shape
+    fits = found.ndim == len(wanted) and all(
+        length in (None, there) for length, there in zip(wanted, found.shape, strict=True)
     )
     if found.dtype.kind not in kinds or found.ndim == 0:
         refuse(what, value, f"an array of {'booleans' if kinds == 'b' else 'real numbers'} of the shape {told}")
     if not fits:
         raise ValueError(f"{what} must have the shape {told}, not {found.shape}")
     return found
+
+
+def require_all(what: str, values: np.ndarray, allowed: Range) -> np.ndarray:
+    """Return an array of numbers; raise ValueError, naming the first that is not, unless all are allowed."""
+    inside = (values > allowed.low if allowed.above else values >= allowed.low) & (values <= allowed.high)
+    bad = np.argwhere(~(inside & np.isfinite(values)))
+    if len(bad):
+        refuse(f"{what}[{', '.join(map(str, bad[0]))}]", values[tuple(bad[0])], str(allowed))
+    return values
 
 
 # ----------------------------------------------------------------------------------------------------- dataclasses

@@ -314,7 +314,7 @@ def _as_several(scenario: Any) -> list[Any]:
     """Return the scenarios; one alone is a name, a file or a Scenario."""
     if isinstance(scenario, str | Path | Scenario):
         return [scenario]
-    if not isinstance(scenario, Iterable) or isinstance(scenario, Mapping):
+    if not isinstance(scenario, Iterable) or isinstance(scenario, Mapping | bytes):
         refuse("scenario", scenario, "the name of a scenario, its file, a Scenario, or a list of them")
     kinds = list(scenario)
     if not kinds:

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
+from crowd_env.checks import table
+from crowd_env.checks import text as require_text
 from crowd_env.geometry_doors import read_doors
 from crowd_env.geometry_edges import SLIVER, open_boundary, solid_depth
 from crowd_env.geometry_input import (
@@ -122,6 +124,8 @@ class Geometry:
         ValueError
             In one sentence, for any of these that is malformed or in the wrong place.
         """
+        regions = table("regions", {} if regions is None else regions, "names and areas")
+        doors = table("doors", {} if doors is None else doors, "names and lines")
         area = read_area(walkable, "walkable area")
         area = _without_obstacles(area, read_areas(obstacles, "obstacle"))
         shapes = read_exits(exits)
@@ -130,7 +134,7 @@ class Geometry:
         )
         walls, exit_rows, exit_names = open_boundary(area, shapes)
         thin = _thin_walls(area, read_lines(thin_walls, "thin wall"))
-        leaves, door_of_leaf, exits_of_door = read_doors(doors or {}, area, exit_rows, exit_names)
+        leaves, door_of_leaf, exits_of_door = read_doors(doors, area, exit_rows, exit_names)
         fixed = len(walls) + len(thin)
         return cls(
             walkable=area,
@@ -138,8 +142,8 @@ class Geometry:
             two_sided=np.arange(fixed + len(leaves)) >= len(walls),
             exits=exit_rows,
             exit_names=exit_names,
-            regions=_regions(area, regions or {}, shapes),
-            doors=tuple(doors or {}),
+            regions=_regions(area, regions, shapes),
+            doors=tuple(doors),
             door_of_wall=np.concatenate([np.full(fixed, -1, dtype=np.int64), door_of_leaf]),
             exits_of_door=exits_of_door,
         )
@@ -156,7 +160,7 @@ class Geometry:
         doors: Mapping[str, Shape] | None = None,
     ) -> "Geometry":
         """Return the geometry whose walkable area is the WKT ``text``; the rest as in `from_polygon`."""
-        walkable = from_wkt(text, "walkable area")
+        walkable = from_wkt(require_text("walkable area", text, "well-known text (WKT)"), "walkable area")
         return cls.from_polygon(
             walkable, exits=exits, obstacles=obstacles, thin_walls=thin_walls, regions=regions, doors=doors
         )

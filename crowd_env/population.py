@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env._jit import inner_kernel, kernel
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, array, check_fields
+from crowd_env.checks import FINITE, NOT_NEGATIVE, POSITIVE, Range, array, check_fields, require_all
 from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
 from crowd_env.geometry import Boundary, Geometry
 from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies
@@ -92,9 +92,7 @@ class Population:
                 raise ValueError(
                     f"starts must have the shape ({self.count}, 2), not {starts.shape}, or more rows to draw from"
                 )
-            bad = np.flatnonzero(~np.isfinite(self.starts).all(axis=1))
-            if len(bad):
-                raise ValueError(f"population: starts: row {bad[0]} is {starts[bad[0]].tolist()}; it must be finite")
+            require_all("population: starts", starts, FINITE)
             if self.start_region is not None:
                 raise ValueError(f"people have recorded starts or the start region {self.start_region!r}, not both")
         if self.route is not None and self.exits:

@@ -8,7 +8,7 @@ import numpy as np
 
 from crowd_env._jit import kernel
 from crowd_env._reference import Reference
-from crowd_env.checks import SHARE, check_fields, from_table, known, number, refuse
+from crowd_env.checks import SHARE, check_fields, from_table, known, number, refuse, table
 from crowd_env.state import Bools, Floats, Ints
 
 
@@ -106,11 +106,9 @@ class RewardWeights:
 
     def __post_init__(self) -> None:
         check_fields("reward", self, team_share=SHARE)
-        if not isinstance(self.weights, Mapping):
-            refuse("reward: weights", self.weights, "a table of weights such as {'time': 1.0}")
         weights = {
             known("reward term", name, REWARDS): number(f"weight of reward term {name!r}", weight)
-            for name, weight in self.weights.items()
+            for name, weight in table("reward: weights", self.weights, "weights such as {'time': 1.0}").items()
         }
         object.__setattr__(self, "weights", weights)  # a copy: what is changed in the table later changes nothing here
 

@@ -90,7 +90,7 @@ POPULATION = [
     ("Population.starts ragged", lambda: Population(2, starts=[[1.0, 2.0], [1.0]]), ("starts", "shape (K, 2)")),
     ("Population.starts (2, 3)", lambda: Population(2, starts=np.zeros((2, 3))), ("starts", "(2, 3)")),
     ("Population.starts too few", lambda: Population(3, starts=[[1.0, 2.0]]), ("starts", "(3, 2)", "(1, 2)")),
-    ("Population.starts nan", lambda: Population(1, starts=[[1.0, NAN]]), ("starts", "row 0", "finite")),
+    ("Population.starts nan", lambda: Population(1, starts=[[1.0, NAN]]), ("starts[0, 1]", "finite")),
     ("Population.starts and region", lambda: Population(1, starts=[[1.0, 1.0]], start_region="r"), ("not both",)),
     ("Population.route and exits", lambda: Population(1, route="r", exits=("e",)), ("not both",)),
     *rows("Groups.parts", Groups, (Population(3), Population, "ab", 3, {}, None)),
