@@ -187,6 +187,8 @@ def array(what: str, value: Any, shape: tuple[Any, ...], kinds: str = "iuf") -> 
     ValueError
         If it has another shape, or holds something else (``kinds`` as in ``numpy.dtype.kind``).
     """
+    if isinstance(value, np.ndarray) and value.shape == shape and value.dtype.kind in kinds:
+        return value  # at every step: quick
     names = {None: "K", ...: "..."}
     told = f"({', '.join(names.get(length, str(length)) for length in shape)}{',' * (len(shape) == 1)})"
     try:

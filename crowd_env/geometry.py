@@ -134,7 +134,7 @@ class Geometry:
         )
         walls, exit_rows, exit_names = open_boundary(area, shapes)
         thin = _thin_walls(area, read_lines(thin_walls, "thin wall"))
-        leaves, door_of_leaf, exits_of_door = read_doors(doors, area, exit_rows, exit_names)
+        leaves, door_of_leaf, exits_of_door = read_doors(doors or {}, area, exit_rows, exit_names)
         fixed = len(walls) + len(thin)
         return cls(
             walkable=area,
@@ -142,8 +142,8 @@ class Geometry:
             two_sided=np.arange(fixed + len(leaves)) >= len(walls),
             exits=exit_rows,
             exit_names=exit_names,
-            regions=_regions(area, regions, shapes),
-            doors=tuple(doors),
+            regions=_regions(area, regions or {}, shapes),
+            doors=tuple(doors or {}),
             door_of_wall=np.concatenate([np.full(fixed, -1, dtype=np.int64), door_of_leaf]),
             exits_of_door=exits_of_door,
         )

@@ -120,7 +120,7 @@ def test_rectangles_lie_inside_and_on_the_ways_that_they_guard():
 def test_crowded_numbers_are_checked():
     with pytest.raises(ValueError, match=r"crowded is .* three numbers of people"):
         make_scenario("theatre-v0", crowded=(5, 5))
-    with pytest.raises(ValueError, match="at_least is 0"):
+    with pytest.raises(ValueError, match=r"crowded\[0\] is 0; it must be at least 1"):
         make_scenario("theatre-v0", crowded=(0, 5, 15))
 
 
