@@ -67,7 +67,7 @@ def cache_folder(stamp: str) -> Path | None:
 def _root() -> Path | None:
     """Return where stamped folders lie; None where a user has no home."""
     if own := os.environ.get("NUMBA_CACHE_DIR"):
-        return Path(own)
+        return Path(own).absolute()  # numba writes later, perhaps from somewhere else
     cache = Path(os.environ.get("XDG_CACHE_HOME", ""))
     if cache.is_absolute():  # others are to be ignored, says the standard
         return cache / "crowd_env"

@@ -96,15 +96,12 @@ def whole(what: str, value: Any, allowed: Range = COUNT, why: str = "") -> int:
     ValueError
         If it is no whole number, or not ``allowed``.
     """
-    if allowed.high < math.inf:
-        text = f"{allowed.low:.0f} to {allowed.high:.0f}"
-    else:
-        text = f"at least {allowed.low:.0f}"
+    bounds = f"{allowed.low:.0f} to {allowed.high:.0f}" if allowed.high < math.inf else f"at least {allowed.low:.0f}"
     why = why and f": {why}"
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real) or value not in FINITE or float(value) % 1.0:
-        refuse(what, value, f"a whole number, {text}{why}")
+        refuse(what, value, f"a whole number, {bounds}{why}")
     if value not in allowed:
-        refuse(what, value, f"{text}{why}")
+        refuse(what, value, f"{bounds}{why}")
     return int(value)  # type: ignore[call-overload]  # a real number that is whole
 
 

@@ -178,6 +178,7 @@ LEARNING = [
     *rows("ObservationLayout.rays", of(ObservationLayout, "rays"), (361,)),
     *rows("RewardWeights.weights", RewardWeights, (["time"], "time", 3, None, ("time", 1.0))),
     ("RewardWeights unknown", lambda: RewardWeights({"joy": 1.0}), ("'joy'", "progress")),
+    *numeric("RewardWeights.team_share", of(RewardWeights, "team_share"), "share"),
     *numeric("RewardWeights of time", lambda x: RewardWeights({"time": x}), "finite"),
 ]  # fmt: skip
 

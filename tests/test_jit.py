@@ -206,6 +206,12 @@ def test_the_home_is_not_asked_for_where_a_folder_is_given(clean, monkeypatch):
     assert _jit.cache_folder(STAMP) == clean / "given" / f"kernels-{STAMP}"
 
 
+def test_a_given_folder_stays_where_it_is_when_the_process_moves(clean, monkeypatch):
+    monkeypatch.chdir(clean)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "given")
+    assert _jit.cache_folder(STAMP) == clean / "given" / f"kernels-{STAMP}"
+
+
 def test_a_root_that_is_a_file_is_no_error(clean, monkeypatch, capsys):
     (clean / "file").touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(clean / "file"))
