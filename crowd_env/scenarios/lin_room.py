@@ -1,10 +1,13 @@
 """The room of Lin, Ma, Lo, section 3: 15 x 15 m, one exit of 1 m, 100 to 300 people who all want the same speed."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from crowd_env.checks import NOT_NEGATIVE, POSITIVE, number
 from crowd_env.geometry import Geometry, box
 from crowd_env.groups import as_people
 from crowd_env.population import Population, Uniform
-from crowd_env.scenario import Scenario
+from crowd_env.scenario import People, Scenario
 from crowd_env.ways import Target
 
 REFERENCE = "Lin, Ma, Lo: Discrete element crowd model for pedestrian evacuation through an exit, section 3 and Table 1"
@@ -20,7 +23,7 @@ def lin_room(
     target: Target = "centre",
     time_limit: float = 1000.0,
     blocked_after: float = 120.0,
-    population: Population | None = None,
+    population: People | Mapping[str, Any] | None = None,
 ) -> Scenario:
     """Return a square room with an exit in the middle of the wall x = ``side``.
 

@@ -1,10 +1,13 @@
 """The room of Pécol et al. 2011, section 4.2: 5 x 5 m, one door of 0.82 m, 20 pedestrians in a hurry."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from crowd_env.checks import POSITIVE, number
 from crowd_env.geometry import Geometry, box
 from crowd_env.groups import as_people
 from crowd_env.population import Population
-from crowd_env.scenario import Scenario
+from crowd_env.scenario import People, Scenario
 from crowd_env.ways import Target
 
 # "A square room of side 5 m, where 20 pedestrians want to escape by a door of 82 cm width"; the door is centred (the paper
@@ -18,7 +21,7 @@ def room(
     door_width: float = 0.82,
     count: int = 20,
     time_limit: float = 60.0,
-    population: Population | None = None,
+    population: People | Mapping[str, Any] | None = None,
     target: Target = "path",
     exit_line: float = 0.0,
 ) -> Scenario:

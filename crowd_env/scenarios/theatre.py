@@ -25,7 +25,8 @@ Seen from above, the screen is at x = 0, on the left, and the floor rises to the
   Their thresholds 5, 5 and 15 are about 2 people per square metre in each.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from crowd_env.geometry import Geometry, box
 from crowd_env.groups import as_people
 from crowd_env.population import Population, Uniform
 from crowd_env.routes import ControlRule, SpeedZone
-from crowd_env.scenario import Scenario
+from crowd_env.scenario import People, Scenario
 from crowd_env.state import Floats
 
 REFERENCE = "synthetic plan; people and rules of Pécol, Dal Pont, Erlicher, Argoul 2011, section 4.3 and Table 6"
@@ -60,7 +61,7 @@ def theatre(
     commits: bool = False,
     stair_speed: float = 0.5,
     time_limit: float = 180.0,
-    population: Population | None = None,
+    population: People | Mapping[str, Any] | None = None,
 ) -> Scenario:
     """Return the theatre; people walk the shortest way, unless a control rule sends them the other.
 
