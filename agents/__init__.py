@@ -3,7 +3,7 @@
 from agents.policy import Policy
 from agents.rules import RandomWalk, ShortestPath, StandStill
 
-# Name -> policy.  A path to a model (.zip) is a policy too: see `make_policy`.
+# Name -> policy.  A path to a trained network (.npz) is a policy too: see `make_policy`.
 POLICIES: dict[str, type[Policy]] = {
     "random": RandomWalk,
     "stand-still": StandStill,
@@ -11,22 +11,26 @@ POLICIES: dict[str, type[Policy]] = {
 }
 
 
-def make_policy(policy: str | Policy) -> Policy:
-    """Return a policy by name or from a saved model (a path that ends in .zip), or the policy itself.
+def make_policy(policy: str | Policy, *, trust_pickle: bool = False) -> Policy:
+    """Return a policy by name or from a trained network (a path that ends in .npz), or the policy itself.
+
+    Parameters
+    ----------
+    trust_pickle : open a file of stable-baselines3 (.zip) too.  Opening one runs whatever code its maker put in.
 
     Raises
     ------
     ValueError
-        If the name is unknown, or the model cannot be read.
+        If the name is unknown, or the network cannot be read.
     """
     if not isinstance(policy, str):
         return policy
-    if policy.endswith(".zip"):
-        from agents.learned import LearnedPolicy
+    if policy.endswith((".npz", ".zip")):
+        from agents.trained import LearnedPolicy
 
-        return LearnedPolicy.load(policy)
+        return LearnedPolicy.load(policy, trust_pickle=trust_pickle)
     if policy not in POLICIES:
-        raise ValueError(f"unknown policy {policy!r}; known: {', '.join(POLICIES)}, or the path of a model (.zip)")
+        raise ValueError(f"unknown policy {policy!r}; known: {', '.join(POLICIES)}, or the path of a network (.npz)")
     return POLICIES[policy]()
 
 

@@ -6,26 +6,26 @@ from typing import Any
 
 import numpy as np
 
-from agents.evaluation import Evaluation
+from agents.evaluation import Evaluation, number
 from crowd_env.metrics import summarise
 from crowd_env.state import Floats
 
 
 def last_times(result: Evaluation) -> Floats:
-    """Return when the last person of each run was out (runs,) [s]; whoever did not get out counts at the time limit."""
+    """Return when the last person of each run was out (runs,) [s]; whoever did not get out counts as in `times_of_all`."""
     return np.asarray(result.times_of_all().max(axis=1))
 
 
 def mean_times(result: Evaluation) -> Floats:
-    """Return the mean exit time of each run (runs,) [s]; whoever did not get out counts at the time limit."""
+    """Return the mean exit time of each run (runs,) [s]; whoever did not get out counts as in `times_of_all`."""
     return np.asarray(result.times_of_all().mean(axis=1))
 
 
 def paired(one: Floats, other: Floats) -> dict[str, Any]:
     """Return how much longer ``one`` took than ``other``, run by run on the same draws.
 
-    ``mean`` and ``ci95`` are of the difference (percentile bootstrap over runs); ``faster`` is the share of runs in which
-    ``one`` took less, where a tie counts half.
+    ``mean`` and ``ci95`` are of the difference (t interval over runs); ``faster`` is the share of runs in which ``one`` took
+    less, where a tie counts half.
 
     Raises
     ------
@@ -36,10 +36,9 @@ def paired(one: Floats, other: Floats) -> dict[str, Any]:
         raise ValueError(f"{len(one)} and {len(other)} runs cannot be paired")
     difference = np.asarray(one, dtype=np.float64) - other
     summary = summarise(difference)
-    known = len(difference) > 1
     return {
         "mean": summary.mean,
-        "ci95": list(summary.ci95) if known else [None, None],
+        "ci95": [number(bound) for bound in summary.ci95],
         "faster": float(((difference < 0) + 0.5 * (difference == 0)).mean()),
     }
 
@@ -52,6 +51,13 @@ def minus_first(result: Evaluation, first: Evaluation) -> dict[str, Any]:
         "mean_exit_time": paired(mean_times(result), mean_times(first)),
         "runs_at_time_limit": int(((result.column("unfinished") > 0) | (first.column("unfinished") > 0)).sum()),
     }
+
+
+def ratio(result: Evaluation, first: Evaluation) -> float | None:
+    """Return the mean time of the last person over that of another policy on the same draws; None if anyone was left inside."""
+    if result.column("unfinished").any() or first.column("unfinished").any():
+        return None
+    return float(last_times(result).mean() / last_times(first).mean())
 
 
 def kendall_tau(one: Sequence[float], other: Sequence[float]) -> float | None:

@@ -7,20 +7,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from agents.candidates import Candidate, make_candidates
 from agents.comparison import last_times, mean_times, minus_first, ranking
 from agents.evaluation import HELD_OUT_SEED, Evaluation, evacuate
 from agents.evaluation_files import EvaluationFolder, settings_of
-from agents.report import crowding_table, exits_table, ranking_lines, times_table
+from agents.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
 from agents.runs import versions, write_json
+from agents.stopping import stops_by
 from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
 from crowd_env.console import notes, progress_bar
 
 _EXAMPLE = """examples:
   python -m agents.evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
-  python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.zip --out comparison
+  python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.npz --out comparison
 """
 
 
@@ -38,7 +37,7 @@ def _arguments() -> argparse.ArgumentParser:
         default=["shortest", "fastest"],
         metavar="POLICY",
         help="shortest, nearest, fastest, comfortable; the name of a route or exit; rules: the shortest path with the "
-        "scenario's control rules in force, which are off for all others; random, stand-still; or a learned network (.zip)."
+        "scenario's control rules in force, which are off for all others; random, stand-still; or a learned network (.npz)."
         "  The others are compared with the first.",
     )
     parser.add_argument("--schemes", nargs="+", default=["nsm2"], metavar="SCHEME", help=f"{', '.join(SCHEMES)} (nsm2)")
@@ -46,6 +45,11 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0, help="other draws; all are held out from training (%(default)s)")
     parser.add_argument("--threads", type=int, default=1, help="of the simulation; results do not depend on it")
     parser.add_argument("--out", type=Path, help="folder for tables, curves and maps; an interrupted one goes on there")
+    parser.add_argument(
+        "--trust-pickle",
+        action="store_true",
+        help="open networks of stable-baselines3 (.zip) too: opening one runs whatever code its maker put in",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     return parser
 
@@ -129,8 +133,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     asked = _arguments().parse_args(arguments)
     try:
-        results, scenario, told = _run(asked)
-    except (ValueError, FloatingPointError, ModuleNotFoundError) as error:
+        with stops_by():
+            results, scenario, told = _run(asked)
+    except (ValueError, FloatingPointError, ModuleNotFoundError, OSError) as error:
         notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         return 2
     except KeyboardInterrupt:
@@ -140,11 +145,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if asked.json:
         print(json.dumps(told, allow_nan=False))
         return 0
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=100)
+    console = table_console()
     title = f"{scenario.name}: {scenario.population.count} people, {asked.runs} runs each"
-    for table in (times_table(results, title), exits_table(results), crowding_table(results)):
+    for table in (times_table(results, title), left_table(results), exits_table(results), crowding_table(results)):
         if table is not None:
             console.print(table)
     for line in ranking_lines(results):
@@ -163,7 +166,7 @@ def _run(asked: argparse.Namespace) -> tuple[list[Evaluation], Scenario, dict[st
     schemes = list(dict.fromkeys(asked.schemes))
     for scheme in schemes:
         make_scheme(scheme)
-    candidates = make_candidates(asked.policies, scenario)
+    candidates = make_candidates(asked.policies, scenario, trust_pickle=asked.trust_pickle)
     if "rules" in asked.policies and not scenario.rules:
         notes.print(f"note: {scenario.name} has no control rules; rules is shortest there", markup=False)
     settings = settings_of(scenario, asked.runs, asked.seed)

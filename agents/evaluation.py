@@ -10,7 +10,7 @@ import numpy as np
 from agents.measurements import Measured, Recorder
 from agents.policy import Policy
 from crowd_env import CrowdEnv, EpisodeMetrics, Scenario, Step, make_scenario
-from crowd_env.metrics import summarise
+from crowd_env.metrics import share_interval, summarise
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.state import Floats
 
@@ -28,7 +28,8 @@ class Evaluation:
     scheme: str
     episodes: list[EpisodeMetrics]
     exit_times: list[np.ndarray]  # (N,) s each, nan for those still inside
-    time_limit: float = np.inf  # s
+    ended: Floats  # (R,) s  when each run ended: all out, or the first decision at or after the time limit, or blocked
+    time_limit: float  # s
     exit_names: tuple[str, ...] = ()  # of the rows of Geometry.exits
     measured: Measured | None = None
 
@@ -42,32 +43,44 @@ class Evaluation:
         return np.array([getattr(episode, name) for episode in self.episodes], dtype=np.float64)
 
     def times_of_all(self) -> Floats:
-        """Return the exit times (runs, N) [s], the time limit for those who did not get out."""
-        times = np.array(self.exit_times)
-        return np.where(np.isfinite(times), times, self.time_limit)
+        """Return the exit times (runs, N) [s]; who did not get out counts until the time limit.
 
-    def exit_time_95(self) -> Floats:
-        """Return when 95 % of the people were out (runs,) [s]; nan where fewer got out."""
-        times = np.sort(np.array(self.exit_times), axis=1)  # nan go last
+        And until the end of the run if that was later, so that nobody who stayed inside counts as sooner out than somebody
+        who left in the last decision step.
+        """
+        times = np.array(self.exit_times)
+        return np.where(np.isfinite(times), times, np.maximum(self.ended, self.time_limit)[:, None])
+
+    def exit_time_95(self, *, counted: bool = False) -> Floats:
+        """Return when 95 % of the people were out (runs,) [s]; nan where fewer got out, unless all are ``counted``."""
+        times = np.sort(self.times_of_all() if counted else np.array(self.exit_times), axis=1)  # nan go last
         return np.asarray(times[:, int(np.ceil(0.95 * times.shape[1] - 1e-9)) - 1])
 
     def row(self) -> dict[str, Any]:
-        """Return the figures as one JSON row, in SI units; impulse and way are means per person."""
-        unfinished, out = self.column("unfinished"), np.concatenate(self.exit_times)
+        """Return the figures as one JSON row, in SI units; impulse and way are means per person.
+
+        ``evacuation_time`` is over the runs in which all got out, ``mean_exit_time`` over the people who did: what compares
+        policies is in `agents.comparison`, which counts everybody.
+        """
+        out = np.concatenate(self.exit_times)
         out = out[np.isfinite(out)]
+        unfinished = int((self.column("unfinished") > 0).sum())
+        blocked = int(np.isfinite(self.column("blocked_since")).sum())
         row = {
             "policy": self.policy,
             "scheme": self.scheme,
             "runs": self.runs,
-            "unfinished": int(unfinished.sum()),
-            "unfinished_runs": int((unfinished > 0).sum()),
-            "blocked_runs": int(np.isfinite(self.column("blocked_since")).sum()),
-            "evacuation_time": _named(self.column("evacuation_time")),
-            "exit_time_95": _named(self.exit_time_95()),
+            "unfinished": int(self.column("unfinished").sum()),
+            "unfinished_runs": unfinished,
+            "unfinished_share": share(unfinished, self.runs),
+            "blocked_runs": blocked,
+            "blocked_share": share(blocked, self.runs),
+            "evacuation_time": named(self.column("evacuation_time")),
+            "exit_time_95": named(self.exit_time_95()),
             "last_exit": float(out.max()) if len(out) else None,
-            "mean_exit_time": _named(self.column("mean_exit_time")),
-            "flow": _named(self.column("flow")),
-            "contact_impulse": _named(self.column("contact_impulse")),
+            "mean_exit_time": named(self.column("mean_exit_time")),
+            "flow": named(self.column("flow")),
+            "contact_impulse": named(self.column("contact_impulse")),
             "max_overlap": float(self.column("max_overlap").max()),
         }
         return row if self.measured is None else row | self._measured_row(self.measured)
@@ -76,9 +89,9 @@ class Evaluation:
         simulated = max(measured.simulated, 1e-9)
         return {
             "exits": self._exits(measured),
-            "walked": _named(measured.walked.mean(axis=1)),
-            "max_density": {**_named(measured.max_density), "max": float(measured.max_density.max())},
-            "max_pressure": {**_named(measured.max_pressure), "max": float(measured.max_pressure.max())},
+            "walked": named(measured.walked.mean(axis=1)),
+            "max_density": {**named(measured.max_density), "max": float(measured.max_density.max())},
+            "max_pressure": {**named(measured.max_pressure), "max": float(measured.max_pressure.max())},
             # The spontaneous scheme has no inertia: its impulses make bodies keep apart, they are not pushes.
             "pressure_is_force": self.scheme != "nsm1",
             "computing_seconds": measured.computing,
@@ -96,23 +109,29 @@ class Evaluation:
             by_this = taken == name
             last = np.where(by_this, times, -1.0).max(axis=1)
             found[name] = {
-                "people": _named(by_this.sum(axis=1)),
-                "mean_exit_time": _number(times[by_this].mean() if by_this.any() else np.nan),
-                "last_exit": _named(np.where(last >= 0.0, last, np.nan)),
+                "people": named(by_this.sum(axis=1)),
+                "mean_exit_time": number(times[by_this].mean() if by_this.any() else np.nan),
+                "last_exit": named(np.where(last >= 0.0, last, np.nan)),
             }
         return found
 
 
-def _named(values: np.ndarray) -> dict[str, Any]:
+def named(values: np.ndarray) -> dict[str, Any]:
+    """Return mean, spread and interval of the mean of the finite values, ready for JSON."""
     summary = summarise(values)
     return {
-        "mean": _number(summary.mean),
-        "sd": _number(summary.sd),
-        "ci95": [_number(bound) for bound in summary.ci95],
+        "mean": number(summary.mean),
+        "sd": number(summary.sd),
+        "ci95": [number(bound) for bound in summary.ci95],
     }
 
 
-def _number(value: float) -> float | None:
+def share(count: int, of: int) -> dict[str, Any]:
+    """Return a share with its Wilson interval."""
+    return {"mean": count / of, "ci95": list(share_interval(count, of))}
+
+
+def number(value: float) -> float | None:
     """JSON knows no nan."""
     return None if np.isnan(value) else float(value)
 
@@ -205,6 +224,7 @@ def evacuate(
         raise ValueError(f"runs is {runs}; it must be at least 1")
     episodes: list[EpisodeMetrics] = []
     exit_times: list[np.ndarray] = []
+    ended: list[float] = []
     recorder = Recorder(scenario.geometry) if measure else None
     computing = replanning = 0.0
     at_once = max(1, min(_BATCH, _PEOPLE_AT_ONCE // scenario.population.count))
@@ -232,12 +252,14 @@ def evacuate(
         for e in range(len(seeds)):
             episodes.append(env.metrics(e))
             exit_times.append(env.simulation.state.exit_time[env.people(e)].copy())
+            ended.append(float(env.simulation.state.time[e]))
     assert led is not None
     return Evaluation(
         name,
         make_scheme(scheme).info.name,
         episodes,
         exit_times,
+        np.array(ended),
         float(led.env.time_limit[0]),
         scenario.geometry.exit_names,
         None if recorder is None else recorder.measured(computing, replanning),

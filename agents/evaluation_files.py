@@ -4,7 +4,6 @@ import csv
 import hashlib
 import io
 import json
-import zipfile
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -16,9 +15,11 @@ import numpy as np
 from agents.candidates import Candidate
 from agents.comparison import last_times
 from agents.evaluation import Evaluation
+from agents.fingerprint import fingerprint
 from agents.measurements import CELL, Grid, Maps, Measured
 from agents.runs import read_json, write_json, write_text
-from crowd_env import EpisodeMetrics, Scenario
+from agents.source_stamp import source_stamp
+from crowd_env import EpisodeMetrics, Scenario, make_scheme
 from crowd_env.rendering.saving import written
 
 _KEPT = "kept"  # folder below
@@ -30,18 +31,18 @@ _NUMBERS = ("simulated", "computing", "replanning")
 
 
 def settings_of(scenario: Scenario, runs: int, seed: int) -> dict[str, Any]:
-    """Return what all results of one folder have in common; the digest is of everything a scenario holds."""
-    place, people = scenario.geometry, scenario.population
-    bodies, position = people.draw(np.random.default_rng(0), place)
-    digest = hashlib.sha256()
-    for array in (place.walls, place.exits, position, *bodies):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    rest = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
-    for name in ("name", "title", "reference", "geometry", "population"):
-        del rest[name]
-    regions = {name: area.wkt for name, area in place.regions.items()}
-    digest.update(repr([rest, regions, place.exit_names, place.doors]).encode())
-    return {"scenario": scenario.name, "digest": digest.hexdigest()[:16], "runs": runs, "seed": seed}
+    """Return what all results of one folder have in common; the digest is of everything a scenario holds that can matter."""
+    held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
+    for name in ("name", "title", "reference"):
+        del held[name]
+    return {"scenario": scenario.name, "digest": fingerprint(held), "runs": runs, "seed": seed}
+
+
+def _made_by(candidate: Candidate, scheme: str) -> dict[str, Any]:
+    """Return what else decides a result: the network, the scheme with its parameters and its time step, and the code."""
+    law = make_scheme(scheme)
+    network = None if candidate.source is None else hashlib.sha256(candidate.source.read_bytes()).hexdigest()
+    return {"network": network, "scheme": fingerprint(law), "dt": law.info.default_dt, "code": source_stamp()}
 
 
 class EvaluationFolder:
@@ -68,6 +69,8 @@ class EvaluationFolder:
             write_json(known, settings)
             return
         before = read_json(known)
+        if not isinstance(before, dict):
+            raise ValueError(f"{known} does not hold the settings of an evaluation; take another folder")
         if before != settings:
             other = next(name for name in settings if before.get(name) != settings[name])
             raise ValueError(
@@ -76,41 +79,29 @@ class EvaluationFolder:
             )
 
     def load(self, candidate: Candidate, scheme: str) -> Evaluation | None:
-        """Return what was kept of a policy under a scheme; None if there is nothing, or the file of the policy has changed."""
+        """Return what was kept of a policy under a scheme.
+
+        None if there is nothing, if it was made by another network, scheme or code, or if the file is damaged.
+        """
         path = self._file(candidate, scheme)
+        if not path.exists():
+            return None
         try:
-            with np.load(path) as file:
+            with np.load(path, allow_pickle=False) as file:
                 kept = {name: file[name] for name in file.files}
             facts = json.loads(str(kept["facts"]))
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+            if facts["made_by"] != _made_by(candidate, scheme) or facts["fields"] != list(EpisodeMetrics._fields):
+                return None
+            return _evaluation(candidate.name, scheme, kept, facts)
+        except Exception:  # a damaged file fails in a dozen ways: zip, zlib, npy header, JSON, shapes; it is made anew
             return None
-        if facts["source"] != _digest(candidate.source) or facts["fields"] != list(EpisodeMetrics._fields):
-            return None
-        whole = {name for name, kind in EpisodeMetrics.__annotations__.items() if kind is int}
-        episodes = []
-        for values in kept["episodes"]:
-            row = dict(zip(EpisodeMetrics._fields, values.tolist(), strict=True))
-            episodes.append(EpisodeMetrics(**{name: int(v) if name in whole else v for name, v in row.items()}))
-        grid = Grid(tuple(facts["origin"]), kept["maps"].shape[1:])
-        of_runs = {name: kept[name] for name in _ARRAYS}
-        numbers = {name: facts[name] for name in _NUMBERS}
-        measured = Measured(maps=Maps(*kept["maps"]), grid=grid, **of_runs, **numbers)
-        return Evaluation(
-            candidate.name,
-            scheme,
-            episodes,
-            list(kept["exit_times"]),
-            facts["time_limit"],
-            tuple(facts["exit_names"]),
-            measured,
-        )
 
     def save(self, candidate: Candidate, scheme: str, result: Evaluation) -> None:
         """Keep a result, whole or not at all."""
         measured = result.measured
         assert measured is not None
         facts = {name: getattr(measured, name) for name in _NUMBERS} | {
-            "source": _digest(candidate.source),
+            "made_by": _made_by(candidate, scheme),
             "fields": list(EpisodeMetrics._fields),
             "time_limit": result.time_limit,
             "exit_names": result.exit_names,
@@ -122,6 +113,7 @@ class EvaluationFolder:
                 facts=np.array(json.dumps(facts)),
                 episodes=np.array(result.episodes, dtype=np.float64),
                 exit_times=np.array(result.exit_times),
+                ended=result.ended,
                 maps=np.stack(measured.maps),
                 **{name: getattr(measured, name) for name in _ARRAYS},
             )
@@ -190,6 +182,20 @@ class EvaluationFolder:
         return heat_maps(self.path / name, scenario.geometry, maps, title=title, note=note)
 
 
+def _evaluation(policy: str, scheme: str, kept: dict[str, np.ndarray], facts: dict[str, Any]) -> Evaluation:
+    """Return the evaluation that a file holds."""
+    whole = {name for name, kind in EpisodeMetrics.__annotations__.items() if kind is int}
+    episodes = []
+    for values in kept["episodes"]:
+        row = dict(zip(EpisodeMetrics._fields, values.tolist(), strict=True))
+        episodes.append(EpisodeMetrics(**{name: int(v) if name in whole else v for name, v in row.items()}))
+    grid = Grid(tuple(facts["origin"]), kept["maps"].shape[1:])
+    of_runs: dict[str, Any] = {name: kept[name] for name in _ARRAYS} | {name: facts[name] for name in _NUMBERS}
+    measured = Measured(maps=Maps(*kept["maps"]), grid=grid, **of_runs)
+    times, limit = list(kept["exit_times"]), facts["time_limit"]
+    return Evaluation(policy, scheme, episodes, times, kept["ended"], limit, tuple(facts["exit_names"]), measured)
+
+
 def _curves(results: Sequence[Evaluation]) -> dict[str, list[np.ndarray]]:
     """Return the exit times by policy; policies with the very same ones share a curve."""
     found: dict[str, list[np.ndarray]] = {}
@@ -206,10 +212,6 @@ def _curves(results: Sequence[Evaluation]) -> dict[str, list[np.ndarray]]:
 def _plain(name: str) -> str:
     """Return a name as part of a file name; other names give other parts."""
     return quote(name, safe=" ")
-
-
-def _digest(path: Path | None) -> str | None:
-    return None if path is None else hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _text(value: float) -> str:

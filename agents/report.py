@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -26,28 +27,37 @@ def _with_spread(summary: dict[str, Any], digits: int) -> str:
     return f"{_cell(summary, digits)} ± {summary['sd']:.{digits}f}"
 
 
-def _interval(summary: dict[str, Any], digits: int) -> str:
-    low, high = summary["ci95"]
-    return "-" if low is None else f"{low:.{digits}f}..{high:.{digits}f}"
+def percent(share: dict[str, Any]) -> str:
+    """Return a share of runs in percent, with its interval."""
+    low, high = (100.0 * bound for bound in share["ci95"])
+    return f"{100.0 * share['mean']:.0f} ({low:.0f}..{high:.0f})"
+
+
+def table_console() -> Console:
+    """Return where tables go: standard output, 100 columns wide where that is no terminal."""
+    console = Console()
+    return console if console.is_terminal else Console(width=100)
 
 
 def comparison_table(results: list[Evaluation], title: str) -> Table:
-    """Return a table of policies against what they are judged by."""
-    caption = "over runs in which all got out; ± sd over runs; in: people left inside;\nN s: contact impulse per person"
-    table = Table(title=title, caption=caption)
-    table.add_column("policy", style="bold", no_wrap=True)
-    for name in ("evacuation s", "95 % of mean", "exit s", "flow 1/s", "in", "N s"):
-        table.add_column(name, justify="right", no_wrap=True)
+    """Return a table of policies against what they are judged by; the others are compared with the first."""
+    first = results[0]
+    caption = (
+        f"± sd over runs; Δ: longer than {first.policy} on the same draws, and its 95 % interval; in: people left inside, who "
+        "count until the end (then ≥); runs left: % of runs in which someone was, and its 95 % interval; N s: contact impulse "
+        "per person"
+    )
+    table = _table(caption, "last s", "Δ last s", "mean s", "in", "runs left %", "N s", title=title)
     for result in results:
         row = result.row()
-        time, flow = row["evacuation_time"], row["flow"]
-        table.add_row(
-            row["policy"],
-            _with_spread(time, 2),
-            _interval(time, 2),
-            _cell(row["mean_exit_time"], 2),
-            _cell(flow, 2),
+        _add(
+            table,
+            result.policy,
+            _at_least(last_times(result), 2) if row["unfinished"] else _with_spread(row["evacuation_time"], 2),
+            "" if result is first else difference(minus_first(result, first)["evacuation_time"], 2),
+            _at_least(mean_times(result), 2) if row["unfinished"] else _cell(row["mean_exit_time"], 2),
             str(row["unfinished"]),
+            percent(row["unfinished_share"]),
             _cell(row["contact_impulse"], 0),
         )
     return table
@@ -58,29 +68,45 @@ def comparison_table(results: list[Evaluation], title: str) -> Table:
 
 def times_table(results: Sequence[Evaluation], title: str) -> Table:
     """Return a table of how long policies took, and how much longer than the first one on the same draws."""
-    first, blocked = results[0].policy, any(result.row()["blocked_runs"] for result in results)
+    first = results[0].policy
     caption = (
         f"Seconds. last: of the last person, ± sd over runs; Δ: longer than {first} on the same draws, and its 95 % interval; "
-        "faster: in so many runs; 95 %: when so many were out; mean: of all people; in: people left inside, who count at the "
-        "time limit (then ≥)."
+        "faster: in so many runs; 95 %: when so many were out; mean: of all people; in: people left inside, who count until "
+        "the time limit, or until the end if that was later (then ≥)."
     )
-    names = ["last", "Δ last", "faster", "95 %", "mean", "Δ mean", "in", *(["blocked"] if blocked else [])]
-    table = _table(caption, *names, title=title)
+    table = _table(caption, "last", "Δ last", "faster", "95 %", "mean", "Δ mean", "in", title=title)
     for result, reference in _with_first(results, table):
-        row, difference, own = result.row(), minus_first(result, reference), result is reference
-        late, limit = np.isfinite(result.exit_time_95()), result.time_limit
+        row, longer, own = result.row(), minus_first(result, reference), result is reference
+        late = result.exit_time_95()
         _add(
             table,
             result.policy,
             _at_least(last_times(result)) if row["unfinished"] else _with_spread(row["evacuation_time"], 1),
-            "" if own else _difference(difference["evacuation_time"]),
-            "" if own else f"{100 * difference['evacuation_time']['faster']:.0f} %",
-            _cell(row["exit_time_95"], 1) if late.all() else _at_least(np.where(late, result.exit_time_95(), limit)),
+            "" if own else difference(longer["evacuation_time"]),
+            "" if own else f"{100 * longer['evacuation_time']['faster']:.0f} %",
+            _cell(row["exit_time_95"], 1) if np.isfinite(late).all() else _at_least(result.exit_time_95(counted=True)),
             _at_least(mean_times(result)) if row["unfinished"] else _cell(row["mean_exit_time"], 1),
-            "" if own else _difference(difference["mean_exit_time"]),
+            "" if own else difference(longer["mean_exit_time"]),
             str(row["unfinished"]),
-            *([str(row["blocked_runs"])] if blocked else []),
         )
+    return table
+
+
+def left_table(results: Sequence[Evaluation]) -> Table:
+    """Return a table of the runs in which someone was left inside, and of those whose exits blocked."""
+    caption = (
+        "Runs in which someone was left inside, and those of them in which the exits blocked: how many, and % of runs with "
+        "its 95 % interval (Wilson): none of few runs does not mean never."
+    )
+    table = _table(caption, "in", "runs left", "%", "blocked", "%")
+    for result, _ in _with_first(results, table):
+        row = result.row()
+        cells = (
+            f"{row[f'{name}_runs']} of {row['runs']}" if k == 0 else percent(row[f"{name}_share"])
+            for name in ("unfinished", "blocked")
+            for k in (0, 1)
+        )
+        _add(table, result.policy, str(row["unfinished"]), *cells)
     return table
 
 
@@ -181,12 +207,14 @@ def _with_first(results: Sequence[Evaluation], table: Table) -> Iterator[tuple[E
             yield result, those[0]
 
 
-def _at_least(times: Floats) -> str:
-    return f"≥{times.mean():.{1 if times.mean() < 99.95 else 0}f}"
+def _at_least(times: Floats, digits: int = 1) -> str:
+    return f"≥{times.mean():.{digits if times.mean() < 99.95 else 0}f}"
 
 
-def _difference(paired: dict[str, Any]) -> str:
+def difference(paired: dict[str, Any], digits: int = 1) -> str:
+    """Return a paired difference with its interval."""
     low, high = paired["ci95"]
-    digits = 1 if max(abs(paired["mean"]), *(abs(bound or 0.0) for bound in (low, high))) < 99.95 else 0
+    largest = max(abs(paired["mean"]), *(abs(bound or 0.0) for bound in (low, high)))
+    digits = min(digits, 2 if largest < 9.995 else 1 if largest < 99.95 else 0)
     interval = "" if low is None else f" ({low:+.{digits}f}..{high:+.{digits}f})"
     return f"{paired['mean']:+.{digits}f}{interval}"

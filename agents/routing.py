@@ -6,13 +6,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from crowd_env import CrowdEnv, EpisodeMetrics, Scenario
-from crowd_env.metrics import Summary, summarise
+from agents.evaluation import Evaluation, Led, LedByPolicy, evacuate
+from crowd_env import CrowdEnv, ObservationLayout, Scenario, Step
 from crowd_env.routing_batch import RoutingBatch
 
 # What people do without a controller, by the strategy of `CrowdEnv`.
 STRATEGIES = {"nearest exit": "nearest", "shortest path": "shortest", "fastest path": "fastest"}
-_BATCH = 50
+SAMPLE = 0.1  # s  between two looks at a crowd
 
 
 class Controller(Protocol):
@@ -59,29 +59,68 @@ class FixedSplit:
         return np.tile(row, (len(observation), 1))
 
 
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """Many evacuations under one controller or strategy, one a draw."""
+class WayOut:
+    """Everyone walks as a strategy of the environment says.
 
-    name: str
-    episodes: list[EpisodeMetrics]
-    time_limit: float  # s
+    Parameters
+    ----------
+    strategy : see `Scenario.ways`.
+    rules : whether the control rules of the scenario are in force.
+    """
 
-    @property
-    def last(self) -> np.ndarray:
-        """Exit time [s] of the last person (runs,); the time limit where someone was left inside."""
-        times = np.array([episode.evacuation_time for episode in self.episodes])
-        return np.where(np.isfinite(times), times, self.time_limit)
+    def __init__(self, strategy: str, *, rules: bool = False, name: str = "") -> None:
+        self.name = name or strategy
+        self.env_options: dict[str, Any] = {
+            "strategy": strategy,
+            "rules": rules,
+            "observation": ObservationLayout(terms=("desired_speed",)),  # nobody reads it
+        }
 
-    @property
-    def mean(self) -> np.ndarray:
-        """Mean exit time [s] over those who got out (runs,)."""
-        return np.array([episode.mean_exit_time for episode in self.episodes])
+    def reset(self, env_mask: np.ndarray) -> None:
+        """Nothing to forget."""
 
-    @property
-    def unfinished(self) -> int:
-        """People left inside, in all."""
-        return sum(episode.unfinished for episode in self.episodes)
+    def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
+        """Leave everyone to the environment."""
+        return None
+
+
+class LedByController:
+    """A batch whose people a controller of ``crowd_env/Routing-v0`` sends to exits, sampled between its decisions too.
+
+    A sample is taken every `SAMPLE`, or at every decision where that does not fit into the interval.
+    """
+
+    def __init__(self, controller: Controller, batch: RoutingBatch) -> None:
+        self.controller, self.batch, self.env = controller, batch, batch.env
+        # The batch is made to let a whole interval pass in one step; here a step is a sample.
+        fits = _divides(SAMPLE, batch.interval) and _divides(self.env.simulation.dt, SAMPLE)
+        self.env.decision_dt = SAMPLE if fits else batch.interval
+        self.env.n_substeps = round(self.env.decision_dt / self.env.simulation.dt)
+        self._steps = round(batch.interval / self.env.decision_dt)
+
+    def reset(self, seeds: list[int]) -> None:
+        """Start new evacuations, each from its seed."""
+        self._observation = self.batch.reset(seeds)
+        self._rng = np.random.default_rng(seeds[0])
+        self._left = np.zeros(self.env.num_people, dtype=np.bool_)
+        self._count = 0
+
+    def step(self) -> Step:
+        """Tell people where to go if an interval has passed, and let them walk."""
+        if self._count % self._steps == 0:
+            action = self.controller.act(self._observation, self.batch, self._rng)
+            self.batch._tell(self.batch._checked(action))
+            self._left[:] = False
+        step = self.env.step(None)
+        self._count += 1
+        self._left |= step.terminated
+        if self._count % self._steps == 0:
+            self._observation = self.batch._observe(self.env.active, self._left)
+        return step
+
+
+def _divides(part: float, whole: float) -> bool:
+    return abs(whole / part - round(whole / part)) < 1e-6 and whole > 0.5 * part
 
 
 def judge(
@@ -92,47 +131,33 @@ def judge(
     first_seed: int,
     progress: Callable[[int], None] | None = None,
     **options: Any,
-) -> Judged:
+) -> Evaluation:
     """Run the draws ``first_seed`` ... ``first_seed + runs - 1`` under a controller or a name in ``STRATEGIES``.
 
     Parameters
     ----------
     progress : called with the number of evacuations that have just ended.
     options : of `crowd_env.routing_env.RoutingEnv`.
+
+    Raises
+    ------
+    ValueError
+        If an option is unknown, out of range, or does not fit the others.
     """
-    episodes: list[EpisodeMetrics] = []
+    one = RoutingBatch(scenario, **options)
+    place, scheme, dt = one.scenario, one.env.simulation.scheme, one.env.simulation.dt
+
+    def lead(num_envs: int) -> Led:
+        if not isinstance(controller, str):
+            return LedByController(controller, RoutingBatch(scenario, num_envs=num_envs, **options))
+        rules = WayOut(STRATEGIES[controller], rules=bool(options.get("rules", False)))
+        options_of_env: dict[str, Any] = {
+            "decision_dt": SAMPLE if _divides(dt, SAMPLE) else one.interval,
+            "threads": one.env.simulation.threads,
+            "time_limit": float(one.env.time_limit[0]),
+            **rules.env_options,
+        }
+        return LedByPolicy(rules, CrowdEnv(place, num_envs=num_envs, scheme=scheme, dt=dt, **options_of_env))
+
     name = controller if isinstance(controller, str) else controller.name
-    for begin in range(0, runs, _BATCH):
-        seeds = [first_seed + k for k in range(begin, min(begin + _BATCH, runs))]
-        batch = RoutingBatch(scenario, num_envs=len(seeds), **options)
-        rng = np.random.default_rng(first_seed + begin)
-        if isinstance(controller, str):
-            env = CrowdEnv(
-                batch.scenario,
-                num_envs=len(seeds),
-                scheme=batch.env.simulation.scheme,
-                dt=batch.env.simulation.dt,
-                decision_dt=batch.interval,
-                strategy=STRATEGIES[controller],
-                rules=bool(options.get("rules", False)),
-                time_limit=batch.env.time_limit[0],
-                threads=batch.env.simulation.threads,
-            )
-            env.reset(seeds)
-        else:
-            env, observation = batch.env, batch.reset(seeds)
-        while not env.finished.all():
-            if isinstance(controller, str):
-                ended = env.step(None).info["metrics"]
-            else:
-                observation, *_, info = batch.step(controller.act(observation, batch, rng))
-                ended = info["metrics"]
-            if progress is not None:
-                progress(len(ended))
-        episodes += [env.metrics(e) for e in range(len(seeds))]
-    return Judged(name, episodes, float(env.time_limit[0]))
-
-
-def difference(one: Judged, other: Judged) -> dict[str, Summary]:
-    """Return how much longer ``one`` took than ``other`` on the same draws [s], with 95 % bootstrap intervals."""
-    return {"last": summarise(one.last - other.last), "mean": summarise(one.mean - other.mean)}
+    return evacuate(lead, place, name, scheme, runs=runs, first_seed=first_seed, progress=progress)

@@ -1,20 +1,20 @@
 """Folders of training runs: every file is written whole or not at all."""
 
 import json
-import os
 import platform
 from importlib import metadata
 from pathlib import Path
 from typing import Any
+
+from crowd_env.rendering.saving import written
 
 _PACKAGES = ("crowd-env", "gymnasium", "numba", "numpy", "pettingzoo", "scikit-fmm", "stable-baselines3", "torch")
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically."""
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)
+    with written(path) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -32,18 +32,37 @@ def read_json(path: Path) -> Any:
     """
     try:
         return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, json.JSONDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:  # of the encoding, of JSON, of its depth
         raise ValueError(f"cannot read {path}: {error}") from None
 
 
+def check_name(name: str) -> None:
+    """Raise ValueError unless this can be the name of a folder, and of nothing outside of the folder it is put into."""
+    if name in ("", ".", "..") or any(character in name for character in "/\\\0"):
+        raise ValueError(f"{name!r} cannot name a run: it must be the name of one folder, without / or \\")
+
+
 def new_folder(root: Path, name: str) -> Path:
-    """Make and return ``root/name``, or ``root/name-2`` and so on if that is taken: no run overwrites another."""
+    """Make and return ``root/name``, or ``root/name-2`` and so on if that is taken: no run overwrites another.
+
+    Raises
+    ------
+    ValueError
+        If the name leads elsewhere, or the folder cannot be made.
+    """
+    check_name(name)
     number, folder = 1, root / name
-    while folder.exists():
-        number += 1
-        folder = root / f"{name}-{number}"
-    folder.mkdir(parents=True)
-    return folder
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        while True:
+            try:
+                folder.mkdir()  # only one of several processes succeeds
+                return folder
+            except FileExistsError:
+                number += 1
+                folder = root / f"{name}-{number}"
+    except OSError as error:
+        raise ValueError(f"cannot make the folder {folder}: {error.strerror or error}") from None
 
 
 def versions() -> dict[str, str]:

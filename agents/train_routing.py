@@ -1,6 +1,8 @@
 """Train a controller that sends people to exits, and judge it: ``python -m agents.train_routing``."""
 
 import json
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,17 +11,24 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from agents.evaluation import HELD_OUT_SEED
-from agents.routing import STRATEGIES, Controller, FixedSplit, Judged, RandomController, difference, judge
+from agents.comparison import last_times, mean_times, paired, ratio
+from agents.evaluation import HELD_OUT_SEED, Evaluation, named, share
+from agents.report import difference, percent, table_console
+from agents.routing import STRATEGIES, Controller, FixedSplit, RandomController, judge
 from agents.runs import new_folder, versions, write_json
-from crowd_env.metrics import Summary, summarise
+from agents.stopping import stops_by
+from agents.trained import LearnedController
+from agents.training_config import check_budget, check_envs, check_seed
+from crowd_env.routing_batch import RoutingBatch
 
 console = Console(stderr=True)
 
 
-def compare(controllers: list[Controller | str], options: dict[str, Any], runs: int) -> list[Judged]:
-    """Judge all controllers and strategies on the same held-out draws."""
-    results = []
+def judge_all(
+    controllers: list[Controller | str], options: dict[str, Any], runs: int, done: Callable[[list[Evaluation]], None]
+) -> list[Evaluation]:
+    """Judge controllers and strategies on the same held-out draws; after each ``done`` gets what there is by then."""
+    results: list[Evaluation] = []
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("judging on held-out draws", total=runs * len(controllers))
         for controller in controllers:
@@ -31,48 +40,51 @@ def compare(controllers: list[Controller | str], options: dict[str, Any], runs: 
                 **options,
             )
             results.append(judged)
+            done(results)
     return results
 
 
-def rows(results: list[Judged]) -> list[dict[str, Any]]:
-    """Return a row for each, and how much longer than it the last one, the learned controller, took."""
+def rows(results: list[Evaluation]) -> list[dict[str, Any]]:
+    """Return a row for each, and how much longer than it the first one, the learned controller, took."""
     found = []
+    learned = results[0]
     for result in results:
-        row: dict[str, Any] = {"controller": result.name, "runs": len(result.episodes), "unfinished": result.unfinished}
-        row |= {"last": _named(summarise(result.last)), "mean": _named(summarise(result.mean))}
-        if result is not results[-1]:
-            paired = difference(results[-1], result)
-            row["learned_minus_this"] = {name: _named(summary) for name, summary in paired.items()}
-            row["ratio"] = {
-                "last": float(results[-1].last.mean() / result.last.mean()),
-                "mean": float(results[-1].mean.mean() / result.mean.mean()),
+        left = int((result.column("unfinished") > 0).sum())
+        row: dict[str, Any] = {
+            "controller": result.policy,
+            "runs": result.runs,
+            "unfinished": int(result.column("unfinished").sum()),
+            "unfinished_runs": left,
+            "unfinished_share": share(left, result.runs),
+            "last": named(last_times(result)),
+            "mean": named(mean_times(result)),
+        }
+        if result is not learned:
+            row["learned_minus_this"] = {
+                "last": paired(last_times(learned), last_times(result)),
+                "mean": paired(mean_times(learned), mean_times(result)),
             }
+            row["learned_over_this"] = ratio(learned, result)
         found.append(row)
     return found
 
 
-def _named(summary: Summary) -> dict[str, Any]:
-    return {"mean": summary.mean, "ci95": list(summary.ci95)}
-
-
 def table(found: list[dict[str, Any]], title: str) -> Table:
     """Return the rows as a table for people."""
-    caption = "exit times in s; learned - this: paired differences on the same draws, 95 % bootstrap"
-    made = Table(title=title, caption=caption)
+    caption = (
+        "Exit times in s, of all people: who is left inside counts until the end (then ≥). learned - this: paired differences "
+        "on the same draws and their 95 % interval. runs left: % of runs in which someone was left, and its 95 % interval."
+    )
+    made = Table(title=title, caption=caption, caption_justify="left")
     made.add_column("controller", style="bold", no_wrap=True)
-    for name in ("last s", "learned - this", "mean s", "learned - this", "in"):
+    for name in ("last s", "learned - this", "mean s", "learned - this", "in", "runs left %"):
         made.add_column(name, justify="right", no_wrap=True)
     for row in found:
         cells = []
         for term in ("last", "mean"):
-            cells.append(f"{row[term]['mean']:.2f}")
-            paired = row.get("learned_minus_this")
-            if paired is None:
-                cells.append("")
-            else:
-                low, high = paired[term]["ci95"]
-                cells.append(f"{paired[term]['mean']:+.2f} ({low:+.2f}..{high:+.2f})")
-        made.add_row(row["controller"], *cells, str(row["unfinished"]))
+            cells.append(f"{'≥' if row['unfinished'] else ''}{row[term]['mean']:.2f}")
+            cells.append(difference(row["learned_minus_this"][term], 2) if "learned_minus_this" in row else "")
+        made.add_row(row["controller"], *cells, str(row["unfinished"]), percent(row["unfinished_share"]))
     return made
 
 
@@ -95,37 +107,60 @@ def main(
 
     Example: python -m agents.train_routing --seconds 60
     """
-    from agents.learned.routing import LearnedController, train_controller
-
-    options = {
-        "scenario": scenario,
-        "scheme": scheme,
-        "interval": interval,
-        "grid": grid,
-        "threads": threads,
-    }
-    try:
-        for option, value in (("seconds", seconds), ("steps", steps), ("envs", envs), ("runs", runs)):
-            if not 0 < value < float("inf"):
-                raise ValueError(f"--{option} is {value}; it must be > 0 and finite")
-        if not 0 <= seed < HELD_OUT_SEED:
-            raise ValueError(f"seed is {seed}; it must be 0 to {HELD_OUT_SEED - 1} (larger ones are kept for judging)")
-        folder = new_folder(out.parent, out.name)
-        console.print(f"writing to {folder}/", highlight=False)
-        trained = train_controller(folder, options, envs=envs, steps=steps, seconds=seconds, seed=seed)
-        controllers: list[Controller | str]
-        controllers = [RandomController(), *STRATEGIES, FixedSplit(split), LearnedController.load(folder / "best.zip")]
-        found = rows(compare(controllers, options, runs))
-    except ValueError as error:
-        console.print(f"error: {error}", style="red", highlight=False)
-        raise typer.Exit(2) from None
+    options = {"scenario": scenario, "scheme": scheme, "interval": interval, "grid": grid, "threads": threads}
     config = {**options, "envs": envs, "seed": seed, "steps": steps, "seconds": seconds, "versions": versions()}
-    results = {"config": {**config, "ppo": trained["ppo"]}, "best": trained["best"], "rows": found}
-    write_json(folder / "results.json", results)
+    folder: Path | None = None
+    results: dict[str, Any] = {}
+    try:
+        with stops_by():
+            _check(options, seed, split, seconds=seconds, steps=steps, envs=envs, runs=runs)
+            from agents.learned.routing import train_controller
+
+            folder = new_folder(out.parent, out.name)
+            console.print(f"writing to {folder}/", highlight=False)
+            trained = train_controller(folder, options, envs=envs, steps=steps, seconds=seconds, seed=seed)
+            if trained["interrupted"]:
+                raise KeyboardInterrupt
+            told = {name: trained[name] for name in ("best", "finalists")}
+
+            def keep(judged: list[Evaluation]) -> None:
+                found = rows(judged)
+                results.update(config={**config, "ppo": trained["ppo"]}, **told, rows=[*found[1:], found[0]])
+                write_json(folder / "results.json", results)
+
+            learned = LearnedController.load(folder / "best.npz")
+            judge_all([learned, RandomController(), *STRATEGIES, FixedSplit(split)], options, runs, keep)
+    except (ValueError, FloatingPointError, ModuleNotFoundError, OSError) as error:
+        console.print(f"error: {error}", style="red", highlight=False, markup=False, soft_wrap=True)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        console.print(f"stopped{_left_behind(folder, scenario, scheme)}", soft_wrap=True, highlight=False, markup=False)
+        raise typer.Exit(130) from None
+    finally:
+        if results and not as_json:
+            table_console().print(table(results["rows"], f"{scenario}, {scheme}, {runs} held-out draws"))
     if as_json:
-        print(json.dumps(results, indent=2))
-    else:
-        Console().print(table(found, f"{scenario}, {scheme}, {runs} held-out draws"))
+        print(json.dumps(results, indent=2, allow_nan=False))
+
+
+def _check(options: dict[str, Any], seed: int, split: float, **budget: float) -> None:
+    """Raise ValueError for whatever would fail later, before anything is written."""
+    check_budget(**budget)
+    check_seed(seed)
+    if not math.isfinite(split):
+        raise ValueError(f"--split is {split}; it must be finite")
+    batch = RoutingBatch(**options)
+    check_envs(int(budget["envs"]), batch.env.num_people)
+
+
+def _left_behind(folder: Path | None, scenario: str, scheme: str) -> str:
+    """Say what an interrupted run has kept, and how to judge it."""
+    if folder is None or not (folder / "best.npz").exists():
+        return ""
+    if (folder / "results.json").exists():
+        return f"; what was judged by then is in {folder}/results.json"
+    again = f"python -m agents.evaluate --scenario {scenario} --schemes {scheme} --policies nearest fastest"
+    return f"; the best controller so far is {folder}/best.npz; judge it with: {again} {folder}/best.npz"
 
 
 if __name__ == "__main__":

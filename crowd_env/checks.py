@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from numbers import Real
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, NamedTuple, NoReturn, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -129,6 +130,19 @@ def text(what: str, value: Any, allowed: str = "a text") -> str:
     if not isinstance(value, str):
         refuse(what, value, allowed)
     return str(value)
+
+
+def path(what: str, value: Any) -> Path:
+    """Return the path of a file, given as a text or a path.
+
+    Raises
+    ------
+    ValueError
+        If it is something else.
+    """
+    if not isinstance(value, str | Path):
+        refuse(what, value, "the path of a file")
+    return Path(value)
 
 
 def texts(what: str, value: Any) -> tuple[str, ...]:

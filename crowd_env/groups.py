@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.checks import Range, check_fields, from_table, refuse, whole
+from crowd_env.checks import check_fields, from_table, refuse
 from crowd_env.geometry import Geometry
-from crowd_env.population import MOST_PEOPLE, Population, check_starts, place
+from crowd_env.population import Population, check_count, check_starts, place
 from crowd_env.state import Bodies, Floats
 
 _BOUNDED = ("radius", "mass", "desired_speed", "relaxation_time", "response_time")
@@ -50,7 +50,7 @@ class Groups:
         twice = [name for k, name in enumerate(names) if name in names[:k]]
         if twice:
             raise ValueError(f"two groups have the name {twice[0]!r}")
-        whole("groups: the number of people in all", self.count, Range(1, MOST_PEOPLE))
+        check_count("groups: count of all", self.count)
 
     @property
     def count(self) -> int:
@@ -97,7 +97,7 @@ class Groups:
         other = [name for name, value in options.items() if name not in _BOUNDED and value is not None]
         if other:
             raise ValueError(f"groups cannot share {other[0]!r}; give them a count or one of {', '.join(_BOUNDED)}")
-        everyone = None if count is None else whole("groups: count", count, Range(1, MOST_PEOPLE))
+        everyone = None if count is None else check_count("groups: count", count)
         counts = [part.count for part in self.parts] if everyone is None else self._shares(everyone)
         shared = {name: value for name, value in options.items() if name in _BOUNDED}
         return Groups(tuple(part.changed(count=n, **shared) for part, n in zip(self.parts, counts, strict=True)))
@@ -105,7 +105,8 @@ class Groups:
     def _shares(self, count: int) -> list[int]:
         """Share people out by the largest remainders, at least one a group."""
         if count < len(self.parts):
-            raise ValueError(f"{count} people for {len(self.parts)} groups; each needs at least 1")
+            people = f"{count} {'person' if count == 1 else 'people'}"
+            raise ValueError(f"{people} for {len(self.parts)} groups; each needs at least 1")
         exact = np.array([part.count for part in self.parts]) * (count / self.count)
         shares = np.maximum(np.floor(exact + 1e-9), 1).astype(int)
         while shares.sum() < count:

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from crowd_env._jit import inner_kernel, kernel
-from crowd_env.checks import FINITE, NOT_NEGATIVE, POSITIVE, Range, array, check_fields, require_all
+from crowd_env.checks import FINITE, NOT_NEGATIVE, POSITIVE, Range, array, check_fields, require_all, whole
 from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
 from crowd_env.geometry import Boundary, Geometry
+from crowd_env.placement_checks import check_starts, closest_pair
 from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "closest_pair",
     "place",
     "require_names",
+    "require_room",
 ]
 
 # Equal discs cannot cover more of the plane than a hexagonal packing does.
@@ -30,10 +32,9 @@ _CLOSEST_PACKING = np.pi / np.sqrt(12.0)
 # Random placement one by one jams near 0.547; above this share people are set on a hexagonal lattice instead.
 _RANDOM_LIMIT = 0.45
 _ROUNDS = 400
+_MOST_CELLS = 4e6
 
-MOST_PEOPLE = 500_000
-"""In one place: neighbours are told apart by a number of 19 bits."""
-_COUNT = Range(1, MOST_PEOPLE)
+_MOST_PEOPLE = 500_000  # their neighbours are told apart by a number of 19 bits
 _ALLOWED = {
     "radius": POSITIVE,
     "mass": POSITIVE,
@@ -78,7 +79,8 @@ class Population:
     name: str = ""
 
     def __post_init__(self) -> None:
-        check_fields("population", self, count=_COUNT)
+        check_fields("population", self)
+        check_count("population: count", self.count)
         for name, allowed in _ALLOWED.items():
             law = as_distribution("population", name, getattr(self, name))
             object.__setattr__(self, name, law)
@@ -146,6 +148,12 @@ class Population:
         return starts
 
 
+def check_count(what: str, count: Any) -> int:
+    """Return a number of people; raise ValueError unless it is one that a place can have."""
+    whole(what, count)
+    return whole(what, count, Range(1, _MOST_PEOPLE), why="more people do not fit into one environment")
+
+
 def require_names(kind: str, names: Iterable[str | None], known: Iterable[str]) -> None:
     """Raise ValueError, listing the known ones, if a name is not known; None is."""
     known = list(known)
@@ -154,25 +162,22 @@ def require_names(kind: str, names: Iterable[str | None], known: Iterable[str]) 
             raise ValueError(f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}")
 
 
-def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:
-    """Raise ValueError unless recorded positions lie inside, clear of walls and of each other."""
-    outside = np.flatnonzero(~geometry.contains(starts))
-    if len(outside):
-        k = outside[0]
-        raise ValueError(f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is outside the walkable area")
-    clearance = geometry.clearance(starts)
-    k = int(np.argmin(clearance - radius))
-    if clearance[k] < radius[k] - 1e-9:
-        raise ValueError(
-            f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is {clearance[k]:.3f} m from a wall; "
-            f"its body of radius {radius[k]:.3f} m does not fit"
-        )
-    i, j, gap = closest_pair(np.ascontiguousarray(starts, dtype=np.float64), radius)
-    if gap < -1e-9:
-        raise ValueError(
-            f"starts {i} and {j} overlap by {-gap:.3f} m: their radii add up to {radius[i] + radius[j]:.3f} m; "
-            "take smaller bodies"
-        )
+def require_room(geometry: Geometry, parts: Iterable[Population]) -> None:
+    """Raise ValueError if there are more people than even the closest packing has room for, before any of them is drawn."""
+    waiting: dict[str | None, tuple[int, float]] = {}
+    for part in parts:
+        if part.starts is None:
+            count, cover = waiting.get(part.start_region, (0, 0.0))
+            waiting[part.start_region] = count + part.count, cover + part.count * np.pi * part.radius.low**2
+    for region, (count, cover) in waiting.items():
+        area = geometry.area_of(region)
+        if cover > _CLOSEST_PACKING * area:
+            where = f"{area:.1f} m2" + ("" if region is None else f" of {region!r}")
+            most = int(count * _CLOSEST_PACKING * area / cover)
+            raise ValueError(
+                f"{count} people do not fit without overlap into {where}: even the closest packing of the smallest bodies "
+                f"leaves room for at most {most}"
+            )
 
 
 def place(
@@ -262,7 +267,8 @@ def _place_randomly(
     geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None, standing: Standing | None
 ) -> Floats | None:
     low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
-    size = 2.0 * float(radius.max())
+    # Cells a body wide, or wider in places so large that there would be many more of them than people.
+    size = max(2.0 * float(radius.max()), float(np.sqrt((high_x - low_x) * (high_y - low_y) / _MOST_CELLS)))
     columns, rows = int((high_x - low_x) / size) + 1, int((high_y - low_y) / size) + 1
     boundary, count = geometry.boundary, len(radius)
     cells = np.empty(columns * rows + count, dtype=np.int64)
@@ -381,16 +387,3 @@ def _place_on_lattice(
             return points[rng.permutation(len(points))[: len(radius)]]
     beside = "" if standing is None else f" beside the {len(standing[1])} who stand already"
     raise ValueError(_too_many(radius, area, f"a regular lattice holds {most} there{beside}"))
-
-
-@kernel
-def closest_pair(position: Floats, radius: Floats) -> tuple[int, int, float]:
-    """Return the two discs with the smallest gap, and that gap [m]; all pairs, for checks of the input only."""
-    best_i, best_j, best = 0, 0, np.inf
-    for i in range(len(radius)):
-        for j in range(i + 1, len(radius)):
-            distance = np.hypot(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1])
-            gap = distance - radius[i] - radius[j]
-            if gap < best:
-                best_i, best_j, best = i, j, gap
-    return best_i, best_j, best

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
-from crowd_env.scenario_numbers import fill_in
+from crowd_env.scenario_numbers import LARGEST, fill_in
 
 _KINDS = {dict: "a table", list: "a list", str: "a text", bool: "true or false", int: "a number", float: "a number"}
 
@@ -67,9 +67,13 @@ class Entry:
         """Return it as a number, finite unless ``infinite`` is allowed."""
         if isinstance(self.value, bool) or not isinstance(self.value, Real):
             raise self._must_be("a number")
-        if math.isnan(self.value) or (math.isinf(self.value) and not infinite):
-            raise self.error(f"is {self.value}; it must be finite")
-        return self.value  # type: ignore[return-value]  # as it is: an int stays one
+        number: Any = self.value
+        finite = isinstance(number, int) or math.isfinite(number)
+        if not finite and (math.isnan(number) or not infinite):
+            raise self.error(f"is {number}; it must be finite")
+        if finite and abs(number) > LARGEST:
+            raise self.error(f"is beyond {LARGEST:g}, the largest number that is read")
+        return number
 
     def whole(self) -> int:
         """Return it as a whole number."""

@@ -1,8 +1,8 @@
-"""Policies by name, judged on the same draws, saved and read again."""
+"""Policies by name, judged on the same draws, and the folders of runs."""
 
 import io
 import json
-import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from agents import POLICIES, ShortestPath, make_policy
 from agents.evaluation import HELD_OUT_SEED, evaluate
 from agents.report import comparison_table
 from agents.runs import new_folder, read_json, versions, write_json
-from crowd_env import SCHEMES, CrowdEnv, ObservationLayout, make_scenario
+from crowd_env import SCHEMES, make_scenario
 from crowd_env.experiment import report, run_rule
 
 SMALL = make_scenario("room-v0", count=6, time_limit=8.0)
@@ -108,10 +108,11 @@ def test_the_report_of_runs_is_made_of_their_metrics():
 def test_a_table_shows_every_policy():
     text = io.StringIO()
     results = [judge(name, time_limit=3.0) for name in POLICIES]
-    Console(file=text, width=200).print(comparison_table(results, "title"))
-    rows = {name: line for line in text.getvalue().splitlines() for name in POLICIES if name in line}
-    assert set(rows) == set(POLICIES) and "24" in rows["stand-still"]
-    assert "nan" not in text.getvalue()
+    Console(file=text, width=80).print(comparison_table(results, "title"))
+    rows = {line.split()[0]: line for line in text.getvalue().splitlines() if line.strip()}
+    assert set(POLICIES) <= set(rows) and " 24 " in rows["stand-still"] and "≥3.0" in rows["stand-still"]
+    assert "100 (51..100)" in rows["stand-still"]  # 4 of 4 runs: the share with its interval
+    assert "nan" not in text.getvalue() and "…" not in text.getvalue()
 
 
 def test_an_unknown_policy_is_refused_with_the_known_ones():
@@ -127,79 +128,47 @@ def test_impossible_numbers_of_runs_are_refused(runs, seed):
         evaluate(make_policy("shortest"), SMALL, runs=runs, first_seed=seed)
 
 
-# ----------------------------------------------------------------------------------------------------------- learned
-
-
-@pytest.fixture(scope="module")
-def untrained():
-    pytest.importorskip("stable_baselines3")
-    from agents.learned import LearnedPolicy, PPOSettings, make_ppo
-    from agents.learned.policy import env_options_of
-
-    layout = ObservationLayout(terms=("direction", "neighbours"), neighbours=2)
-    env = CrowdEnv(SMALL, autoreset=True, frame="world", observation=layout)
-    return LearnedPolicy(make_ppo(env, PPOSettings(), seed=0), env_options_of(env))
-
-
-def test_a_saved_policy_is_the_same_policy(untrained, tmp_path):
-    untrained.save(tmp_path / "model.zip")
-    assert [path.name for path in tmp_path.iterdir()] == ["model.zip"]
-    read = make_policy(str(tmp_path / "model.zip"))
-    assert read.env_options == untrained.env_options
-    assert repr(evaluate(read, SMALL, runs=2).episodes) == repr(evaluate(untrained, SMALL, runs=2).episodes)
-
-
-def test_a_policy_is_asked_only_about_observations_it_knows(untrained):
-    env = CrowdEnv(SMALL)
-    observation, _ = env.reset(seed=0)
-    with pytest.raises(ValueError, match="other observations"):
-        untrained.act(observation, env.layout, np.random.default_rng(0))
-
-
-def _repacked(path, **members):
-    """Return the bytes of the zip file with members replaced, or left out if None."""
-    out = io.BytesIO()
-    with zipfile.ZipFile(path) as old, zipfile.ZipFile(out, "w") as new:
-        for name in old.namelist():
-            content = members.get(name.split(".")[0], old.read(name))
-            if content is not None:
-                new.writestr(name, content)
-    return out.getvalue()
-
-
-@pytest.mark.parametrize(
-    "harm",
-    [
-        lambda path: b"",
-        lambda path: b"no zip",
-        lambda path: path.read_bytes()[:1000],
-        lambda path: _repacked(path, crowd_env=None),
-        lambda path: _repacked(path, crowd_env=b"{"),
-        lambda path: _repacked(path, crowd_env=b"[1]"),
-        lambda path: _repacked(path, crowd_env=b'{"observation": {"smell": 1}}'),
-        lambda path: _repacked(path, policy=b"xx"),
-        lambda path: _repacked(path, policy=None),
-    ],
-)
-def test_a_broken_file_is_refused_by_name(untrained, tmp_path, harm):
-    good, bad = tmp_path / "good.zip", tmp_path / "bad.zip"
-    untrained.save(good)
-    bad.write_bytes(harm(good))
-    with pytest.raises(ValueError, match=r"bad\.zip"):
-        make_policy(str(bad))
-
-
-def test_a_missing_file_is_refused_by_name(tmp_path):
-    pytest.importorskip("stable_baselines3")
-    with pytest.raises(ValueError, match=r"none\.zip"):
-        make_policy(str(tmp_path / "none.zip"))
-
-
 # ------------------------------------------------------------------------------------------------------ run folders
 
 
 def test_no_run_overwrites_another(tmp_path):
     assert [new_folder(tmp_path, "x").name for _ in range(3)] == ["x", "x-2", "x-3"]
+
+
+def test_two_processes_that_want_one_folder_get_two(tmp_path, monkeypatch):
+    """The other one makes its folder just after this one has looked."""
+    monkeypatch.setattr(Path, "exists", lambda self: False)
+    assert [new_folder(tmp_path, "x").name for _ in range(3)] == ["x", "x-2", "x-3"]
+
+
+def test_two_processes_that_write_one_file_do_not_meet(tmp_path, monkeypatch):
+    """Another process writes the same file, and is done with it, while this one is at its part."""
+    path, write = tmp_path / "a.json", Path.write_text
+
+    def slowly(self, *args, **options):
+        write(self, *args, **options)
+        monkeypatch.setattr(Path, "write_text", write)
+        with monkeypatch.context() as other:
+            other.setattr("os.getpid", lambda: 1)
+            write_json(path, {"a": 2})
+
+    monkeypatch.setattr(Path, "write_text", slowly)
+    write_json(path, {"a": 1})
+    assert read_json(path) == {"a": 1} and [p.name for p in tmp_path.iterdir()] == ["a.json"]
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "../x", "a/b", "/tmp/x", "a\\b"])
+def test_a_run_is_named_by_one_folder_below_the_root(tmp_path, name):
+    with pytest.raises(ValueError, match="cannot name a run"):
+        new_folder(tmp_path / "runs", name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    for root in (tmp_path / "file", tmp_path / "file" / "runs"):
+        with pytest.raises(ValueError, match=r"cannot make the folder .*file"):
+            new_folder(root, "x")
 
 
 def test_json_is_written_whole_or_not_at_all(tmp_path):
@@ -208,9 +177,10 @@ def test_json_is_written_whole_or_not_at_all(tmp_path):
     with pytest.raises(ValueError):
         write_json(path, {"a": float("nan")})
     assert read_json(path) == {"a": 1} and [p.name for p in tmp_path.iterdir()] == ["a.json"]
-    path.write_text("{")
-    with pytest.raises(ValueError, match=r"a\.json"):
-        read_json(path)
+    for content in (b"{", b"\xff\xfe{", b"[" * 100_000):
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match=r"a\.json"):
+            read_json(path)
 
 
 def test_versions_name_what_can_change_a_result():

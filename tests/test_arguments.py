@@ -42,6 +42,8 @@ from crowd_env import (
     make_bodies,
     make_scenario,
     make_scheme,
+    read_starts,
+    scenario_from_wkt,
 )
 
 ROOM = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)], exits={"e": [(5, 2), (5, 3)]})
@@ -147,6 +149,12 @@ SCENARIO = [
     ("Scenario without exits", lambda: scenario(geometry=Geometry.from_polygon([(0, 0), (5, 0), (5, 5)])), ("no exit",)),
     *rows("Scenario.ways.strategy", lambda x: scenario().ways(x), (*NO_CHOICE, None)),
     *rows("Scenario.ways.rules", lambda x: scenario().ways(rules=x), NO_FLAG),
+    *rows("read_starts the file", read_starts, (None, 3, b"x", ["a.csv"], Scenario)),
+    ("read_starts no file", lambda: read_starts("nowhere.csv"), ("nowhere.csv",)),
+    *rows("scenario_from_wkt the file", lambda x: scenario_from_wkt(x, ["5,2,5,3"], Population(3)), (None, 3, b"x", ["a"])),
+    *rows("scenario_from_wkt exits", lambda x: scenario_from_wkt("nowhere.wkt", x, Population(3)), NO_NAMES),
+    *rows("scenario_from_wkt unit", lambda x: scenario_from_wkt("a.wkt", ["5,2,5,3"], Population(3), unit=x), NO_CHOICE),
+    ("scenario_from_wkt no file", lambda: scenario_from_wkt("nowhere.wkt", ["5,2,5,3"], Population(3)), ("nowhere.wkt",)),
     *rows("make_scenario.scenario", make_scenario, (None, 7, 1.5, ["room-v0"], Scenario, b"room-v0")),
     ("make_scenario nowhere", lambda: make_scenario("nowhere"), ("'nowhere'", "room-v0")),
     ("make_scenario no file", lambda: make_scenario("nowhere.toml"), ("nowhere.toml",)),

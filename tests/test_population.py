@@ -196,7 +196,7 @@ def test_too_many_for_a_region_that_sticks_out_of_the_plan():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Population(0), "population: count is 0; it must be 1 to 500000"),
+        (lambda: Population(0), "population: count is 0; it must be at least 1"),
         (lambda: Population(3, radius=Uniform(0.0, 0.2)), "population: radius must be > 0, but can be as low as 0"),
         (lambda: Population(3, mass=Uniform(-1, 5)), "population: mass must be > 0, but can be as low as -1"),
         (lambda: Population(3, relaxation_time=Uniform(0, 1)), "population: relaxation_time must be > 0"),

@@ -462,7 +462,9 @@ def test_figures_are_written_and_touch_no_global_setting(tmp_path):
         learning_curve(
             tmp_path / "a.png", steps, {"one": steps, "three": rng.random((3, 10))}, reference={"rule": 4.0}
         ),
+        learning_curve(tmp_path / "b.png", steps, {"one": steps}, errors={"one": np.full(10, 0.5)}),
     ]
+    assert paths[-1].read_bytes() != learning_curve(paths[-1], steps, {"one": steps}).read_bytes()  # the band is drawn
     for path in paths:
         with PIL_Image.open(path) as image:
             assert image.size == (960, 600)
@@ -481,6 +483,9 @@ def test_figures_of_nothing_are_refused(tmp_path):
         egress_comparison(tmp_path / "a.png", [1.0], [])
     with pytest.raises(ValueError, match="must have 3 values"):
         learning_curve(tmp_path / "a.png", [1, 2, 3], {"a": [1.0, 2.0]})
+    for errors in ({"a": [1.0, 2.0]}, {"b": [1.0, 2.0, 3.0]}):
+        with pytest.raises(ValueError, match=r"errors of '.' have shape .* must be \(3,\) of a series"):
+            learning_curve(tmp_path / "a.png", [1, 2, 3], {"a": [1.0, 2.0, 3.0]}, errors=errors)
     with pytest.raises(ValueError, match="at least one series"):
         learning_curve(tmp_path / "a.png", [1, 2, 3], {})
 

@@ -1,6 +1,5 @@
-"""One controller that sends people to exits: Gymnasium's Env, its batch, stable-baselines3 and the training on top."""
+"""One controller that sends people to exits: Gymnasium's Env, its batch, and stable-baselines3."""
 
-import json
 import warnings
 from dataclasses import replace
 
@@ -8,37 +7,14 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode
+from routing_places import corridor, hall
 
-from agents.routing import FixedSplit, Judged, RandomController, difference, judge
-from crowd_env import SCENARIOS, CrowdEnv, Geometry, Population, Route, Scenario, Uniform
+from crowd_env import EpisodeMetrics, Geometry, Population, Route, Scenario
 from crowd_env.geometry import box
 from crowd_env.routing_batch import RoutingBatch
 from crowd_env.routing_env import RoutingEnv, RoutingVectorEnv
 
 WEST, EAST = 0, 1
-
-
-def hall(count=150, time_limit=120.0, **people):
-    """20 x 12 m with an exit of 1 m in the middle of each short wall; everyone starts in the left half."""
-    exits = {"west": [(0, 5.5), (0, 6.5)], "east": [(20, 5.5), (20, 6.5)]}
-    geometry = Geometry.from_polygon(box(0, 0, 20, 12), exits=exits, regions={"start": box(0, 0, 10, 12)})
-    return Scenario("hall", geometry, Population(count, start_region="start", **people), time_limit)
-
-
-def corridor(starts, *, exits=("west", "east"), regions=None, routes=(), doors=None, speed=1.5, time_limit=60.0):
-    """8 x 4 m, 1 m wide exit in the west, 2 m in the east; people of radius 0.2 m at known places."""
-    lines = {"west": [(0, 1.5), (0, 2.5)], "east": [(8, 1.5), (8, 3.5)]}
-    geometry = Geometry.from_polygon(
-        box(0, 0, 8, 4), exits={name: lines[name] for name in exits}, regions=regions, doors=doors
-    )
-    people = Population(
-        len(starts),
-        radius=Uniform(0.2, 0.2),
-        desired_speed=Uniform(speed, speed),
-        starts=np.array(starts, dtype=np.float64),
-    )
-    return Scenario("corridor", geometry, people, time_limit, routes=routes)
 
 
 SMALL = hall(count=12, time_limit=30.0)
@@ -116,11 +92,11 @@ def test_what_is_observed_after_two_seconds_by_hand():
     }
     for part, values in expected.items():
         np.testing.assert_allclose(observation[layout[part]], values, rtol=1e-6, err_msg=part)
-    whole = RoutingEnv(corridor(FIVE), routes=["east"], grid=(1, 1), interval=0.1)
+    whole = RoutingEnv(corridor(FIVE), routes=["east", "west"], grid=(1, 1), interval=0.1)
     whole.reset(seed=0)
     observation, *_ = whole.step([0])
     speed = np.hypot(*whole.batch.env.simulation.state.velocity.T)
-    assert whole.layout.routes == ("east",) and speed.min() > 0.05
+    assert whole.layout.routes == ("east", "west") and speed.min() > 0.05
     assert observation[whole.layout["speed"]] == pytest.approx(speed.mean() / 2.0)
 
 
@@ -137,7 +113,8 @@ def test_a_queue_does_not_reach_through_a_wall():
 
 
 def test_cells_without_floor_are_no_regions():
-    geometry = Geometry.from_polygon([(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)], exits={"door": [(0, 1), (0, 2)]})
+    exits = {"west": [(0, 1), (0, 2)], "east": [(4, 0.5), (4, 1.5)]}
+    geometry = Geometry.from_polygon([(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)], exits=exits)
     env = RoutingEnv(Scenario("corner", geometry, Population(3), 20.0), grid=(2, 2))
     assert env.layout.regions == ("cell-0-0", "cell-1-0", "cell-0-1")
     np.testing.assert_allclose(env.batch.regions.area, 4.0)
@@ -256,7 +233,7 @@ def test_whoever_stays_inside_counts_until_the_time_limit_and_is_still_seen():
     assert observation[env.layout["time"]] == 1
 
 
-# -------------------------------------------------------------------------------------------------- seeds and batches
+# ------------------------------------------------------------------------------------------------ seeds and pictures
 
 
 def test_one_seed_fixes_a_whole_series_of_episodes():
@@ -273,105 +250,6 @@ def test_one_seed_fixes_a_whole_series_of_episodes():
     assert not np.array_equal(one[1], one[-1]) and not np.array_equal(one[-1], other[-1])
 
 
-def test_make_vec_gives_the_native_batch():
-    mode = "vector_entry_point"
-    env = gymnasium.make_vec("crowd_env/Routing-v0", num_envs=3, vectorization_mode=mode, scenario=SMALL)
-    assert isinstance(env.unwrapped, RoutingVectorEnv)
-    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    assert env.action_space.shape == (3, 8) and env.single_action_space.nvec.tolist() == [2] * 8
-    observation, info = env.reset(seed=1)
-    assert env.observation_space.contains(observation) and info["inside"].tolist() == [12] * 3
-    crowd = CrowdEnv(SMALL, num_envs=3)
-    crowd.reset(1)
-    np.testing.assert_array_equal(env.unwrapped.batch.env.simulation.state.position, crowd.simulation.state.position)
-
-
-def test_a_row_of_the_batch_is_the_evacuation_alone_and_starts_anew_in_the_step_in_which_it_ends():
-    seeds = [4, 5, 6]
-    env, singles = RoutingVectorEnv(SMALL, num_envs=3), [RoutingEnv(SMALL) for _ in seeds]
-    rows, _ = env.reset(seed=seeds)
-    for row, single, seed in zip(rows, singles, seeds, strict=True):
-        np.testing.assert_array_equal(row, single.reset(seed=seed)[0])
-    rng, playing, ends = np.random.default_rng(0), np.ones(3, bool), 0
-    while playing.any():
-        action = rng.integers(0, 2, (3, 8)) if ends == 0 and rows[0, -1] < 0.2 else np.tile([0, 0, 1, 1], (3, 2))
-        rows, reward, terminated, truncated, info = env.step(action)
-        over = terminated | truncated
-        assert ("final_obs" in info) == over.any() and set(info["metrics"]) == set(np.flatnonzero(over))
-        for e in np.flatnonzero(playing):
-            row, one_reward, *flags, one_info = singles[e].step(action[e])
-            assert [reward[e], terminated[e], truncated[e]] == [one_reward, *flags]
-            assert info["inside"][e] == one_info["inside"] and info["reward/last"][e] == one_info["reward/last"]
-            if over[e]:
-                ends += 1
-                assert info["_final_obs"][e] and info["metrics"][e]._asdict() == pytest.approx(
-                    one_info["metrics"], nan_ok=True
-                )
-                np.testing.assert_array_equal(info["final_obs"][e], row)
-                assert rows[e, env.layout["time"]] == 0 and rows[e, env.layout["inside"]] == 1
-                assert rows[e, env.layout["flow"]].tolist() == [0, 0]
-            else:
-                np.testing.assert_array_equal(rows[e], row)
-        playing &= ~over
-    assert ends == 3
-
-
-def test_episodes_go_on_after_a_restart_with_other_draws():
-    env = RoutingVectorEnv(SMALL, num_envs=2)
-    env.reset(seed=0)
-    first = env.batch.env.simulation.state.position.copy()
-    ended, flows = np.zeros(2, dtype=int), []
-    while (ended < 2).any():
-        rows, _, terminated, truncated, info = env.step([[0, 0, 1, 1, 0, 0, 1, 1], [1] * 8])
-        assert not truncated.any() and env.observation_space.contains(rows)
-        ended += terminated
-        if terminated.tolist() == [True, False]:  # the other row goes on as if nothing had happened
-            np.testing.assert_array_equal(rows[1], info["final_obs"][1])
-            flows.append(rows[1, env.layout["flow"]].max())
-    assert max(flows) > 0
-    assert not np.array_equal(env.batch.env.simulation.state.position, first)
-
-
-# -------------------------------------------------------------------------------------------------------------- errors
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"regions": ["lobby"]}, "unknown region 'lobby'; known: start"),
-        ({"regions": ["start", "start"]}, "region 'start' is named twice"),
-        ({"routes": ["north"]}, "unknown route 'north'; known: west, east"),
-        ({"doors": ["gate"]}, "scenario 'hall' has no doors"),
-        ({"grid": (0, 2)}, "grid has 0 x 2 cells"),
-        ({"interval": 0.015}, "interval of 0.015 s is not a whole number of physics steps of dt = 0.01 s"),
-        ({"interval": 2.0, "dt": 0.03}, "interval of 2 s is not a whole number of physics steps"),
-        ({"interval": 0.0}, "interval between decisions is 0.0 s"),
-        ({"reward": {"speed": 1.0}}, "unknown reward term 'speed'; known: mean, last"),
-        ({"reward": {"mean": float("nan")}}, "weight of reward term 'mean' is nan"),
-        ({"render_mode": "human"}, "unknown render_mode 'human'"),
-        ({"num_envs": 2}, "RoutingVectorEnv"),
-    ],
-)
-def test_what_makes_no_sense_is_refused_in_a_sentence(options, words):
-    with pytest.raises(ValueError, match=words) as caught:
-        RoutingEnv(SMALL, **options)
-    assert "\n" not in str(caught.value)
-
-
-def test_actions_that_are_no_choices_are_refused():
-    env = RoutingEnv(corridor(FIVE, doors={"gate": "east"}), grid=(2, 1), doors=["gate"])
-    env.reset(seed=0)
-    for action, words in [
-        ([0, 2, 1], "action for region 'cell-1-0' is 2; it must be a whole number from 0 to 1"),
-        ([-1, 0, 1], "region 'cell-0-0' is -1"),
-        ([0.5, 0, 1], "region 'cell-0-0' is 0.5"),
-        ([0, 0, 2], "door 'gate' is 2"),
-        ([0, 0], r"shape \(1, 3\), not \(1, 2\)"),
-    ]:
-        with pytest.raises(ValueError, match=words):
-            env.step(action)
-
-
 def test_a_frame_shows_the_hall():
     env = RoutingEnv(SMALL, render_mode="rgb_array")
     env.reset(seed=0)
@@ -381,23 +259,7 @@ def test_a_frame_shows_the_hall():
     assert not np.array_equal(env.render(), frame)
 
 
-# ------------------------------------------------------------------------------------------------ controllers, training
-
-
-def test_a_scripted_split_beats_the_nearest_exit():
-    split, nearest = (judge(c, hall(), runs=10, first_seed=1_000_000) for c in (FixedSplit(5.0), "nearest exit"))
-    assert split.unfinished == nearest.unfinished == 0
-    assert split.last.mean() < 0.8 * nearest.last.mean()
-    assert split.mean.mean() < 0.9 * nearest.mean.mean()
-    assert difference(split, nearest)["last"].ci95[1] < 0.0
-
-
-def test_telling_everyone_the_nearest_exit_is_the_strategy_of_the_nearest_exit():
-    """The same draws and the same physics: the controller adds nothing of its own."""
-    scenario = hall(count=30)
-    told = judge(FixedSplit(10.0), scenario, runs=3, first_seed=7)
-    free = judge("nearest exit", scenario, runs=3, first_seed=7)
-    assert told.last.tolist() == free.last.tolist() and told.mean.tolist() == free.mean.tolist()
+# ---------------------------------------------------------------------------------------------------- learning library
 
 
 def test_stable_baselines3_sees_each_row_as_an_environment():
@@ -417,8 +279,10 @@ def test_stable_baselines3_sees_each_row_as_an_environment():
             np.testing.assert_array_equal(infos[e]["terminal_observation"], info["final_obs"][e])
             assert infos[e]["episode"]["r"] == pytest.approx(total[e])
             total[e] = 0.0
-            ended.append(e)
-    assert len(venv.take_finished()) == len(ended) and venv.take_finished() == []
+            ended.append({name: info["final_info"]["metrics"][name][e].item() for name in EpisodeMetrics._fields})
+    finished = venv.take_finished()
+    assert all(type(episode) is EpisodeMetrics for episode in finished) and venv.take_finished() == []
+    assert repr([episode._asdict() for episode in finished]) == repr(ended)
 
 
 def test_a_slot_cut_off_at_the_time_limit_says_so():
@@ -428,111 +292,3 @@ def test_a_slot_cut_off_at_the_time_limit_says_so():
     _, _, done, infos = venv.step(np.zeros((2, 8), dtype=int))
     assert done.all() and all(info["TimeLimit.truncated"] for info in infos)
     assert infos[0]["terminal_observation"][-2] > 0  # people inside, whose future is to be valued
-
-
-@pytest.fixture
-def options(monkeypatch):
-    """Return options of a small hall that is known by name, as a saved controller needs it."""
-    pytest.importorskip("stable_baselines3")
-    monkeypatch.setitem(SCENARIOS, "small-hall", lambda *, count=12: hall(count))
-    return {"scenario": "small-hall", "grid": (2, 1)}
-
-
-def test_training_is_repeatable_and_keeps_its_best(tmp_path, options):
-    from agents.learned.routing import LearnedController, train_controller
-
-    curves = []
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        made = train_controller(
-            tmp_path / name, options, envs=2, steps=128, seconds=60.0, seed=5, eval_every=64, eval_runs=2
-        )
-        curves.append([{key: value for key, value in row.items() if key != "seconds"} for row in made["curve"]])
-        assert json.loads((tmp_path / name / "learning_curve.json").read_text()) == made["curve"]
-        assert sorted(path.name for path in (tmp_path / name).iterdir()) == ["best.zip", "learning_curve.json"]
-    assert curves[0] == curves[1] and [row["steps"] for row in curves[0]] == [0, 64, 128]
-    saved = LearnedController.load(tmp_path / "one" / "best.zip")
-    judged = judge(saved, runs=2, first_seed=2_000_000, **saved.options)
-    assert judged.last.mean() == pytest.approx(made["best"]["last"])
-    with pytest.raises(ValueError, match="no zip is not a controller saved by"):
-        LearnedController.load(tmp_path / "no zip")
-
-
-def test_the_best_controller_is_kept_not_the_last(tmp_path, options, monkeypatch):
-    from agents.learned import routing
-
-    blank = CrowdEnv(SMALL).metrics(0)
-    scores = iter([10.0, 5.0, 7.0])
-
-    def judge(*args, **kwargs):
-        time = next(scores)
-        return Judged("learned", [blank._replace(evacuation_time=time, mean_exit_time=time, unfinished=0)], 60.0)
-
-    monkeypatch.setattr(routing, "judge", judge)
-    made = routing.train_controller(tmp_path, options, envs=2, steps=128, seconds=60.0, seed=5, eval_every=64)
-    assert made["best"]["steps"] == 64 and [row["last"] for row in made["curve"]] == [10.0, 5.0, 7.0]
-    assert routing.LearnedController.load(tmp_path / "best.zip").model.num_timesteps == 64
-
-
-def test_an_interrupted_training_goes_on_with_its_best(tmp_path, options, monkeypatch):
-    from agents.learned import routing
-
-    def interrupt(self):
-        if self.num_timesteps >= 20:
-            raise KeyboardInterrupt
-        return True
-
-    monkeypatch.setattr(routing.Watch, "_on_step", interrupt)
-    made = routing.train_controller(tmp_path, options, envs=2, steps=128, seconds=60.0, seed=5, eval_runs=2)
-    assert made["best"]["steps"] == 0 and (tmp_path / "best.zip").exists()
-
-
-def test_where_someone_is_left_inside_the_time_limit_counts():
-    stuck = corridor([(1.0, 2.0), (4.0, 2.0)], speed=0.3, time_limit=4.0)
-    judged = judge("nearest exit", stuck, runs=1, first_seed=0)
-    assert judged.unfinished == 1 and judged.last.tolist() == [4.0]
-
-
-def test_an_untrained_controller_sends_people_to_the_nearest_exit(options):
-    from agents.learned.routing import RoutingSettings, make_routing_ppo
-
-    env = RoutingVectorEnv(hall(), num_envs=1, grid=(4, 2))
-    model = make_routing_ppo(env, RoutingSettings(), seed=0)
-    action, _ = model.predict(env.reset(seed=0)[0], deterministic=True)
-    assert action.tolist() == [[0, 0, 1, 1] * 2]
-
-
-def test_the_command_trains_judges_and_prints(tmp_path, options):
-    from typer import Typer
-    from typer.testing import CliRunner
-
-    from agents.train_routing import main
-
-    app = Typer()
-    app.command()(main)
-    small = ["--scenario", "small-hall", "--grid", "2", "1", "--steps", "64", "--envs", "2", "--runs", "2"]
-    told = CliRunner().invoke(app, [*small, "--seconds", "5", "--out", str(tmp_path / "run"), "--json"])
-    assert told.exit_code == 0, told.output
-    results = json.loads((tmp_path / "run" / "results.json").read_text())
-    names = [row["controller"] for row in results["rows"]]
-    assert names == ["random", "nearest exit", "shortest path", "fastest path", "split at 5 m", "learned"]
-    assert json.loads(told.stdout[told.stdout.index("{") :]) == results
-    nearest = results["rows"][1]
-    assert nearest["ratio"]["last"] == pytest.approx(results["rows"][-1]["last"]["mean"] / nearest["last"]["mean"])
-    wrong = CliRunner().invoke(app, ["--seconds", "-1", "--out", str(tmp_path / "none")])
-    assert wrong.exit_code == 2 and not (tmp_path / "none").exists()
-
-
-@pytest.mark.slow
-def test_a_minute_of_training_beats_the_random_controller(tmp_path, options):
-    from agents.learned.routing import LearnedController, train_controller
-
-    options = {"scenario": "small-hall", "count": 100}
-    train_controller(tmp_path, options, envs=16, steps=20_000, seconds=60.0, seed=0, eval_every=4096, eval_runs=20)
-    learned, random, nearest = (
-        judge(controller, runs=30, first_seed=1_000_000, **options)
-        for controller in (LearnedController.load(tmp_path / "best.zip"), RandomController(), "nearest exit")
-    )
-    assert difference(learned, random)["last"].ci95[1] < 0.0
-    assert difference(learned, nearest)["last"].ci95[1] < 0.0
-    assert learned.unfinished == 0

@@ -361,7 +361,7 @@ def test_json_says_line_and_column_and_refuses_doubles(write):
         ({"length": 50.0}, "my: length is 50; it must be 10 to 20"),
         ({"length": "12"}, r"my: length: is a text \('12'\); it must be a number"),
         ({"people": 2.5}, r"my: people: is 2\.5; it must be a whole number"),
-        ({"count": 1}, r"my\.toml: 1 people for 2 groups; each needs at least 1"),
+        ({"count": 1}, r"my\.toml: 1 person for 2 groups; each needs at least 1"),
         ({"time_limit": 0.0}, "time_limit is 0.0"),
     ],
 )

@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import torch
 from stable_baselines3 import PPO
 
+from agents.learned.rate import FallingRate
 from crowd_env import CrowdEnv
 from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 
@@ -15,7 +16,7 @@ from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 class PPOSettings:
     """Hyperparameters, a line each; the defaults are tuned for room-v0."""
 
-    learning_rate: float = 7e-4  # falls linearly to zero
+    learning_rate: float = 7e-4  # falls linearly to zero over steps and time, whichever is further
     n_steps: int = 128  # decision steps per rollout
     batch_size: int = 16384  # samples of people who were inside
     n_epochs: int = 6
@@ -28,13 +29,6 @@ class PPOSettings:
     target_kl: float = 0.05
 
 
-def _falling(initial: float) -> Any:
-    def rate(remaining: float) -> float:
-        return initial * remaining
-
-    return rate
-
-
 def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path | None = None) -> PPO:
     """Return an untrained PPO model on ``env`` (made with ``autoreset=True``).
 
@@ -45,9 +39,9 @@ def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path |
     model = PPO(
         "MlpPolicy",
         venv,
-        learning_rate=_falling(settings.learning_rate),
+        learning_rate=FallingRate(settings.learning_rate),
         n_steps=settings.n_steps,
-        batch_size=settings.batch_size,
+        batch_size=min(settings.batch_size, settings.n_steps * venv.num_envs),
         n_epochs=settings.n_epochs,
         gamma=settings.gamma,
         gae_lambda=settings.gae_lambda,
@@ -55,7 +49,6 @@ def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path |
         ent_coef=settings.ent_coef,
         target_kl=settings.target_kl,
         rollout_buffer_class=MaskedRolloutBuffer,
-        rollout_buffer_kwargs={"venv": venv},
         policy_kwargs={"net_arch": [settings.hidden] * 2, "log_std_init": settings.log_std_init},
         tensorboard_log=None if log_folder is None else str(log_folder),
         seed=seed,

@@ -1,9 +1,6 @@
 """A learned controller for ``crowd_env/Routing-v0``: stock PPO of stable-baselines3, and what watches over its training."""
 
-import json
-import os
 import time
-import zipfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -15,23 +12,27 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
+from agents.comparison import last_times, mean_times
+from agents.learned.export import network_of
+from agents.learned.rate import FallingRate
 from agents.routing import judge
 from agents.runs import write_json
+from agents.trained import LearnedController
 from crowd_env.adapters.sb3_vector import VectorVecEnv
-from crowd_env.routing_batch import RoutingBatch
 from crowd_env.routing_env import RoutingVectorEnv
 
 # Draws on which the best controller is chosen: neither trained on nor used for the final table.
 VALIDATION_SEED = 2_000_000
-# Member of the model's zip file that says what it was trained for.
-_SIDECAR = "crowd_env.json"
+# Others, on which the best few are judged again: the best of many judgements of few draws owes part of that to luck.
+FINAL_SEED = 3_000_000
+_FINALISTS = 3
 
 
 @dataclass(frozen=True)
 class RoutingSettings:
     """Hyperparameters, a line each."""
 
-    learning_rate: float = 1e-3  # falls linearly to zero over the steps
+    learning_rate: float = 1e-3  # falls linearly to zero over steps and time, whichever is further
     n_steps: int = 32  # decisions per rollout and evacuation
     batch_size: int = 256
     n_epochs: int = 8
@@ -43,57 +44,13 @@ class RoutingSettings:
     nearest_logit: float = 2.0  # head start of the nearest exit: learning begins at the rule, not at chaos
 
 
-class LearnedController:
-    """A trained model as a controller; takes the most likely choices.
-
-    Parameters
-    ----------
-    options : scenario and options of `RoutingVectorEnv` that it was trained with.
-    """
-
-    name = "learned"
-
-    def __init__(self, model: PPO, options: dict[str, Any]) -> None:
-        self.model = model
-        self.options = options
-
-    def act(self, observation: np.ndarray, batch: RoutingBatch, rng: np.random.Generator) -> np.ndarray:
-        """Return the most likely choices."""
-        action, _ = self.model.predict(observation, deterministic=True)
-        return action
-
-    def save(self, path: Path) -> None:
-        """Write the model and its options to one zip file, whole or not at all."""
-        part = path.with_name(f".{path.name}.part.zip")
-        self.model.save(part)
-        with zipfile.ZipFile(part, "a") as archive:
-            archive.writestr(_SIDECAR, json.dumps(self.options))
-        os.replace(part, path)
-
-    @classmethod
-    def load(cls, path: Path) -> "LearnedController":
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        ValueError
-            If the file is missing or no such model.
-        """
-        try:
-            with zipfile.ZipFile(path) as archive:
-                options = json.loads(archive.read(_SIDECAR))
-            return cls(PPO.load(path, device="cpu"), options)
-        except Exception as error:  # zip, JSON, pickle and torch each have errors of their own
-            raise ValueError(f"{path} is not a controller saved by agents.train_routing: {error}") from None
-
-
 def make_routing_ppo(env: RoutingVectorEnv, settings: RoutingSettings, seed: int) -> PPO:
     """Return an untrained PPO model whose first choice in every region is the exit nearest to its centre."""
     torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
     model = PPO(
         "MlpPolicy",
         VectorVecEnv(env),
-        learning_rate=lambda remaining: settings.learning_rate * remaining,
+        learning_rate=FallingRate(settings.learning_rate),
         n_steps=settings.n_steps,
         batch_size=min(settings.batch_size, settings.n_steps * env.num_envs),
         n_epochs=settings.n_epochs,
@@ -124,19 +81,29 @@ class Watch(BaseCallback):
 
     Parameters
     ----------
-    folder : where ``best.zip`` and ``learning_curve.json`` go.
+    folder : where ``best.npz`` and ``learning_curve.json`` go.
     options : scenario and options of the environment.
     max_seconds : training stops after so long.
     eval_every, eval_runs : decisions between judgements, evacuations in each.
+    final_runs : evacuations in which the best few are judged again when training has ended.
     """
 
     def __init__(
-        self, folder: Path, options: dict[str, Any], *, max_seconds: float, eval_every: int = 8192, eval_runs: int = 50
+        self,
+        folder: Path,
+        options: dict[str, Any],
+        *,
+        max_seconds: float,
+        eval_every: int = 8192,
+        eval_runs: int = 50,
+        final_runs: int = 500,
     ) -> None:
         super().__init__()
         self.folder, self.options, self.max_seconds = folder, options, max_seconds
-        self.eval_every, self.eval_runs = eval_every, eval_runs
+        self.eval_every, self.eval_runs, self.final_runs = eval_every, eval_runs, final_runs
         self.curve: list[dict[str, float]] = []
+        self.finalists: list[dict[str, float]] = []
+        self._kept: list[tuple[dict[str, float], LearnedController]] = []
         self._progress = Progress(
             TextColumn("training"),
             BarColumn(),
@@ -146,9 +113,9 @@ class Watch(BaseCallback):
         )
 
     @property
-    def best(self) -> dict[str, float]:
-        """The row of the curve of the best controller so far: fewest left inside, then the highest return."""
-        return min(self.curve, key=lambda row: (row["unfinished"], row["last"] + row["mean"]))
+    def best(self) -> dict[str, float] | None:
+        """The row of the best controller so far; None before the first is judged."""
+        return min(self.finalists or self.curve, key=_score, default=None)
 
     def _on_training_start(self) -> None:
         self._begin = time.monotonic()
@@ -163,7 +130,8 @@ class Watch(BaseCallback):
     def _on_rollout_end(self) -> None:
         seconds = time.monotonic() - self._begin
         steps = self.num_timesteps
-        best = self.best
+        cast(FallingRate, self.model.learning_rate).time_spent = seconds / self.max_seconds
+        best = min(self.curve, key=_score)
         told = f"{steps / seconds:.0f} decisions/s, best {best['last']:.2f} s (mean {best['mean']:.2f} s)"
         done = max(seconds / self.max_seconds, 1.0 - self.model._current_progress_remaining)
         self._progress.update(self._task, completed=min(done, 1.0), told=told)
@@ -177,36 +145,76 @@ class Watch(BaseCallback):
         self._judge()
         self.stop()
 
-    def stop(self, why: str = "") -> None:
+    def stop(self) -> None:
         """Take the bar away."""
         self._progress.stop()
-        if why:
-            self._progress.console.print(why)
 
     def _judge(self) -> None:
-        controller = LearnedController(cast(PPO, self.model), self.options)
-        judged = judge(controller, runs=self.eval_runs, first_seed=VALIDATION_SEED, **self.options)
+        model = cast(PPO, self.model)
+        controller = LearnedController(network_of(model), cast(Any, model.action_space).nvec, self.options)
         row = {"steps": float(self.num_timesteps), "seconds": time.monotonic() - self._begin}
-        row |= {"last": float(judged.last.mean()), "mean": float(judged.mean.mean())}
-        self.curve.append({**row, "unfinished": float(judged.unfinished)})
-        if self.best is self.curve[-1]:
-            controller.save(self.folder / "best.zip")
+        self.curve.append(row | self._figures(controller, self.eval_runs, VALIDATION_SEED))
+        row = self.curve[-1]
+        self._kept = sorted([*self._kept, (row, controller)], key=lambda one: _score(one[0]))[:_FINALISTS]
+        if self.best is row:
+            controller.save(self.folder / "best.npz")
         write_json(self.folder / "learning_curve.json", self.curve)
         if not self._progress.console.is_terminal:  # no bar there: say the same in lines
             text = f"{row['steps']:.0f} decisions, {row['seconds']:.0f} s: last {row['last']:.2f} s"
             self._progress.console.print(f"{text}, mean {row['mean']:.2f} s", highlight=False)
 
+    def choose(self) -> None:
+        """Judge the best few on more draws, on which none was chosen, and keep the best of these."""
+        if len(self._kept) < 2:
+            return
+        told = f"judging the best {len(self._kept)} again, {self.final_runs} other validation draws each"
+        self._progress.console.print(told, highlight=False)
+        found = []
+        for row, controller in self._kept:
+            figures = self._figures(controller, self.final_runs, FINAL_SEED)
+            found.append(({"steps": row["steps"], "seconds": row["seconds"], **figures}, controller))
+        self.finalists = [row for row, _ in found]
+        min(found, key=lambda one: _score(one[0]))[1].save(self.folder / "best.npz")
+
+    def _figures(self, controller: LearnedController, runs: int, first_seed: int) -> dict[str, float]:
+        """Return mean times [s] over all people and draws, who is left inside counted until the end, and standard error."""
+        judged = judge(controller, runs=runs, first_seed=first_seed, **self.options)
+        last, mean = last_times(judged), mean_times(judged)
+        return {
+            "last": float(last.mean()),
+            "mean": float(mean.mean()),
+            "standard_error": float(last.std(ddof=min(1, runs - 1)) / np.sqrt(runs)),
+            "runs": float(runs),
+            "unfinished": float(judged.column("unfinished").sum()),
+        }
+
+
+def _score(row: dict[str, float]) -> tuple[float, float]:
+    """Fewest left inside first, then the highest return."""
+    return row["unfinished"] / row["runs"], row["last"] + row["mean"]
+
 
 def train_controller(
     folder: Path, options: dict[str, Any], *, envs: int, steps: int, seconds: float, seed: int, **watch: Any
 ) -> dict[str, Any]:
-    """Train until ``steps`` decisions are made, ``seconds`` have passed or Ctrl-C; return settings and learning curve."""
+    """Train until ``steps`` decisions are made or ``seconds`` have passed, and choose the best controller.
+
+    Returns
+    -------
+    ``ppo`` (settings), ``curve``, ``finalists``, ``best`` (a row of these; None if none was judged), and ``interrupted``:
+    whether Ctrl-C ended it; then ``best.npz`` is the best so far.
+    """
     settings = RoutingSettings()
     env = RoutingVectorEnv(num_envs=envs, **options)
     model = make_routing_ppo(env, settings, seed)
     companion = Watch(folder, options, max_seconds=seconds, **watch)
+    interrupted = False
     try:
         model.learn(steps, callback=companion)
+        companion.choose()
     except KeyboardInterrupt:
-        companion.stop("stopped: going on with the best so far")
-    return {"ppo": asdict(settings), "curve": companion.curve, "best": companion.best}
+        interrupted = True
+    finally:
+        companion.stop()
+    rows = {"curve": companion.curve, "finalists": companion.finalists, "best": companion.best}
+    return {"ppo": asdict(settings), **rows, "interrupted": interrupted}

@@ -2,33 +2,49 @@
 
 import csv
 import io
-import signal
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
+from agents.comparison import last_times
 from agents.evaluation import Evaluation, evaluate
-from agents.learned.policy import LearnedPolicy, env_options_of
+from agents.learned.checkpoint import write_checkpoint
+from agents.learned.export import network_of
+from agents.learned.rate import FallingRate
 from agents.runs import write_text
+from agents.stopping import stops_by
+from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv, Scenario
 
 # Draws on which the best network is chosen: neither trained on nor used for the final table.
 VALIDATION_SEED = 2_000_000
-CURVE_COLUMNS = ("steps", "seconds", "evacuation_time", "unfinished", "contact_impulse", "reward")
+# evacuation_time and its standard error are over all validation draws, whoever is left inside counted as in
+# `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.
+CURVE_COLUMNS = (
+    "steps",
+    "seconds",
+    "evacuation_time",
+    "standard_error",
+    "unfinished",
+    "contact_impulse",
+    "reward",
+    "episodes",
+)
 
 
 class Companion(BaseCallback):
     """Watches over one training run.
 
     Every ``eval_every`` steps it evaluates the mean action on validation draws, writes the learning curve, the checkpoint and,
-    if it is the best so far, ``best.zip``.  Training stops when ``max_seconds`` have passed or at the first Ctrl-C; a second
-    Ctrl-C stops at once.
+    if it is the best so far, ``best.npz``.  Training stops when ``max_seconds`` have passed or at the first Ctrl-C or SIGTERM;
+    a second one stops at once.
 
     Parameters
     ----------
@@ -36,6 +52,7 @@ class Companion(BaseCallback):
     env, scenario, scheme : what is trained in.
     total_steps, max_seconds : budget; whichever is used up first.
     eval_every, eval_runs : steps between evaluations, evacuations in each.
+    trained : what is said of the training in the files of the networks.
     curve : rows of an earlier part of the same run.
     """
 
@@ -49,6 +66,7 @@ class Companion(BaseCallback):
         max_seconds: float,
         eval_every: int,
         eval_runs: int,
+        trained: dict[str, Any] | None = None,
         curve: list[dict[str, float]] | None = None,
     ) -> None:
         super().__init__()
@@ -59,11 +77,13 @@ class Companion(BaseCallback):
         self.max_seconds = max_seconds
         self.eval_every = eval_every
         self.eval_runs = eval_runs
+        self.trained = trained or {}
         self.curve = curve or []
         self.interrupted = False
         self.out_of_time = False
         self._seconds_before = self.curve[-1]["seconds"] if self.curve else 0.0
-        self._rewards: list[float] = []
+        self._returns: list[float] = []
+        self._while_training = ExitStack()
         self._progress = Progress(  # on the error stream: the table goes to standard output
             TextColumn("{task.description}"),
             BarColumn(),
@@ -85,9 +105,9 @@ class Companion(BaseCallback):
         self._begin = time.monotonic()
         self._first_steps = self.model.num_timesteps
         self._next_eval = self.model.num_timesteps + self.eval_every
-        self._handler: Any = signal.signal(signal.SIGINT, self._interrupt)
+        self._while_training.enter_context(stops_by(self._interrupt))
         self._task = self._progress.add_task("training", total=1.0, speed="", best="")
-        self._progress.start()
+        self._while_training.enter_context(self._progress)
         if not self.curve:
             self._evaluate()
 
@@ -98,14 +118,14 @@ class Companion(BaseCallback):
         self._progress.console.print("stopping: saving what there is (Ctrl-C again stops at once)")
 
     def _on_step(self) -> bool:
-        venv: Any = self.training_env
-        if venv.take_finished():
-            self._rewards.extend(info["r"] for info in map(lambda i: i.get("episode"), self.locals["infos"]) if info)
+        infos = self.locals["infos"]
+        self._returns.extend(infos[slot]["episode"]["r"] for slot in np.flatnonzero(self.locals["dones"]))
         self.out_of_time = self.seconds > self.max_seconds
         return not (self.interrupted or self.out_of_time)
 
     def _on_rollout_end(self) -> None:
         steps = self.model.num_timesteps
+        cast(FallingRate, self.model.learning_rate).time_spent = self.seconds / self.max_seconds
         done = max(steps / self.total_steps, self.seconds / self.max_seconds)
         rate = (steps - self._first_steps) / max(time.monotonic() - self._begin, 1e-9)
         best = min((row["evacuation_time"] for row in self.curve if row["unfinished"] == 0), default=float("nan"))
@@ -119,11 +139,14 @@ class Companion(BaseCallback):
     def _on_training_end(self) -> None:
         self._evaluate()
         self._progress.update(self._task, completed=1.0)
-        self._progress.stop()
-        signal.signal(signal.SIGINT, self._handler)
+        self.close()
+
+    def close(self) -> None:
+        """Take the bar away and handle signals as before; also after an error."""
+        self._while_training.close()
 
     def _evaluate(self) -> None:
-        policy = LearnedPolicy(self.model, env_options_of(self.env))
+        policy = LearnedPolicy(network_of(self.model), env_options_of(self.env), self.trained)
         result = evaluate(
             policy,
             self.scenario,
@@ -139,32 +162,35 @@ class Companion(BaseCallback):
         for name, value in row.items():
             self.logger.record(f"eval/{name}", value)
         self.logger.dump(self.model.num_timesteps)
-        policy.save(self.folder / "checkpoint.zip")
+        write_checkpoint(self.folder / "checkpoint.pt", self.model)
         if score(row) < best_before:
-            policy.save(self.folder / "best.zip")
+            policy.save(self.folder / "best.npz")
         write_curve(self.folder / "learning_curve.csv", self.curve)
         if not self._progress.console.is_terminal:  # no bar there: say the same in lines
             text = f"{row['steps']:.0f} of {self.total_steps} steps, {self.seconds:.0f} s: evacuation"
-            self._progress.console.print(f"{text} {row['evacuation_time']:.2f} s, {row['unfinished']:.0f} unfinished")
+            spread = f"± {row['standard_error']:.2f} (standard error)"
+            left = f"{row['unfinished']:.0f} left inside"
+            self._progress.console.print(f"{text} {row['evacuation_time']:.2f} {spread} s, {left}", highlight=False)
 
     def _row(self, result: Evaluation) -> dict[str, float]:
-        reward = float(np.mean(self._rewards)) if self._rewards else float("nan")
-        self._rewards.clear()
-        # Whoever did not get out is counted as if at the time limit, so that the curve stays comparable.
-        times = np.where(np.isfinite(result.column("evacuation_time")), result.column("evacuation_time"), self._limit)
+        times = last_times(result)
         values = (
             self.model.num_timesteps,
             self.seconds,
-            float(times.mean()),
-            float(result.column("unfinished").sum()),
-            float(result.column("contact_impulse").mean()),
-            reward,
+            times.mean(),
+            times.std(ddof=1) / np.sqrt(len(times)) if len(times) > 1 else np.nan,
+            result.column("unfinished").sum(),
+            result.column("contact_impulse").mean(),
+            np.mean(self._returns) if self._returns else np.nan,
+            len(self._returns),
         )
+        self._returns.clear()
         return dict(zip(CURVE_COLUMNS, map(float, values), strict=True))
 
-    @property
-    def _limit(self) -> float:
-        return self.scenario.time_limit
+
+def env_options_of(env: CrowdEnv) -> dict[str, Any]:
+    """Return what a policy trained in ``env`` must know of it."""
+    return {"frame": env.frame, "action": env.action_kind, "observation": env.layout}
 
 
 def score(row: dict[str, float]) -> tuple[float, float]:
@@ -182,8 +208,20 @@ def write_curve(path: Path, curve: list[dict[str, float]]) -> None:
 
 
 def read_curve(path: Path) -> list[dict[str, float]]:
-    """Read what `write_curve` wrote; no file is an empty curve."""
+    """Read what `write_curve` wrote; no file is an empty curve.
+
+    Raises
+    ------
+    ValueError
+        If the file has other columns, or something in it is no number.
+    """
     if not path.exists():
         return []
-    with path.open(newline="") as file:
-        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        if not rows or tuple(rows[0]) != CURVE_COLUMNS:
+            raise ValueError(f"its columns must be {', '.join(CURVE_COLUMNS)}")
+        return [{name: float(row[name]) for name in CURVE_COLUMNS} for row in rows]
+    except (OSError, ValueError, TypeError, csv.Error) as error:
+        raise ValueError(f"cannot go on from {path}: {error}") from None

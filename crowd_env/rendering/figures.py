@@ -90,6 +90,7 @@ def learning_curve(
     steps: ArrayLike,
     series: Mapping[str, ArrayLike],
     *,
+    errors: Mapping[str, ArrayLike] | None = None,
     reference: Mapping[str, float] | None = None,
     title: str = "",
     xlabel: str = "decisions of one pedestrian",
@@ -102,17 +103,21 @@ def learning_curve(
     path : ends in .png.
     steps : (T,), where ``series`` were measured.
     series : label -> (T,) values, or (R, T) of R training runs: then their mean is bold within their range.
+    errors : label of a series -> (T,) by how much its values are uncertain: a band of so much on both sides.
     reference : label -> value, drawn as level lines to compare with.
 
     Raises
     ------
     ValueError
-        If the suffix is another, there is no series, or one has not T values.
+        If the suffix is another, there is no series, one or its errors have not T values, or errors are of no series.
     """
     path = check_suffix(path, (".png",))
     at = np.asarray(steps, dtype=np.float64)
     if not series:
         raise ValueError("a learning curve needs at least one series")
+    for label, error in (errors or {}).items():
+        if label not in series or np.shape(error) != at.shape:
+            raise ValueError(f"errors of {label!r} have shape {np.shape(error)}; they must be ({len(at)},) of a series")
     axes = _axes(title, xlabel, ylabel)
     labels: list[tuple[float, str, Colour]] = []
     for k, (label, values) in enumerate(series.items()):
@@ -122,6 +127,9 @@ def learning_curve(
         mean = runs.mean(axis=0)
         if len(runs) > 1:
             axes.fill_between(at, runs.min(axis=0), runs.max(axis=0), color=_hex(colour), alpha=0.15, linewidth=0)
+        if errors and label in errors:
+            error = np.asarray(errors[label], dtype=np.float64)
+            axes.fill_between(at, mean - error, mean + error, color=_hex(colour), alpha=0.25, linewidth=0)
         axes.plot(at, mean, color=_hex(colour), linewidth=2.0, marker="o" if len(at) < 2 else None)
         known = mean[np.isfinite(mean)]
         labels.append((float(known[-1]) if len(known) else np.nan, label, colour))

@@ -1,0 +1,192 @@
+"""Trained networks as policies and controllers.  Nothing here needs torch: a file holds numbers, see `agents.network`."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Union
+
+import gymnasium
+import numpy as np
+
+from agents.network import Network, read_network, write_network
+from crowd_env import ObservationLayout
+from crowd_env.action import action_space, check_frame
+from crowd_env.routing_batch import RoutingBatch
+
+PICKLE, NUMBERS = ".zip", ".npz"
+
+
+class LearnedPolicy:
+    """A network shared by every pedestrian; takes the most likely action.
+
+    Parameters
+    ----------
+    network : from an observation to an action (mean) or, if discrete, to the logits of the actions.
+    env_options : frame, action and observation layout it was trained with.
+    trained : what it was trained in (scenario, scheme, dt, ...), for the record.
+    name : what tables call it.
+
+    Raises
+    ------
+    ValueError
+        If the network has not as many inputs and outputs as observation and action have.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        env_options: dict[str, Any],
+        trained: dict[str, Any] | None = None,
+        name: str = "learned",
+    ) -> None:
+        self.network, self.env_options, self.trained, self.name = network, env_options, trained or {}, name
+        check_frame(env_options["frame"])
+        self._space = action_space(env_options["action"])
+        outputs = int(self._space.n) if isinstance(self._space, gymnasium.spaces.Discrete) else self._space.shape[0]
+        expected = (env_options["observation"].size, outputs)
+        if (network.inputs, network.outputs) != expected:
+            raise ValueError(
+                f"the network turns {network.inputs} numbers into {network.outputs}; "
+                f"its observation and action have {expected[0]} and {expected[1]}"
+            )
+
+    def reset(self, env_mask: np.ndarray) -> None:
+        """Nothing to forget."""
+
+    def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
+        """Return the most likely action: the mean, within its bounds, or the choice with the largest logit.
+
+        Raises
+        ------
+        ValueError
+            If the observations are not laid out as in training.
+        """
+        if layout != self.env_options["observation"]:
+            raise ValueError(
+                f"policy {self.name!r} was trained on other observations: {self.env_options['observation']}"
+            )
+        out = self.network(observation)
+        if isinstance(self._space, gymnasium.spaces.Discrete):
+            return np.asarray(out.argmax(axis=1))
+        return np.clip(out, self._space.low, self._space.high)
+
+    def save(self, path: str | Path) -> None:
+        """Write the network and what it was made for to one .npz file, whole or not at all."""
+        options = self.env_options
+        facts = {
+            "kind": "policy",
+            "observation": asdict(options["observation"]),
+            "action": {"kind": options["action"], "frame": options["frame"]},
+            "trained": self.trained,
+        }
+        write_network(_checked(path), self.network, facts)
+
+    @classmethod
+    def load(cls, path: str | Path, name: str = "learned", *, trust_pickle: bool = False) -> "LearnedPolicy":
+        """Read what `save` wrote, or with ``trust_pickle`` a stable-baselines3 file; see `load_trained`."""
+        found = load_trained(path, trust_pickle=trust_pickle)
+        if not isinstance(found, cls):
+            raise ValueError(f"{path} is a controller that sends people to exits, no policy of people's own steps")
+        found.name = name
+        return found
+
+
+class LearnedController:
+    """A network that sends people to exits; takes the most likely choices.
+
+    Parameters
+    ----------
+    network : from the observation of a `RoutingBatch` to the logits of all choices, one entry of an action after the other.
+    choices : (R + D,) number of choices of each entry.
+    options : scenario and options of `RoutingVectorEnv` that it was trained with.
+
+    Raises
+    ------
+    ValueError
+        If the network has not as many outputs as there are choices.
+    """
+
+    name = "learned"
+
+    def __init__(self, network: Network, choices: np.ndarray, options: dict[str, Any]) -> None:
+        self.network, self.options = network, options
+        self.choices = np.asarray(choices, dtype=np.int64)
+        if self.choices.ndim != 1 or (self.choices < 1).any() or network.outputs != self.choices.sum():
+            raise ValueError(f"the network has {network.outputs} outputs for choices among {self.choices.tolist()}")
+
+    def act(self, observation: np.ndarray, batch: RoutingBatch, rng: np.random.Generator) -> np.ndarray:
+        """Return the most likely choices."""
+        logits = np.split(self.network(observation), np.cumsum(self.choices)[:-1], axis=1)
+        return np.column_stack([part.argmax(axis=1) for part in logits])
+
+    def save(self, path: str | Path) -> None:
+        """Write the network and what it was made for to one .npz file, whole or not at all."""
+        options = {key: value for key, value in self.options.items() if key != "threads"}
+        facts = {"kind": "controller", "choices": self.choices.tolist(), "options": options}
+        write_network(_checked(path), self.network, facts)
+
+    @classmethod
+    def load(cls, path: str | Path, *, trust_pickle: bool = False) -> "LearnedController":
+        """Read what `save` wrote, or with ``trust_pickle`` a stable-baselines3 file; see `load_trained`."""
+        found = load_trained(path, trust_pickle=trust_pickle)
+        if not isinstance(found, cls):
+            raise ValueError(f"{path} is a policy of people's own steps, no controller that sends them to exits")
+        return found
+
+
+# With names instead of |, which does not take a class in quotes in Python 3.10.
+Trained = Union[LearnedPolicy, LearnedController]  # noqa: UP007
+
+
+def load_trained(path: str | Path, *, trust_pickle: bool = False) -> Trained:
+    """Read a trained network: numbers (.npz), or what stable-baselines3 saved (.zip) if that is trusted.
+
+    Parameters
+    ----------
+    trust_pickle : open a .zip although it is a pickle: opening it runs whatever code its maker put in.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing, no such network, or a pickle that is not trusted.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ValueError(f"cannot read the network {path}: no such file")
+    if path.suffix == PICKLE:
+        if not trust_pickle:
+            raise ValueError(
+                f"{path} is a stable-baselines3 file: opening it would run any code that is in it; if you trust who made "
+                "it, add --trust-pickle (in Python trust_pickle=True); networks in .npz files need no trust"
+            )
+        from agents.learned.pickled import read_pickled
+
+        return made_from(path, *read_pickled(path))
+    return made_from(path, *read_network(_checked(path)))
+
+
+def made_from(path: Path, network: Network, facts: dict[str, Any]) -> Trained:
+    """Return the policy or controller that a file describes.
+
+    Raises
+    ------
+    ValueError
+        If the facts are incomplete or do not fit the network.
+    """
+    try:
+        if facts["kind"] == "controller":
+            return LearnedController(network, facts["choices"], dict(facts["options"]))
+        if facts["kind"] != "policy":
+            raise ValueError(f"its kind is {facts['kind']!r}")
+        layout = ObservationLayout(**facts["observation"])
+        options = {"frame": facts["action"]["frame"], "action": facts["action"]["kind"], "observation": layout}
+        return LearnedPolicy(network, options, dict(facts.get("trained", {})))
+    except Exception as error:  # JSON can hold anything
+        said = f"{error} is missing" if isinstance(error, KeyError) else error
+        raise ValueError(f"{path} does not say what its network is for: {said}") from None
+
+
+def _checked(path: str | Path) -> Path:
+    path = Path(path)
+    if path.suffix != NUMBERS:
+        raise ValueError(f"{path} is no network: its name must end in {NUMBERS}")
+    return path

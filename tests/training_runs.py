@@ -1,0 +1,37 @@
+"""Runs of train.py, as small as can be, that several test files share."""
+
+import csv
+from pathlib import Path
+
+import torch
+from typer import Typer
+from typer.testing import CliRunner
+
+import train
+
+ROOT = Path(__file__).parents[1]
+
+app = Typer(pretty_exceptions_enable=False)
+app.command()(train.main)
+
+
+def call(*args):
+    return CliRunner().invoke(app, [str(arg) for arg in args])
+
+
+def curve(folder):
+    with (folder / "learning_curve.csv").open() as file:
+        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+
+
+def checkpoint(folder):
+    return torch.load(folder / "checkpoint.pt", weights_only=True)
+
+
+def tiny(folder, **changes):
+    """Return the config of a run of a few seconds in a folder of its own."""
+    folder.mkdir(parents=True)
+    config = train.default_config("room-v0", "nsm2", 3, 2, 5000, 5.0)
+    config |= {"eval_every": 2500, "eval_runs": 2} | changes
+    config["ppo"] |= {"n_steps": 32, "batch_size": 256, "n_epochs": 1}
+    return config
