@@ -114,12 +114,18 @@ def crowding_table(results: Sequence[Evaluation]) -> Table:
     """Return a table of how close people came, how hard they pressed, how far they walked, and what it took to compute."""
     caption = (
         "Means over runs. density: greatest, people within 1 m; pressure: greatest contact "
-        "force on someone over circumference, mean of 0.1 s; impulse, way: per person; overlap: deepest; comp.: "
+        "force on someone over circumference, mean of 0.1 s; impulse, way: per person; overlap: deepest; fastest: "
+        "largest speed of anyone; comp.: "
         "processor time per simulated second, and what planning anew takes of it."
     )
+    for result in results:
+        if lost := result.row()["escaped"]:
+            caption += (
+                f" VOID: {lost} people were outside of the plan in runs of {result.policy} under {result.scheme}."
+            )
     if any(result.scheme == "nsm1" for result in results):
         caption += " *nsm1 has no forces: its impulses keep bodies apart, nobody would feel that pressure."
-    names = ("flow\n1/s", "density\n1/m2", "pressure\nkN/m", "impulse\nkN s", "way\nm", "overlap\nmm")
+    names = ("flow\n1/s", "density\n1/m2", "pressure\nkN/m", "impulse\nkN s", "way\nm", "overlap\nmm", "fastest\nm/s")
     table = _table(caption, *names, "comp.\nms/s", "plan\nms/s")
     for result, _ in _with_first(results, table):
         row = result.row()
@@ -134,6 +140,7 @@ def crowding_table(results: Sequence[Evaluation]) -> Table:
             f"{row['contact_impulse']['mean'] / 1e3:.2f}",
             _cell(row["walked"], 1),
             f"{1e3 * row['max_overlap']:.1f}",
+            f"{row['max_speed']:.1f}",
             f"{1e3 * (row['physics_per_simulated_second'] + replanning):.1f}",
             f"{1e3 * replanning:.1f}",
         )
