@@ -19,7 +19,7 @@ CASES = [
     ("run --runs 0", "runs 0 at least 1"),
     ("run --runs -3", "runs -3 at least 1"),
     ("run --n 900", "900 people do not fit"),
-    ("run --n 400000", "1000000000 people do not fit at most"),
+    ("run --n 400000", "400000 people do not fit at most"),
     ("run lin-room-v0 --n 1000000000", "1000000000 people do not fit"),
     ("run theatre-v0 --n 1000000000", "1000000000"),
     ("run floor-v0 --n 400000", "people do not fit 'south-offices'"),
