@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env._jit import kernel
+from crowd_env.checks import array, known, shown
 from crowd_env.state import Bools, Floats
 
 Frame = Literal["path", "world"]
@@ -30,17 +31,14 @@ def action_space(kind: ActionKind) -> gymnasium.spaces.Box | gymnasium.spaces.Di
     ValueError
         If the kind is unknown.
     """
-    if kind == "continuous":
+    if known("action kind", kind, get_args(ActionKind)) == "continuous":
         return gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
-    if kind == "discrete":
-        return gymnasium.spaces.Discrete(len(DISCRETE))
-    raise ValueError(f"unknown action kind {kind!r}; known: {', '.join(get_args(ActionKind))}")
+    return gymnasium.spaces.Discrete(len(DISCRETE))
 
 
 def check_frame(frame: str) -> None:
     """Raise ValueError if the frame is unknown."""
-    if frame not in get_args(Frame):
-        raise ValueError(f"unknown frame {frame!r}; known: {', '.join(get_args(Frame))}")
+    known("frame", frame, get_args(Frame))
 
 
 def to_command(action: ArrayLike, kind: ActionKind, count: int, asked: Bools | None = None) -> Floats:
@@ -51,26 +49,24 @@ def to_command(action: ArrayLike, kind: ActionKind, count: int, asked: Bools | N
     Raises
     ------
     ValueError
-        If the shape is wrong, a value is not finite, or a discrete action is unknown.
+        If the shape is wrong, a value is no real number or not finite, or a discrete action is unknown.
     """
     if kind == "discrete":
-        choice = np.asarray(action)
-        if choice.shape != (count,):
-            raise ValueError(f"discrete actions must have the shape ({count},), not {choice.shape}")
+        choice = array("discrete actions", action, (count,))
         if asked is not None:
             choice = np.where(asked, choice, 0)
         with np.errstate(invalid="ignore"):
             whole = choice.astype(np.int64)
         bad = np.flatnonzero((whole != choice) | (whole < 0) | (whole >= len(DISCRETE)))
         if len(bad):
-            raise ValueError(f"action of pedestrian {bad[0]} is {choice[bad[0]]}; it must be 0 to {len(DISCRETE) - 1}")
+            raise ValueError(
+                f"action of pedestrian {bad[0]} is {shown(choice[bad[0]])}; it must be 0 to {len(DISCRETE) - 1}"
+            )
         command = DISCRETE[whole]
         if asked is not None:
             command[~asked] = (1.0, 0.0)
         return command
-    command = np.array(action, dtype=np.float64, order="C")
-    if command.shape != (count, 2):
-        raise ValueError(f"actions must have the shape ({count}, 2), not {command.shape}")
+    command = np.array(array("actions", action, (count, 2)), dtype=np.float64, order="C")
     bad = shorten(command, np.ones(count, dtype=np.bool_) if asked is None else asked)
     if bad >= 0:
         raise ValueError(f"action of pedestrian {bad} is {command[bad].tolist()}; it must be finite")

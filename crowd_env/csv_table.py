@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from crowd_env.checks import path as path_of
 from crowd_env.foreign_files import read_text
 
 _SEPARATORS = (";", "\t", ",")
@@ -63,7 +64,7 @@ def read_table(path: str | Path, what: str, needed: Sequence[str], unit: str, ro
     ValueError
         If the file cannot be read, holds nothing, lacks a column, or a line has more cells than the header.
     """
-    path = Path(path)
+    path = path_of(f"the file of {what}", path)
     names = ",".join(needed)
     wanted = f"a header line '{names}' and one line {row_is}"
     text = read_text(path, what, f"{what} are read from a CSV file with {wanted}")

@@ -1,11 +1,15 @@
 """What body parameters are drawn from; every distribution has bounds, so that what can happen is known beforehand."""
 
 import math
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from numbers import Real
+from typing import Any, Protocol
 
 import numpy as np
 
+from crowd_env.checks import check_fields, number, refuse
+from crowd_env.scenario_entry import Entry
 from crowd_env.state import Floats
 
 _LEAST_SHARE = 0.01  # of what is drawn has to lie within the bounds: what lies outside is drawn again
@@ -37,8 +41,7 @@ class Uniform:
     high: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.low) and np.isfinite(self.high)):
-            raise ValueError(f"uniform distribution from {self.low:g} to {self.high:g}: both must be finite")
+        check_fields("uniform distribution", self)
         if not self.low <= self.high:
             raise ValueError(f"uniform distribution from {self.low:g} to {self.high:g}: the first must not be larger")
 
@@ -57,10 +60,7 @@ class Normal:
     high: float
 
     def __post_init__(self) -> None:
-        if not np.isfinite([self.mean, self.sd, self.low, self.high]).all():
-            raise ValueError(
-                f"normal distribution with mean {self.mean:g}, sd {self.sd:g}: all its numbers must be finite"
-            )
+        check_fields("normal distribution", self)
         if not (self.sd >= 0 and self.low <= self.mean <= self.high and self.low < self.high):
             raise ValueError(
                 f"normal distribution with mean {self.mean:g}, sd {self.sd:g}: the mean must lie in "
@@ -91,9 +91,8 @@ class LogNormal:
     low: float = 0.0
 
     def __post_init__(self) -> None:
+        check_fields("log-normal distribution", self)
         what = f"log-normal distribution with median {self.median:g}, sigma {self.sigma:g}"
-        if not np.isfinite([self.median, self.sigma, self.low, self.high]).all():
-            raise ValueError(f"{what}: all its numbers must be finite")
         if not (
             self.median > 0 and self.sigma >= 0 and 0 <= self.low <= self.median <= self.high and self.low < self.high
         ):
@@ -118,3 +117,47 @@ def _require_share(kind: str, low: float, high: float, from_sd: float, to_sd: fl
     share = 0.5 * (math.erf(to_sd / math.sqrt(2.0)) - math.erf(from_sd / math.sqrt(2.0)))
     if share < _LEAST_SHARE:
         raise ValueError(f"{kind} distribution: only {share:.2g} of it lies in [{low:g}, {high:g}]; set wider bounds")
+
+
+# Name in plain data -> distribution.
+KINDS: dict[str, type[Uniform | Normal | LogNormal]] = {"uniform": Uniform, "normal": Normal, "lognormal": LogNormal}
+
+
+def read_distribution(entry: Entry) -> Distribution:
+    """Read a distribution: a number, ``[low, high]`` (uniform), or a table that says which."""
+    if isinstance(entry.value, list):
+        low, high = (number.number() for number in entry.entries(2))
+        with entry.named():
+            return Uniform(low, high)
+    if not isinstance(entry.value, Mapping):
+        constant = entry.number()
+        return Uniform(constant, constant)
+    first = entry.table(needed=("distribution",))
+    make = KINDS[first["distribution"].one_of(KINDS)]
+    keys = [field.name for field in fields(make)]
+    needed = [name for name in keys if not (make is LogNormal and name == "low")]
+    table = entry.table(("distribution", *keys), needed=needed)
+    with entry.named():
+        return make(**{name: table[name].number() for name in keys if name in table})
+
+
+def as_distribution(where: str, name: str, value: Any) -> Distribution:
+    """Return a distribution, or the one that plain data says, as in a scenario file; a pair may be a tuple.
+
+    Raises
+    ------
+    ValueError
+        If it is neither, or a bound is not finite.
+    """
+    if isinstance(value, Real | list | tuple | Mapping):
+        return read_distribution(Entry(list(value) if isinstance(value, tuple) else value, where, name))
+    what = f"{where}: {name}"
+    if isinstance(value, type) or not all(hasattr(value, part) for part in ("low", "high", "sample")):
+        refuse(
+            what,
+            value,
+            "a number, a pair (low, high), a table of a scenario file or a distribution: Uniform(low, high)",
+        )
+    for bound in ("low", "high"):
+        number(f"{what}.{bound}", getattr(value, bound))
+    return value

@@ -1,7 +1,8 @@
 """CrowdEnv: a batch of evacuations over arrays; the only place where learning meets physics."""
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -11,19 +12,23 @@ from numpy.typing import ArrayLike
 from crowd_env._reference import refer
 from crowd_env.action import ActionKind, Frame, action_space, check_frame, to_command
 from crowd_env.checkpoint import EnvCheckpoint, copy_arrays, write_arrays
+from crowd_env.checks import COUNT, POSITIVE, Range, array, flag, number, refuse, text, whole
 from crowd_env.groups import extreme_bodies
 from crowd_env.metrics import EpisodeMetrics, summarise_exits
-from crowd_env.observation import ObservationLayout
+from crowd_env.observation import ObservationLayout, make_layout
 from crowd_env.observer import Observer
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.progress import open_books, settle
-from crowd_env.reward import RewardFunction, RewardWeights, Transition
+from crowd_env.reward import RewardFunction, RewardWeights, Transition, make_weights
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
 from crowd_env.seeding import seed_words
 from crowd_env.simulation import Simulation
 from crowd_env.simulation_input import check_step
 from crowd_env.state import Bodies, Bools, Floats, Ints, make_state
+
+MOST_PEOPLE_IN_BATCH = 10_000_000
+_THREADS = Range(1, 1024)
 
 
 class Step(NamedTuple):
@@ -60,12 +65,12 @@ class CrowdEnv:
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS``, a Scenario, or a sequence of them, dealt out to the environments in turn.
+    scenario : name in ``SCENARIOS``, a file, a Scenario, or a sequence of them, dealt out to the environments in turn.
     num_envs : number of environments E.
-    scheme : name in ``SCHEMES`` or a scheme.
+    scheme : name in ``SCHEMES``, a scheme, or plain data: ``{"name": "nsm2", "tolerance": 1e-3, "social": "lin"}``.
     dt, decision_dt : s, physics step (default: the scheme's) and decision step, a whole multiple of the first.
     frame, action : see `crowd_env.action`.
-    observation, reward : layout and weights.
+    observation, reward : layout and weights, or plain data: ``{"terms": ["velocity"], "rays": 16}``, ``{"time": 1.0}``.
     time_limit : s, replaces the scenario's.
     autoreset : start a new episode in the step in which an environment finishes; the last observations of the finished one
         are then in ``info["final_observation"]``.
@@ -93,13 +98,13 @@ class CrowdEnv:
         scenario: str | Scenario | Sequence[str | Scenario] = "room-v0",
         *,
         num_envs: int = 1,
-        scheme: str | ContactScheme = "nsm2",
+        scheme: str | Mapping[str, Any] | ContactScheme = "nsm2",
         dt: float | None = None,
         decision_dt: float = 0.1,
         frame: Frame = "path",
         action: ActionKind = "continuous",
-        observation: ObservationLayout | None = None,
-        reward: RewardWeights | None = None,
+        observation: ObservationLayout | Mapping[str, Any] | None = None,
+        reward: RewardWeights | Mapping[str, Any] | None = None,
         time_limit: float | None = None,
         autoreset: bool = False,
         threads: int = 1,
@@ -107,27 +112,27 @@ class CrowdEnv:
         rules: bool = True,
         **scenario_options: Any,
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}; it must be at least 1")
+        num_envs, threads = whole("num_envs", num_envs, COUNT), whole("threads", threads, _THREADS)
         check_frame(frame)
-        dt = make_scheme(scheme).info.default_dt if dt is None else dt
+        scheme = make_scheme(scheme)
+        dt = scheme.info.default_dt if dt is None else number("dt", dt, POSITIVE, "s")
+        decision_dt = number("decision_dt", decision_dt, POSITIVE, "s")
         self.n_substeps = _whole_number(decision_dt, dt)
-        kinds = [scenario] if isinstance(scenario, str | Scenario) else list(scenario)
-        if not kinds:
-            raise ValueError("no scenario; give at least one")
-        self.scenarios = [make_scenario(kind, **scenario_options) for kind in kinds]
+        if time_limit is not None:
+            time_limit = number("time_limit", time_limit, POSITIVE, "s")
+        rules, autoreset = flag("rules", rules), flag("autoreset", autoreset)
+        text("strategy", strategy, "the name of a strategy")
+        self.layout, self.reward_weights = make_layout(observation), make_weights(reward)
+        self.single_action_space = action_space(action)
+        self.scenarios = [make_scenario(kind, **scenario_options) for kind in _as_several(scenario)]
         self.num_envs = num_envs
         self.decision_dt = decision_dt
         self.frame: Frame = frame
         self.action_kind: ActionKind = action
-        self.layout = observation or ObservationLayout()
-        self.reward_weights = reward or RewardWeights()
         self.autoreset = autoreset
-        self.single_action_space = action_space(action)
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
+        _check_size(self.scenarios, num_envs)
         which = np.arange(num_envs) % len(self.scenarios)
-        if time_limit is not None and not 0 < time_limit < np.inf:
-            raise ValueError(f"time_limit is {time_limit!r} s; it must be > 0 and finite")
         for place in self.scenarios:
             check_step(make_scheme(scheme), extreme_bodies(place.population), dt)  # every draw, not only the first
         time_limits = np.array([time_limit or self.scenarios[k].time_limit for k in which])
@@ -195,11 +200,12 @@ class CrowdEnv:
 
     @property
     def active(self) -> Bools:
-        """Who is still inside (P,)."""
-        return self.simulation.state.active
+        """Who is still inside (P,): an array of one's own, which later steps do not change."""
+        return self.simulation.state.active.copy()
 
     def people(self, e: int) -> slice:
-        """Return the slots of environment ``e``."""
+        """Return the slots of environment ``e``, 0 to E - 1."""
+        e = whole("environment", e, Range(0, self.num_envs - 1))
         return slice(int(self.env_start[e]), int(self.env_start[e + 1]))
 
     def reset(
@@ -215,11 +221,9 @@ class CrowdEnv:
         Raises
         ------
         ValueError
-            If a seed is negative or there are not as many as environments.
+            If a seed is negative or there are not as many as environments, or the mask is no array of booleans.
         """
-        chosen = np.ones(self.num_envs, dtype=np.bool_) if mask is None else np.asarray(mask, dtype=np.bool_)
-        if chosen.shape != (self.num_envs,):
-            raise ValueError(f"mask must have the shape ({self.num_envs},), not {chosen.shape}")
+        chosen = np.ones(self.num_envs, dtype=np.bool_) if mask is None else array("mask", mask, (self.num_envs,), "b")
         for e, words in enumerate(seed_words(seed, self.num_envs)):
             if chosen[e] and words is not None:
                 self._generators[e] = np.random.default_rng(words)
@@ -328,8 +332,8 @@ class CrowdEnv:
         self.simulation.restore(checkpoint.simulation)
         write_arrays(self._books.fields, checkpoint.books)
         write_arrays(self._transition.fields, checkpoint.step)
-        for array, then in zip(self._observer.kept, checkpoint.seen, strict=True):
-            array[:] = then
+        for kept, then in zip(self._observer.kept, checkpoint.seen, strict=True):
+            kept[:] = then
         for rng, state in zip(self._generators, checkpoint.generators, strict=True):
             rng.bit_generator.state = copy.deepcopy(state)
         self._started, self._unsettled = checkpoint.started, checkpoint.unsettled
@@ -359,18 +363,35 @@ class CrowdEnv:
             return None, None
         asked = self.active
         if rule is not None:
-            ruled = np.asarray(rule, dtype=np.bool_)
-            if ruled.shape != (self.num_people,):
-                raise ValueError(f"rule must have the shape ({self.num_people},), not {ruled.shape}")
-            asked = asked & ~ruled
+            asked = asked & ~array("rule", rule, (self.num_people,), "b")
         command = to_command(action, self.action_kind, self.num_people, asked)
         return command, (~asked if self.frame == "world" else None)
 
 
+def _as_several(scenario: Any) -> list[Any]:
+    """Return the scenarios; one alone is a name, a file or a Scenario."""
+    if isinstance(scenario, str | Path | Scenario):
+        return [scenario]
+    if not isinstance(scenario, Iterable) or isinstance(scenario, Mapping | bytes):
+        refuse("scenario", scenario, "the name of a scenario, its file, a Scenario, or a list of them")
+    kinds = list(scenario)
+    if not kinds:
+        raise ValueError("no scenario; give at least one")
+    return kinds
+
+
+def _check_size(scenarios: Sequence[Scenario], num_envs: int) -> None:
+    """Raise ValueError if a batch has more people than any memory has room for, before anything is allocated."""
+    each = sum(place.population.count for place in scenarios) / len(scenarios)
+    if num_envs * each > MOST_PEOPLE_IN_BATCH:
+        raise ValueError(
+            f"num_envs is {num_envs}; with {each:g} people in each it must be at most {int(MOST_PEOPLE_IN_BATCH // each)}: "
+            f"a batch has room for {MOST_PEOPLE_IN_BATCH} people"
+        )
+
+
 def _whole_number(decision_dt: float, dt: float) -> int:
-    if not (0 < dt < np.inf and 0 < decision_dt < np.inf):
-        raise ValueError(f"dt is {dt!r} s and decision_dt {decision_dt!r} s; both must be > 0 and finite")
     ratio = decision_dt / dt
-    if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
+    if not 0.5 < ratio < 1e9 or abs(ratio - round(ratio)) > 1e-6:
         raise ValueError(f"decision_dt = {decision_dt:g} s is not a whole number of physics steps of dt = {dt:g} s")
     return round(ratio)

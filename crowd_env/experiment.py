@@ -125,8 +125,8 @@ def report(
     ``numbers`` are those of the runs, 0, 1, ... by default.
     ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
     ``evacuation_time`` and ``flow`` (per-run least-squares slopes) are over the runs in which everyone, or at least three
-    people, got out; ``overlap_mm.mean`` is over all overlapping contacts of all steps; ``outside_mm`` is the furthest that
-    any body reached beyond a wall.
+    people, got out; ``overlap_mm.mean`` is the mean over runs of the mean over all overlapping contacts of a run;
+    ``outside_mm`` is the furthest that any body reached beyond a wall.
     """
 
     def column(name: str) -> np.ndarray:

@@ -8,6 +8,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from crowd_env.checks import known, texts
+from crowd_env.checks import path as path_of
 from crowd_env.csv_table import read_table
 from crowd_env.foreign_files import read_text
 from crowd_env.geometry import Geometry, parse_exit
@@ -56,7 +58,7 @@ def scenario_from_wkt(
     UserWarning
         If no unit is given and the plan is so large that it may be in another one.
     """
-    path = Path(path)
+    path, exits = path_of("the file of the floor plan", path), texts("exits", exits)
     metres = unit_in_metres(unit)
     text = read_text(path, "the floor plan", _READ)
     if not exits:
@@ -82,9 +84,7 @@ def unit_in_metres(unit: str | None) -> float:
     ValueError
         If it is unknown.
     """
-    if unit is not None and unit not in _METRES:
-        raise ValueError(f"unknown unit {unit!r}; known: {', '.join(_METRES)}")
-    return _METRES[unit or "m"]
+    return 1.0 if unit is None else _METRES[known("unit", unit, _METRES)]
 
 
 def _scaled(shape: BaseGeometry, metres: float) -> BaseGeometry:

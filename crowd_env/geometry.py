@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
+from crowd_env.checks import table
+from crowd_env.checks import text as require_text
 from crowd_env.geometry_depth import solid_depth
 from crowd_env.geometry_doors import read_doors
 from crowd_env.geometry_edges import SLIVER, open_boundary
@@ -135,6 +137,8 @@ class Geometry:
         UserWarning
             If parts are joined or left out, or an exit is moved by more than 1 cm.
         """
+        regions = table("regions", {} if regions is None else regions, "names and areas")
+        doors = table("doors", {} if doors is None else doors, "names and lines")
         area = join_near_parts(read_area(walkable, "walkable area"), "walkable area")
         area = _without_obstacles(area, read_areas(obstacles, "obstacle"))
         shapes = read_exits(exits)
@@ -176,7 +180,7 @@ class Geometry:
         doors: Mapping[str, Shape] | None = None,
     ) -> "Geometry":
         """Return the geometry whose walkable area is the WKT ``text``; the rest as in `from_polygon`."""
-        walkable = from_wkt(text, "walkable area")
+        walkable = from_wkt(require_text("walkable area", text, "well-known text (WKT)"), "walkable area")
         return cls.from_polygon(
             walkable, exits=exits, obstacles=obstacles, thin_walls=thin_walls, regions=regions, doors=doors
         )

@@ -1,12 +1,14 @@
 """A crowd of several kinds of people: each with its own bodies, its own place to start from and its own way out."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from crowd_env.checks import check_fields, from_table, refuse
 from crowd_env.geometry import Geometry
-from crowd_env.population import Population, check_starts, place
+from crowd_env.population import Population, check_count, check_starts, place
 from crowd_env.state import Bodies, Floats, make_bodies
 
 _BOUNDED = ("radius", "mass", "desired_speed", "relaxation_time", "response_time")
@@ -29,7 +31,7 @@ class Groups:
     Raises
     ------
     ValueError
-        If there is no part, or two have the same name.
+        If there is no part, two have the same name, or they are too many.
 
     Examples
     --------
@@ -41,12 +43,14 @@ class Groups:
     parts: tuple[Population, ...]
 
     def __post_init__(self) -> None:
+        check_fields("groups", self)
         if not self.parts:
             raise ValueError("a crowd needs at least one group")
         names = [part.name for part in self.parts if part.name]
         twice = [name for k, name in enumerate(names) if name in names[:k]]
         if twice:
             raise ValueError(f"two groups have the name {twice[0]!r}")
+        check_count("groups: count of all", self.count)
 
     @property
     def count(self) -> int:
@@ -93,7 +97,8 @@ class Groups:
         other = [name for name, value in options.items() if name not in _BOUNDED and value is not None]
         if other:
             raise ValueError(f"groups cannot share {other[0]!r}; give them a count or one of {', '.join(_BOUNDED)}")
-        counts = [part.count for part in self.parts] if count is None else self._shares(count)
+        everyone = None if count is None else check_count("groups: count", count)
+        counts = [part.count for part in self.parts] if everyone is None else self._shares(everyone)
         shared = {name: value for name, value in options.items() if name in _BOUNDED}
         return Groups(tuple(part.changed(count=n, **shared) for part, n in zip(self.parts, counts, strict=True)))
 
@@ -169,3 +174,18 @@ def extreme_bodies(people: Parts) -> Bodies:
     speed = np.repeat([part.desired_speed.high for part in parts], counts)
     tau = np.repeat([part.relaxation_time.low for part in parts], counts)
     return make_bodies(radius, mass, desired_speed=speed, relaxation_time=tau)
+
+
+def as_people(population: Population | Groups | Mapping[str, Any] | None) -> Population | Groups | None:
+    """Return a population, or the one of plain data such as ``{"count": 30, "radius": 0.2}``; None stays.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a key is unknown.
+    """
+    if isinstance(population, Mapping):
+        return from_table("population", Population, population)
+    if population is not None and not isinstance(population, Population | Groups):
+        refuse("population", population, "a Population, Groups, or a table of the fields of a Population")
+    return population

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from crowd_env import navigation_directions as directions
 from crowd_env import navigation_grid as grid
+from crowd_env.checks import check_fields, shown
 from crowd_env.geometry import Boundary, Geometry
 from crowd_env.navigation_extension import extend_once, fill_from_nearest
 from crowd_env.navigation_lookup import FieldArrays, direction_at, exit_target, travel_time_at
@@ -63,8 +64,7 @@ class OneWay:
     to: Literal["left", "right"]
 
     def __post_init__(self) -> None:
-        if self.to not in ("left", "right"):
-            raise ValueError(f"one-way door {self.door!r}: to is {self.to!r}; it must be 'left' or 'right'")
+        check_fields(f"one-way door {shown(self.door)}", self)
 
     def lines(self, geometry: Geometry) -> list[Floats]:
         """Return the lines (2, 2) [m] of its leaves, each passed from right to left.

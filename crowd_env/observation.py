@@ -4,12 +4,13 @@ Vectors are given in the frame of the actions: along and to the left of the shor
 ("world"); `direction` is always along x and y.  Every value lies in [-1, 1].
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from crowd_env.checks import Range, check_fields, from_table, known, refuse
 from crowd_env.state import Ints
 from crowd_env.view import (
     CRUSH,
@@ -80,16 +81,11 @@ class ObservationLayout:
     rays: int = 8
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "terms", tuple(self.terms))
+        check_fields("observation", self, neighbours=Range(1, MOST_NEIGHBOURS), rays=Range(1, MOST_RAYS))
         for name in self.terms:
-            if name not in TERMS:
-                raise ValueError(f"unknown observation term {name!r}; known: {', '.join(TERMS)}")
+            known("observation term", name, TERMS)
         if len(set(self.terms)) < len(self.terms) or not self.terms:
             raise ValueError("observation terms must be named at least one, and each only once")
-        if not 1 <= self.neighbours <= MOST_NEIGHBOURS:
-            raise ValueError(f"neighbours is {self.neighbours}; it must be 1 to {MOST_NEIGHBOURS}")
-        if not 1 <= self.rays <= MOST_RAYS:
-            raise ValueError(f"rays is {self.rays}; it must be 1 to {MOST_RAYS}")
 
     def width(self, term: str) -> int:
         """Return the number of columns of a term."""
@@ -147,3 +143,20 @@ class ObservationLayout:
             for e in rooms:
                 rows = slice(view.bodies.env_start[e], view.bodies.env_start[e + 1])
                 out[rows, self[term]] = np.clip(values[rows], -1.0, 1.0)
+
+
+def make_layout(observation: ObservationLayout | Mapping[str, Any] | None) -> ObservationLayout:
+    """Return a layout, the one of plain data such as ``{"terms": ["velocity", "walls"], "rays": 16}``, or the default.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a key is unknown.
+    """
+    if observation is None:
+        return ObservationLayout()
+    if isinstance(observation, Mapping):
+        return from_table("observation", ObservationLayout, observation)
+    if not isinstance(observation, ObservationLayout):
+        refuse("observation", observation, "an ObservationLayout, a table {'terms': [...]} or None")
+    return observation

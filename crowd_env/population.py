@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from crowd_env._jit import inner_kernel, kernel
-from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, whole
+from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
 from crowd_env.geometry import Boundary, Geometry
 from crowd_env.starts import check_starts, closest_pair, read_starts
 from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies
@@ -33,6 +34,15 @@ _RANDOM_LIMIT = 0.45
 _ROUNDS = 400
 _MOST_CELLS = 4e6
 
+_MOST_PEOPLE = 500_000  # their neighbours are told apart by a number of 19 bits
+_ALLOWED = {
+    "radius": POSITIVE,
+    "mass": POSITIVE,
+    "relaxation_time": POSITIVE,
+    "desired_speed": NOT_NEGATIVE,
+    "response_time": NOT_NEGATIVE,
+}
+
 # Their draws need no check: the bounds have been checked.
 _KEEP_THEIR_BOUNDS = (Uniform, Normal, LogNormal)
 
@@ -46,6 +56,14 @@ class Population:
 
     Defaults are Table 4 of Pécol et al. 2011 (uniform within the ranges); nobody hesitates; all take the way of the run's
     strategy.  Crowds of several kinds are `crowd_env.groups.Groups`.
+
+    A distribution may be given as in a scenario file: a number, a pair (low, high), or a table such as
+    ``{"distribution": "normal", "mean": 0.22, "sd": 0.01, "low": 0.2, "high": 0.25}``.
+
+    Raises
+    ------
+    ValueError
+        If a field is not what it should be, or two contradict each other.
     """
 
     count: int
@@ -63,24 +81,18 @@ class Population:
     name: str = ""
 
     def __post_init__(self) -> None:
-        if isinstance(self.count, bool) or not isinstance(self.count, int | np.integer):
-            raise ValueError(f"population: count is {self.count!r}; it must be a whole number of people")
-        if self.count < 1:
-            raise ValueError(f"a population needs at least 1 person, not {self.count}")
-        for name, least in (("radius", 0.0), ("mass", 0.0), ("relaxation_time", 0.0)):
-            if not getattr(self, name).low > least:
-                raise ValueError(f"population: {name} must be > 0, but can be as low as {getattr(self, name).low:g}")
-        for name in ("desired_speed", "response_time"):
-            if getattr(self, name).low < 0:
-                raise ValueError(f"population: {name} must be >= 0, but can be as low as {getattr(self, name).low:g}")
+        check_fields("population", self)
+        check_count("population: count", self.count)
+        for name, allowed in _ALLOWED.items():
+            law = as_distribution("population", name, getattr(self, name))
+            object.__setattr__(self, name, law)
+            if law.low not in allowed:
+                bound = str(allowed).removesuffix(" and finite")
+                raise ValueError(f"population: {name} must be {bound}, but can be as low as {law.low:g}")
         if self.starts is not None:
             object.__setattr__(self, "starts", read_starts(self.starts, self.count))
             if self.start_region is not None:
                 raise ValueError(f"people have recorded starts or the start region {self.start_region!r}, not both")
-        if isinstance(self.exits, str):  # type: ignore[unreachable]  # a tuple of letters to whoever reads it
-            raise ValueError(
-                f"population: exits is the text {self.exits!r}; it must be a list of names: ({self.exits!r},)"
-            )
         if self.route is not None and self.exits:
             raise ValueError(f"people take the route {self.route!r} or the best of some exits, not both")
 
@@ -131,6 +143,12 @@ class Population:
             starts = starts[rng.permutation(len(starts))[: self.count]]
         check_starts(geometry, starts, radius)
         return starts
+
+
+def check_count(what: str, count: Any) -> int:
+    """Return a number of people; raise ValueError unless it is one that a place can have."""
+    whole(what, count)
+    return whole(what, count, Range(1, _MOST_PEOPLE), why="more people do not fit into one environment")
 
 
 def require_names(kind: str, names: Iterable[str | None], known: Iterable[str]) -> None:

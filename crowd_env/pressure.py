@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env._jit import kernel
+from crowd_env.checks import POSITIVE, array, number, require_all
 from crowd_env.geometry import Geometry
 from crowd_env.physics.neighbor_list import NeighbourList, sort_into_cells
 from crowd_env.simulation import Simulation
@@ -37,9 +38,15 @@ def contact_pressure(impulse: ArrayLike, duration: float, radius: ArrayLike) -> 
     impulse : (..., N) N s, summed magnitudes of the contact impulses during ``duration``, as in ``Memory.crush``.
     duration : s.
     radius : (N,) m.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit, or the duration or a radius is not positive.
     """
-    circumference = 2.0 * np.pi * np.asarray(radius, dtype=np.float64)
-    return np.asarray(impulse, dtype=np.float64) / (duration * circumference)
+    circumference = 2.0 * np.pi * require_all("radius", array("radius", radius, (None,)), POSITIVE)
+    impulse = array("impulse", impulse, (..., len(circumference)))
+    return np.asarray(impulse, dtype=np.float64) / (number("duration", duration, POSITIVE, "s") * circumference)
 
 
 def contact_forces(simulation: Simulation, e: int = 0) -> ContactForces:
@@ -102,7 +109,13 @@ def crowd_pressure(simulation: Simulation, radius: float = 1.0) -> Floats:
 
     Over the people within ``radius`` [m], oneself included.  The "crowd pressure" of Helbing, Johansson, Al-Abideen 2007, who
     saw turbulence from 0.02 /s^2 on; they weigh by a Gaussian of the distance, here everyone within reach counts the same.
+
+    Raises
+    ------
+    ValueError
+        If the radius is not positive and finite.
     """
+    radius = number("crowd_pressure: radius", radius, POSITIVE, "m")
     out = np.zeros(len(simulation.bodies.radius))
     _density_times_variance(simulation.bodies.env_start, simulation.state, simulation.memory.near, radius, out)
     return out

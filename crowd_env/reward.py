@@ -6,12 +6,13 @@ travel time at the start less that at the end, whatever happens in between, so t
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowd_env._jit import kernel
 from crowd_env._reference import Reference, refer
+from crowd_env.checks import SHARE, check_fields, from_table, known, number, refuse, table
 from crowd_env.recycled import Recycled
 from crowd_env.state import Bools, Floats, Ints
 
@@ -109,19 +110,31 @@ class RewardWeights:
     team_share: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "weights", dict(self.weights))
-        _check_known(self.weights)
-        for name, weight in self.weights.items():
-            if not np.isfinite(weight):
-                raise ValueError(f"weight of reward term {name!r} is {weight!r}; it must be finite")
-        if not 0.0 <= self.team_share <= 1.0:
-            raise ValueError(f"team_share is {self.team_share!r}; it must be in [0, 1]")
+        check_fields("reward", self, team_share=SHARE)
+        weights = {
+            known("reward term", name, REWARDS): number(f"weight of reward term {name!r}", weight)
+            for name, weight in table("reward: weights", self.weights, "weights such as {'time': 1.0}").items()
+        }
+        object.__setattr__(self, "weights", weights)  # a copy: what is changed in the table later changes nothing here
 
 
-def _check_known(names: Mapping[str, float]) -> None:
-    for name in names:
-        if name not in REWARDS:
-            raise ValueError(f"unknown reward term {name!r}; known: {', '.join(REWARDS)}")
+def make_weights(reward: RewardWeights | Mapping[str, Any] | None) -> RewardWeights:
+    """Return weights, those of plain data, or the default.
+
+    Plain data are the weights alone, ``{"time": 1.0}``, or the fields of `RewardWeights`, ``{"weights": {"time": 1.0}}``.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a name is unknown.
+    """
+    if reward is None:
+        return RewardWeights()
+    if isinstance(reward, Mapping):
+        return from_table("reward", RewardWeights, reward) if "weights" in reward else RewardWeights(weights=reward)
+    if not isinstance(reward, RewardWeights):
+        refuse("reward", reward, "a RewardWeights, a table of weights such as {'time': 1.0} or None")
+    return reward
 
 
 class RewardFunction:
@@ -139,7 +152,8 @@ class RewardFunction:
     """
 
     def __init__(self, weights: RewardWeights, people: int) -> None:
-        _check_known(weights.weights)
+        for name in weights.weights:
+            known("reward term", name, REWARDS)
         names = list(REWARDS)
         self._names = [f"reward/{name}" for name in names]
         self._own = [(k, law) for k, law in enumerate(REWARDS.values()) if not isinstance(law, int)]

@@ -5,12 +5,13 @@ the most comfortable, with a cost on stairs and turns.  Each is a travel-time fi
 """
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
-import numpy as np
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, check_fields, shown
 
 Strategy = Literal["shortest", "fastest", "comfortable"]
 
+_NOT_GIVEN = float("nan")
 OUT = "out"  # name of the route that everyone knows: all exits
 
 
@@ -32,41 +33,32 @@ class Route:
     strategy: Strategy = "shortest"
 
     def __post_init__(self) -> None:
+        check_fields(f"route {shown(self.name)}", self)
         if not self.name:
             raise ValueError("a route needs a name")
-        exits: object = self.exits  # what is annotated is not always what is given
-        if isinstance(exits, str):
-            raise ValueError(
-                f"route {self.name!r}: exits is {self.exits!r}; it must be a tuple of names: ({self.exits!r},)"
-            )
-        if self.strategy not in get_args(Strategy):
-            raise ValueError(
-                f"route {self.name!r}: unknown strategy {self.strategy!r}; known: {', '.join(get_args(Strategy))}"
-            )
 
 
 @dataclass(frozen=True)
 class SpeedZone:
-    """A region where people walk at another speed, such as stairs.
+    """A region where people walk at another speed, such as stairs; give ``speed``, ``factor`` or both.
 
     Parameters
     ----------
     region : its name.
     speed : m/s, everyone's desired speed there; None = one's own.
-    factor : multiple of it, > 0.
+    factor : multiple of it, > 0; 1 if not given.
     """
 
     region: str
     speed: float | None = None
-    factor: float = 1.0
+    factor: float = _NOT_GIVEN
 
     def __post_init__(self) -> None:
-        if self.speed is not None and not 0 < self.speed < np.inf:
-            raise ValueError(f"speed zone {self.region!r}: speed is {self.speed!r} m/s; it must be > 0 and finite")
-        if not 0 < self.factor < np.inf:
-            raise ValueError(f"speed zone {self.region!r}: factor is {self.factor!r}; it must be > 0 and finite")
-        if self.speed is None and self.factor == 1.0:
-            raise ValueError(f"speed zone {self.region!r} changes nothing; give it a speed or a factor other than 1")
+        if self.factor is _NOT_GIVEN:  # a factor of 1 that is given may be one of several that are tried
+            if self.speed is None:
+                raise ValueError(f"speed zone {shown(self.region)} changes nothing; give it a speed or a factor")
+            object.__setattr__(self, "factor", 1.0)
+        check_fields(f"speed zone {shown(self.region)}", self, speed=POSITIVE, factor=POSITIVE)
 
 
 @dataclass(frozen=True)
@@ -91,14 +83,11 @@ class ControlRule:
     commits: bool = False
 
     def __post_init__(self) -> None:
-        if self.at_least != int(self.at_least) or self.at_least < 1:
-            raise ValueError(f"control rule on {self.region!r}: at_least is {self.at_least}; it must be at least 1")
-        if self.below is not None and not 0 <= self.below <= self.at_least:
+        check_fields(f"control rule on {shown(self.region)}", self, below=NOT_NEGATIVE, hold=NOT_NEGATIVE)
+        if self.below is not None and self.below > self.at_least:
             raise ValueError(
                 f"control rule on {self.region!r}: below is {self.below}; it must be from 0 to at_least, {self.at_least}"
             )
-        if not 0 <= self.hold < np.inf:
-            raise ValueError(f"control rule on {self.region!r}: hold is {self.hold!r} s; it must be >= 0 and finite")
 
 
 @dataclass(frozen=True)
@@ -117,12 +106,7 @@ class Comfort:
     reach: float = 0.6
 
     def __post_init__(self) -> None:
-        for name in ("stairs", "turn", "reach"):
-            value = getattr(self, name)
-            if not (0 <= value < np.inf and (value > 0 or name != "reach")):
-                raise ValueError(
-                    f"comfort: {name} is {value!r}; it must be {'> 0' if name == 'reach' else '>= 0'} and finite"
-                )
+        check_fields("comfort", self, stairs=NOT_NEGATIVE, turn=NOT_NEGATIVE, reach=POSITIVE)
 
 
 @dataclass(frozen=True)
@@ -146,6 +130,7 @@ class DoorEvent:
     exit: str | None = None
 
     def __post_init__(self) -> None:
+        check_fields(f"event of door {shown(self.door)}", self, at=NOT_NEGATIVE)
         counted = (self.region is not None) + (self.exit is not None)
         by_time = self.at is not None and self.at_least is None and counted == 0
         by_count = self.at is None and self.at_least is not None and counted == 1
@@ -153,7 +138,3 @@ class DoorEvent:
             raise ValueError(
                 f"event of door {self.door!r}: give either a time `at`, or `at_least` with one of `region` and `exit`"
             )
-        if self.at is not None and not 0 <= self.at < np.inf:
-            raise ValueError(f"event of door {self.door!r}: at is {self.at!r} s; it must be >= 0 and finite")
-        if self.at_least is not None and self.at_least < 1:
-            raise ValueError(f"event of door {self.door!r}: at_least is {self.at_least}; it must be at least 1")

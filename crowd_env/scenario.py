@@ -5,8 +5,9 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
+from crowd_env.checks import POSITIVE, Range, check_fields, flag, shown
 from crowd_env.geometry import Geometry
-from crowd_env.groups import Groups
+from crowd_env.groups import Groups, as_people
 from crowd_env.navigation import NavigationField, OneWay
 from crowd_env.navigation_plan import require_grid
 from crowd_env.population import Population, require_names, require_room
@@ -16,6 +17,8 @@ from crowd_env.ways import Target, Ways, find_ways
 
 Strategy = Literal["shortest", "nearest", "fastest", "comfortable"]
 People: TypeAlias = Population | Groups
+
+_PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,14 +55,8 @@ class Scenario:
     comfort: Comfort = field(default_factory=Comfort)
 
     def __post_init__(self) -> None:
-        if not 0 < self.time_limit < np.inf:
-            raise ValueError(
-                f"scenario {self.name!r}: the time limit is {self.time_limit!r} s; it must be > 0 and finite"
-            )
-        if self.target not in get_args(Target):
-            raise ValueError(f"unknown target {self.target!r}; known: {', '.join(get_args(Target))}")
-        if not self.blocked_after > 0:
-            raise ValueError(f"scenario {self.name!r}: blocked_after is {self.blocked_after!r} s; it must be > 0")
+        object.__setattr__(self, "population", as_people(self.population))
+        check_fields(f"scenario {shown(self.name)}", self, time_limit=POSITIVE, blocked_after=_PERHAPS_NEVER)
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
         require_grid(self.geometry, self.population.radius.low)
@@ -91,10 +88,11 @@ class Scenario:
         ValueError
             If the strategy is unknown or a way leads nowhere.
         """
+        flag("rules", rules)
         routes = list(self.routes)
         known = (*get_args(Strategy), *(route.name for route in routes), *self._exits)
-        if strategy not in known:
-            raise ValueError(f"{self.name}: unknown strategy {strategy!r}; known: {', '.join(known)}")
+        if not isinstance(strategy, str) or strategy not in known:
+            raise ValueError(f"{self.name}: unknown strategy {shown(strategy)}; known: {', '.join(known)}")
         for part in self.population.parts:
             names = [OUT, *(route.name for route in routes)]
             routes += [route for route in self._taken(part, strategy) if route.name not in names]

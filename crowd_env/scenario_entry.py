@@ -5,6 +5,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 from crowd_env.scenario_numbers import LARGEST, fill_in
@@ -64,14 +65,15 @@ class Entry:
 
     def number(self, *, infinite: bool = False) -> float:
         """Return it as a number, finite unless ``infinite`` is allowed."""
-        if isinstance(self.value, bool) or not isinstance(self.value, int | float):
+        if isinstance(self.value, bool) or not isinstance(self.value, Real):
             raise self._must_be("a number")
-        finite = isinstance(self.value, int) or math.isfinite(self.value)
-        if not finite and (math.isnan(self.value) or not infinite):
-            raise self.error(f"is {self.value}; it must be finite")
-        if finite and abs(self.value) > LARGEST:
+        number: Any = self.value
+        finite = isinstance(number, int) or math.isfinite(number)
+        if not finite and (math.isnan(number) or not infinite):
+            raise self.error(f"is {number}; it must be finite")
+        if finite and abs(number) > LARGEST:
             raise self.error(f"is beyond {LARGEST:g}, the largest number that is read")
-        return self.value
+        return number
 
     def whole(self) -> int:
         """Return it as a whole number."""

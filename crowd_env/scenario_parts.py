@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform
+from crowd_env.distributions import read_distribution
 from crowd_env.floor_plan import read_starts
 from crowd_env.geometry import Geometry
 from crowd_env.geometry_input import Shape
@@ -160,29 +160,6 @@ def _starts(entry: Entry, folder: Path) -> Floats:
             table = one.table(("first", *_GRID), needed=("first",))
             found.append(table["first"].point() + _grid(one, table))
     return np.concatenate(found)
-
-
-def read_distribution(entry: Entry) -> Distribution:
-    """Read a distribution: a number, ``[low, high]`` (uniform), or a table that says which."""
-    if isinstance(entry.value, list):
-        low, high = (number.number() for number in entry.entries(2))
-        with entry.named():
-            return Uniform(low, high)
-    if not isinstance(entry.value, dict):
-        number = entry.number()
-        return Uniform(number, number)
-    kinds: dict[str, type[Uniform | Normal | LogNormal]] = {
-        "uniform": Uniform,
-        "normal": Normal,
-        "lognormal": LogNormal,
-    }
-    first = entry.table(needed=("distribution",))
-    make = kinds[first["distribution"].one_of(kinds)]
-    keys = [field.name for field in fields(make)]
-    needed = [name for name in keys if not (make is LogNormal and name == "low")]
-    table = entry.table(("distribution", *keys), needed=needed)
-    with entry.named():
-        return make(**{name: table[name].number() for name in keys if name in table})
 
 
 # ------------------------------------------------------------------------------------------------------------- ways

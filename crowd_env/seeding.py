@@ -21,6 +21,6 @@ def seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[int
 
 
 def _seed(word: Any) -> int:
-    if not isinstance(word, int | np.integer) or word < 0:
+    if isinstance(word, bool) or not isinstance(word, int | np.integer) or word < 0:
         raise ValueError(f"seed {word!r} is not a whole number >= 0")
     return int(word)

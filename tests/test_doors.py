@@ -295,7 +295,7 @@ def test_rays_see_closed_doors_and_see_through_open_ones():
         ({}, "event of door 'd': give either a time `at`, or `at_least` with one of `region` and `exit`"),
         ({"at": 1.0, "at_least": 3, "exit": "e"}, "give either a time"),
         ({"at_least": 3, "exit": "e", "region": "r"}, "give either a time"),
-        ({"at": -1.0}, r"event of door 'd': at is -1\.0 s; it must be >= 0 and finite"),
+        ({"at": -1.0}, r"event of door 'd': at is -1\.0; it must be >= 0 and finite"),
         ({"at_least": 0, "exit": "e"}, "event of door 'd': at_least is 0; it must be at least 1"),
     ],
 )

@@ -196,7 +196,7 @@ def test_too_many_for_a_region_that_sticks_out_of_the_plan():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Population(0), "a population needs at least 1 person, not 0"),
+        (lambda: Population(0), "population: count is 0; it must be at least 1"),
         (lambda: Population(3, radius=Uniform(0.0, 0.2)), "population: radius must be > 0, but can be as low as 0"),
         (lambda: Population(3, mass=Uniform(-1, 5)), "population: mass must be > 0, but can be as low as -1"),
         (lambda: Population(3, relaxation_time=Uniform(0, 1)), "population: relaxation_time must be > 0"),
@@ -204,7 +204,7 @@ def test_too_many_for_a_region_that_sticks_out_of_the_plan():
         (lambda: Population(3, response_time=Uniform(-1, 1)), "population: response_time must be >= 0"),
         (lambda: Population(3, starts=np.zeros((2, 2))), r"starts must have the shape \(3, 2\), not \(2, 2\)"),
         (lambda: Uniform(2.0, 1.0), "uniform distribution from 2 to 1: the first must not be larger"),
-        (lambda: Uniform(float("nan"), 1.0), "uniform distribution from nan"),
+        (lambda: Uniform(float("nan"), 1.0), "uniform distribution: low is nan"),
         (lambda: Normal(5.0, 1.0, 0.0, 2.0), r"normal distribution with mean 5, .*must lie in \[0, 2\]"),
         (lambda: Normal(1.0, -1.0, 0.0, 2.0), "the sd must be >= 0"),
     ],

@@ -9,7 +9,6 @@ import sys
 import time
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -301,11 +300,11 @@ def test_another_run_is_another_file(change, tmp_path):
 def test_a_change_of_the_physics_never_serves_old_runs(tmp_path, computed, monkeypatch):
     store, run = Store(tmp_path), Run(6, 1.0)
     complete([run], store, progress=nothing)
-    monkeypatch.setattr(lin_store._jit, "CACHE_FOLDER", Path("kernels-0123456789abcdef"))
+    monkeypatch.setattr(lin_store._jit, "STAMP", "0123456789abcdef")
     assert store.load(run) is None
     complete([run], store, progress=nothing)
     assert len(computed) == 2
-    assert identity(run)["kernels"] == "kernels-0123456789abcdef"
+    assert identity(run)["kernels"] == "0123456789abcdef"
 
 
 def test_a_folder_that_cannot_be_written_is_told(tmp_path):

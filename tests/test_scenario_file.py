@@ -239,7 +239,7 @@ def test_braces_hold_nothing_else(expression):
         (small(people="count = 5.5"), r"population\.count: is 5\.5; it must be a whole number"),
         (small(people="count = true"), r"population\.count: is true or false \(True\); it must be a number"),
         (small(people='count = "five"'), r"population\.count: is a text \('five'\); it must be a number"),
-        (small(people="count = 0"), r"population: a population needs at least 1 person, not 0"),
+        (small(people="count = 0"), r"population: population: count is 0"),
         (small(people="count = 5\nradius = [0.3, 0.2]"), r"population\.radius: uniform distribution from 0\.3 to 0\.2"),
         (small(people="count = 5\nradius = [0.3]"), r"population\.radius: has 1 values; it must have 2"),
         (small(people="count = 5\nradius = nan"), r"population\.radius: is nan; it must be finite"),
@@ -321,7 +321,7 @@ def test_braces_hold_nothing_else(expression):
         (small(end="[[zones]]\nregion = 'attic'\nfactor = 0.5"), r"speed zone names an unknown region 'attic'"),
         (small(end="[[zones]]\nregion = 'back'\nfactor = 0"), r"zones\[0\]: speed zone 'back': factor is 0"),
         (small(end="[comfort]\nstars = 1"), r"unknown key 'stars' in comfort; did you mean 'stairs'"),
-        (small(top="time_limit = -1"), r"my\.toml: scenario 'my': the time limit is -1"),
+        (small(top="time_limit = -1"), r"my\.toml: scenario 'my': time_limit is -1"),
         (small(top='target = "paht"'), r"my\.toml: target: is 'paht'; allowed: path, nearest, centre, width"),
         (small(top='closed_doors = ["gate"]'), r"my\.toml: unknown door 'gate'"),
         (
@@ -362,7 +362,7 @@ def test_json_says_line_and_column_and_refuses_doubles(write):
         ({"length": "12"}, r"my: length: is a text \('12'\); it must be a number"),
         ({"people": 2.5}, r"my: people: is 2\.5; it must be a whole number"),
         ({"count": 1}, r"my\.toml: 1 person for 2 groups; each needs at least 1"),
-        ({"time_limit": 0.0}, "the time limit is 0.0"),
+        ({"time_limit": 0.0}, "time_limit is 0.0"),
     ],
 )
 def test_options_are_checked(write, options, message):
@@ -569,7 +569,7 @@ def test_log_normal_has_its_median_and_spread_and_stays_in_bounds():
         (lambda: LogNormal(0.0, 1.0, 5.0), "log-normal distribution with median 0, sigma 1: the median must be > 0"),
         (lambda: LogNormal(6.0, 1.0, 5.0), r"lie in \[0, 5\]"),
         (lambda: LogNormal(3.0, -1.0, 5.0), "the sigma must be >= 0"),
-        (lambda: LogNormal(3.0, 1.0, float("inf")), "all its numbers must be finite"),
+        (lambda: LogNormal(3.0, 1.0, float("inf")), "high is inf; it must be finite"),
         (lambda: LogNormal(3.0, 1.0, 3.0001, low=3.0), "log-normal distribution: only .* of it lies in"),
         (lambda: Normal(3.0, 1.0, 3.0, 3.0001), "normal distribution: only .* of it lies in"),
     ],

@@ -11,10 +11,10 @@ HALL = Geometry.from_polygon([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: DEM(stiffness=0.0), r"dem: stiffness is 0\.0; it must be > 0: .*eq 5"),
+        (lambda: DEM(stiffness=0.0), r"dem: stiffness is 0\.0; it must be > 0 and finite: .*eq 5"),
         (lambda: DEM(stiffness=float("nan")), r"dem: stiffness is nan; it must be > 0"),
         (lambda: NSM1(tolerance=0.0), r"nsm1: tolerance is 0\.0; it must be > 0"),
-        (lambda: NSM1(trial="eager"), r"nsm1: trial is 'eager'; it must be 'spontaneous' or 'inertial'"),
+        (lambda: NSM1(trial="eager"), r"nsm1: unknown trial 'eager'; known: spontaneous, inertial"),
         (lambda: NSM1(solver="magic"), r"nsm1: unknown solver 'magic'; known: auto, gauss-seidel, accelerated"),
         (lambda: NSM2(normal_dissipation=-1.0), r"nsm2: normal_dissipation is -1\.0; it must be >= 0: .*K_N - 2 m_e"),
         (lambda: NSM2(tangential_dissipation=-1.0), r"nsm2: tangential_dissipation is -1\.0; it must be >= 0"),

@@ -61,7 +61,7 @@ def test_other_numbers_of_people_have_seats_too():
         assert len(set(taken_seats(count))) == count == make_scenario("theatre-v0", count=count).population.count
     assert max(np.diff(taken_seats(150))) == 2 and min(taken_seats(150)) < SEATS_A_ROW  # over all rows
     for count in (0, 175):
-        with pytest.raises(ValueError, match=rf"count is {count}; .* seats, 174"):
+        with pytest.raises(ValueError, match=rf"count is {count}; it must be 1 to 174: the number of seats"):
             make_scenario("theatre-v0", count=count)
 
 
@@ -118,9 +118,9 @@ def test_rectangles_lie_inside_and_on_the_ways_that_they_guard():
 
 
 def test_crowded_numbers_are_checked():
-    with pytest.raises(ValueError, match="2 numbers; there are 3 rectangles"):
+    with pytest.raises(ValueError, match=r"crowded is .* three numbers of people"):
         make_scenario("theatre-v0", crowded=(5, 5))
-    with pytest.raises(ValueError, match="at_least is 0"):
+    with pytest.raises(ValueError, match=r"crowded\[0\] is 0; it must be at least 1"):
         make_scenario("theatre-v0", crowded=(0, 5, 15))
 
 

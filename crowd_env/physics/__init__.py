@@ -1,13 +1,16 @@
 """Contact physics: ways for discs to touch, behind one list of contacts.  Knows no scenario and no learning."""
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
 
+from crowd_env.checks import Range, check_fields, check_keys, known, refuse
 from crowd_env.physics.dem import DEM
 from crowd_env.physics.hertz import Hertz
 from crowd_env.physics.nsm1 import NSM1
 from crowd_env.physics.nsm2 import NSM2
 from crowd_env.physics.scheme import ContactScheme
-from crowd_env.physics.social import SOCIAL_FORCES, SocialForce
+from crowd_env.physics.social import SOCIAL_FORCES, SocialForce, make_social
 
 # Name -> scheme with its default parameters.
 SCHEMES: dict[str, ContactScheme] = {
@@ -21,23 +24,50 @@ SCHEMES: dict[str, ContactScheme] = {
 }
 
 
+_ANY = Range(infinite=True)  # each scheme knows the bounds of its parameters
+
 __all__ = ["DEM", "NSM1", "NSM2", "SCHEMES", "SOCIAL_FORCES", "ContactScheme", "Hertz", "SocialForce", "make_scheme"]
 
 
-def make_scheme(scheme: str | ContactScheme, social: str | None = None) -> ContactScheme:
-    """Return a scheme by name, or the scheme itself; ``social`` names a social force to take instead of its own.
+def make_scheme(
+    scheme: str | Mapping[str, Any] | ContactScheme, social: str | Mapping[str, Any] | SocialForce | None = None
+) -> ContactScheme:
+    """Return a scheme by name, the one of plain data, or the scheme itself.
+
+    Parameters
+    ----------
+    scheme : plain data have the name and parameters that differ: ``{"name": "nsm2", "tolerance": 1e-3, "social": "lin"}``.
+    social : a social force, its name or its parameters, to take instead of the scheme's own.
 
     Raises
     ------
     ValueError
-        If a name is unknown; the message lists the known ones.
+        If a name is unknown (the message lists the known ones), or it is something else.
     """
     if isinstance(scheme, str):
-        if scheme not in SCHEMES:
-            raise ValueError(f"unknown contact scheme {scheme!r}; known: {', '.join(SCHEMES)}")
-        scheme = SCHEMES[scheme]
+        scheme = SCHEMES[known("contact scheme", scheme, SCHEMES)]
+    elif isinstance(scheme, Mapping):
+        scheme = _from_table(scheme)
+    else:
+        _check_scheme(scheme)
     if social is None:
         return scheme
-    if social not in SOCIAL_FORCES:
-        raise ValueError(f"unknown social force {social!r}; known: {', '.join(SOCIAL_FORCES)}")
-    return replace(scheme, social=SOCIAL_FORCES[social])  # type: ignore[type-var]  # every scheme is a dataclass
+    return replace(scheme, social=make_social(social))  # type: ignore[type-var]  # every scheme is a dataclass
+
+
+def _check_scheme(scheme: Any) -> None:
+    """Raise ValueError unless it is a scheme, with parameters of the types it says."""
+    if isinstance(scheme, type) or not (hasattr(scheme, "info") and hasattr(scheme, "advance")):
+        refuse("scheme", scheme, "a scheme such as NSM2(), a table {'name': ...} or one of " + ", ".join(SCHEMES))
+    name = scheme.info.name
+    if is_dataclass(scheme):
+        check_fields(f"scheme {name}", scheme, **dict.fromkeys((f.name for f in fields(scheme)), _ANY))
+
+
+def _from_table(table: Mapping[str, Any]) -> ContactScheme:
+    parameters = dict(table)
+    base = SCHEMES[known("contact scheme", parameters.pop("name", None), SCHEMES)]
+    check_keys(f"scheme {base.info.name}", parameters, ["name", *(f.name for f in fields(base))])  # type: ignore[arg-type]
+    if "social" in parameters:
+        parameters["social"] = make_social(parameters["social"])
+    return make_scheme(replace(base, **parameters))  # type: ignore[type-var]  # every scheme is a dataclass

@@ -13,6 +13,7 @@ import numpy as np
 
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env._reference import Reference
+from crowd_env.checks import require_positive
 from crowd_env.physics.bounds import MARGIN, hold_lanes_at_walls, speed_limit
 from crowd_env.physics.contacts import find_contacts
 from crowd_env.physics.forces import LOOK_EVERY, choose_turn, follow_rules, influences, look_around
@@ -26,7 +27,6 @@ from crowd_env.physics.lanes import (
     show_positions,
 )
 from crowd_env.physics.neighbors import OK, update_neighbours
-from crowd_env.physics.require import require_positive
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.slabs import SLABS, slab_start, slabs_of, wait_for_all
 from crowd_env.physics.social import SocialForce, SocialLaw, add_social_forces

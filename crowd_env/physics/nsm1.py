@@ -15,15 +15,15 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
+from crowd_env.checks import POSITIVE, check_fields, require_positive
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import FULL, OK, update_neighbours
-from crowd_env.physics.require import require_known, require_positive
 from crowd_env.physics.rows import give_impulses, keep_impulses, pose_no_overlap, take_impulses
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social import SocialForce, SocialLaw
-from crowd_env.physics.solvers import SOLVERS, SolverName, Stopping, closing_speed, solve
+from crowd_env.physics.solvers import SolverName, Stopping, closing_speed, solve
 from crowd_env.physics.step import (
     detect,
     muster,
@@ -79,11 +79,7 @@ class NSM1:
 
     def __post_init__(self) -> None:
         require_positive("nsm1", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
-        if self.relative_tolerance is not None:
-            require_positive("nsm1", "the solver stops on it", relative_tolerance=self.relative_tolerance)
-        if self.trial not in ("spontaneous", "inertial"):
-            raise ValueError(f"nsm1: trial is {self.trial!r}; it must be 'spontaneous' or 'inertial'")
-        require_known("nsm1", "solver", self.solver, SOLVERS)
+        check_fields("nsm1", self, relative_tolerance=POSITIVE)
 
     @property
     def info(self) -> SchemeInfo:

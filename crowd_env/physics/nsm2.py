@@ -18,11 +18,11 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
+from crowd_env.checks import require_known, require_not_negative, require_positive
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import FULL
-from crowd_env.physics.require import require_known, require_not_negative, require_positive
 from crowd_env.physics.rows import give_impulses, pose_no_overlap, pose_percussions
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social import SocialForce, SocialLaw

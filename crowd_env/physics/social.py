@@ -13,14 +13,15 @@ The two of a pair look different ways, so the force of the one on the other is N
 It acts in contact too, for any overlap.  Someone who wants to go nowhere has no front: cos beta is 0.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowd_env._jit import index, inner_kernel
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_table, known, number, refuse
 from crowd_env.physics.contacts import gap_to_feature
-from crowd_env.physics.require import require_not_negative, require_positive
 from crowd_env.physics.world import Batch
 from crowd_env.state import Floats
 
@@ -60,14 +61,9 @@ class SocialForce:
     cutoff: float = 0.4
 
     def __post_init__(self) -> None:
-        require_not_negative("social force", strength=self.strength, wall_strength=self.wall_strength)
-        require_positive("social force", length=self.length, cutoff=self.cutoff)
-        if not -1.0 <= self.anisotropy <= 1.0:
-            raise ValueError(
-                f"social force: anisotropy is {self.anisotropy!r}; it must be in [-1, 1]: outside, the force would attract"
-            )
-        if not np.isfinite([self.strength, self.wall_strength, self.length, self.cutoff]).all():
-            raise ValueError("social force: strength, wall_strength, length and cutoff must be finite")
+        number("social force: anisotropy", self.anisotropy, Range(-1.0, 1.0), why="outside, the force would attract")
+        sizes = {"strength": NOT_NEGATIVE, "wall_strength": NOT_NEGATIVE, "length": POSITIVE, "cutoff": POSITIVE}
+        check_fields("social force", self, **sizes)
 
     @staticmethod
     def helbing(strength: float = 2000.0, length: float = 0.08, behind: float = 0.0) -> "SocialForce":
@@ -79,8 +75,9 @@ class SocialForce:
         length : m, ``B_i``.
         behind : ``Lambda_i``: share of it from someone straight behind, 0 to 1.
         """
-        if not 0.0 <= behind <= 1.0:
-            raise ValueError(f"social force: behind (Lambda) is {behind!r}; it must be in [0, 1]")
+        number("social force: length", length, POSITIVE)
+        number("social force: strength", strength, NOT_NEGATIVE)
+        number("social force: behind (Lambda)", behind, SHARE)
         half = 0.5 * (1.0 + behind)
         return SocialForce(strength * half, length, (1.0 - behind) / (1.0 + behind), cutoff=8.0 * length)
 
@@ -95,6 +92,23 @@ SOCIAL_FORCES: dict[str, SocialForce | None] = {
     "helbing": SocialForce.helbing(),
     "lin": SocialForce(),
 }
+
+
+def make_social(social: str | Mapping[str, Any] | SocialForce | None) -> SocialForce | None:
+    """Return a social force, one by its name, or the one of plain data such as ``{"strength": 300.0, "length": 0.05}``.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a name is unknown.
+    """
+    if isinstance(social, str):
+        return SOCIAL_FORCES[known("social force", social, SOCIAL_FORCES)]
+    if isinstance(social, Mapping):
+        return from_table("social force", SocialForce, social)
+    if social is not None and not isinstance(social, SocialForce):
+        refuse("social", social, f"a SocialForce, a table of its parameters, None or one of {', '.join(SOCIAL_FORCES)}")
+    return social
 
 
 _POWERS = 2.0 ** np.arange(-160.0, 161.0)

@@ -68,7 +68,7 @@ def identity(run: Run) -> dict[str, Any]:
         "walls": scenario.geometry.walls.tolist(),
         "exits": scenario.geometry.exits.tolist(),
         # Of the kernels that this process has loaded, even if their files have been edited since.
-        "kernels": _jit.CACHE_FOLDER.name,
+        "kernels": _jit.STAMP,
     }
 
 

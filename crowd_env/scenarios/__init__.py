@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from crowd_env.checks import refuse
 from crowd_env.scenario import Scenario
 from crowd_env.scenario_file import SUFFIXES, ScenarioFile
 from crowd_env.scenarios.lin_room import lin_room
@@ -46,6 +47,8 @@ def make_scenario(scenario: str | Path | Scenario, **options: Any) -> Scenario:
         if options:
             raise ValueError(f"options {', '.join(options)} need a scenario name, not a finished scenario")
         return scenario
+    if not isinstance(scenario, str | Path):
+        refuse("scenario", scenario, "the name of a scenario, its file or a Scenario")
     if is_file(scenario):
         return ScenarioFile(Path(scenario))(**options)
     name = str(scenario)

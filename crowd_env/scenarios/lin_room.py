@@ -1,8 +1,13 @@
 """The room of Lin, Ma, Lo, section 3: 15 x 15 m, one exit of 1 m, 100 to 300 people who all want the same speed."""
 
+from collections.abc import Mapping
+from typing import Any
+
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, number
 from crowd_env.geometry import Geometry, box
+from crowd_env.groups import as_people
 from crowd_env.population import Population, Uniform
-from crowd_env.scenario import Scenario
+from crowd_env.scenario import People, Scenario
 from crowd_env.ways import Target
 
 REFERENCE = "Lin, Ma, Lo: Discrete element crowd model for pedestrian evacuation through an exit, section 3 and Table 1"
@@ -18,7 +23,7 @@ def lin_room(
     target: Target = "centre",
     time_limit: float = 1000.0,
     blocked_after: float = 120.0,
-    population: Population | None = None,
+    population: People | Mapping[str, Any] | None = None,
 ) -> Scenario:
     """Return a square room with an exit in the middle of the wall x = ``side``.
 
@@ -36,8 +41,11 @@ def lin_room(
     ValueError
         If a length is out of range.
     """
-    if not side > 0:
-        raise ValueError(f"lin-room: side is {side:g} m; it must be > 0")
+    side, desired_speed = (
+        number("lin-room: side", side, POSITIVE, "m"),
+        number("lin-room: desired_speed", desired_speed, NOT_NEGATIVE, "m/s"),
+    )
+    door_width, exit_depth = number("lin-room: door_width", door_width), number("lin-room: exit_depth", exit_depth)
     if not 0 < door_width <= side:
         raise ValueError(f"lin-room: door_width is {door_width:g} m; it must be > 0 and at most the side, {side:g} m")
     if not 0 <= exit_depth <= 5.0:
@@ -47,7 +55,7 @@ def lin_room(
     if exit_depth > 0.0:
         area.append(box(side, low, out, high))
     geometry = Geometry.from_polygon(area, exits={"door": [(out, low), (out, high)]})
-    people = population or Population(
+    people = as_people(population) or Population(
         count,
         radius=Uniform(0.25, 0.35),
         mass=Uniform(60.0, 80.0),

@@ -1,8 +1,13 @@
 """The room of Pécol et al. 2011, section 4.2: 5 x 5 m, one door of 0.82 m, 20 pedestrians in a hurry."""
 
+from collections.abc import Mapping
+from typing import Any
+
+from crowd_env.checks import POSITIVE, number
 from crowd_env.geometry import Geometry, box
+from crowd_env.groups import as_people
 from crowd_env.population import Population
-from crowd_env.scenario import Scenario
+from crowd_env.scenario import People, Scenario
 from crowd_env.ways import Target
 
 # "A square room of side 5 m, where 20 pedestrians want to escape by a door of 82 cm width"; the door is centred (the paper
@@ -16,7 +21,7 @@ def room(
     door_width: float = 0.82,
     count: int = 20,
     time_limit: float = 60.0,
-    population: Population | None = None,
+    population: People | Mapping[str, Any] | None = None,
     target: Target = "path",
     exit_line: float = 0.0,
 ) -> Scenario:
@@ -35,14 +40,14 @@ def room(
     ValueError
         If a length is not positive or the door is wider than the wall.
     """
-    if not side > 0:
-        raise ValueError(f"room: side is {side:g} m; it must be > 0")
+    side = number("room: side", side, POSITIVE, "m")
+    door_width, exit_line = number("room: door_width", door_width), number("room: exit_line", exit_line)
     if not 0 < door_width <= side:
         raise ValueError(f"room: door_width is {door_width:g} m; it must be > 0 and at most the side, {side:g} m")
     if not -0.5 * side < exit_line <= 5.0:
         raise ValueError(f"room: exit_line is {exit_line:g} m; it must be above {-0.5 * side:g} and at most 5 m")
     geometry = _plan(side, 0.5 * (side - door_width), 0.5 * (side + door_width), exit_line)
-    people = population or Population(count)
+    people = as_people(population) or Population(count)
     title = f"square room of {side:g} m, one door of {door_width:g} m, {people.count} people in a hurry"
     return Scenario("room-v0", geometry, people, time_limit, title, REFERENCE, target)
 

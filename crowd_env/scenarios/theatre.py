@@ -25,12 +25,17 @@ Seen from above, the screen is at x = 0, on the left, and the floor rises to the
   Their thresholds 5, 5 and 15 are about 2 people per square metre in each.
 """
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, flag, number, refuse, whole
 from crowd_env.geometry import Geometry, box
+from crowd_env.groups import as_people
 from crowd_env.population import Population, Uniform
 from crowd_env.routes import ControlRule, SpeedZone
-from crowd_env.scenario import Scenario
+from crowd_env.scenario import People, Scenario
 from crowd_env.state import Floats
 
 REFERENCE = "synthetic plan; people and rules of Pécol, Dal Pont, Erlicher, Argoul 2011, section 4.3 and Table 6"
@@ -56,7 +61,7 @@ def theatre(
     commits: bool = False,
     stair_speed: float = 0.5,
     time_limit: float = 180.0,
-    population: Population | None = None,
+    population: People | Mapping[str, Any] | None = None,
 ) -> Scenario:
     """Return the theatre; people walk the shortest way, unless a control rule sends them the other.
 
@@ -75,7 +80,12 @@ def theatre(
     ValueError
         If there are more people than seats, or a number is out of range.
     """
-    people = population or Population(
+    if isinstance(crowded, str) or not isinstance(crowded, Sequence) or len(crowded) != 3:
+        refuse("theatre: crowded", crowded, "three numbers of people, one for each rectangle")
+    most = [whole(f"theatre: crowded[{k}]", people) for k, people in enumerate(crowded)]
+    hold, commits = number("theatre: hold", hold, NOT_NEGATIVE, "s"), flag("theatre: commits", commits)
+    stair_speed = number("theatre: stair_speed", stair_speed, POSITIVE, "m/s")
+    people = as_people(population) or Population(
         count,
         radius=Uniform(0.2, 0.25),
         mass=Uniform(60.0, 100.0),
@@ -84,9 +94,7 @@ def theatre(
         response_time=Uniform(0.0, 4.0),
         starts=seats()[taken_seats(count)],
     )
-    if len(crowded) != 3:
-        raise ValueError(f"theatre: crowded has {len(crowded)} numbers; there are 3 rectangles")
-    ways = zip(("1", "2", "3"), crowded, ("B", "B", "A"), strict=True)
+    ways = zip(("1", "2", "3"), most, ("B", "B", "A"), strict=True)
     return Scenario(
         "theatre-v0",
         plan(),
@@ -95,7 +103,7 @@ def theatre(
         f"movie theatre (synthetic), {len(seats())} seats, {people.count} people, routes A and B",
         REFERENCE,
         zones=tuple(SpeedZone(stairs, stair_speed) for stairs in ("upper aisle", "lower aisle", "flight")),
-        rules=tuple(ControlRule(where, most, way, hold=hold, commits=commits) for where, most, way in ways),
+        rules=tuple(ControlRule(where, many, way, hold=hold, commits=commits) for where, many, way in ways),
     )
 
 
@@ -114,10 +122,7 @@ def taken_seats(count: int) -> list[int]:
         If there are more people than seats.
     """
     everything = len(seats())
-    if not 1 <= count <= everything:
-        raise ValueError(
-            f"theatre: count is {count}; it must be at least 1 and at most the number of seats, {everything}"
-        )
+    count = whole("theatre: count", count, Range(1, everything), why="the number of seats")
     first = EMPTY_ROWS * SEATS_A_ROW
     first = first if count <= everything - first else 0
     there = everything - first

@@ -1,0 +1,345 @@
+"""Checks of what callers give: one sentence that says what is wrong, where, and what is allowed; always a ValueError.
+
+Numbers may be Python's or NumPy's; what is returned is Python's.  True and False are no numbers, and a text is no list of
+letters.
+"""
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
+from numbers import Real
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Literal, NamedTuple, NoReturn, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+Thing = TypeVar("Thing")
+
+_LONGEST = 60  # letters of a value in a message
+
+
+class Range(NamedTuple):
+    """Which numbers are allowed: from ``low`` (or only above it) to ``high``."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    above: bool = False  # ``low`` itself is not allowed
+    infinite: bool = False  # infinity is allowed
+
+    def __contains__(self, value: object) -> bool:
+        """Return whether a number is allowed; nan never is."""
+        try:
+            size = float(value)  # type: ignore[arg-type]  # a number of any kind
+        except OverflowError:
+            return False
+        if not (math.isfinite(size) or (self.infinite and size == math.inf)):
+            return False
+        return (self.low < size if self.above else self.low <= size) and size <= self.high
+
+    def __str__(self) -> str:
+        """Say it as the end of "it must be"."""
+        if self.high < math.inf:
+            return (
+                f"above {self.low:g} and at most {self.high:g}" if self.above else f"in [{self.low:g}, {self.high:g}]"
+            )
+        if self.low == -math.inf:
+            return "finite"
+        return f"{'>' if self.above else '>='} {self.low:g}{'' if self.infinite else ' and finite'}"
+
+
+FINITE = Range()
+POSITIVE = Range(0.0, above=True)
+NOT_NEGATIVE = Range(0.0)
+SHARE = Range(0.0, 1.0)
+COUNT = Range(1)
+
+
+def shown(value: Any) -> str:
+    """Return a value as messages show it: short, in one line, an array by its shape."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if isinstance(value, np.ndarray) and value.ndim:
+        return f"an array of shape {value.shape} and type {value.dtype}"
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.item()
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def refuse(what: str, value: Any, allowed: str) -> NoReturn:
+    """Raise the ValueError that says what ``what`` is and what is allowed."""
+    raise ValueError(f"{what} is {shown(value)}; it must be {allowed}")
+
+
+def number(what: str, value: Any, allowed: Range = FINITE, unit: str = "", why: str = "") -> float:
+    """Return a number as a float.
+
+    Raises
+    ------
+    ValueError
+        If it is no number, not finite, or not ``allowed``.
+    """
+    why = why and f": {why}"
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
+        refuse(what, value, f"a number{'' if allowed == FINITE else f', {allowed}'}{why}")
+    if value not in allowed:
+        raise ValueError(f"{what} is {shown(value)}{unit and ' '}{unit}; it must be {allowed}{why}")
+    return float(value)
+
+
+def whole(what: str, value: Any, allowed: Range = COUNT, why: str = "") -> int:
+    """Return a whole number as an int; 20.0 is one.
+
+    Raises
+    ------
+    ValueError
+        If it is no whole number, or not ``allowed``.
+    """
+    bounds = f"{allowed.low:.0f} to {allowed.high:.0f}" if allowed.high < math.inf else f"at least {allowed.low:.0f}"
+    why = why and f": {why}"
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Real) or value not in FINITE or float(value) % 1.0:
+        refuse(what, value, f"a whole number, {bounds}{why}")
+    if value not in allowed:
+        refuse(what, value, f"{bounds}{why}")
+    return int(value)  # type: ignore[call-overload]  # a real number that is whole
+
+
+def flag(what: str, value: Any) -> bool:
+    """Return True or False; nothing else is taken for one of them.
+
+    Raises
+    ------
+    ValueError
+        If it is something else.
+    """
+    if not isinstance(value, bool | np.bool_):
+        refuse(what, value, "True or False")
+    return bool(value)
+
+
+def text(what: str, value: Any, allowed: str = "a text") -> str:
+    """Return a text.
+
+    Raises
+    ------
+    ValueError
+        If it is something else.
+    """
+    if not isinstance(value, str):
+        refuse(what, value, allowed)
+    return str(value)
+
+
+def path(what: str, value: Any) -> Path:
+    """Return the path of a file, given as a text or a path.
+
+    Raises
+    ------
+    ValueError
+        If it is something else.
+    """
+    if not isinstance(value, str | Path):
+        refuse(what, value, "the path of a file")
+    return Path(value)
+
+
+def texts(what: str, value: Any) -> tuple[str, ...]:
+    """Return names as a tuple; a single text is not taken for its letters.
+
+    Raises
+    ------
+    ValueError
+        If it is no list of texts.
+    """
+    if isinstance(value, str):
+        refuse(what, value, f"a tuple of names: ({value!r},)")
+    if not isinstance(value, Iterable) or isinstance(value, Mapping | bytes):
+        refuse(what, value, "a tuple of names")
+    names = tuple(value)
+    for name in names:
+        text(f"{what}: one name", name)
+    return names
+
+
+def table(what: str, value: Any, of: str) -> Mapping[str, Any]:
+    """Return a table; ``of`` says from what to what.
+
+    Raises
+    ------
+    ValueError
+        If it is something else.
+    """
+    if not isinstance(value, Mapping):
+        refuse(what, value, f"a table of {of}")
+    return value
+
+
+def known(what: str, value: Any, names: Iterable[str]) -> str:
+    """Return a name that is one of ``names``.
+
+    Raises
+    ------
+    ValueError
+        If it is not; the message lists them.
+    """
+    names = list(names)
+    if not isinstance(value, str) or value not in names:
+        raise ValueError(f"unknown {what} {shown(value)}; known: {', '.join(names) or 'none'}")
+    return str(value)
+
+
+def array(what: str, value: Any, shape: tuple[Any, ...], kinds: str = "iuf") -> np.ndarray:
+    """Return an array of numbers of this shape; None = any length, ... (first) = any dimensions before the others.
+
+    Raises
+    ------
+    ValueError
+        If it has another shape, or holds something else (``kinds`` as in ``numpy.dtype.kind``).
+    """
+    if isinstance(value, np.ndarray) and value.shape == shape and value.dtype.kind in kinds:
+        return value  # at every step: quick
+    names = {None: "K", ...: "..."}
+    told = f"({', '.join(names.get(length, str(length)) for length in shape)}{',' * (len(shape) == 1)})"
+    try:
+        found = np.asarray(value)
+    except (TypeError, ValueError):  # rows of different lengths
+        refuse(what, value, f"an array of the shape {told}")
+    wanted = (*(None,) * (found.ndim - len(shape) + 1), *shape[1:]) if shape[0] is ... else shape
+    fits = found.ndim == len(wanted) and all(
+        length in (None, there) for length, there in zip(wanted, found.shape, strict=True)
+    )
+    if found.dtype.kind not in kinds or found.ndim == 0:
+        refuse(what, value, f"an array of {'booleans' if kinds == 'b' else 'real numbers'} of the shape {told}")
+    if not fits:
+        raise ValueError(f"{what} must have the shape {told}, not {found.shape}")
+    return found
+
+
+def require_all(what: str, values: np.ndarray, allowed: Range) -> np.ndarray:
+    """Return an array of numbers; raise ValueError, naming the first that is not, unless all are allowed."""
+    inside = (values > allowed.low if allowed.above else values >= allowed.low) & (values <= allowed.high)
+    bad = np.argwhere(~(inside & np.isfinite(values)))
+    if len(bad):
+        refuse(f"{what}[{', '.join(map(str, bad[0]))}]", values[tuple(bad[0])], str(allowed))
+    return values
+
+
+# ----------------------------------------------------------------------------------------------------- dataclasses
+
+
+def check_fields(where: str, thing: Any, **allowed: Range) -> None:
+    """Check every field of a frozen dataclass against its annotation, and give it the type that is annotated.
+
+    Numbers, flags, texts, literals, tuples of texts or of other dataclasses and these or None are known; other annotations are
+    left to the caller.
+
+    Parameters
+    ----------
+    where : begins the message.
+    allowed : of numbers, by the name of the field; finite if not said.
+
+    Raises
+    ------
+    ValueError
+        At the first field that does not hold what it says.
+    """
+    of_class: type = type(thing)
+    for name, kind in _kinds(of_class).items():
+        before = getattr(thing, name)
+        value = _of_kind(f"{where}: {name}" if where else name, before, kind, allowed.get(name))
+        if value is not before:
+            object.__setattr__(thing, name, value)
+
+
+@cache
+def _kinds(kind: type) -> dict[str, Any]:
+    hints = get_type_hints(kind)
+    return {field.name: hints[field.name] for field in fields(kind)}
+
+
+def _of_kind(what: str, value: Any, kind: Any, allowed: Range | None) -> Any:
+    """Return a value as its annotation says, refused if it is something else."""
+    if get_origin(kind) in (UnionType, Union):
+        kinds = [one for one in get_args(kind) if one is not NoneType]
+        if value is None and len(kinds) < len(get_args(kind)):
+            return None
+        if len(kinds) == 1:
+            return _of_kind(what, value, kinds[0], allowed)
+        if all(is_dataclass(one) for one in kinds) and not isinstance(value, tuple(kinds)):
+            refuse(what, value, " or ".join(f"a {one.__name__}" for one in kinds))
+        return value
+    if get_origin(kind) is Literal:
+        where, _, name = what.rpartition(": ")
+        return require_known(where, name, value, get_args(kind))
+    if get_origin(kind) is tuple and get_args(kind)[1:] == (...,):
+        one = get_args(kind)[0]
+        return texts(what, value) if one is str else _things(what, value, one)
+    if kind is float:
+        return number(what, value, allowed or FINITE)
+    if kind is int:
+        return whole(what, value, allowed or COUNT)
+    if kind is bool:
+        return flag(what, value)
+    if kind is str:
+        return text(what, value)
+    if is_dataclass(kind) and not isinstance(value, kind):  # type: ignore[arg-type]  # a dataclass is a class
+        refuse(what, value, f"a {kind.__name__}")  # type: ignore[union-attr]
+    return value
+
+
+def _things(what: str, value: Any, kind: type) -> tuple[Any, ...]:
+    if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
+        refuse(what, value, f"a tuple of {kind.__name__} objects")
+    things = tuple(value)
+    for k, one in enumerate(things):
+        if not isinstance(one, kind):
+            refuse(f"{what}[{k}]", one, f"a {kind.__name__}")
+    return things
+
+
+def from_table(where: str, kind: type[Thing], table: Mapping[str, Any]) -> Thing:
+    """Return a dataclass made of plain data; the keys are the names of its fields.
+
+    Raises
+    ------
+    ValueError
+        If a key is unknown (the message lists the known ones) or missing, or what the class refuses.
+    """
+    of_class = fields(kind)  # type: ignore[arg-type]  # a dataclass
+    check_keys(where, table, [field.name for field in of_class])
+    for field in of_class:
+        if field.name not in table and field.default is MISSING and field.default_factory is MISSING:
+            raise ValueError(f"{where}: key {field.name!r} is missing")
+    return kind(**table)
+
+
+def check_keys(where: str, table: Mapping[str, Any], names: Collection[str]) -> None:
+    """Raise ValueError, listing the known ones, if a key of plain data is not among ``names``."""
+    for key in table:
+        if key not in names:
+            raise ValueError(f"{where}: unknown key {shown(key)}; known: {', '.join(names)}")
+
+
+# ------------------------------------------------------------------------------------- parameters of contact schemes
+
+
+def require_positive(scheme: str, why: str = "", **values: float) -> None:
+    """Raise ValueError, naming scheme, parameter and formula, unless every value is > 0 and finite."""
+    for name, value in values.items():
+        number(f"{scheme}: {name}", value, POSITIVE, why=why)
+
+
+def require_not_negative(scheme: str, why: str = "", **values: float) -> None:
+    """Raise ValueError, naming scheme, parameter and formula, unless every value is >= 0 (infinity is allowed)."""
+    for name, value in values.items():
+        number(f"{scheme}: {name}", value, Range(0.0, infinite=True), why=why)
+
+
+def require_known(scheme: str, name: str, value: str, names: Iterable[str]) -> str:
+    """Return the value; raise ValueError, naming scheme and parameter, unless it is a known one."""
+    try:
+        return known(name, value, names)
+    except ValueError as error:
+        raise ValueError(f"{scheme}{scheme and ': '}{error}") from None

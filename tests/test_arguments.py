@@ -1,0 +1,287 @@
+"""Whatever makes no sense is refused where it is given, by one sentence that names the argument and the value."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from refusals import (
+    INF,
+    NAN,
+    NO_CHOICE,
+    NO_FLAG,
+    NO_NAMES,
+    NO_OBJECT,
+    NO_TEXT,
+    numeric,
+    refuses,
+    rows,
+    table,
+)
+
+from crowd_env import (
+    DEM,
+    NSM1,
+    NSM2,
+    Comfort,
+    ControlRule,
+    DoorEvent,
+    Geometry,
+    Groups,
+    Hertz,
+    LogNormal,
+    Normal,
+    ObservationLayout,
+    OneWay,
+    Population,
+    RewardWeights,
+    Route,
+    Scenario,
+    SocialForce,
+    SpeedZone,
+    Uniform,
+    make_bodies,
+    make_scenario,
+    make_scheme,
+    read_starts,
+    scenario_from_wkt,
+)
+
+ROOM = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)], exits={"e": [(5, 2), (5, 3)]})
+NORMAL = {"mean": 1.0, "sd": 1.0, "low": 0.0, "high": 2.0}
+LOG_NORMAL = {"median": 1.0, "sigma": 1.0, "high": 2.0}
+NO_PARTS = ("e", 3, {"a": 1}, None, ["a"], Route("r"))
+LAWS = ("radius", "mass", "desired_speed", "relaxation_time", "response_time")
+
+
+def scenario(**options):
+    return Scenario(**{"name": "s", "geometry": ROOM, "population": Population(3), "time_limit": 60.0, **options})
+
+
+def of(make, name, *given):
+    """Return the call that gives one argument to a constructor, after those that have to be."""
+    return lambda value: make(*given, **{name: value})
+
+
+DISTRIBUTIONS = [
+    *numeric("Uniform.low", lambda x: Uniform(x, 2.0), "finite"),
+    *numeric("Uniform.high", lambda x: Uniform(1.0, x), "finite"),
+    *[row for k in ("mean", "sd", "low", "high")
+      for row in numeric(f"Normal.{k}", lambda x, k=k: Normal(**{**NORMAL, k: x}), "finite")],
+    *[row for k in ("median", "sigma", "low", "high")
+      for row in numeric(f"LogNormal.{k}", lambda x, k=k: LogNormal(**{**LOG_NORMAL, k: x}), "finite")],
+    ("Uniform upside down", lambda: Uniform(2.0, 1.0), ("from 2 to 1",)),
+    ("Normal sd<0", lambda: Normal(1.0, -1.0, 0.0, 2.0), ("sd -1", ">= 0")),
+    ("LogNormal median<0", lambda: LogNormal(-1.0, 1.0, 2.0), ("median -1", "> 0")),
+]  # fmt: skip
+
+POPULATION = [
+    *numeric("Population.count", lambda x: Population(x), "count"),
+    *rows("Population.count", lambda x: Population(x), (10**9, 500_001)),
+    *[row for name in LAWS for row in rows(f"Population.{name}", of(Population, name, 3), (
+        None, "0.2", True, NAN, INF, 1j, Uniform, [0.2], (0.1, 0.2, 0.3), {}, np.array([0.2, 0.25]), -1.0, (-1.0, 2.0)))],
+    *[(f"Population.{name}=0", lambda name=name: Population(3, **{name: 0}), (name, "> 0", "as low as 0"))
+      for name in ("radius", "mass", "relaxation_time")],
+    ("Population.radius law", lambda: Population(3, radius={"distribution": "gamma"}), ("radius", "gamma", "lognormal")),
+    ("Population.radius key", lambda: Population(3, radius={"distribution": "normal", "mu": 1}), ("radius", "key 'mu'")),
+    ("Population.radius law lacks", lambda: Population(3, radius={"distribution": "normal"}), ("radius", "'mean' is missing")),
+    *rows("Population.start_region", of(Population, "start_region", 3), NO_TEXT),
+    *rows("Population.route", of(Population, "route", 3), NO_TEXT),
+    *rows("Population.name", of(Population, "name", 3), (*NO_TEXT, None)),
+    *rows("Population.exits", of(Population, "exits", 3), NO_NAMES),
+    *rows("Population.starts", of(Population, "starts", 2), ("a.csv", [["a", "b"], ["c", "d"]], {}, [[1j, 1j], [2j, 1]])),
+    ("Population.starts=3", lambda: Population(2, starts=3), ("starts", "shape")),
+    ("Population.starts ragged", lambda: Population(2, starts=[[1.0, 2.0], [1.0]]), ("starts",)),
+    ("Population.starts (2, 3)", lambda: Population(2, starts=np.zeros((2, 3))), ("starts", "(2, 3)")),
+    ("Population.starts too few", lambda: Population(3, starts=[[1.0, 2.0]]), ("starts", "(3, 2)", "(1, 2)")),
+    ("Population.starts nan", lambda: Population(1, starts=[[1.0, NAN]]), ("start", "nan", "finite")),
+    ("Population.starts and region", lambda: Population(1, starts=[[1.0, 1.0]], start_region="r"), ("not both",)),
+    ("Population.route and exits", lambda: Population(1, route="r", exits=("e",)), ("not both",)),
+    *rows("Groups.parts", Groups, (Population(3), Population, "ab", 3, {}, None)),
+    ("Groups.parts of something", lambda: Groups((Population(3), "x")), ("parts[1]", "'x'", "Population")),
+    ("Groups of none", lambda: Groups(()), ("at least one group",)),
+    ("Groups of too many", lambda: Groups((Population(300_000), Population(300_000))), ("600000",)),
+    *numeric("Groups.changed.count", lambda x: Groups((Population(3),)).changed(count=x), "count", or_none=True),
+    *rows("Groups.changed.radius", lambda x: Groups((Population(3),)).changed(radius=x), ("0.2", Uniform, -1.0)),
+]  # fmt: skip
+
+WAYS = [
+    *rows("Route.name", Route, NO_TEXT),
+    ("Route without a name", lambda: Route(""), ("needs a name",)),
+    *rows("Route.exits", of(Route, "exits", "r"), NO_NAMES),
+    *rows("Route.via", of(Route, "via", "r"), NO_TEXT),
+    *rows("Route.strategy", of(Route, "strategy", "r"), (*NO_CHOICE, None)),
+    *[(f"SpeedZone({value!r})", lambda value=value: SpeedZone(value, 1.0), ("region", repr(value)[:20])) for value in NO_TEXT],
+    ("SpeedZone that does nothing", lambda: SpeedZone("r"), ("'r'", "changes nothing", "speed or a factor")),
+    *numeric("SpeedZone.speed", of(SpeedZone, "speed", "r"), "positive", or_none=True)[:-1],
+    *numeric("SpeedZone.factor", of(SpeedZone, "factor", "r"), "positive"),
+    *rows("ControlRule.region", lambda x: ControlRule(x, 1, "r"), (*NO_TEXT, None)),
+    *numeric("ControlRule.at_least", lambda x: ControlRule("a", x, "r"), "count"),
+    *rows("ControlRule.route", lambda x: ControlRule("a", 1, x), (*NO_TEXT, None)),
+    *numeric("ControlRule.below", of(ControlRule, "below", "a", 5, "r"), "whole", or_none=True),
+    *rows("ControlRule.below", of(ControlRule, "below", "a", 5, "r"), (6,)),
+    *numeric("ControlRule.hold", of(ControlRule, "hold", "a", 5, "r"), "not negative"),
+    *rows("ControlRule.commits", of(ControlRule, "commits", "a", 5, "r"), NO_FLAG),
+    *[row for name, kind in (("stairs", "not negative"), ("turn", "not negative"), ("reach", "positive"))
+      for row in numeric(f"Comfort.{name}", of(Comfort, name), kind)],
+    *rows("DoorEvent.door", lambda x: DoorEvent(x, True, at=1.0), (*NO_TEXT, None)),
+    *rows("DoorEvent.opens", lambda x: DoorEvent("d", x, at=1.0), NO_FLAG),
+    *numeric("DoorEvent.at", of(DoorEvent, "at", "d", True), "not negative", or_none=True),
+    *numeric("DoorEvent.at_least", lambda x: DoorEvent("d", True, at_least=x, exit="e"), "count", or_none=True),
+    *rows("DoorEvent.region", lambda x: DoorEvent("d", True, at_least=1, region=x), NO_TEXT),
+    *rows("DoorEvent.exit", lambda x: DoorEvent("d", True, at_least=1, exit=x), NO_TEXT),
+    ("DoorEvent never", lambda: DoorEvent("d", True), ("`at`", "`at_least`")),
+    *rows("OneWay.door", lambda x: OneWay(x, "left"), (*NO_TEXT, None)),
+    *rows("OneWay.to", lambda x: OneWay("d", x), (*NO_CHOICE, None)),
+]  # fmt: skip
+
+SCENARIO = [
+    *rows("Scenario.name", lambda x: scenario(name=x), (*NO_TEXT, None)),
+    *rows("Scenario.geometry", lambda x: scenario(geometry=x), (*NO_OBJECT, None, Geometry)),
+    *rows("Scenario.population", lambda x: scenario(population=x), (*NO_OBJECT, None, 20, [Population(3)])),
+    *numeric("Scenario.time_limit", lambda x: scenario(time_limit=x), "positive"),
+    *numeric("Scenario.blocked_after", lambda x: scenario(blocked_after=x), "positive or infinite"),
+    *rows("Scenario.target", lambda x: scenario(target=x), (*NO_CHOICE, None)),
+    *rows("Scenario.title", lambda x: scenario(title=x), (*NO_TEXT, None)),
+    *[row for name in ("routes", "zones", "rules", "door_events", "one_way")
+      for row in rows(f"Scenario.{name}", lambda x, name=name: scenario(**{name: x}), NO_PARTS)],
+    *rows("Scenario.closed_doors", lambda x: scenario(closed_doors=x), NO_NAMES),
+    *rows("Scenario.comfort", lambda x: scenario(comfort=x), (*NO_OBJECT, None)),
+    ("Scenario without exits", lambda: scenario(geometry=Geometry.from_polygon([(0, 0), (5, 0), (5, 5)])), ("no exit",)),
+    *rows("Scenario.ways.strategy", lambda x: scenario().ways(x), (*NO_CHOICE, None)),
+    *rows("Scenario.ways.rules", lambda x: scenario().ways(rules=x), NO_FLAG),
+    *rows("read_starts the file", read_starts, (None, 3, b"x", ["a.csv"], Scenario)),
+    ("read_starts no file", lambda: read_starts("nowhere.csv"), ("nowhere.csv",)),
+    *rows("scenario_from_wkt the file", lambda x: scenario_from_wkt(x, ["5,2,5,3"], Population(3)), (None, 3, b"x", ["a"])),
+    *rows("scenario_from_wkt exits", lambda x: scenario_from_wkt("nowhere.wkt", x, Population(3)), NO_NAMES),
+    *rows("scenario_from_wkt unit", lambda x: scenario_from_wkt("a.wkt", ["5,2,5,3"], Population(3), unit=x), NO_CHOICE),
+    ("scenario_from_wkt no file", lambda: scenario_from_wkt("nowhere.wkt", ["5,2,5,3"], Population(3)), ("nowhere.wkt",)),
+    *rows("make_scenario.scenario", make_scenario, (None, 7, 1.5, ["room-v0"], Scenario, b"room-v0")),
+    ("make_scenario nowhere", lambda: make_scenario("nowhere"), ("'nowhere'", "room-v0")),
+    ("make_scenario no file", lambda: make_scenario("nowhere.toml"), ("nowhere.toml",)),
+    ("make_scenario option", lambda: make_scenario("room-v0", sides=3), ("'sides'", "side")),
+    *[row for name in ("side", "door_width")
+      for row in numeric(f"room.{name}", of(make_scenario, name, "room-v0"), "positive")],
+    *numeric("room.exit_line", of(make_scenario, "exit_line", "room-v0"), "finite"),
+    *numeric("room.count", of(make_scenario, "count", "room-v0"), "count"),
+    *numeric("room.time_limit", of(make_scenario, "time_limit", "room-v0"), "positive"),
+    *rows("room.population", of(make_scenario, "population", "room-v0"), ("20", 20, Population)),
+    *[row for name in ("side", "door_width", "desired_speed")
+      for row in rows(f"lin-room.{name}", of(make_scenario, name, "lin-room-v0"), (NAN, -1.0, "1", None, True))],
+    *rows("lin-room.exit_depth", of(make_scenario, "exit_depth", "lin-room-v0"), (NAN, -1.0, 6.0, "1", None, True)),
+    *rows("theatre.hold", of(make_scenario, "hold", "theatre-v0"), (NAN, -1.0, "1", None)),
+    *rows("theatre.crowded", of(make_scenario, "crowded", "theatre-v0"), (5, "5,5,15", (5, 5), (5, 5, "15"))),
+    *rows("theatre.commits", of(make_scenario, "commits", "theatre-v0"), NO_FLAG),
+    *rows("theatre.count", of(make_scenario, "count", "theatre-v0"), (0, 2.5, "3", None, 10_000)),
+    *rows("theatre.stair_speed", of(make_scenario, "stair_speed", "theatre-v0"), (0.0, NAN, "1", None)),
+    *rows("pillar.count", of(make_scenario, "count", "pillar-v0"), (0, 2.5, "3", True, NAN)),
+]  # fmt: skip
+
+LEARNING = [
+    *rows("ObservationLayout.terms", ObservationLayout, (*NO_NAMES, None)),
+    ("ObservationLayout.terms unknown", lambda: ObservationLayout(("smell",)), ("'smell'", "velocity")),
+    ("ObservationLayout.terms twice", lambda: ObservationLayout(("push", "push")), ("only once",)),
+    *numeric("ObservationLayout.neighbours", of(ObservationLayout, "neighbours"), "count"),
+    *rows("ObservationLayout.neighbours", of(ObservationLayout, "neighbours"), (33,)),
+    *numeric("ObservationLayout.rays", of(ObservationLayout, "rays"), "count"),
+    *rows("ObservationLayout.rays", of(ObservationLayout, "rays"), (361,)),
+    *rows("RewardWeights.weights", RewardWeights, (["time"], "time", 3, None, ("time", 1.0))),
+    ("RewardWeights unknown", lambda: RewardWeights({"joy": 1.0}), ("'joy'", "progress")),
+    *numeric("RewardWeights.team_share", of(RewardWeights, "team_share"), "share"),
+    *numeric("RewardWeights of time", lambda x: RewardWeights({"time": x}), "finite"),
+]  # fmt: skip
+
+PHYSICS = [
+    *[row for name, kind in (("strength", "not negative"), ("wall_strength", "not negative"), ("length", "positive"),
+                             ("cutoff", "positive"), ("anisotropy", "finite"))
+      for row in numeric(f"SocialForce.{name}", of(SocialForce, name), kind)],
+    *rows("SocialForce.anisotropy", of(SocialForce, "anisotropy"), (1.1, -1.1)),
+    *rows("SocialForce.helbing.behind", lambda x: SocialForce.helbing(behind=x), (1.1, -0.1, NAN, "0", None)),
+    *rows("SocialForce.helbing.length", lambda x: SocialForce.helbing(length=x), (0.0, -0.1, NAN, "0", None)),
+    *numeric("DEM.stiffness", DEM, "positive"),
+    *[row for make in (NSM1, NSM2) for row in numeric(f"{make.__name__}.tolerance", of(make, "tolerance"), "positive")],
+    *[row for make in (NSM1, NSM2)
+      for row in numeric(f"{make.__name__}.relative_tolerance", of(make, "relative_tolerance"), "positive", or_none=True)],
+    *numeric("NSM1.max_iterations", of(NSM1, "max_iterations"), "count"),
+    *rows("NSM2.max_iterations", of(NSM2, "max_iterations"), (NAN, 0, -1, "3", None, True)),
+    *rows("NSM1.trial", of(NSM1, "trial"), (*NO_CHOICE, None)),
+    *[row for make in (NSM1, NSM2) for row in rows(f"{make.__name__}.solver", of(make, "solver"), (*NO_CHOICE, None))],
+    *rows("NSM2.reaction", of(NSM2, "reaction"), (*NO_CHOICE, None)),
+    *rows("NSM2.normal_dissipation", of(NSM2, "normal_dissipation"), (NAN, -1.0, "1", None, True)),
+    *rows("NSM2.tangential_dissipation", of(NSM2, "tangential_dissipation"), (NAN, -1.0, "1", None, True)),
+    *numeric("Hertz.youngs_modulus", of(Hertz, "youngs_modulus"), "positive"),
+    *[row for name in ("normal_damping", "tangential_damping", "friction", "wall_friction")
+      for row in rows(f"Hertz.{name}", of(Hertz, name), (NAN, -1.0, "1", None, True))],
+    *rows("Hertz.damping_unit", of(Hertz, "damping_unit"), (*NO_CHOICE, None)),
+    # A scheme is used only after it has gone through make_scheme.
+    *[row for make in (DEM, NSM1, NSM2, Hertz)
+      for row in rows(f"{make.__name__}.social", lambda x, make=make: make_scheme(make(social=x)), ("lin", 3, SocialForce))],
+    *rows("NSM2.max_iterations", lambda x: make_scheme(NSM2(max_iterations=x)), (2.5,)),
+    *rows("Hertz.rotation", lambda x: make_scheme(Hertz(rotation=x)), NO_FLAG),
+    *rows("make_scheme.scheme", make_scheme, (None, 3, NSM2, ["nsm2"], b"nsm2", object())),
+    ("make_scheme unknown", lambda: make_scheme("nsm3"), ("'nsm3'", "nsm2", "hertz")),
+    ("make_scheme table", lambda: make_scheme({"tolerance": 1e-3}), ("contact scheme None", "nsm2")),
+    ("make_scheme table key", lambda: make_scheme({"name": "dem", "stiff": 1}), ("unknown key 'stiff'", "stiffness")),
+    ("make_scheme table value", lambda: make_scheme({"name": "nsm2", "tolerance": "1"}), ("tolerance", "'1'")),
+    *rows("make_scheme.social", lambda x: make_scheme("nsm2", x), (3, ["lin"], SocialForce, b"lin")),
+    ("make_scheme social unknown", lambda: make_scheme("nsm2", "lim"), ("'lim'", "lin", "helbing")),
+    ("make_scheme social key", lambda: make_scheme("nsm2", {"stregth": 1.0}), ("'stregth'", "strength")),
+    ("make_bodies radius", lambda: make_bodies(np.array([0.2, -0.2]), np.array([80.0, 80.0])), ("radius", "-0.2")),
+    ("make_bodies mass", lambda: make_bodies(np.array([0.2]), np.array([NAN])), ("mass", "nan")),
+]  # fmt: skip
+
+
+@table(DISTRIBUTIONS, POPULATION, WAYS, SCENARIO, LEARNING, PHYSICS)
+def test_what_makes_no_sense_is_refused_in_one_sentence(call, words):
+    refuses(call, words)
+
+
+NUMBERS = [
+    lambda x: Uniform(x(1), x(2)), lambda x: Population(x(3)).count, lambda x: Population(3, radius=x(1)).radius,
+    lambda x: SpeedZone("r", x(1)), lambda x: ControlRule("a", x(5), "r", x(3), x(2)), lambda x: Comfort(x(1), x(2), x(3)),
+    lambda x: DoorEvent("d", np.bool_(x(1) > 0), x(1)), lambda x: scenario(time_limit=x(9)).time_limit,
+    lambda x: ObservationLayout(neighbours=x(3), rays=x(4)), lambda x: RewardWeights({"time": x(1)}),
+    lambda x: SocialForce(x(1)), lambda x: make_scheme(NSM2(max_iterations=x(5), tolerance=x(1))),
+    lambda x: make_scenario("room-v0", side=x(6), count=x(4)).population.count,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("call", NUMBERS)
+@pytest.mark.parametrize("kind", [float, np.float64, np.float32, np.int64, np.int32, np.uint8])
+def test_numbers_of_numpy_and_whole_floats_are_numbers(call, kind):
+    assert repr(call(kind)) == repr(call(int))  # and become Python's: what is computed from them is the same
+
+
+def test_plain_data_do_where_scenario_files_take_them():
+    people = Population(30, radius=0.2, mass=(60, 80), desired_speed=[1, 2], response_time={
+        "distribution": "lognormal", "median": 3, "sigma": 0.5, "high": 20})  # fmt: skip
+    assert people.radius == Uniform(0.2, 0.2) and people.mass == Uniform(60.0, 80.0)
+    assert people.desired_speed == Uniform(1.0, 2.0) and people.response_time == LogNormal(3.0, 0.5, 20.0)
+    assert Groups([people, people]).changed(radius=0.25).radius == (0.25, 0.25)
+    assert people.changed(mass=70).mass == Uniform(70.0, 70.0)
+    assert make_scheme({"name": "nsm2"}) == make_scheme("nsm2")
+    base = make_scheme("nsm2")
+    assert make_scheme({"name": "nsm2", "tolerance": 1e-3}) == replace(base, tolerance=1e-3)
+    assert (
+        make_scheme({"name": "nsm2", "social": "lin"})
+        == make_scheme("nsm2", "lin")
+        == replace(base, social=SocialForce())
+    )
+    assert (
+        make_scheme("dem", {"strength": 100})
+        == DEM(social=SocialForce(100.0))
+        == make_scheme(DEM(), SocialForce(100.0))
+    )
+    assert make_scheme("hertz", "none") == Hertz(social=None) == make_scheme({"name": "hertz", "social": None})
+    assert Route("r", ["a", "b"]).exits == ("a", "b")
+
+
+def test_a_factor_of_one_may_be_given():
+    assert SpeedZone("r", factor=1.0).factor == 1.0 == SpeedZone("r", 0.5).factor
+    assert replace(SpeedZone("r", 0.5), region="s") == SpeedZone("s", 0.5)
+
+
+def test_what_is_changed_after_it_was_given_changes_nothing():
+    weights, starts = {"time": 1.0}, np.array([[1.0, 2.0], [3.0, 4.0]]).T
+    reward, people = RewardWeights(weights), Population(2, starts=starts)
+    weights["exit"], starts[0, 0] = 2.0, 9.0
+    assert reward.weights == {"time": 1.0} and people.starts[0, 0] == 1.0 and people.starts.flags.c_contiguous

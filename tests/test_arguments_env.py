@@ -1,0 +1,262 @@
+"""What `CrowdEnv` and its faces are given: refused in one sentence before anything is run, or taken as plain data."""
+
+import re
+
+import gymnasium
+import numpy as np
+import pytest
+from refusals import INF, NAN, NO_CHOICE, NO_FLAG, numeric, refuses, rows, table
+
+import crowd_env
+from crowd_env import (
+    NSM2,
+    SCENARIOS,
+    CrowdEnv,
+    CrowdGymEnv,
+    CrowdVectorEnv,
+    Geometry,
+    ObservationLayout,
+    Population,
+    RewardWeights,
+    Scenario,
+    SocialForce,
+    contact_pressure,
+    crowd_pressure,
+    make_scheme,
+    make_vec,
+    parallel_env,
+)
+
+
+def of(name, make=CrowdEnv, **others):
+    return lambda value: make(**{**others, name: value})
+
+
+@pytest.fixture(scope="module")
+def env():
+    made = CrowdEnv("room-v0", num_envs=2, count=3, scheme="dem")
+    made.reset([0, 1])
+    return made
+
+
+CONSTRUCTOR = [
+    *rows("CrowdEnv.scenario", of("scenario"), (None, 7, 1.5, True, Scenario, {"a": 1}, [7], [None], b"x")),
+    ("CrowdEnv of no scenario", lambda: CrowdEnv([]), ("no scenario",)),
+    ("CrowdEnv unknown scenario", lambda: CrowdEnv("nowhere"), ("'nowhere'", "room-v0")),
+    ("CrowdEnv unknown option", lambda: CrowdEnv(sides=3.0), ("'sides'", "side")),
+    ("CrowdEnv option of a Scenario", lambda: CrowdEnv(crowd_env.make_scenario("room-v0"), side=3.0), ("side", "name")),
+    *numeric("CrowdEnv.num_envs", of("num_envs"), "count"),
+    *rows("CrowdEnv.num_envs", of("num_envs"), (10**9, 500_001)),
+    *numeric("CrowdEnv.threads", of("threads"), "count"),
+    *rows("CrowdEnv.threads", of("threads"), (10**6,)),
+    *numeric("CrowdEnv.dt", of("dt"), "positive", or_none=True),
+    *numeric("CrowdEnv.decision_dt", of("decision_dt"), "positive"),
+    ("CrowdEnv.decision_dt and dt", lambda: CrowdEnv(decision_dt=0.1, dt=0.03), ("decision_dt", "whole number", "0.03")),
+    ("CrowdEnv.dt tiny", lambda: CrowdEnv(decision_dt=1e300, dt=1e-300), ("decision_dt", "whole number")),
+    ("CrowdEnv.dt unstable", lambda: CrowdEnv(dt=1.0, decision_dt=1.0), ("dt = 1 s", "stable")),
+    *numeric("CrowdEnv.time_limit", of("time_limit"), "positive", or_none=True),
+    *rows("CrowdEnv.frame", of("frame"), (*NO_CHOICE, None)),
+    *rows("CrowdEnv.action", of("action"), (*NO_CHOICE, None)),
+    *rows("CrowdEnv.strategy", of("strategy"), (*NO_CHOICE, None)),
+    *rows("CrowdEnv.autoreset", of("autoreset"), NO_FLAG),
+    *rows("CrowdEnv.rules", of("rules"), NO_FLAG),
+    *rows("CrowdEnv.scheme", of("scheme"), (None, 3, NSM2, ["nsm2"], b"nsm2", object())),
+    ("CrowdEnv.scheme unknown", lambda: CrowdEnv(scheme="nsm3"), ("'nsm3'", "nsm2")),
+    ("CrowdEnv.scheme key", lambda: CrowdEnv(scheme={"name": "nsm2", "tolerence": 1}), ("'tolerence'", "tolerance")),
+    ("CrowdEnv.scheme social", lambda: CrowdEnv(scheme=NSM2(social="lin")), ("social", "'lin'", "SocialForce")),
+    *rows("CrowdEnv.observation", of("observation"), ("velocity", ["velocity"], 3, True, ObservationLayout, RewardWeights())),
+    ("CrowdEnv.observation key", lambda: CrowdEnv(observation={"term": ["push"]}), ("observation", "'term'", "terms")),
+    ("CrowdEnv.observation terms", lambda: CrowdEnv(observation={"terms": "push"}), ("observation", "terms", "('push',)")),
+    ("CrowdEnv.observation unknown", lambda: CrowdEnv(observation={"terms": ["smell"]}), ("'smell'", "velocity")),
+    ("CrowdEnv.observation number", lambda: CrowdEnv(observation={"rays": 2.5}), ("observation", "rays", "2.5")),
+    *rows("CrowdEnv.reward", of("reward"), ("time", ["time"], 3, True, RewardWeights, ObservationLayout())),
+    ("CrowdEnv.reward unknown", lambda: CrowdEnv(reward={"joy": 1.0}), ("'joy'", "progress")),
+    ("CrowdEnv.reward key", lambda: CrowdEnv(reward={"weights": {"time": 1.0}, "share": 1}), ("reward", "'share'", "weights")),
+    ("CrowdEnv.reward weight", lambda: CrowdEnv(reward={"time": "1"}), ("'time'", "'1'")),
+    *rows("CrowdEnv.population", of("population"), (20, "20", Population, [Population(3)])),
+    ("CrowdEnv.population key", lambda: CrowdEnv(population={"number": 3}), ("population", "'number'", "count")),
+    ("CrowdEnv.population lacks", lambda: CrowdEnv(population={"radius": 0.2}), ("population", "'count' is missing")),
+    ("CrowdEnv.count", lambda: CrowdEnv(count=10**9), ("count", "1000000000")),
+    *rows("CrowdEnv.count", of("count"), (2.5, "20", None, True, NAN, 0, -1)),
+]  # fmt: skip
+
+MAKERS = {
+    "make_vec": make_vec,
+    "CrowdVectorEnv": CrowdVectorEnv,
+    "CrowdGymEnv": CrowdGymEnv,
+    "parallel_env": parallel_env,
+    "gymnasium.make": lambda **options: gymnasium.make("crowd_env/room-v0", **options),
+    "gymnasium.make_vec": lambda **options: gymnasium.make_vec("crowd_env/room-v0", **options),
+}
+FACES = [
+    row
+    for name, make in MAKERS.items()
+    for row in (
+        *rows(f"{name}.dt", of("dt", make), ("0.01", NAN, 0.0)),
+        *rows(f"{name}.observation", of("observation", make), (["velocity"], 3)),
+        *rows(f"{name}.reward", of("reward", make), ("time", ["time"])),
+        *rows(f"{name}.scheme", of("scheme", make), (NSM2, None)),
+        *rows(f"{name}.time_limit", of("time_limit", make), ("60", INF)),
+        *rows(f"{name}.rules", of("rules", make), ("no",)),
+        *rows(f"{name}.count", of("count", make), (2.5, None, 10**9)),
+        (f"{name} option", lambda make=make: make(sides=3.0), ("'sides'",)),
+    )
+] + [
+    row
+    for name in ("make_vec", "CrowdVectorEnv")
+    for row in rows(f"{name}.num_envs", of("num_envs", MAKERS[name]), (2.5, "2", 0, None, True, 10**9))
+]
+
+
+@table(CONSTRUCTOR, FACES)
+def test_what_makes_no_sense_is_refused_in_one_sentence(call, words):
+    refuses(call, words)
+
+
+PEOPLE = 6
+ARRAYS = {
+    "text": "no",
+    "nothing but a number": 0.5,
+    "a table": {"a": 1},
+    "one row short": np.zeros((PEOPLE - 1, 2)),
+    "complex": np.zeros((PEOPLE, 2), dtype=complex),
+    "texts": [["a", "b"]] * PEOPLE,
+    "none among numbers": [[0.0, None]] * PEOPLE,
+    "ragged": [[0.0, 1.0]] * (PEOPLE - 1) + [[0.0]],
+    "transposed": np.zeros((2, PEOPLE)),
+    "nan": np.full((PEOPLE, 2), NAN),
+    "infinite": np.full((PEOPLE, 2), INF),
+    "booleans": np.zeros((PEOPLE, 2), dtype=bool),
+}
+
+
+@pytest.mark.parametrize("action", ARRAYS.values(), ids=ARRAYS)
+def test_actions_that_are_none_are_refused(env, action):
+    before = env.simulation.state.copy()
+    refuses(lambda: env.step(action), ("action",))
+    assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(before, env.simulation.state, strict=True))
+
+
+@pytest.mark.parametrize(
+    "action", ["no", 1.5, [9] * PEOPLE, [-1] * PEOPLE, [0.5] * PEOPLE, [NAN] * PEOPLE, [1j] * PEOPLE, [0]]
+)
+def test_discrete_actions_that_are_none_are_refused(action):
+    discrete = CrowdEnv("room-v0", num_envs=2, count=3, scheme="dem", action="discrete")
+    discrete.reset([0, 1])
+    refuses(lambda: discrete.step(action), ("action",))
+
+
+@pytest.mark.parametrize("rule", ["no", True, 1.0, np.zeros(PEOPLE), np.zeros(PEOPLE - 1, bool), ["no"] * PEOPLE, {}])
+def test_rules_that_are_no_flags_are_refused(env, rule):
+    refuses(lambda: env.step(np.zeros((PEOPLE, 2)), rule), ("rule",))
+
+
+@pytest.mark.parametrize("mask", ["no", True, [1, 0], np.zeros(3, bool), [0.5, 0.5], {}, [[True], [True]]])
+def test_masks_that_are_no_flags_are_refused(env, mask):
+    refuses(lambda: env.reset(mask=mask), ("mask",))
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "0", True, NAN, [0], [0, 1, 2], [0, -1], [0, "1"], [0, True], {}, 1j])
+def test_seeds_that_are_none_are_refused(env, seed):
+    refuses(lambda: env.reset(seed), ("seed",))
+
+
+@pytest.mark.parametrize("e", [-1, 2, 0.5, "0", None, NAN, True, [0]])
+def test_environments_that_are_not_there_have_no_metrics_and_no_people(env, e):
+    refuses(lambda: env.metrics(e), ("environment", "0 to 1"))
+    refuses(lambda: env.people(e), ("environment", "0 to 1"))
+    assert env.metrics(np.int64(1)).unfinished == 3 and env.people(1) == slice(3, 6)
+
+
+def test_who_is_active_is_an_array_of_ones_own(env):
+    env.reset([0, 1])
+    before = env.active
+    before[0] = False
+    assert env.active.all()
+    one = CrowdEnv("room-v0", count=2, side=2.0, scheme="dem")
+    one.reset(seed=0)
+    inside = one.active
+    while not one.finished.all():
+        one.step(None)
+    assert inside.all() and not one.active.any()
+
+
+PRESSURES = [
+    *rows("contact_pressure.duration", lambda x: contact_pressure(np.ones(3), x, np.ones(3)), (0.0, -1.0, NAN, INF, "1", None)),
+    *rows("contact_pressure.radius", lambda x: contact_pressure(np.ones(3), 1.0, x), ("a", None, 3.0)),
+    ("contact_pressure radius 0", lambda: contact_pressure(np.ones(3), 1.0, np.zeros(3)), ("radius", "> 0")),
+    ("contact_pressure impulse", lambda: contact_pressure(["a"], 1.0, np.ones(1)), ("impulse", "real numbers")),
+    ("contact_pressure impulse shape", lambda: contact_pressure(np.ones(2), 1.0, np.ones(3)), ("impulse", "(2,)", "3")),
+]  # fmt: skip
+
+
+@table(PRESSURES)
+def test_pressures_of_nothing_are_refused(call, words):
+    refuses(call, words)
+
+
+@pytest.mark.parametrize("radius", [0.0, -1.0, NAN, INF, "1", None, True])
+def test_crowd_pressure_needs_a_radius(env, radius):
+    refuses(lambda: crowd_pressure(env.simulation, radius), ("radius",))
+
+
+NO_AREA = (
+    None,
+    3,
+    "room",
+    [],
+    [(0, 0)],
+    [(0, 0), (1, 1)],
+    [(0, 0), (1, "a"), (1, 1)],
+    {"a": 1},
+    [(0, 0), (1, NAN), (1, 1)],
+)
+NO_WKT = (None, 3, "room", b"x", ["a"])
+CORNERS = [(0, 0), (5, 0), (5, 5)]
+PLANS = [
+    *[(f"from_polygon({what!r})", lambda what=what: Geometry.from_polygon(what), ("walkable area",))
+      for what in NO_AREA],
+    *[(f"from_wkt({what!r})", lambda what=what: Geometry.from_wkt(what), ("walkable area",)) for what in NO_WKT],
+    *[(f"{name}={what!r}", lambda name=name, what=what: Geometry.from_polygon(CORNERS, **{name: what}), (name[:4],))
+      for name in ("exits", "obstacles", "thin_walls", "regions", "doors") for what in (3, "nowhere", [3], {"a": 3})],
+]  # fmt: skip
+
+
+@table(PLANS)
+def test_plans_that_are_none_are_refused(call, words):
+    refuses(call, words)
+
+
+# ------------------------------------------------------------------------------------------------------- plain data
+
+
+def test_plain_data_configure_an_environment():
+    plain = CrowdEnv(
+        "room-v0",
+        scheme={"name": "nsm2", "tolerance": 1e-3, "social": "lin"},
+        observation={"terms": ["velocity", "walls"], "rays": 4},
+        reward={"time": 1},
+        population={"count": 4, "radius": (0.2, 0.22), "mass": 70},
+        num_envs=np.int64(2),
+    )
+    assert plain.simulation.scheme == NSM2(tolerance=1e-3, social=SocialForce())
+    assert plain.layout == ObservationLayout(("velocity", "walls"), rays=4)
+    assert plain.reward_weights == RewardWeights({"time": 1.0})
+    assert (plain.simulation.bodies.mass == 70).all() and plain.num_people == 8
+    plain.reset(seed=0)
+    assert plain.step(None).observation.shape == (8, 6)
+    whole = CrowdEnv(reward={"weights": {"exit": 2.0}})
+    assert whole.reward_weights == RewardWeights({"exit": 2.0})
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_plain_data_configure_every_face(name):
+    made = MAKERS[name](count=2, scheme={"name": "dem"}, observation={"terms": ["velocity"]}, reward={"time": 1})
+    inner = made.unwrapped.env
+    assert inner.layout == ObservationLayout(("velocity",)) and inner.simulation.scheme == make_scheme("dem")
+
+
+def test_every_scenario_says_which_options_it_has():
+    for name in SCENARIOS:
+        with pytest.raises(ValueError, match=rf"{re.escape(name.removesuffix('-v0'))}.* no option 'colour'"):
+            crowd_env.make_scenario(name, colour=1)
