@@ -11,6 +11,7 @@ from crowd_env import CrowdEnv, ObservationLayout, RewardWeights, make_scenario,
 
 # People simulated side by side in training: what a rollout remembers of so many takes some gigabytes.
 MOST_PEOPLE = 200_000
+LEAST_DT = 1e-5  # s  a decision of 0.1 s is ten thousand steps of these
 
 
 def default_config(
@@ -65,6 +66,12 @@ def check_budget(**options: float) -> None:
             raise ValueError(f"--{name} is {value}; it must be > 0 and finite")
 
 
+def check_runs(runs: int) -> None:
+    """Raise ValueError unless there are so many held-out draws."""
+    if not 0 < runs < HELD_OUT_SEED:
+        raise ValueError(f"--runs is {runs}; it must be 1 to {HELD_OUT_SEED - 1}")
+
+
 def check_envs(envs: int, people: int) -> None:
     """Raise ValueError if so many evacuations of so many people are too many to train in side by side."""
     if envs * people > MOST_PEOPLE:
@@ -87,6 +94,8 @@ def check_config(config: Mapping[str, Any]) -> None:
     PPOSettings(**config["ppo"])
     check_seed(config["seed"])
     check_budget(minutes=config["minutes"], steps=config["steps"], envs=config["envs"])
+    if not config["dt"] >= LEAST_DT:
+        raise ValueError(f"--dt is {config['dt']} s; it must be at least {LEAST_DT} s")
     check_envs(config["envs"], make_scenario(config["scenario"]).population.count)
     make_env(config, envs=1)
 

@@ -195,6 +195,7 @@ def test_tables_fit_into_a_hundred_columns():
         (("--schemes", "glue"), "unknown contact scheme 'glue'; known: dem"),
         (("--scenario", "moon-v0"), "unknown scenario 'moon-v0'; known: room-v0"),
         (("--runs", "0"), "--runs is 0"),
+        (("--runs", "1000000"), "--runs is 1000000; it must be 1 to 999999"),
         (("--seed", "-1"), "--seed is -1"),
         (("--threads", "0"), "--threads is 0"),
     ],
