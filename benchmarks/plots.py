@@ -26,7 +26,7 @@ def draw(result: dict[str, Any], folder: Path) -> Path | None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError:
-        raise ValueError("plots need matplotlib: pip install 'crowd-env[render]'") from None
+        raise ValueError("plots need matplotlib: pip install matplotlib") from None
     figure = Figure(figsize=(7.2, 4.6), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
     _PLOTS[result["case"]](result["rows"], figure)

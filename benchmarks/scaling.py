@@ -15,7 +15,7 @@ from benchmarks.measuring import Effort, Row, Sample, in_turn, significant
 from benchmarks.scenes import jam
 
 SIZES = (1_000, 3_000, 10_000, 30_000, 100_000)
-_PAIRS = (("dem", 0.001), ("nsm1", 0.01), ("nsm2 dissipative", 0.01), ("hertz", 0.001))
+_PAIRS = (("dem", 0.001), ("nsm1", 0.01), ("nsm2", 0.01), ("hertz", 0.001))
 _HORIZON = 0.1  # s    the same phase of the jam for all sizes
 _THREAD_CROWD = 100_000
 

@@ -60,19 +60,23 @@ class Training:
 
 def _empty(venv: Any, inside: np.ndarray) -> None:
     """Let the steps of a `CrowdVecEnv` do nothing; row by row of ``inside`` (steps, slots) says who counts."""
+    from crowd_env.adapters.sb3 import SlotRewards, Slots
+
     people = venv.num_envs
     observation = (
         np.random.default_rng(0).uniform(-1.0, 1.0, (people, *venv.observation_space.shape)).astype(np.float32)
     )
-    reward, done = np.zeros(people, dtype=np.float32), np.zeros(people, dtype=np.bool_)
+    nobody = np.zeros(people, dtype=np.bool_)
+    rooms = venv.env.env_of_person
     infos: list[dict[str, Any]] = [{} for _ in range(people)]
     calls = 0
 
     def step_wait() -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         nonlocal calls
-        venv.acted = inside[calls % len(inside)]
+        acted = inside[calls % len(inside)]
         calls += 1
-        return observation.copy(), reward.copy(), done.copy(), infos
+        reward = SlotRewards.of(np.zeros(people), Slots(acted, acted, nobody, rooms, 0.0))
+        return observation.copy(), reward, nobody.copy(), infos
 
     venv.step_wait = step_wait
 

@@ -7,6 +7,7 @@ import gymnasium
 import pettingzoo
 
 from crowd_env.env import CrowdEnv, Step
+from crowd_env.floor_plan import read_starts, scenario_from_wkt
 from crowd_env.geometry import Geometry
 from crowd_env.groups import Groups
 from crowd_env.gymnasium_env import CrowdGymEnv, CrowdVectorEnv, make_vec
@@ -19,7 +20,7 @@ from crowd_env.population import LogNormal, Normal, Population, Uniform
 from crowd_env.pressure import contact_pressure, crowd_pressure
 from crowd_env.reward import RewardWeights
 from crowd_env.routes import Comfort, ControlRule, DoorEvent, Route, SpeedZone
-from crowd_env.scenario import Scenario, read_starts, scenario_from_wkt
+from crowd_env.scenario import Scenario
 from crowd_env.scenarios import SCENARIOS, make_scenario
 from crowd_env.simulation import Simulation
 from crowd_env.state import Bodies, CrowdState, make_bodies, make_state
@@ -76,7 +77,7 @@ __all__ = [
 
 
 def register() -> None:
-    """Register every scenario as ``crowd_env/<name>`` with PettingZoo (parallel) and Gymnasium (one room and batch)."""
+    """Register every scenario as ``crowd_env/<name>`` with PettingZoo (both APIs) and Gymnasium (one room and batch)."""
     for name in SCENARIOS:
         options = {"scenario": name}
         identity = f"crowd_env/{name}"
@@ -89,6 +90,8 @@ def register() -> None:
             )
         if identity not in pettingzoo.parallel_registry:
             pettingzoo.register("parallel", identity, "crowd_env.parallel_env:parallel_env", kwargs=options)
+        if identity not in pettingzoo.aec_registry:
+            pettingzoo.register("aec", identity, "crowd_env.parallel_env:env", kwargs=options)
     if ROUTING not in gymnasium.registry:
         gymnasium.register(
             ROUTING,

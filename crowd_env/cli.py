@@ -5,17 +5,19 @@ import time
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from crowd_env.clogging_command import clog
-from crowd_env.console import notes, progress_bar, said_plainly
-from crowd_env.experiment import report, run_rule
+from crowd_env.console import check_picture, counted, interrupted, notes, progress_bar, said_plainly
+from crowd_env.experiment import RunsInterrupted, report, run_rule
+from crowd_env.floor_plan import read_starts, scenario_from_wkt, unit_in_metres
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
 from crowd_env.population import Population, Uniform
 from crowd_env.reproduce.command import reproduce
-from crowd_env.scenario import Scenario, read_starts, scenario_from_wkt
+from crowd_env.scenario import Scenario
 from crowd_env.scenarios import SCENARIOS, about, is_file, make_scenario
 
 app = typer.Typer(
@@ -24,6 +26,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+_LEAST_AROUND = 0.5  # m
+_EXITS_SHOWN = 4
 _JSON = typer.Option("--json", help="Print one JSON object instead of a table.")
 
 
@@ -46,9 +50,11 @@ def _read_scenario(
     speed: str | None,
     starts: Path | None,
     limit: float | None,
+    unit: str | None = None,
 ) -> Scenario:
     """Return the scenario of the command line: a built-in name, or a floor plan in a file."""
-    recorded = None if starts is None else read_starts(starts)
+    metres = unit_in_metres(unit)
+    recorded = None if starts is None else metres * read_starts(starts)
     if recorded is not None and count not in (None, len(recorded)):
         raise ValueError(f"--n is {count}, but {starts} holds {len(recorded)} positions")
     people: dict[str, Any] = {} if recorded is None else {"starts": recorded, "start_region": None}
@@ -63,6 +69,8 @@ def _read_scenario(
     if name in SCENARIOS or is_file(name):
         if exits:
             raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
+        if unit is not None:
+            raise ValueError(f"{name} is in metres; --unit is for floor plans in files")
         if not people:
             return make_scenario(name, **timing)
         return make_scenario(name, population=make_scenario(name).population.changed(**people), **timing)
@@ -71,7 +79,7 @@ def _read_scenario(
             f"unknown scenario {name!r}; known: {', '.join(SCENARIOS)}, or the path of a scenario (.toml, .json) "
             "or of a floor plan (.wkt)"
         )
-    return scenario_from_wkt(name, exits, Population(**{"count": 20, **people}), **timing)
+    return scenario_from_wkt(name, exits, Population(**{"count": 20, **people}), unit=unit, **timing)
 
 
 @app.command()
@@ -84,6 +92,12 @@ def run(
     exit: Annotated[
         list[str] | None,
         typer.Option(help='Exit of a floor plan: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be repeated.'),
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option(
+            help="Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm or mm; default m."
+        ),
     ] = None,
     n: Annotated[
         int | None, typer.Option(help="Number of people; default the scenario's, 20 on a plan of yours.", min=1)
@@ -137,33 +151,43 @@ def run(
     crowd-env run my_room.wkt --exit 5,2,5,3 --n 40 --film out.gif
     """
     with said_plainly():
-        place = _read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit)
-        contact = make_scheme(scheme, social)
         if film is not None:
-            _check_film(film)
+            check_picture("--film", film, (".gif", ".mp4", ".png"))
         _check_network(force_network, at, around)
+        place = _read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit, unit)
+        if at is not None and at > place.time_limit:
+            raise ValueError(f"--at is {at:g} s; the evacuation ends after {place.time_limit:g} s at the latest")
+        contact = make_scheme(scheme, social)
         begin = time.monotonic()
+        stopped = None
         with progress_bar(f"{place.name}, {scheme}", runs) as progress:
-            episodes = run_rule(
-                place, contact, runs, seed=seed, dt=dt, strategy=strategy, rules=rules, progress=progress
-            )
-        figures = report(place, scheme, episodes)
+            try:
+                episodes = dict(
+                    enumerate(
+                        run_rule(
+                            place, contact, runs, seed=seed, dt=dt, strategy=strategy, rules=rules, progress=progress
+                        )
+                    )
+                )
+            except RunsInterrupted as error:
+                if not error.finished:
+                    interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
+                episodes, stopped = error.finished, error
+        figures = report(place, scheme, list(episodes.values()), list(episodes))
+        if stopped is not None:
+            figures["interrupted_of"] = stopped.asked
+    # Before any picture: what has been computed must not be lost with it.
+    if as_json:
+        typer.echo(json.dumps(figures))
+    else:
+        Console().print(_table(place, figures, time.monotonic() - begin))
+    with said_plainly():
+        if stopped is not None:
+            interrupted(f"{stopped}; the figures are of these, and lean to short evacuations")
         if film is not None:
             _film(place, film, seed, scheme=contact, dt=dt, strategy=strategy, rules=rules)
         if force_network is not None:
             _draw_network(place, contact, seed, dt, at, around, force_network)
-    if as_json:
-        typer.echo(json.dumps(figures))
-        return
-    Console().print(_table(figures, time.monotonic() - begin))
-
-
-def _check_film(path: Path) -> None:
-    from crowd_env.rendering.saving import check_suffix
-
-    check_suffix(path, (".gif", ".mp4", ".png"))
-    if not path.absolute().parent.is_dir():
-        raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
 
 
 def _film(place: Scenario, path: Path, seed: int, *, scheme: ContactScheme, **options: Any) -> None:
@@ -183,23 +207,13 @@ def _film(place: Scenario, path: Path, seed: int, *, scheme: ContactScheme, **op
 
 
 def _check_network(path: Path | None, at: float | None, around: float | None) -> None:
-    for option, value in (("--at", at), ("--around", around)):
+    for option, value, least in (("--at", at, 0.0), ("--around", around, _LEAST_AROUND)):
         if value is not None and path is None:
             raise ValueError(f"{option} belongs to --force-network, which is not given")
-        if value is not None and not value > 0:
-            raise ValueError(f"{option} is {value:g}; it must be > 0")
-    if path is None:
-        return
-    from crowd_env.rendering.canvas import new_figure
-    from crowd_env.rendering.saving import check_suffix
-
-    check_suffix(path, (".png",))
-    if not path.absolute().parent.is_dir():
-        raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
-    try:
-        new_figure((1.0, 1.0))  # says now, not after the work, that the drawing library is missing
-    except ModuleNotFoundError as error:
-        raise ValueError(str(error)) from None
+        if value is not None and not (value > 0 and value >= least):
+            raise ValueError(f"{option} is {value:g}; it must be {f'>= {least:g} m' if least else '> 0'}")
+    if path is not None:
+        check_picture("--force-network", path, (".png",))
 
 
 def _draw_network(
@@ -219,7 +233,7 @@ def _draw_network(
     notes.print(f"forces: {path}, mean of 0.1 s until {forces.time:.1f} s", markup=False, soft_wrap=True)
 
 
-def _table(figures: dict[str, Any], seconds: float) -> Table:
+def _table(place: Scenario, figures: dict[str, Any], seconds: float) -> Table:
     def number(value: float | None, digits: int = 2) -> str:
         return "-" if value is None else f"{value:.{digits}f}"
 
@@ -227,13 +241,17 @@ def _table(figures: dict[str, Any], seconds: float) -> Table:
         return number(figure["mean"]) + ("" if figure["sd"] is None else f" ± {number(figure['sd'])}")
 
     evacuation, flow = figures["evacuation_time"], figures["flow"]
-    title = f"{figures['scenario']}: {figures['people']} people, {figures['scheme']}, {figures['runs']} runs"
+    people, runs = counted(figures["people"], "person", "people"), counted(figures["runs"], "run", "runs")
+    title = f"{figures['scenario']}: {people}, {figures['scheme']}, {runs}"
     table = Table(title=title, show_header=False, caption=f"{seconds:.1f} s of computing")
+    x0, y0, x1, y1 = place.geometry.bounds
+    table.add_row("plan", f"{place.geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m")
+    table.add_row("exits", _widths(place))
     table.add_row("evacuation time", f"{spread(evacuation)} s")
     if evacuation["ci95"][0] is not None:
         table.add_row("  95 % interval of the mean", " to ".join(number(bound) for bound in evacuation["ci95"]) + " s")
     table.add_row("flow", f"{spread(flow)} 1/s")
-    table.add_row("unfinished", f"{figures['unfinished']} people in {figures['unfinished_runs']} runs")
+    table.add_row("unfinished", _unfinished(figures))
     for blocked in figures["blocked"]:
         table.add_row(
             "  blocked", f"run {blocked['run']}: nobody out after {blocked['since']:.1f} s, {blocked['left']} left"
@@ -243,6 +261,21 @@ def _table(figures: dict[str, Any], seconds: float) -> Table:
     table.add_row("reach beyond a wall", f"at most {number(figures['outside_mm'])} mm")
     table.add_row("solver residual", f"at most {figures['residual']:.1e} m/s")
     return table
+
+
+def _widths(place: Scenario) -> str:
+    """Return the exits with their widths."""
+    widths: dict[str, float] = {}
+    for name, (a, b) in zip(place.geometry.exit_names, place.geometry.exits, strict=True):
+        widths[name] = widths.get(name, 0.0) + float(np.hypot(*(b - a)))
+    shown = [f"{name} {width:.2f} m" for name, width in widths.items()]
+    more = [f"and {len(shown) - _EXITS_SHOWN} more"] if len(shown) > _EXITS_SHOWN else []
+    return ", ".join([*shown[:_EXITS_SHOWN], *more])
+
+
+def _unfinished(figures: dict[str, Any]) -> str:
+    people, runs = figures["unfinished"], figures["unfinished_runs"]
+    return f"{counted(people, 'person', 'people')} in {counted(runs, 'run', 'runs')}"
 
 
 @app.command("list")
@@ -268,10 +301,11 @@ def plan(
 ) -> None:
     """Draw plans: walls, exits, regions and where people start, coloured by the group they belong to."""
     with said_plainly():
+        check_picture("--out", out, (".png",), makes_folder=True)
         from crowd_env.rendering.sheet import draw_sheet
 
         draw_sheet(out, [make_scenario(name) for name in scenario], seed=seed)
-    notes.print(f"plan: {out}", markup=False)
+        notes.print(f"plan: {out}", markup=False)
 
 
 @app.command()

@@ -255,7 +255,7 @@ def powerlaw_library() -> Any:
         import powerlaw
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"the exponent of the gaps needs {error.name}, which is not installed: pip install 'crowd-env[analysis]'",
+            f"the exponent of the gaps needs {error.name}, which is not installed: pip install powerlaw",
             name=error.name,
         ) from error
     return powerlaw

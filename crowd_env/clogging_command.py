@@ -2,8 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,14 +14,14 @@ from rich.table import Table
 
 from crowd_env.clogging import Clogging, Run, clogging, exits_of_run, powerlaw_library
 from crowd_env.clogging_files import read_exits, write_exits, write_gaps
-from crowd_env.console import notes, progress_bar, said_plainly
+from crowd_env.console import check_folder, counted, interrupted, notes, progress_bar, said_plainly
 from crowd_env.env import CrowdEnv
+from crowd_env.experiment import RunsInterrupted, finished_runs
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.population import Uniform
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import SCENARIOS, make_scenario
 
-_PEOPLE_AT_ONCE = 2000  # as in `crowd-env run`
 _WIDTH = 100
 
 
@@ -63,21 +62,27 @@ def clog(
     """
     with said_plainly():
         if out is not None:
-            _check_folder(out)
+            check_folder("--out", out)
         _check_library()
         if not pause > 0:
             raise ValueError(f"--pause is {pause:g} s; it must be > 0")
         sets = _recorded(times or [])
         blocked_after = 120.0
-        simulated: list[Run] = []
+        simulated: dict[int, Run] = {}
+        stopped = None
         if scenario is not None or not sets:
             place = _scenario(scenario or "lin-room-v0", n, speed)
             contact = make_scheme(scheme)
             name = _name(place, contact)
             blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
             with progress_bar(name, runs) as progress:
-                simulated = evacuate(place, contact, runs, seed=seed, dt=dt, progress=progress)
-            sets = {name: simulated, **sets}
+                try:
+                    simulated = dict(enumerate(evacuate(place, contact, runs, seed=seed, dt=dt, progress=progress)))
+                except RunsInterrupted as error:
+                    if not error.finished:
+                        interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
+                    simulated, stopped = error.finished, f"{error}; the figures are of these"
+            sets = {name: list(simulated.values()), **sets}
         found = {
             name: clogging(data, pause=pause, per_exit=per_exit, blocked_after=blocked_after)
             for name, data in sets.items()
@@ -89,6 +94,8 @@ def clog(
         _show(found)
     if paths:
         notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
+    if stopped is not None:
+        interrupted(stopped)
 
 
 def evacuate(
@@ -98,7 +105,7 @@ def evacuate(
     *,
     seed: int = 0,
     dt: float | None = None,
-    progress: Callable[[int], object] = lambda count: None,
+    progress: Callable[[int], object] | None = None,
 ) -> list[Run]:
     """Run evacuations in which everyone walks the shortest path and return who got out when; run k is the draw seed + k.
 
@@ -108,33 +115,24 @@ def evacuate(
     ------
     ValueError
         If the number of runs is out of range or the crowd does not fit.
+    RunsInterrupted
+        On Ctrl-C, with the runs that were finished by then.
     """
-    if runs < 1:
-        raise ValueError(f"runs is {runs}; it must be at least 1")
-    at_once = max(1, min(50, _PEOPLE_AT_ONCE // place.population.count))
     names = np.array([*place.geometry.exit_names, ""])  # the last one, row -1, is of those who did not get out
-    done: list[Run] = []
-    env = None
-    for begin in range(0, runs, at_once):
-        seeds = list(range(seed + begin, seed + min(begin + at_once, runs)))
-        if env is None or env.num_envs != len(seeds):
-            threads = min(os.cpu_count() or 1, len(seeds))
-            env = CrowdEnv(place, num_envs=len(seeds), scheme=scheme, dt=dt, threads=threads)
-        env.reset(seeds)
-        while not env.finished.all():
-            progress(int(env.step(None).info["finished"].sum()))
-        state = env.simulation.state
-        for e in range(len(seeds)):
-            people = env.people(e)
-            done.append(exits_of_run(state.exit_time[people], float(state.time[e]), names[state.exit_index[people]]))
-    return done
+
+    def read(env: CrowdEnv, e: int) -> Run:
+        state, people = env.simulation.state, env.people(e)
+        return exits_of_run(state.exit_time[people], float(state.time[e]), names[state.exit_index[people]])
+
+    threads = os.cpu_count() or 1
+    return finished_runs(place, runs, read, seed=seed, threads=threads, progress=progress, scheme=scheme, dt=dt)
 
 
 def _scenario(name: str, count: int | None, speed: float | None) -> Scenario:
     people: dict[str, Any] = {} if count is None else {"count": count}
     if speed is not None:
         people["desired_speed"] = Uniform(speed, speed)
-    return make_scenario(name, population=replace(make_scenario(name).population, **people))
+    return make_scenario(name, **({"population": make_scenario(name).population.changed(**people)} if people else {}))
 
 
 def _recorded(paths: Sequence[Path]) -> dict[str, list[Run]]:
@@ -146,7 +144,7 @@ def _recorded(paths: Sequence[Path]) -> dict[str, list[Run]]:
 def _name(place: Scenario, scheme: ContactScheme) -> str:
     speed = place.population.desired_speed
     range = f"{speed.low:g}" if speed.low == speed.high else f"{speed.low:g} to {speed.high:g}"
-    return f"{place.name}, {scheme.info.name}, {place.population.count} people, {range} m/s"
+    return f"{place.name}, {scheme.info.name}, {counted(place.population.count, 'person', 'people')}, {range} m/s"
 
 
 def _check_library() -> None:
@@ -157,19 +155,11 @@ def _check_library() -> None:
         raise ValueError(str(error)) from None
 
 
-def _check_folder(out: Path) -> None:
-    there = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
-    if not there.is_dir():
-        raise ValueError(f"--out {out}: {there} is not a folder")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise ValueError(f"--out {out}: {there} cannot be written")
-
-
 def _write(
     out: Path,
     found: dict[str, Clogging],
     sets: dict[str, list[Run]],
-    simulated: Sequence[Run],
+    simulated: Mapping[int, Run],
     seed: int,
     per_exit: bool,
 ) -> list[Path]:
@@ -178,7 +168,7 @@ def _write(
     try:
         paths = [write_gaps(out / "gaps.csv", sets, per_exit=per_exit)]
         if simulated:
-            paths.append(write_exits(out / "exits.csv", simulated, range(seed, seed + len(simulated))))
+            paths.append(write_exits(out / "exits.csv", list(simulated.values()), [seed + k for k in simulated]))
         if any(each.gaps.closed.any() for each in found.values()):
             title = next(iter(found)) if len(found) == 1 else "Gaps between exits"
             labels = {"all runs" if len(found) == 1 else name: each for name, each in found.items()}

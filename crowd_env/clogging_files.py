@@ -5,12 +5,15 @@ taken, and ``out``, 1 for someone who got out; a row with 0 says that watching t
 """
 
 import csv
+import warnings
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from crowd_env.clogging import Run, exit_gaps, exits_of_run
+from crowd_env.csv_table import read_table
 from crowd_env.rendering.saving import written
 
 
@@ -20,56 +23,46 @@ def read_exits(path: str | Path) -> list[Run]:
     Raises
     ------
     ValueError
-        If the file cannot be read, lacks a column, or holds something that is no time; the file and row are named.
+        If the file cannot be read, lacks a column, or holds something that is no time >= 0; the file and row are named.
     """
-    path = Path(path)
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"cannot read the exit times {path}: {error}") from None
-    if not rows:
-        raise ValueError(f"{path}: no exit times; the file needs a header line 'run,time' and one line an exit")
-    missing = {"run", "time"} - set(rows[0])
-    if missing:
-        raise ValueError(
-            f"{path}: column {min(missing)!r} is missing; the header line must name run and time (seconds)"
-        )
+    table = read_table(path, "the exit times", ("run", "time"), "seconds", "an exit")
     times: dict[str, list[float]] = {}
     exits: dict[str, list[str]] = {}
     until: dict[str, float] = {}
-    for k, row in enumerate(rows):
-        run, time = row["run"] or "", _time(row["time"], path, k)
-        out = (row.get("out") or "1").strip()
+    for row in table.rows:
+        what = f"row {row.number}"
+        run, time = row.cells["run"], table.number(row, "time", what)
+        if time < 0:
+            raise ValueError(
+                f"{table.path}: {what}: time is {time:g} s; it must be >= 0, counted from the start of the run"
+            )
+        out = row.cells.get("out") or "1"
         if out not in ("0", "1"):
-            raise ValueError(f"{path}: row {k + 1}: out is {out!r}; it must be 1 (got out) or 0 (watched until then)")
+            raise ValueError(f"{table.path}: {what}: out is {out!r}; it must be 1 (got out) or 0 (watched until then)")
         times.setdefault(run, [])
         exits.setdefault(run, [])
         if out == "1":
             times[run].append(time)
-            exits[run].append(row.get("exit") or "")
+            exits[run].append(row.cells.get("exit") or "")
         elif run in until:
-            raise ValueError(f"{path}: row {k + 1}: run {run!r} has a second row with out = 0; watching ends once")
+            raise ValueError(f"{table.path}: {what}: run {run!r} has a second row with out = 0; watching ends once")
         else:
             until[run] = time
+    mixed = [run for run, of_run in times.items() if any(after < before for before, after in pairwise(of_run))]
+    if mixed:
+        warnings.warn(
+            f"{table.path}: the exits of run {mixed[0]!r} are not in the order of time; they are taken in that order, as those "
+            "of one run",
+            stacklevel=2,
+        )
     runs = []
     for run, of_run in times.items():
         inside = [np.nan] if run in until else []
         try:
             runs.append(exits_of_run([*of_run, *inside], until.get(run, np.nan), [*exits[run], *([""] * len(inside))]))
         except ValueError as error:
-            raise ValueError(f"{path}: run {run!r}: {error}") from None
+            raise ValueError(f"{table.path}: run {run!r}: {error}") from None
     return runs
-
-
-def _time(text: str | None, path: Path, row: int) -> float:
-    try:
-        time = float(text or "")
-    except ValueError:
-        time = float("nan")
-    if not np.isfinite(time):
-        raise ValueError(f"{path}: row {row + 1}: time is {text!r}, not a number of seconds")
-    return time
 
 
 def write_exits(path: str | Path, runs: Sequence[Run], labels: Sequence[object]) -> Path:

@@ -1,23 +1,112 @@
-"""What every command does the same way: a mistake is one line, a long wait has a bar."""
+"""What every command does the same way: a mistake is one line, a long wait has a bar, an interruption loses nothing."""
 
-from collections.abc import Callable, Iterator
+import os
+import signal
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn, TextIO
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+INTERRUPTED = 130  # exit code, as shells have it
 
 notes = Console(stderr=True, highlight=False)
 
 
 @contextmanager
 def said_plainly() -> Iterator[None]:
-    """Turn a user's mistake, or an extra that is not installed, into one line and exit code 2."""
+    """Turn what goes wrong into one line: exit code 2 for a mistake, a missing library or a full disk, 130 for Ctrl-C.
+
+    Warnings are notes of one line each, and SIGTERM ends the block as Ctrl-C does.
+    """
+    with _warnings_are_notes(), _sigterm_is_ctrl_c():
+        try:
+            yield
+        except KeyboardInterrupt:
+            interrupted()
+        except BrokenPipeError:
+            raise  # whoever read our output has left: no mistake
+        except (
+            ValueError,
+            FloatingPointError,
+            ModuleNotFoundError,
+            OSError,
+            MemoryError,
+            OverflowError,
+            NotImplementedError,
+        ) as error:
+            notes.print(f"error: {_sentence(error)}", style="red", markup=False, soft_wrap=True)
+            raise typer.Exit(2) from None
+
+
+def interrupted(what_is_kept: str = "") -> NoReturn:
+    """Say what an interruption has left, and end with the exit code of one."""
+    text = f"interrupted: {what_is_kept}" if what_is_kept else "interrupted"
+    notes.print(text, style="yellow", markup=False, soft_wrap=True)
+    raise typer.Exit(INTERRUPTED)
+
+
+def _sentence(error: Exception) -> str:
+    match error:
+        case OSError(strerror=str() as reason, filename=str() as file):
+            text = f"{file}: {reason}"
+        case MemoryError():
+            text = (
+                f"not enough memory: {error}"
+                if str(error)
+                else "not enough memory; take fewer people or a smaller plan"
+            )
+        case OverflowError():
+            text = f"a number is too large: {error}"
+        case _:
+            text = str(error) or type(error).__name__
+    return " ".join(text.split())
+
+
+@contextmanager
+def _warnings_are_notes() -> Iterator[None]:
+    """Show every warning of the block once, as a sentence without the line of code that it came from."""
+    said: set[str] = set()
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        text = " ".join(str(message).split())
+        if text not in said:
+            said.add(text)
+            notes.print(f"note: {text}", style="yellow", markup=False, soft_wrap=True)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = show
+        yield
+
+
+@contextmanager
+def _sigterm_is_ctrl_c() -> Iterator[None]:
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are the main thread's
+        return
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
     try:
         yield
-    except (ValueError, FloatingPointError, ModuleNotFoundError) as error:
-        notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
-        raise typer.Exit(2) from None
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager
@@ -27,3 +116,40 @@ def progress_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
     with Progress(*columns, console=notes, transient=True, disable=not notes.is_terminal) as bar:
         task = bar.add_task(title, total=total)
         yield lambda count: bar.advance(task, count)
+
+
+def counted(count: int, one: str, many: str) -> str:
+    """Return "1 run", "2 runs"."""
+    return f"{count} {one if count == 1 else many}"
+
+
+def check_folder(option: str, out: Path) -> None:
+    """Raise ValueError, before the work instead of after it, if nothing can be written into the folder ``out``."""
+    there = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
+    if not there.is_dir():
+        raise ValueError(f"{option} {out}: {there} is not a folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise ValueError(f"{option} {out}: {there} cannot be written")
+
+
+def check_picture(option: str, path: Path, suffixes: Sequence[str], *, makes_folder: bool = False) -> None:
+    """Raise, before the work instead of after it, if the picture ``path`` cannot be drawn or written.
+
+    Raises
+    ------
+    ValueError
+        If its suffix is another, it is a folder, or its folder is missing (unless that is made) or cannot be written.
+    ModuleNotFoundError
+        If a drawing library is not installed; the message says how to install it.
+    """
+    from crowd_env.rendering.libraries import require_libraries
+    from crowd_env.rendering.saving import check_suffix
+
+    check_suffix(path, suffixes)
+    if path.is_dir():
+        raise ValueError(f"{option} {path}: this is a folder; name a file")
+    folder = path.absolute().parent
+    if not makes_folder and not folder.exists():
+        raise ValueError(f"{option} {path}: there is no folder {folder}")
+    check_folder(option, path.parent)
+    require_libraries(path.suffix.lower())

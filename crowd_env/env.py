@@ -14,8 +14,7 @@ from crowd_env.observation import ObservationLayout
 from crowd_env.observer import Observer
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.progress import open_books, settle
-from crowd_env.recycled import Recycled
-from crowd_env.reward import REWARDS, RewardWeights, Transition, evaluate
+from crowd_env.reward import RewardFunction, RewardWeights, Transition
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
 from crowd_env.simulation import Simulation, check_step
@@ -42,7 +41,8 @@ class CrowdEnv:
         (P, 2) in [-1, 1]: the desired velocity as a multiple of the own desired speed, in ``frame``; or (P,) 0..8.  Where
         ``rule`` is true, or if the action is None, the pedestrian walks the shortest path instead.
     Reward
-        (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.
+        (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.  0 for those who are out, but for
+        their ``team_share``.
     Termination
         A pedestrian terminates when its centre crosses an exit line, and is truncated at the scenario's time limit.  An
         environment is finished when nobody is left inside, at its time limit, or when its exits are blocked (nobody has got
@@ -155,8 +155,8 @@ class CrowdEnv:
             Transition(
                 inside=np.zeros(people, dtype=np.bool_),
                 left=np.zeros(people, dtype=np.bool_),
-                travel_time_before=self._observer.travel_time_before,
-                travel_time_after=self._observer.travel_time,
+                travel_time_before=np.zeros(people),
+                travel_time_after=self._observer.potential,
                 duration=np.zeros(people),
                 crush=self.simulation.memory.crush,
                 mass=self.simulation.bodies.mass,
@@ -165,9 +165,7 @@ class CrowdEnv:
         )
         blocked_after = np.array([place.blocked_after for place in self.scenario_of_env])
         self._books = open_books(self._transition, self.simulation.state, time_limits, blocked_after)
-        self._weighing = refer(self.reward_weights.plan())
-        self._term_names = [f"reward/{name}" for name in REWARDS]
-        self._terms = Recycled((len(REWARDS), people))
+        self._reward = RewardFunction(self.reward_weights, people)
         self._started = False
 
     @property
@@ -220,7 +218,10 @@ class CrowdEnv:
         for k in np.flatnonzero(chosen):
             self._restart(int(k))
         self._started = True
-        return self._observer.observe(self.active), {}
+        observation, transition = self._observer.observe(self.active), self._transition.fields
+        fresh = chosen[self.env_of_person]
+        transition.travel_time_before[fresh] = transition.travel_time_after[fresh]
+        return observation, {}
 
     def step(self, action: ArrayLike | None = None, rule: ArrayLike | None = None) -> Step:
         """Advance every unfinished environment by one decision step.
@@ -245,11 +246,9 @@ class CrowdEnv:
         observation = self._observer.observe(transition.inside)
         settle(self._books, simulation.dt)
         left, truncated, ended = transition.left.copy(), books.truncated.copy(), books.ended.copy()
-        terms = self._terms.take()
-        reward = evaluate(self._transition, self._weighing, terms)
+        reward, terms = self._reward(self._transition)
         over = np.flatnonzero(ended)
-        info: dict[str, Any] = dict(zip(self._term_names, terms, strict=True))
-        info["finished"] = ended
+        info: dict[str, Any] = {**terms, "finished": ended}
         info["diagnostics"] = type(simulation.last_diagnostics)._make(a.copy() for a in simulation.last_diagnostics)
         info["metrics"] = {int(e): self.metrics(int(e)) for e in over}
         if self.autoreset and len(over):
@@ -258,6 +257,7 @@ class CrowdEnv:
             for e in over:
                 self._restart(int(e))
             self._observer.observe(state.active, over, observation)
+        transition.travel_time_before[:] = transition.travel_time_after
         return Step(observation, reward, left, truncated, info)
 
     def metrics(self, e: int) -> EpisodeMetrics:
@@ -275,6 +275,8 @@ class CrowdEnv:
             max_overlap=float(sums.max_overlap[e]),
             mean_overlap=float(sums.overlap_sum[e] / max(sums.overlap_count[e], 1)),
             max_outside=float(sums.max_outside[e]),
+            max_speed=float(sums.max_speed[e]),
+            escaped=int(self.simulation.escaped[people].sum()),
             residual=float(sums.residual[e]),
             unconverged=int(sums.unconverged[e]),
         )

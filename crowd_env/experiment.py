@@ -1,7 +1,7 @@
 """Many evacuations under the rule, and what they amount to."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,76 @@ from crowd_env.scenario import Scenario
 
 # People simulated side by side: enough to fill a call, few enough to show progress.
 _PEOPLE_AT_ONCE = 2000
+_RUNS_AT_ONCE = 50
+
+Found = TypeVar("Found")
+
+
+class RunsInterrupted(KeyboardInterrupt):
+    """Ctrl-C in the middle of many runs.
+
+    Attributes
+    ----------
+    finished : number of each run that was finished by then -> what it amounted to.
+    asked : how many runs were to be made.
+    """
+
+    def __init__(self, finished: dict[int, Any], asked: int) -> None:
+        super().__init__(f"{len(finished)} of {asked} runs are finished")
+        self.finished, self.asked = finished, asked
+
+
+def finished_runs(
+    scenario: Scenario,
+    runs: int,
+    read: Callable[[CrowdEnv, int], Found],
+    *,
+    seed: int = 0,
+    threads: int = 1,
+    progress: Callable[[int], object] | None = None,
+    **options: Any,
+) -> list[Found]:
+    """Run ``runs`` evacuations without anyone's actions and return what ``read`` says of each; run k is the draw ``seed + k``.
+
+    Parameters
+    ----------
+    read : called with an environment and the row there of a run that is over.
+    threads : see `crowd_env.env.CrowdEnv`; at most one a run.
+    progress : called with the number of runs that have just finished.
+    **options : of `crowd_env.env.CrowdEnv`.
+
+    Raises
+    ------
+    ValueError
+        If the number of runs or the seed is out of range, or the crowd does not fit.
+    RunsInterrupted
+        On Ctrl-C, with what was finished by then.
+    """
+    if runs < 1:
+        raise ValueError(f"runs is {runs}; it must be at least 1")
+    if seed < 0:
+        raise ValueError(f"seed is {seed}; it must be >= 0")
+    found: dict[int, Found] = {}
+    at_once = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.count))
+    env, begin, under_way = None, 0, False
+    try:
+        for begin in range(0, runs, at_once):
+            seeds = list(range(seed + begin, seed + min(begin + at_once, runs)))
+            if env is None or env.num_envs != len(seeds):
+                env = CrowdEnv(scenario, num_envs=len(seeds), threads=min(threads, len(seeds)), **options)
+            env.reset(seeds)
+            under_way = True
+            while not env.finished.all():
+                ended = env.step(None).info["finished"]
+                if progress is not None and ended.any():
+                    progress(int(ended.sum()))
+            found |= {begin + e: read(env, e) for e in range(len(seeds))}
+            under_way = False
+    except KeyboardInterrupt:
+        if env is not None and under_way:
+            found |= {begin + int(e): read(env, int(e)) for e in np.flatnonzero(env.finished)}
+        raise RunsInterrupted(found, runs) from None
+    return list(found.values())
 
 
 def run_rule(
@@ -24,7 +94,7 @@ def run_rule(
     decision_dt: float = 0.1,
     strategy: str = "shortest",
     rules: bool = True,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int], object] | None = None,
 ) -> list[EpisodeMetrics]:
     """Run ``runs`` evacuations in which everyone walks as the strategy says; run ``k`` is the draw ``seed + k``.
 
@@ -37,38 +107,22 @@ def run_rule(
     ------
     ValueError
         If the number of runs or the seed is out of range, or the crowd does not fit.
+    RunsInterrupted
+        On Ctrl-C, with what was finished by then.
     """
-    if runs < 1:
-        raise ValueError(f"runs is {runs}; it must be at least 1")
-    if seed < 0:
-        raise ValueError(f"seed is {seed}; it must be >= 0")
-    episodes: list[EpisodeMetrics] = []
-    at_once = max(1, min(50, _PEOPLE_AT_ONCE // scenario.population.count))
-    env = None
-    for begin in range(0, runs, at_once):
-        seeds = list(range(seed + begin, seed + min(begin + at_once, runs)))
-        if env is None or env.num_envs != len(seeds):
-            env = CrowdEnv(
-                scenario,
-                num_envs=len(seeds),
-                scheme=scheme,
-                dt=dt,
-                decision_dt=decision_dt,
-                strategy=strategy,
-                rules=rules,
-            )
-        env.reset(seeds)
-        while not env.finished.all():
-            ended = env.step(None).info["finished"]
-            if progress is not None and ended.any():
-                progress(int(ended.sum()))
-        episodes.extend(env.metrics(e) for e in range(len(seeds)))
-    return episodes
+    options: dict[str, Any] = {"scheme": scheme, "dt": dt, "decision_dt": decision_dt, "strategy": strategy}
+    return finished_runs(scenario, runs, CrowdEnv.metrics, seed=seed, progress=progress, rules=rules, **options)
 
 
-def report(scenario: Scenario, scheme: str | ContactScheme, episodes: list[EpisodeMetrics]) -> dict[str, Any]:
+def report(
+    scenario: Scenario,
+    scheme: str | ContactScheme,
+    episodes: Sequence[EpisodeMetrics],
+    numbers: Sequence[int] | None = None,
+) -> dict[str, Any]:
     """Return the figures of many evacuations, ready for JSON: times in s, flow in 1/s, lengths in mm, residual in m/s.
 
+    ``numbers`` are those of the runs, 0, 1, ... by default.
     ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
     ``evacuation_time`` and ``flow`` (per-run least-squares slopes) are over the runs in which everyone, or at least three
     people, got out; ``overlap_mm.mean`` is over all overlapping contacts of all steps; ``outside_mm`` is the furthest that
@@ -88,7 +142,7 @@ def report(scenario: Scenario, scheme: str | ContactScheme, episodes: list[Episo
         "unfinished_runs": int((column("unfinished") > 0).sum()),
         "blocked": [
             {"run": k, "since": episode.blocked_since, "left": episode.unfinished}
-            for k, episode in enumerate(episodes)
+            for k, episode in zip(numbers or range(len(episodes)), episodes, strict=True)
             if np.isfinite(episode.blocked_since)
         ],
         "evacuation_time": {"mean": _json(time.mean), "sd": _json(time.sd), "ci95": [_json(x) for x in time.ci95]},

@@ -3,8 +3,9 @@
 All segments are oriented with the walkable area to their LEFT, so the outward normal of an exit is to the right of it.
 """
 
+import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
+from crowd_env.geometry_depth import solid_depth
 from crowd_env.geometry_doors import read_doors
-from crowd_env.geometry_edges import SLIVER, open_boundary, solid_depth
+from crowd_env.geometry_edges import SLIVER, open_boundary
 from crowd_env.geometry_input import (
     Area,
     Shape,
@@ -27,6 +29,7 @@ from crowd_env.geometry_input import (
     read_exits,
     read_lines,
 )
+from crowd_env.geometry_parts import closed_off, is_within, join_near_parts, say_left_out, split_by_exits
 
 __all__ = ["Boundary", "Geometry", "box", "join_boundaries", "parse_exit"]
 
@@ -76,6 +79,8 @@ class Geometry:
         (W,) row of ``doors`` that a wall closes, which stands only while that door is closed; -1 = it stands for good.
     exits_of_door
         For each door the name of the exit that it closes, or None if it stands inside.
+    left_out
+        Parts of what was drawn that have no exit; they are not walkable.
     """
 
     walkable: Area
@@ -87,6 +92,7 @@ class Geometry:
     doors: tuple[str, ...]
     door_of_wall: NDArray[np.int64]
     exits_of_door: tuple[str | None, ...]
+    left_out: tuple[Polygon, ...] = ()
 
     @classmethod
     def from_polygon(
@@ -104,10 +110,12 @@ class Geometry:
         Parameters
         ----------
         walkable
-            Polygon with holes, several of them (united), WKT, or (K, 2) corners [m].
+            Polygon with holes, several of them (united), WKT, or (K, 2) corners [m].  Parts less than 1 cm apart are joined;
+            parts that have no exit are left out.
         exits
-            Name -> exit, or exits alone (then called ``exit-0`` ...).  A line or (2, 2) segment [m] within 1 cm of the
-            boundary opens it there; a polygon is cut out of the area and its border with the area becomes the exit.
+            Name -> exit, or exits alone (then called ``exit-0`` ...).  A line or (2, 2) segment [m] along the boundary opens
+            it there; a polygon is cut out of the area and its border with the area becomes the exit.  Either may lie up to
+            0.3 m, the thickness of a wall, off the boundary, and is moved onto it.
         obstacles
             Areas cut out of the walkable area.
         thin_walls
@@ -121,16 +129,27 @@ class Geometry:
         ------
         ValueError
             In one sentence, for any of these that is malformed or in the wrong place.
+
+        Warns
+        -----
+        UserWarning
+            If parts are joined or left out, or an exit is moved by more than 1 cm.
         """
-        area = read_area(walkable, "walkable area")
+        area = join_near_parts(read_area(walkable, "walkable area"), "walkable area")
         area = _without_obstacles(area, read_areas(obstacles, "obstacle"))
         shapes = read_exits(exits)
         area = _without_exit_areas(
             area, {name: s for name, s in shapes.items() if isinstance(s, Polygon | MultiPolygon)}
         )
         walls, exit_rows, exit_names = open_boundary(area, shapes)
-        thin = _thin_walls(area, read_lines(thin_walls, "thin wall"))
-        leaves, door_of_leaf, exits_of_door = read_doors(doors or {}, area, exit_rows, exit_names)
+        area, left_out = split_by_exits(area, exit_rows)
+        if left_out:
+            say_left_out(left_out)
+            with warnings.catch_warnings():  # what it has to say has been said
+                warnings.simplefilter("ignore")
+                walls, exit_rows, exit_names = open_boundary(area, shapes)
+        thin = _thin_walls(area, left_out, read_lines(thin_walls, "thin wall"))
+        leaves, door_of_leaf, exits_of_door = read_doors(doors or {}, area, thin, exit_rows, exit_names)
         fixed = len(walls) + len(thin)
         return cls(
             walkable=area,
@@ -138,10 +157,11 @@ class Geometry:
             two_sided=np.arange(fixed + len(leaves)) >= len(walls),
             exits=exit_rows,
             exit_names=exit_names,
-            regions=_regions(area, regions or {}, shapes),
+            regions=_regions(area, left_out, regions or {}, shapes),
             doors=tuple(doors or {}),
             door_of_wall=np.concatenate([np.full(fixed, -1, dtype=np.int64), door_of_leaf]),
             exits_of_door=exits_of_door,
+            left_out=tuple(left_out),
         )
 
     @classmethod
@@ -160,6 +180,20 @@ class Geometry:
         return cls.from_polygon(
             walkable, exits=exits, obstacles=obstacles, thin_walls=thin_walls, regions=regions, doors=doors
         )
+
+    def without_closed_off(self, radius: float, exits: Iterable[Shape]) -> "Geometry":
+        """Return the place without what a body of ``radius`` [m] cannot leave through any passage, with a note.
+
+        It is made anew with ``exits``, as in `from_polygon`; walls inside, regions and doors it must not have.
+        """
+        lost = closed_off(self.walkable, self.exits, radius)
+        if not lost:
+            return self
+        say_left_out(lost)
+        with warnings.catch_warnings():  # what there is to say has been said
+            warnings.simplefilter("ignore")
+            rest = Geometry.from_polygon(shapely.difference(self.walkable, shapely.union_all(lost)), exits=exits)
+        return replace(rest, left_out=(*self.left_out, *lost))
 
     def walls_when(self, closed: Collection[str] = ()) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return the walls (W, 2, 2) and which are two-sided (W,) while these doors are closed and all others open."""
@@ -206,6 +240,11 @@ class Geometry:
         area = self.walkable if region is None else self.regions[region]
         shapely.prepare(area)
         return np.asarray(shapely.intersects_xy(area, x, y))
+
+    def is_left_out(self, point: ArrayLike) -> bool:
+        """Return whether a point (2,) [m] lies in a part of the plan that was left out because it has no exit."""
+        at = shapely.Point(np.asarray(point, dtype=np.float64))
+        return any(shapely.intersects(part, at) for part in self.left_out)
 
     def area_of(self, region: str | None = None) -> float:
         """Return the walkable area [m^2], of a region if one is named."""
@@ -282,9 +321,11 @@ def _difference(area: Area, holes: list[Area], error: str) -> Area:
     return parts[0] if len(parts) == 1 else MultiPolygon(parts)
 
 
-def _thin_walls(area: Area, lines: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _thin_walls(area: Area, left_out: list[Polygon], lines: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     segments = [np.empty((0, 2, 2))]
     for number, line in enumerate(lines):
+        if left_out and not shapely.intersects(area, shapely.LineString(line)):
+            continue
         outside = shapely.difference(shapely.LineString(line), shapely.buffer(area, SLIVER))
         if not outside.is_empty:
             at = place(shapely.get_coordinates(outside)[-1])
@@ -296,7 +337,9 @@ def _thin_walls(area: Area, lines: list[NDArray[np.float64]]) -> NDArray[np.floa
     return np.concatenate(segments)
 
 
-def _regions(area: Area, regions: Mapping[str, Shape], exits: Mapping[str, BaseGeometry]) -> dict[str, Area]:
+def _regions(
+    area: Area, left_out: list[Polygon], regions: Mapping[str, Shape], exits: Mapping[str, BaseGeometry]
+) -> dict[str, Area]:
     shapes = {}
     for name, thing in regions.items():
         if name in exits:
@@ -304,6 +347,8 @@ def _regions(area: Area, regions: Mapping[str, Shape], exits: Mapping[str, BaseG
         shape = read_area(thing, f"region {name!r}")
         if shapely.intersection(area, shape).area <= SLIVER:
             at = place(shapely.get_coordinates(shape.representative_point())[0])
+            if is_within(shape, left_out):
+                raise ValueError(f"region {name!r} around {at} lies in a part that no exit reaches; open an exit there")
             raise ValueError(f"region {name!r} around {at} lies outside of the walkable area; it must overlap it")
         shapes[name] = shape
     return shapes

@@ -1,5 +1,6 @@
 """The border of an area as straight oriented edges, cut into walls and exits."""
 
+import warnings
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -16,7 +17,8 @@ Floats = NDArray[np.float64]
 
 SLIVER = 1e-6  # m; shorter pieces of wall are dropped
 _SAME = 1e-9  # m; a point nearer than this to a straight line is on it
-_SNAP = 0.01  # m; an exit may be drawn this far from the boundary
+_SNAP = 0.01  # m; an exit may be drawn this far from the boundary ...
+_WALL = 0.3  # m; ... and is moved onto it from the other face of a wall
 
 
 def open_boundary(area: Area, exits: Mapping[str, BaseGeometry]) -> tuple[Floats, Floats, tuple[str, ...]]:
@@ -76,15 +78,18 @@ def _openings(edges: Floats, name: str, shape: BaseGeometry, area: Area) -> list
     Raises
     ------
     ValueError
-        If a line leaves the boundary by more than the snap tolerance, or a polygon does not touch the area.
+        If a line or polygon is further from the boundary than a wall is thick.
     """
+    away = float(shapely.distance(shape, area))
     if isinstance(shape, Polygon | MultiPolygon):
         border = _edges(shape)
-        for tolerance in (SLIVER, _SNAP):  # drawn inside the area or exactly at it; else a hair away from it
+        # Drawn inside the area or exactly at it; else a hair away from it; else behind the wall.
+        for tolerance in (SLIVER, _SNAP, *((away + _SNAP,) if _SNAP < away <= _WALL else ())):
             found = [opening for segment in border for opening in _overlaps(edges, name, segment, tolerance)]
             if found:
+                if tolerance > _SNAP:
+                    _say_moved(name, away)
                 return found
-        away = shapely.distance(shape, area)
         raise ValueError(
             f"exit {name!r} does not touch the walkable area: it is {away:.3g} m away; move it to the boundary"
         )
@@ -92,12 +97,45 @@ def _openings(edges: Floats, name: str, shape: BaseGeometry, area: Area) -> list
     for part in shapely.get_parts(shape):
         line = shapely.get_coordinates(part)
         for segment in np.stack([line[:-1], line[1:]], axis=1):
-            length = float(np.hypot(*(segment[1] - segment[0])))
-            pieces = _overlaps(edges, name, segment, _SNAP)
-            if sum(piece.high - piece.low for piece in pieces) < length - 2 * _SNAP:
+            pieces = _along(edges, name, segment)
+            for moved in () if pieces else _moved_to(area, segment):
+                pieces = _along(edges, name, moved)
+                if pieces:
+                    _say_moved(name, float(np.hypot(*(moved - segment).T).max()))
+                    break
+            if not pieces:
                 raise ValueError(_off_boundary(name, segment, area))
             found += pieces
     return found
+
+
+def _along(edges: Floats, name: str, segment: Floats) -> list[_Opening]:
+    """Return the stretches of the boundary that ``segment`` (2, 2) runs along; none if a part of it leaves the boundary."""
+    pieces = _overlaps(edges, name, segment, _SNAP)
+    length = float(np.hypot(*(segment[1] - segment[0])))
+    return pieces if sum(piece.high - piece.low for piece in pieces) >= length - 2 * _SNAP else []
+
+
+def _moved_to(area: Area, segment: Floats) -> list[Floats]:
+    """Return where a segment (2, 2) may be meant that lies within the thickness of a wall of the boundary."""
+    border = shapely.boundary(area)
+    points = np.concatenate([segment, segment.mean(axis=0)[None]])
+    onto = np.array(
+        [shapely.get_coordinates(shapely.shortest_line(shapely.Point(point), border))[1] for point in points]
+    )
+    candidates = [onto[:2], segment + (onto[2] - points[2])]  # each end by itself (not parallel), or as a whole
+    length = np.hypot(*(segment[1] - segment[0]))
+    return [
+        moved
+        for moved in candidates
+        if np.hypot(*(moved - segment).T).max() <= _WALL and np.hypot(*(moved[1] - moved[0])) > 0.5 * length
+    ]
+
+
+def _say_moved(name: str, by: float) -> None:
+    warnings.warn(
+        f"exit {name!r} is drawn {by:.2f} m off the boundary of the walkable area: moved onto it", stacklevel=5
+    )
 
 
 def _overlaps(edges: Floats, name: str, segment: Floats, tolerance: float) -> list[_Opening]:
@@ -116,7 +154,7 @@ def _overlaps(edges: Floats, name: str, segment: Floats, tolerance: float) -> li
         far = np.maximum(
             np.abs(offset[:, 0] + slope * (low - s[:, 0])), np.abs(offset[:, 0] + slope * (high - s[:, 0]))
         )
-        near = (far <= tolerance) & (high - low > tolerance)
+        near = (far <= tolerance) & (high - low > min(tolerance, _SNAP))
     low[low < SLIVER] = 0.0
     high = np.where(length - high < SLIVER, length, high)
     return [_Opening(int(row), float(low[row]), float(high[row]), name) for row in np.flatnonzero(near)]
@@ -128,7 +166,7 @@ def _off_boundary(name: str, segment: Floats, area: Area) -> str:
     worst = int(np.argmax(away))
     return (
         f"exit {name!r} is not on the boundary of the walkable area: its point {place(samples[worst])} is "
-        f"{away[worst]:.3g} m away from it; a line must lie within {_SNAP} m of it (or give the exit as a polygon)"
+        f"{away[worst]:.3g} m away from it; a line must lie within {_WALL} m of it (or give the exit as a polygon)"
     )
 
 
@@ -172,20 +210,3 @@ def _merged(openings: list[_Opening], at) -> list[_Opening]:  # type: ignore[no-
         else:
             merged.append(opening)
     return merged
-
-
-def solid_depth(walls: NDArray[np.float64], area: Area, most: float = 0.25) -> NDArray[np.float64]:
-    """Return (W,) half the thickness [m] of what is solid behind (to the right of) each wall, ``most`` at the most.
-
-    A centre that was pressed into a wall belongs to the nearer face of it.
-    """
-    if not len(walls):
-        return np.empty(0)
-    along = walls[:, 1] - walls[:, 0]
-    along = along / np.hypot(*along.T)[:, None]
-    behind = 2 * most * np.column_stack([along[:, 1], -along[:, 0]])
-    a, b = walls[:, 0] + SLIVER * along, walls[:, 1] - SLIVER * along
-    strips = shapely.polygons(np.stack([a, b, b + behind, a + behind], axis=1))
-    room = shapely.intersection(strips, shapely.buffer(area, -SLIVER))
-    away = shapely.distance(shapely.linestrings(np.stack([a, b], axis=1)), room)
-    return np.where(shapely.is_empty(room), most, np.minimum(0.5 * np.nan_to_num(away), most))

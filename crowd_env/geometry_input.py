@@ -3,6 +3,8 @@
 Areas are polygons with holes, several of them, well-known text (WKT) or corner coordinates; exits are lines or polygons.
 """
 
+import re
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
@@ -11,6 +13,8 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
+
+from crowd_env.foreign_files import foreign_kind
 
 Area: TypeAlias = Polygon | MultiPolygon
 Shape: TypeAlias = BaseGeometry | str | ArrayLike
@@ -21,6 +25,8 @@ _MIN_EXIT = 0.02  # m; below this an exit is a slip of the pen (and could not be
 _LINES = ("LineString", "LinearRing", "MultiLineString")
 _POLYGONS = ("Polygon", "MultiPolygon")
 _NOT_FINITE = " has a coordinate that is not finite; all must be numbers in metres"
+_SRID = re.compile(r"(?:SRID\s*=\s*(\d+)\s*;\s*)?(.*)", re.IGNORECASE | re.DOTALL)
+_CURVED = re.compile(r"\b(CURVEPOLYGON|COMPOUNDCURVE|CIRCULARSTRING|MULTISURFACE|MULTICURVE)\b", re.IGNORECASE)
 _EXIT_FORMS = "'x1,y1,x2,y2' in metres, 'LINESTRING (x1 y1, x2 y2)' or 'POLYGON ((...))'"
 
 
@@ -38,12 +44,23 @@ def from_wkt(text: str, what: str) -> BaseGeometry:
     ValueError
         If the text is not well-known text.
     """
-    try:
-        return shapely.from_wkt(text)
-    except shapely.errors.ShapelyError as error:
-        reason = str(error).split("\n")[0]
+    srid, body = _SRID.match(text.lstrip("\ufeff \t\r\n")).groups()  # type: ignore[union-attr]  # matches anything
+    if srid in ("4326", "4258"):
+        raise ValueError(f"{what} is in degrees (SRID {srid}); project it to metres first")
+    curved = _CURVED.search(body)
+    if curved:
         raise ValueError(
-            f"{what} is not well-known text (WKT), e.g. 'POLYGON ((0 0, 5 0, 5 5, 0 5))': {reason}"
+            f"{what} is a {curved[0].upper()}; curves are not read, write them as many short straight lines"
+        )
+    kind = foreign_kind(body[:4096].encode())
+    form = "well-known text (WKT), e.g. 'POLYGON ((0 0, 5 0, 5 5, 0 5, 0 0))'"
+    if kind is not None:
+        raise ValueError(f"{what} is {kind}, not {form}")
+    try:
+        return shapely.from_wkt(body)
+    except (shapely.errors.ShapelyError, NotImplementedError) as error:
+        raise ValueError(
+            f"{what} is not {form}: {' '.join(str(error).split()) or 'of a kind that is not read'}"
         ) from None
 
 
@@ -180,9 +197,24 @@ def _shape(thing: Any, what: str, kind: type[Polygon] | type[LineString]) -> Bas
 
 
 def _polygon_parts(shape: BaseGeometry, what: str) -> list[Polygon]:
-    if shape.geom_type == "GeometryCollection":
-        return [polygon for part in shapely.get_parts(shape) for polygon in _polygon_parts(part, f"a part of {what}")]
-    if shape.geom_type not in _POLYGONS:
-        allowed = "a POLYGON, a MULTIPOLYGON or a GEOMETRYCOLLECTION of them"
-        raise ValueError(f"{what} is a {shape.geom_type}; it must be {allowed}")
-    return list(shapely.get_parts(shape))
+    """Return the polygons of a shape; points and lines that stand beside polygons in a collection are left out."""
+    allowed = "a POLYGON, a MULTIPOLYGON or a GEOMETRYCOLLECTION of them"
+    parts = _flat(shape)
+    polygons = [part for part in parts if part.geom_type == "Polygon"]
+    if parts and not polygons:
+        within, kind = (
+            ("a part of ", parts[0].geom_type) if shape.geom_type == "GeometryCollection" else ("", shape.geom_type)
+        )
+        raise ValueError(f"{within}{what} is a {kind}; it must be {allowed}")
+    if len(polygons) < len(parts):
+        kinds = sorted({part.geom_type for part in parts if part.geom_type != "Polygon"})
+        left_out = len(parts) - len(polygons)
+        warnings.warn(f"{what}: {left_out} parts that enclose nothing are left out ({', '.join(kinds)})", stacklevel=4)
+    return polygons
+
+
+def _flat(shape: BaseGeometry) -> list[BaseGeometry]:
+    """Return the parts of a shape, and their parts."""
+    if shape.geom_type != "GeometryCollection" and not shape.geom_type.startswith("Multi"):
+        return [shape]
+    return [one for part in shapely.get_parts(shape) for one in _flat(part)]

@@ -100,7 +100,8 @@ class Groups:
     def _shares(self, count: int) -> list[int]:
         """Share people out by the largest remainders, at least one a group."""
         if count < len(self.parts):
-            raise ValueError(f"{count} people for {len(self.parts)} groups; each needs at least 1")
+            people = f"{count} {'person' if count == 1 else 'people'}"
+            raise ValueError(f"{people} for {len(self.parts)} groups; each needs at least 1")
         exact = np.array([part.count for part in self.parts]) * (count / self.count)
         shares = np.maximum(np.floor(exact + 1e-9), 1).astype(int)
         while shares.sum() < count:

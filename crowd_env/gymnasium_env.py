@@ -8,12 +8,13 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector import AutoresetMode
 
+from crowd_env.client_input import as_numbers, check_options
 from crowd_env.env import CrowdEnv, Step
 from crowd_env.scenario import Scenario
-from crowd_env.state import as_grid
+from crowd_env.state import Bools, as_grid
+from crowd_env.vector_env import Advanced, BatchVectorEnv, as_autoreset_mode
 
 
 def _spaces(env: CrowdEnv) -> tuple[gymnasium.spaces.Box, gymnasium.Space]:
@@ -36,12 +37,23 @@ def _per_room(env: CrowdEnv, step: Step) -> tuple[np.ndarray, np.ndarray, np.nda
     return reward, np.logical_and(step.info["finished"], ~truncated), np.asarray(truncated)
 
 
+def _told(env: CrowdEnv, step: Step, active: Bools) -> dict[str, Any]:
+    """Return what there is to tell of each room: terms of the reward and who is inside (E, N), diagnostics (E,)."""
+    terms = {name: values for name, values in step.info.items() if name.startswith("reward/")}
+    told: dict[str, Any] = {name: as_grid(values, env.num_envs) for name, values in terms.items()}
+    return {**told, "active": as_grid(active, env.num_envs), "diagnostics": step.info["diagnostics"]._asdict()}
+
+
 class CrowdGymEnv(gymnasium.Env):
     """One room, one controller for all N people.
 
     Observation (N, D) and action (N, 2) (or N choices of 9) are the rows of `CrowdEnv`, which see; reward is the mean over
-    the N people.  Terminated when everyone is out, truncated at the time limit.  ``info["active"]`` (N,) is true for those
-    who are inside.
+    the N people.  An action of None lets everyone follow the rule.  Terminated when everyone is out, truncated at the time
+    limit.
+
+    The info of a step holds the terms of the reward, unweighted, as ``reward/<name>`` (N,); ``active`` (N,), who is inside;
+    ``diagnostics``, a dictionary of what the contact solver did; and in the last step of an episode ``metrics``, the fields of
+    `EpisodeMetrics` as a dictionary.  That of a reset holds ``active``.
 
     Parameters
     ----------
@@ -67,17 +79,30 @@ class CrowdGymEnv(gymnasium.Env):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an evacuation; the same seed gives the same people in the same places."""
+        check_options(options)
         super().reset(seed=seed)
         # Without a seed the episode follows from Gymnasium's own generator, so that one seed fixes a whole series.
         draw = int(self.np_random.integers(2**31)) if seed is None else seed
-        observation, info = self.env.reset([draw])
-        return observation, {**info, "active": self.env.active.copy()}
+        observation, _ = self.env.reset([draw])
+        return observation, {"active": self.env.active.copy()}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Advance by one decision step."""
+        """Advance by one decision step.
+
+        Raises
+        ------
+        ValueError
+            If the action is malformed or not finite, or before the first `reset`.
+        """
+        if action is not None:
+            action = as_numbers(action, self.action_space.shape or (), "the action")
         step = self.env.step(action)
         reward, terminated, truncated = _per_room(self.env, step)
-        info = {**step.info, "active": self.env.active.copy()}
+        told = _told(self.env, step, self.env.active.copy())
+        info: dict[str, Any] = {name: values[0] for name, values in told.items() if name != "diagnostics"}
+        info["diagnostics"] = {name: values[0].item() for name, values in told["diagnostics"].items()}
+        for metrics in step.info["metrics"].values():
+            info["metrics"] = metrics._asdict()
         return step.observation, float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
 
     def render(self) -> np.ndarray | None:
@@ -90,17 +115,23 @@ class CrowdGymEnv(gymnasium.Env):
         return frame
 
 
-class CrowdVectorEnv(VectorEnv):
+class CrowdVectorEnv(BatchVectorEnv):
     """Many rooms in one array, stepped together; each row is what `CrowdGymEnv` gives.
 
-    A room that has finished starts anew in the same step: its row shows the first observation of the next episode and
-    ``info["final_obs"]`` the last of the old one, where ``info["_final_obs"]`` is true.
+    Infos and restarts are those of `BatchVectorEnv`, which see: a room that has finished begins anew in the same step unless
+    ``autoreset_mode`` says otherwise.
 
     Parameters
     ----------
     scenario : name in ``SCENARIOS``, a Scenario, or several with the same number of people, dealt out in turn.
     num_envs : number of rooms E.
+    autoreset_mode : "SameStep", "NextStep" or "Disabled".
     options : everything else `CrowdEnv` takes.
+
+    Raises
+    ------
+    ValueError
+        If any of these is unknown, out of range, or does not fit together.
     """
 
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
@@ -111,38 +142,38 @@ class CrowdVectorEnv(VectorEnv):
         *,
         num_envs: int = 1,
         render_mode: None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         **options: Any,
     ) -> None:
         if render_mode is not None:
             raise ValueError("a batch is not rendered; make one environment with a render_mode instead")
         if "autoreset" in options:
-            raise ValueError(
-                "a VectorEnv always restarts a finished room in the same step; autoreset belongs to CrowdEnv"
-            )
-        self.env = CrowdEnv(scenario, num_envs=num_envs, autoreset=True, **options)
-        self.render_mode = None
-        self.num_envs = num_envs
-        self.single_observation_space, self.single_action_space = _spaces(self.env)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+            raise ValueError("autoreset belongs to CrowdEnv; a VectorEnv takes autoreset_mode")
+        mode = as_autoreset_mode(autoreset_mode)
+        self.env = CrowdEnv(scenario, num_envs=num_envs, autoreset=mode is AutoresetMode.SAME_STEP, **options)
+        observation, action = _spaces(self.env)
+        everyone = np.ones((num_envs, self.env.num_people // num_envs), dtype=np.bool_)
+        super().__init__(num_envs, observation, action, {"active": everyone}, mode)
 
-    def reset(
-        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start all rooms anew; ``seed`` as in `CrowdEnv.reset`."""
-        observation, info = self.env.reset(seed)
-        return as_grid(observation, self.num_envs), {**info, "active": as_grid(self.env.active.copy(), self.num_envs)}
+    def _begin(self, seed: int | Sequence[int] | None, mask: Bools | None) -> np.ndarray:
+        return as_grid(self.env.reset(seed, mask)[0], self.num_envs)
 
-    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Advance every room by one decision step."""
-        flat = np.asarray(actions).reshape(self.env.num_people, *np.shape(actions)[2:])
-        step = self.env.step(flat)
+    def _advance(self, actions: np.ndarray) -> Advanced:
+        step = self.env.step(actions.reshape(self.env.num_people, *actions.shape[2:]))
         reward, terminated, truncated = _per_room(self.env, step)
-        info = {**step.info, "active": as_grid(self.env.active.copy(), self.num_envs)}
-        final = info.pop("final_observation", None)
-        if final is not None:
-            info["final_obs"], info["_final_obs"] = as_grid(final, self.num_envs), step.info["finished"]
-        return as_grid(step.observation, self.num_envs), reward, terminated, truncated, info
+        final = step.info.get("final_observation")
+        active = self.env.active.copy()
+        if final is not None:  # where a room began anew nobody was inside in the end
+            active[step.info["finished"][self.env.env_of_person]] = False
+        return Advanced(
+            as_grid(step.observation, self.num_envs),
+            None if final is None else as_grid(final, self.num_envs),
+            reward,
+            terminated,
+            truncated,
+            _told(self.env, step, active),
+            step.info["metrics"],
+        )
 
 
 def make_vec(

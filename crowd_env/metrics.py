@@ -23,6 +23,10 @@ class EpisodeMetrics(NamedTuple):
     max_overlap: float  # m
     mean_overlap: float  # m    over all overlapping contacts of all steps
     max_outside: float  # m    furthest reach of a body beyond a wall
+    max_speed: float  # m/s  of anyone, after any physics step
+    escaped: (
+        int  # people found outside of the walkable area after any decision, by position; 0 unless something is wrong
+    )
     residual: float  # m/s  worst solver residual
     unconverged: int  # physics steps that ended above the solver's tolerance
 

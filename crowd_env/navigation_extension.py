@@ -6,7 +6,7 @@ Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacin
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._jit import inner_kernel, kernel
+from crowd_env._jit import allocating_kernel, inner_kernel, kernel
 from crowd_env.navigation_lookup import crosses
 
 Floats = NDArray[np.float64]
@@ -175,3 +175,31 @@ def _fill(time: Floats, direction: Floats, inside: Bools, known: Bools, spacing:
                 direction[i, j, 0], direction[i, j, 1] = (q - j) / np.sqrt(least), (p - i) / np.sqrt(least)
                 if lost:
                     time[i, j] = time[p, q] + spacing * np.sqrt(least)
+
+
+@allocating_kernel
+def carried_along(time: Floats, value: Floats) -> Floats:
+    """Return for every node the ``value`` of the place where the way from it ends: it is constant along ways.
+
+    Upwind differences of grad(value) . grad(time) = 0 (Adalsteinsson and Sethian 1999, eq 16), so that what is carried lies
+    between the least and the greatest value at the ends.  Nodes outside (nan) keep their own.
+    """
+    rows, cols = time.shape
+    carried = value.copy()
+    for n in np.argsort(time.ravel()):  # nan last
+        i, j = n // cols, n % cols
+        here = time[i, j]
+        if np.isnan(here):
+            break
+        total, weights = 0.0, 0.0
+        for axis in range(2):
+            least, k, m = here, i, j
+            for step in (-1, 1):
+                p, q = (i + step, j) if axis == 0 else (i, j + step)
+                if 0 <= p < rows and 0 <= q < cols and time[p, q] < least:  # false for nan
+                    least, k, m = time[p, q], p, q
+            total += (here - least) * carried[k, m]
+            weights += here - least
+        if weights > 0.0:
+            carried[i, j] = total / weights
+    return carried

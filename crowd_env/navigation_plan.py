@@ -20,6 +20,8 @@ _FINEST = 0.01  # m; narrow passages are looked for down to this spacing ...
 _FINE_NODES = 1.6e6  # ... and up to this many nodes ...
 _SLACK = 0.75  # spacings; ... and half as wide as this too narrow, so that four neighbours connect in any direction
 _MAX_NODES = 3e7
+_MOST_DILATION = 0.4  # m, half a door: in the largest places
+_SMALL_BODY = 0.1  # m; the grid of smaller ones is not made coarser: their passages would not be seen
 SOURCE = 1.5  # spacings; nodes this near to an exit start the march
 _TOUCH = 1e-7  # m
 
@@ -112,6 +114,35 @@ def _nodes(geometry: Geometry, spacing: float) -> tuple[int, int]:
     return rows, cols
 
 
+def _finest(geometry: Geometry, wanted: float) -> float:
+    """Return the smallest distance between nodes [m], not below ``wanted``, with which the box of a place holds few enough."""
+    while np.prod([float(n) for n in _nodes(geometry, wanted)]) > _MAX_NODES:
+        x0, y0, x1, y1 = geometry.bounds
+        wanted = max(1.001 * wanted, float(np.sqrt((x1 - x0) * (y1 - y0) / _MAX_NODES)))
+    return wanted
+
+
+def require_grid(geometry: Geometry, min_radius: float) -> None:
+    """Raise ValueError, before anything is allocated, if a place is too large for a grid that shows ways for bodies so small.
+
+    Nodes lie no further apart than half of what the walls are dilated by, so that no way leads across a thin wall.  In a
+    place so large that this would be too many nodes, walls are dilated by more than a body, but never by more than lets
+    people through a door of 0.8 m.
+    """
+    x0, y0, x1, y1 = geometry.bounds
+    spacing = _finest(geometry, min_radius / 2)
+    if 2 * spacing > max(_MOST_DILATION, min_radius):
+        raise ValueError(
+            f"a plan of {x1 - x0:.0f} m x {y1 - y0:.0f} m needs more than {_MAX_NODES:.0e} nodes; check that its "
+            "coordinates are in metres, or take a part of it"
+        )
+    if spacing > min_radius / 2 and min_radius < _SMALL_BODY:
+        raise ValueError(
+            f"bodies of radius {min_radius:g} m in a plan of {x1 - x0:.1f} m x {y1 - y0:.1f} m need more than "
+            f"{_MAX_NODES:.0e} nodes; take larger bodies or a smaller plan"
+        )
+
+
 def choose_spacing(plan: Plan, spacing: float | None) -> float:
     """Return the distance between nodes [m]: ``spacing`` if it is given and fine enough, else what suits the plan.
 
@@ -119,21 +150,29 @@ def choose_spacing(plan: Plan, spacing: float | None) -> float:
     ------
     ValueError
         If it is coarser than half the smallest body, or the plan needs too many nodes.
+
+    Warns
+    -----
+    UserWarning
+        If the plan is so large that ways keep further from walls than a body needs.
     """
     x0, y0, x1, y1 = plan.geometry.bounds
     largest = plan.min_radius / 2
+    require_grid(plan.geometry, plan.min_radius)
     if spacing is None:
         spacing = min(max(_SPACING, float(np.sqrt((x1 - x0) * (y1 - y0) / _NODES))), largest)
     elif not 0 < spacing <= largest * (1 + 1e-9):
         raise ValueError(
             f"spacing is {spacing:g} m; it must be positive and at most half the smallest radius, {largest:g} m"
         )
-    if np.prod([float(n) for n in _nodes(plan.geometry, spacing)]) > _MAX_NODES:
-        raise ValueError(
-            f"a plan of {x1 - x0:.0f} m x {y1 - y0:.0f} m with bodies of {plan.min_radius:g} m needs more than "
-            f"{_MAX_NODES:.0e} nodes; check that its coordinates are in metres"
+    finest = _finest(plan.geometry, spacing)
+    if finest > largest * (1 + 1e-9):
+        warnings.warn(
+            f"the plan is {x1 - x0:.0f} m x {y1 - y0:.0f} m: ways are looked for on a grid of {finest:.3f} m, and only through "
+            f"passages wider than {4 * finest:.2f} m",
+            stacklevel=3,
         )
-    return spacing
+    return finest
 
 
 def _make_grid(plan: Plan, spacing: float) -> Grid:
@@ -154,17 +193,18 @@ def _make_grid(plan: Plan, spacing: float) -> Grid:
 
 def _attempts(plan: Plan, spacing: float) -> Iterator[tuple[float, float, float]]:
     """Yield (body radius, dilation, spacing) in the order of preference: the full radius, finer grids, smaller radii."""
+    least = max(plan.min_radius, 2 * spacing)  # nodes on both sides of a thin wall must be no neighbours
+    most = max(plan.radius, least)
     finer = [spacing]
-    while (
-        finer[-1] / 2 >= _FINEST - 1e-9
-        and np.prod([1.0 * n for n in _nodes(plan.geometry, finer[-1] / 2)]) < _FINE_NODES
+    while finer[-1] / 2 >= _FINEST - 1e-9 and np.prod([1.0 * n for n in _nodes(plan.geometry, finer[-1] / 2)]) < min(
+        _FINE_NODES, _MAX_NODES
     ):
         finer.append(finer[-1] / 2)
     fits = min(plan.widest.values(), default=np.inf) / 2 + _TOUCH
-    for body in np.linspace(plan.radius, plan.min_radius, 5 if plan.min_radius < plan.radius else 1).tolist():
+    for body in np.linspace(most, least, 5 if least < most else 1).tolist():
         if body > fits:
             continue
-        last = body in (plan.radius, plan.min_radius)
+        last = body in (most, least)
         yield from ((body, body, h) for h in (finer if last else finer[:2]))
         if last:  # a passage exactly as wide as the body holds no chain of nodes, unless one lies on its axis: allow it
             yield body, body - _SLACK * finer[-1], finer[-1]
@@ -179,7 +219,8 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, float, Bools]:
         If at the smallest radius an exit, or a part of the area larger than a body, is still closed off.
     """
     nodes: Grid | None = None
-    problem = ""
+    narrowest = min(plan.widest, key=plan.widest.__getitem__, default="")
+    problem = f"exit {narrowest!r} is too narrow"  # if nothing can be tried
     for body, radius, h in _attempts(plan, spacing):
         if nodes is None or nodes.spacing != h:
             nodes = _make_grid(plan, h)
@@ -192,7 +233,8 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, float, Bools]:
             if near.any():
                 closed.discard(name)
         label = np.asarray(grid.connected_parts(free, seeds))
-        lost = _lost_part(label, nodes, plan.min_radius)
+        smallest = max(plan.min_radius, 2 * spacing)
+        lost = _lost_part(label, nodes, smallest)
         if lost is not None and plan.partial:
             warnings.warn(
                 f"as the doors stand, no exit can be reached from ({lost[0]:.2f}, {lost[1]:.2f}): people wait there",
@@ -212,9 +254,8 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, float, Bools]:
         else:
             what = "no exit can" if plan.goal is None else "the region that the way leads to cannot"
             problem = f"{what} be reached from ({lost[0]:.2f}, {lost[1]:.2f})"  # type: ignore[index]
-    raise ValueError(
-        f"{problem} for a body of diameter {2 * plan.min_radius:.2f} m; widen the passage or open an exit there"
-    )
+    smallest = max(plan.min_radius, 2 * spacing)
+    raise ValueError(f"{problem} for a body of diameter {2 * smallest:.2f} m; widen the passage or open an exit there")
 
 
 def in_goal(plan: Plan, nodes: Grid) -> Bools:
@@ -260,8 +301,9 @@ def require_reached(plan: Plan, nodes: Grid, unknown: Bools) -> None:
     """Refuse a place that the smallest body stands in but that the extension did not reach."""
     if plan.partial:
         return
-    stands = unknown & nodes.inside & (nodes.clearance >= plan.min_radius - _TOUCH)
+    least = max(plan.min_radius, 2 * nodes.spacing)
+    stands = unknown & nodes.inside & (nodes.clearance >= least - _TOUCH)
     label = grid.connected_parts(stands, np.zeros_like(stands))
-    lost = _lost_part(np.asarray(label), nodes, plan.min_radius)
+    lost = _lost_part(np.asarray(label), nodes, least)
     if lost is not None:
         raise ValueError(f"no exit can be reached from ({lost[0]:.2f}, {lost[1]:.2f}); open an exit there")

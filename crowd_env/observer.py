@@ -26,8 +26,8 @@ class Observer:
     Attributes
     ----------
     direction : (P, 2) of the shortest path, of whoever was last seen.
-    travel_time, travel_time_before : (P,) s, to an exit at the own desired speed, now and at the observation before; that of
-        someone who is on another way now is the same as now: another way is no progress.
+    travel_time : (P,) s, of the rest of the way at the own desired speed.
+    potential : (P,) s, travel time by which progress is counted, see `crowd_env.ways.Way.potential`.
     rows : where the memory of observations comes from.
     """
 
@@ -36,9 +36,8 @@ class Observer:
         self.simulation, self.layout = simulation, layout
         self.direction = np.zeros((people, 2))
         self.travel_time = np.zeros(people)
-        self.travel_time_before = np.zeros(people)
+        self.potential = np.zeros(people)
         self.rows = Recycled((people, layout.size), np.float32)
-        self._looked_up = np.full(people, -1, dtype=np.int64)
         self._axis = np.tile([1.0, 0.0], (people, 1)) if in_world else self.direction
         self._seen = np.zeros(people, dtype=np.bool_)
         self._who = np.zeros(people, dtype=np.int32)
@@ -83,6 +82,7 @@ class Observer:
                     geometry_of_env=world.geometry_of_env,
                     field=world.field,
                     field_of_route=world.guidance.field_of_route,
+                    potential_of_route=self.simulation.wayfinder.potential_of_route,
                     followed=memory.followed,
                     bodies=self.simulation.bodies,
                     state=self.simulation.state,
@@ -94,8 +94,7 @@ class Observer:
                     axis=self._axis,
                     direction=self.direction,
                     travel_time=self.travel_time,
-                    travel_time_before=self.travel_time_before,
-                    looked_up=self._looked_up,
+                    potential=self.potential,
                 )
             )
         return self._view

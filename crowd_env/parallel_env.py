@@ -11,7 +11,9 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
 
 from crowd_env.action import action_space
+from crowd_env.client_input import as_numbers, check_options, shown
 from crowd_env.env import CrowdEnv
+from crowd_env.global_state import StateLayout, StateReader
 from crowd_env.scenario import Scenario
 from crowd_env.state import Bools, Floats, Ints
 
@@ -25,8 +27,9 @@ class CrowdParallelEnv(ParallelEnv):
     agent, lets the rule decide: the pedestrian walks the shortest path.  Learned and ruled pedestrians can share a room.
 
     Who gets out leaves ``agents`` in the step in which he gets out, with his last observation and reward and
-    ``terminated = True``.  At the time limit all who are left are truncated.  After the end, ``step({})`` returns five empty
-    dictionaries.  ``reset`` ignores options it does not know.
+    ``terminated = True``.  Actions for him are ignored from then on, whatever they are: clients with a fixed group of agents
+    go on sending some.  At the time limit all who are left are truncated.  After the end, ``step`` returns five empty
+    dictionaries.
 
     The info of an agent holds the terms of his reward, unweighted, as ``reward/<name>``, and in the last step of an episode
     its ``metrics``.  Infos are written when they are first looked at, see `UnreadInfos`; nothing changes them later.
@@ -37,6 +40,16 @@ class CrowdParallelEnv(ParallelEnv):
     render_mode : None, "rgb_array" or "human".
     max_cycles : decision steps after which the episode is truncated; replaces ``time_limit``.
     options : everything else `CrowdEnv` takes: scheme, dt, decision_dt, frame, action, observation, reward ...
+
+    Attributes
+    ----------
+    possible_agents, agents : names of all pedestrians, and of those who are inside; of nobody before the first `reset`.
+    state_layout, state_space : what the numbers of `state` mean, and their bounds.
+
+    Raises
+    ------
+    ValueError
+        If any of these is unknown, out of range, or does not fit together.
 
     Examples
     --------
@@ -72,8 +85,10 @@ class CrowdParallelEnv(ParallelEnv):
         self._slots: Ints | slice = slice(None)  # of the agents
         self._nobody: dict[str, bool] = {}  # False for each of the agents
         self._slot = {agent: i for i, agent in enumerate(self.possible_agents)}
-        people = self.env.num_people
-        self.state_space = gymnasium.spaces.Box(-np.inf, np.inf, (people * 5 + 1,), np.float32)
+        self._state = StateReader(self.env)
+        self.state_layout: StateLayout = self._state.layout
+        self.state_space = self.state_layout.space()
+        self._begun = False
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.env.decision_dt)}
         self._observation_spaces = {a: copy.deepcopy(self.env.single_observation_space) for a in self.possible_agents}
         self._action_spaces = {a: action_space(self.env.action_kind) for a in self.possible_agents}
@@ -87,8 +102,8 @@ class CrowdParallelEnv(ParallelEnv):
 
     @max_cycles.setter
     def max_cycles(self, cycles: int) -> None:
-        if cycles < 1:
-            raise ValueError(f"max_cycles is {cycles}; it must be at least 1")
+        if isinstance(cycles, bool) or not isinstance(cycles, int | np.integer) or cycles < 1:
+            raise ValueError(f"max_cycles is {cycles!r}; it must be a whole number >= 1")
         self.env.time_limit[:] = cycles * self.env.decision_dt
 
     # Every agent has its own space, made once: seeding one must not seed another.
@@ -103,8 +118,16 @@ class CrowdParallelEnv(ParallelEnv):
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
-        """Start an evacuation; the same seed gives the same people in the same places."""
+        """Start an evacuation; the same seed gives the same people in the same places.
+
+        Raises
+        ------
+        ValueError
+            If the seed is no whole number >= 0, or there are options: all are given when the environment is made.
+        """
+        check_options(options, idle=("options",))  # PettingZoo's own checkers give it to every environment
         observation, _ = self.env.reset(None if seed is None else [seed])
+        self._begun = True
         self._let_stay(list(self.possible_agents), slice(None))
         if self.render_mode == "human":
             self.render()
@@ -118,12 +141,13 @@ class CrowdParallelEnv(ParallelEnv):
         Raises
         ------
         ValueError
-            If an action is malformed or not finite, or belongs to someone who is not inside.
+            If an action is malformed or not finite or belongs to an agent that there never was, or before the first `reset`.
         """
+        self._check_begun("the first step")
+        action, rule = self._gather(actions)
         if not self.agents:
             return {}, {}, {}, {}, {}
         agents, slots = self.agents, self._slots
-        action, rule = self._gather(actions)
         step = self.env.step(action, rule)
         observations = dict(zip(agents, step.observation[slots], strict=True))
         rewards = dict(zip(agents, step.reward[slots].tolist(), strict=True))
@@ -143,44 +167,63 @@ class CrowdParallelEnv(ParallelEnv):
         self.agents, self._slots = agents, slots
         self._nobody = dict.fromkeys(agents, False)
 
+    def _check_begun(self, what: str) -> None:
+        if not self._begun:
+            raise ValueError(f"call reset before {what}")
+
     def _gather(self, actions: Mapping[str, Any]) -> tuple[Floats, Bools | None]:
         """Return actions by slot, and who follows the rule; None if nobody does."""
+        if not isinstance(actions, Mapping):
+            raise ValueError(
+                f"actions is {shown(actions)}; it must be a dictionary of agents and their actions "
+                "(who is not in it follows the rule)"
+            )
         gathered = np.zeros((self.env.num_people, *(self.env.single_action_space.shape or ())))
-        if list(actions) == self.agents and (whole := _stacked(list(actions.values()), gathered.shape[1:])) is not None:
+        if list(actions) != self.agents:
+            for agent in actions:
+                if agent not in self._slot:
+                    known = f"{self.possible_agents[0]} to {self.possible_agents[-1]}"
+                    raise ValueError(f"action for {agent!r}: there is no such agent; known: {known}")
+            actions = {agent: actions[agent] for agent in self.agents if agent in actions}  # who is out acts no more
+        if (
+            len(actions) == len(self.agents)
+            and (whole := _stacked(list(actions.values()), gathered.shape[1:])) is not None
+        ):
             gathered[self._slots] = whole
             return gathered, None
         rule = np.ones(self.env.num_people, dtype=np.bool_)
-        known = set(self.agents)
-        for agent in actions:
-            if agent not in known:
-                known_text = f"{len(known)} agents are inside" if agent in self._slot else "there is no such agent"
-                raise ValueError(f"action for {agent!r}, who is not inside: {known_text}")
-        for i, action in [(self._slot[agent], action) for agent, action in actions.items() if action is not None]:
-            shape = np.shape(action)
-            if shape != gathered.shape[1:]:
-                raise ValueError(
-                    f"action of {self.possible_agents[i]} has the shape {shape}; it must be {gathered.shape[1:]}"
-                )
-            gathered[i] = action
-            rule[i] = False
+        for agent, action in actions.items():
+            if action is not None:
+                i = self._slot[agent]
+                gathered[i] = as_numbers(action, gathered.shape[1:], f"action of {agent}")
+                rule[i] = False
         return gathered, rule
 
     def state(self) -> np.ndarray:
-        """Return the whole crowd (5 N + 1,) float32 for a centralised critic.
+        """Return the whole crowd (``state_layout.size``,) float32 for a centralised critic, see `StateLayout`.
 
-        Position [m], velocity [m/s] and whether still inside, for everyone in turn (zeros for those who are out); then the
-        time left [s].
+        Bodies, places, velocities and ways of everybody, the exits and the time left, in SI units.  The length depends on the
+        number of people and of exit lines alone.
+
+        Raises
+        ------
+        ValueError
+            Before the first `reset`.
         """
-        crowd = self.env.simulation.state
-        inside = crowd.active[:, None]
-        rows = np.concatenate([crowd.position * inside, crowd.velocity * inside, inside], axis=1)
-        left = self.env.time_limit[0] - crowd.time[0]
-        return np.append(rows.ravel(), left).astype(np.float32)
+        self._check_begun("state")
+        return self._state.read()
 
     def render(self) -> np.ndarray | None:
-        """Return a frame (H, W, 3) uint8, or show it in a window; None without a render mode."""
+        """Return a frame (H, W, 3) uint8, or show it in a window; None without a render mode.
+
+        Raises
+        ------
+        ValueError
+            Before the first `reset`.
+        """
         if self.render_mode is None:
             return None
+        self._check_begun("render")
         from crowd_env.rendering import Window
         from crowd_env.rendering.live import draw_env
 

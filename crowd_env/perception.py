@@ -5,7 +5,7 @@ other is looked at from all sides: what is known of twenty people stays in the c
 """
 
 from crowd_env._jit import index, inner_kernel, kernel
-from crowd_env.navigation_lookup import way_at
+from crowd_env.navigation_lookup import travel_time_at, way_at
 from crowd_env.state import Bools, Ints
 from crowd_env.surroundings import clipped, look_around
 from crowd_env.view import (
@@ -59,10 +59,9 @@ def muster(begin: int, end: int, seen: Bools, who: Cells, out: Rows) -> int:
 
 @inner_kernel
 def look_ahead(e: int, begin: int, end: int, view: View) -> None:
-    """Write direction and travel time of the route that those in ``who[begin:end]`` follow.
+    """Write direction, travel time and potential of the route that those in ``who[begin:end]`` follow.
 
-    `View.travel_time_before` becomes the travel time as it was, or, if it was by another field, as it is now: another way is
-    no progress.
+    The potential is a travel time too, by a field that depends on route and doors alone: most often it is the same one.
     """
     position, radius, active, speed = (
         view.state.position,
@@ -70,16 +69,18 @@ def look_ahead(e: int, begin: int, end: int, view: View) -> None:
         view.state.active,
         view.bodies.desired_speed,
     )
-    travel_time, looked_up = view.travel_time, view.looked_up
+    travel_time, potential, walls = view.travel_time, view.potential, view.boundary
     for n in range(index(begin), index(end)):
         i = view.who[n]
-        f = view.field_of_route[e, view.followed[i]]
-        ex, ey, length = way_at(view.field, view.boundary, f, position[i, 0], position[i, 1], radius[i])
-        # Someone who does not want to move would need for ever: the time at a slow walk stands in.
-        now = length / max(speed[i], 0.1) if active[i] else 0.0
+        route, x, y, r = view.followed[i], position[i, 0], position[i, 1], radius[i]
+        f, p = view.field_of_route[e, route], view.potential_of_route[e, route]
+        ex, ey, length = way_at(view.field, walls, f, x, y, r)
         view.direction[i, 0], view.direction[i, 1] = ex, ey
-        view.travel_time_before[i] = travel_time[i] if looked_up[i] == f else now
-        looked_up[i], travel_time[i] = f, now
+        left = length if p == f else travel_time_at(view.field, walls, p, x, y, r)
+        # Someone who does not want to move would need for ever: the time at a slow walk stands in.
+        pace = max(speed[i], 0.1)
+        travel_time[i] = length / pace if active[i] else 0.0
+        potential[i] = left / pace if active[i] else 0.0
 
 
 @inner_kernel

@@ -9,6 +9,7 @@ import numpy as np
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform
 from crowd_env.geometry import Boundary, Geometry
+from crowd_env.placement_checks import check_starts, closest_pair
 from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "closest_pair",
     "place",
     "require_names",
+    "require_room",
 ]
 
 # Equal discs cannot cover more of the plane than a hexagonal packing does.
@@ -29,6 +31,7 @@ _CLOSEST_PACKING = np.pi / np.sqrt(12.0)
 # Random placement one by one jams near 0.547; above this share people are set on a hexagonal lattice instead.
 _RANDOM_LIMIT = 0.45
 _ROUNDS = 400
+_MOST_CELLS = 4e6
 
 # Their draws need no check: the bounds have been checked.
 _KEEP_THEIR_BOUNDS = (Uniform, Normal, LogNormal)
@@ -58,6 +61,8 @@ class Population:
     name: str = ""
 
     def __post_init__(self) -> None:
+        if isinstance(self.count, bool) or not isinstance(self.count, int | np.integer):
+            raise ValueError(f"population: count is {self.count!r}; it must be a whole number of people")
         if self.count < 1:
             raise ValueError(f"a population needs at least 1 person, not {self.count}")
         for name, least in (("radius", 0.0), ("mass", 0.0), ("relaxation_time", 0.0)):
@@ -74,6 +79,10 @@ class Population:
                 )
             if self.start_region is not None:
                 raise ValueError(f"people have recorded starts or the start region {self.start_region!r}, not both")
+        if isinstance(self.exits, str):  # type: ignore[unreachable]  # a tuple of letters to whoever reads it
+            raise ValueError(
+                f"population: exits is the text {self.exits!r}; it must be a list of names: ({self.exits!r},)"
+            )
         if self.route is not None and self.exits:
             raise ValueError(f"people take the route {self.route!r} or the best of some exits, not both")
 
@@ -133,25 +142,22 @@ def require_names(kind: str, names: Iterable[str | None], known: Iterable[str]) 
             raise ValueError(f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}")
 
 
-def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:
-    """Raise ValueError unless recorded positions lie inside, clear of walls and of each other."""
-    outside = np.flatnonzero(~geometry.contains(starts))
-    if len(outside):
-        k = outside[0]
-        raise ValueError(f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is outside the walkable area")
-    clearance = geometry.clearance(starts)
-    k = int(np.argmin(clearance - radius))
-    if clearance[k] < radius[k] - 1e-9:
-        raise ValueError(
-            f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is {clearance[k]:.3f} m from a wall; "
-            f"its body of radius {radius[k]:.3f} m does not fit"
-        )
-    i, j, gap = closest_pair(np.ascontiguousarray(starts, dtype=np.float64), radius)
-    if gap < -1e-9:
-        raise ValueError(
-            f"starts {i} and {j} overlap by {-gap:.3f} m: their radii add up to {radius[i] + radius[j]:.3f} m; "
-            "take smaller bodies"
-        )
+def require_room(geometry: Geometry, parts: Iterable[Population]) -> None:
+    """Raise ValueError if there are more people than even the closest packing has room for, before any of them is drawn."""
+    waiting: dict[str | None, tuple[int, float]] = {}
+    for part in parts:
+        if part.starts is None:
+            count, cover = waiting.get(part.start_region, (0, 0.0))
+            waiting[part.start_region] = count + part.count, cover + part.count * np.pi * part.radius.low**2
+    for region, (count, cover) in waiting.items():
+        area = geometry.area_of(region)
+        if cover > _CLOSEST_PACKING * area:
+            where = f"{area:.1f} m2" + ("" if region is None else f" of {region!r}")
+            most = int(count * _CLOSEST_PACKING * area / cover)
+            raise ValueError(
+                f"{count} people do not fit without overlap into {where}: even the closest packing of the smallest bodies "
+                f"leaves room for at most {most}"
+            )
 
 
 def place(
@@ -241,7 +247,8 @@ def _place_randomly(
     geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None, standing: Standing | None
 ) -> Floats | None:
     low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
-    size = 2.0 * float(radius.max())
+    # Cells a body wide, or wider in places so large that there would be many more of them than people.
+    size = max(2.0 * float(radius.max()), float(np.sqrt((high_x - low_x) * (high_y - low_y) / _MOST_CELLS)))
     columns, rows = int((high_x - low_x) / size) + 1, int((high_y - low_y) / size) + 1
     boundary, count = geometry.boundary, len(radius)
     cells = np.empty(columns * rows + count, dtype=np.int64)
@@ -360,16 +367,3 @@ def _place_on_lattice(
             return points[rng.permutation(len(points))[: len(radius)]]
     beside = "" if standing is None else f" beside the {len(standing[1])} who stand already"
     raise ValueError(_too_many(radius, area, f"a regular lattice holds {most} there{beside}"))
-
-
-@kernel
-def closest_pair(position: Floats, radius: Floats) -> tuple[int, int, float]:
-    """Return the two discs with the smallest gap, and that gap [m]; all pairs, for checks of the input only."""
-    best_i, best_j, best = 0, 0, np.inf
-    for i in range(len(radius)):
-        for j in range(i + 1, len(radius)):
-            distance = np.hypot(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1])
-            gap = distance - radius[i] - radius[j]
-            if gap < best:
-                best_i, best_j, best = i, j, gap
-    return best_i, best_j, best

@@ -1,4 +1,8 @@
-"""Rewards: a weighted sum of named terms, each reported as ``reward/<name>``."""
+"""Rewards: a weighted sum of named terms, each reported as ``reward/<name>``.
+
+Progress is the loss of a potential, the travel time that is left on the way that one follows: over an episode it sums to the
+travel time at the start less that at the end, whatever happens in between, so that nothing that ends where it began pays.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -7,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env._jit import kernel
-from crowd_env._reference import Reference
+from crowd_env._reference import Reference, refer
+from crowd_env.recycled import Recycled
 from crowd_env.state import Bools, Floats, Ints
 
 
@@ -16,8 +21,8 @@ class Transition(NamedTuple):
 
     inside: Bools  # (P,)   inside at the start
     left: Bools  # (P,)   went out during the step
-    travel_time_before: Floats  # (P,)   s, at the own desired speed
-    travel_time_after: Floats  # (P,)   s, 0 for those who went out
+    travel_time_before: Floats  # (P,)   s, at the own desired speed, by the potential of the way followed then
+    travel_time_after: Floats  # (P,)   s, of the way followed now; 0 for those who went out
     duration: Floats  # (P,)   s inside during the step
     crush: Floats  # (P,)   N s, sum of contact impulse magnitudes
     mass: Floats  # (P,)   kg
@@ -27,9 +32,10 @@ class Transition(NamedTuple):
 # Numbers of the terms that `judge` computes.
 PROGRESS, EXIT, TIME, CONTACT = range(4)
 
-# Name -> law: a function of a `Transition` that returns (P,), or the number of one that is compiled in `judge`.
+# Name -> law: a function of a `Transition` that returns (P,), or the number of one that is compiled in `judge`.  An environment
+# keeps the terms that were here when it was made.
 REWARDS: dict[str, Callable[[Transition], Floats] | int] = {
-    # travel time saved [s]: sums to the travel time from the start, whatever the way
+    # travel time saved [s]: sums to the travel time at the start less that at the end; a switch to another way counts
     "progress": PROGRESS,
     # 1 in the step in which the pedestrian gets out
     "exit": EXIT,
@@ -62,7 +68,7 @@ def judge(step: Transition, weighing: Weighing, terms: Floats, reward: Floats) -
     )
     progress, out, time, contact = weighing.row[PROGRESS], weighing.row[EXIT], weighing.row[TIME], weighing.row[CONTACT]
     for e in range(len(step.env_start) - 1):
-        begin, end, people, total = step.env_start[e], step.env_start[e + 1], 0, 0.0
+        begin, end, total = step.env_start[e], step.env_start[e + 1], 0.0
         for i in range(begin, end):
             if progress >= 0:
                 terms[progress, i] = before[i] - after[i] if inside[i] else 0.0
@@ -77,12 +83,10 @@ def judge(step: Transition, weighing: Weighing, terms: Floats, reward: Floats) -
                 own += weights[k] * terms[order[k], i]
             reward[i] = own
             total += own
-            people += inside[i]
-        if share > 0.0 and people > 0:
-            mean = total / people
+        if share > 0.0:
+            mean = total / (end - begin)  # of all, those who have left too: to be inside is what costs
             for i in range(begin, end):
-                if inside[i]:
-                    reward[i] = (1.0 - share) * reward[i] + share * mean
+                reward[i] = (1.0 - share) * reward[i] + share * mean
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,8 @@ class RewardWeights:
     Parameters
     ----------
     weights : name in ``REWARDS`` -> weight; terms not named weigh nothing but are still reported.
-    team_share : 0 = everyone for oneself; 1 = everyone inside gets the mean over all inside; linear between.
+    team_share : 0 = everyone for oneself; 1 = everyone gets the mean over all N people of the environment, linear between.
+        Those who have left count in the mean with 0, and go on getting their share of it until the episode ends.
 
     Raises
     ------
@@ -104,31 +109,54 @@ class RewardWeights:
     team_share: float = 0.0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "weights", dict(self.weights))
+        _check_known(self.weights)
         for name, weight in self.weights.items():
-            if name not in REWARDS:
-                raise ValueError(f"unknown reward term {name!r}; known: {', '.join(REWARDS)}")
             if not np.isfinite(weight):
                 raise ValueError(f"weight of reward term {name!r} is {weight!r}; it must be finite")
         if not 0.0 <= self.team_share <= 1.0:
             raise ValueError(f"team_share is {self.team_share!r}; it must be in [0, 1]")
 
-    def plan(self) -> Weighing:
-        """Return how the terms in ``REWARDS``, in their order, become one reward."""
+
+def _check_known(names: Mapping[str, float]) -> None:
+    for name in names:
+        if name not in REWARDS:
+            raise ValueError(f"unknown reward term {name!r}; known: {', '.join(REWARDS)}")
+
+
+class RewardFunction:
+    """What the steps of one batch are worth, by the terms that are in `REWARDS` now: later changes do not reach it.
+
+    Parameters
+    ----------
+    weights : of the terms.
+    people : number of slots P.
+
+    Raises
+    ------
+    ValueError
+        If a term that is weighed is no longer in `REWARDS`.
+    """
+
+    def __init__(self, weights: RewardWeights, people: int) -> None:
+        _check_known(weights.weights)
         names = list(REWARDS)
+        self._names = [f"reward/{name}" for name in names]
+        self._own = [(k, law) for k, law in enumerate(REWARDS.values()) if not isinstance(law, int)]
         row = np.full(4, -1, dtype=np.int64)
         for k, law in enumerate(REWARDS.values()):
             if isinstance(law, int):
                 row[law] = k
-        order = np.array([names.index(name) for name in self.weights], dtype=np.int64)
-        weights = np.array(list(self.weights.values()), dtype=np.float64)
-        return Weighing(row, order, weights, float(self.team_share))
+        order = np.array([names.index(name) for name in weights.weights], dtype=np.int64)
+        weight = np.array(list(weights.weights.values()), dtype=np.float64)
+        self._weighing = refer(Weighing(row, order, weight, float(weights.team_share)))
+        self._terms = Recycled((len(names), people))
 
-
-def evaluate(step: Reference, weighing: Reference, terms: Floats) -> Floats:
-    """Return the reward (P,) of a `Transition` and write its terms (K, P), unweighted; 0 for those who were not inside."""
-    for k, law in enumerate(REWARDS.values()):
-        if not isinstance(law, int):
+    def __call__(self, step: Reference) -> tuple[Floats, dict[str, Floats]]:
+        """Return the reward (P,) of a `Transition`, and its terms (P,) each, unweighted; 0 for those who were not inside."""
+        terms = self._terms.take()
+        for k, law in self._own:
             terms[k] = np.where(step.fields.inside, law(step.fields), 0.0)
-    reward = np.empty(terms.shape[1])
-    judge(step, weighing, terms, reward)
-    return reward
+        reward = np.empty(terms.shape[1])
+        judge(step, self._weighing, terms, reward)
+        return reward, dict(zip(self._names, terms, strict=True))

@@ -65,6 +65,8 @@ class SpeedZone:
             raise ValueError(f"speed zone {self.region!r}: speed is {self.speed!r} m/s; it must be > 0 and finite")
         if not 0 < self.factor < np.inf:
             raise ValueError(f"speed zone {self.region!r}: factor is {self.factor!r}; it must be > 0 and finite")
+        if self.speed is None and self.factor == 1.0:
+            raise ValueError(f"speed zone {self.region!r} changes nothing; give it a speed or a factor other than 1")
 
 
 @dataclass(frozen=True)

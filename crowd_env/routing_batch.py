@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from crowd_env.client_input import as_numbers, shown
 from crowd_env.env import CrowdEnv
 from crowd_env.observation import ObservationLayout
 from crowd_env.physics import ContactScheme, make_scheme
@@ -50,14 +51,9 @@ class RoutingBatch:
         threads: int = 1,
         **scenario_options: Any,
     ) -> None:
-        self.weights = {"mean": 0.1, "last": 0.1} if reward is None else dict(reward)
-        for name, weight in self.weights.items():
-            if name not in ("mean", "last"):
-                raise ValueError(f"unknown reward term {name!r}; known: mean, last")
-            if not np.isfinite(weight):
-                raise ValueError(f"weight of reward term {name!r} is {weight!r}; it must be finite")
-        if not 0 < interval < np.inf:
-            raise ValueError(f"the interval between decisions is {interval!r} s; it must be > 0 and finite")
+        self.weights = _weights(reward)
+        if not _is_number(interval) or not 0 < interval < np.inf:
+            raise ValueError(f"the interval between decisions is {interval!r} s; it must be a number > 0 and finite")
         dt = make_scheme(scheme).info.default_dt if dt is None else dt
         if dt > 0 and (abs(interval / dt - round(interval / dt)) > 1e-6 or interval < 0.5 * dt):
             raise ValueError(f"the interval of {interval:g} s is not a whole number of physics steps of dt = {dt:g} s")
@@ -78,13 +74,10 @@ class RoutingBatch:
         geometry, ways = self.scenario.geometry, self.env.ways[0]
         exits = tuple(dict.fromkeys(geometry.exit_names))
         known = tuple(dict.fromkeys((*exits, *(route.name for route in self.scenario.routes))))
-        routes, doors = tuple(routes) or known, tuple(doors)
-        check_names("route", routes, known)
-        if doors and not geometry.doors:
-            raise ValueError(f"scenario {self.scenario.name!r} has no doors; leave `doors` empty")
-        check_names("door", doors, geometry.doors)
+        routes = check_names("route", routes, known) or known
+        doors, regions = check_names("door", doors, geometry.doors), check_names("region", regions, [*geometry.regions])
         self.interval = interval
-        self.regions = named_regions(geometry, regions) if regions else grid_regions(geometry, *grid)
+        self.regions = named_regions(geometry, regions) if regions else grid_regions(geometry, grid)
         self.layout = RoutingLayout(self.regions.names, exits, routes, doors)
         self.choices = np.array([len(routes)] * len(self.regions.names) + [2] * len(doors), dtype=np.int64)
         self._way = np.array([ways.number(name) for name in routes], dtype=np.int64)
@@ -129,10 +122,7 @@ class RoutingBatch:
         return self._observe(inside, step.terminated), reward, terminated, truncated, info
 
     def _checked(self, action: ArrayLike) -> Ints:
-        array = np.asarray(action)
-        shape = (self.env.num_envs, len(self.choices))
-        if array.shape != shape:
-            raise ValueError(f"the actions must have the shape {shape}, not {array.shape}")
+        array = as_numbers(action, (self.env.num_envs, len(self.choices)), "the array of actions")
         bad = np.argwhere(~((array >= 0) & (array < self.choices) & (array == np.floor(array))))
         if len(bad):
             e, k = bad[0]
@@ -193,3 +183,21 @@ class RoutingBatch:
         values = np.ones(len(cell)) if weights is None else weights[known]
         total = np.bincount(cell, weights=values, minlength=self.env.num_envs * places)
         return np.asarray(total, dtype=np.float64).reshape(-1, places)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def _weights(reward: Mapping[str, float] | None) -> dict[str, float]:
+    """Return the weight of each term of the reward that is named."""
+    if reward is None:
+        return {"mean": 0.1, "last": 0.1}
+    if not isinstance(reward, Mapping):
+        raise ValueError(f"reward is {shown(reward)}; it must be a dictionary of weights: reward={{'mean': 0.1}}")
+    for name, weight in reward.items():
+        if name not in ("mean", "last"):
+            raise ValueError(f"unknown reward term {name!r}; known: mean, last")
+        if not _is_number(weight) or not np.isfinite(weight):
+            raise ValueError(f"weight of reward term {name!r} is {weight!r}; it must be a finite number")
+    return dict(reward)

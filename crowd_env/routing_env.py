@@ -8,17 +8,26 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector import AutoresetMode
 
+from crowd_env.client_input import as_numbers, check_options
 from crowd_env.routing_batch import RoutingBatch
 from crowd_env.routing_layout import RoutingLayout
 from crowd_env.scenario import Scenario
+from crowd_env.state import Bools
+from crowd_env.vector_env import Advanced, BatchVectorEnv, as_autoreset_mode
 
 _DEFAULT = "two-exit-hall-v0"
 
 
 def _spaces(batch: RoutingBatch) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.MultiDiscrete]:
+    """Return the spaces of observations and actions; ValueError if every action would be the same."""
+    if (batch.choices == 1).all():
+        doors = ", ".join(batch.scenario.geometry.doors) or "none"
+        raise ValueError(
+            f"scenario {batch.scenario.name!r}: there is nothing to choose, with one route ({batch.layout.routes[0]}) and no "
+            f"door to control (known doors: {doors}); take a scenario with two exits, more routes or a door"
+        )
     return gymnasium.spaces.Box(0.0, 1.0, (batch.layout.size,), np.float32), gymnasium.spaces.MultiDiscrete(
         batch.choices
     )
@@ -93,14 +102,22 @@ class RoutingEnv(gymnasium.Env):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an evacuation; the same seed gives the same people in the same places."""
+        check_options(options)
         super().reset(seed=seed)
         # Without a seed the episode follows from Gymnasium's own generator, so that one seed fixes a whole series.
         draw = int(self.np_random.integers(2**31)) if seed is None else seed
         return self.batch.reset([draw])[0], {"inside": self.batch.env.num_people}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Tell people where to go and let them walk for one interval."""
-        observation, reward, terminated, truncated, info = self.batch.step(np.asarray(action)[None])
+        """Tell people where to go and let them walk for one interval.
+
+        Raises
+        ------
+        ValueError
+            If the action is not one of the choices, or before the first `reset`.
+        """
+        one = as_numbers(action, self.action_space.shape or (), "the action")
+        observation, reward, terminated, truncated, info = self.batch.step(one[None])
         told: dict[str, Any] = {name: values[0].item() for name, values in info.items() if name != "metrics"}
         if info["metrics"]:
             told["metrics"] = info["metrics"][0]._asdict()
@@ -116,52 +133,56 @@ class RoutingEnv(gymnasium.Env):
         return frame
 
 
-class RoutingVectorEnv(VectorEnv):
+class RoutingVectorEnv(BatchVectorEnv):
     """Many evacuations in one array, each with its own controller's action; each row is what `RoutingEnv` gives.
 
-    One that has ended starts anew in the same step: its row shows the first observation of the next episode and
-    ``info["final_obs"]`` the last of the old one, where ``info["_final_obs"]`` is true; ``info["metrics"]`` holds
-    {row: EpisodeMetrics} of the evacuations that have ended.  Every value in ``info`` is about the step just made, also for
-    rows that have started anew.
+    Infos and restarts are those of `BatchVectorEnv`, which see: an evacuation that has ended begins anew in the same step
+    unless ``autoreset_mode`` says otherwise.
 
     Parameters
     ----------
     scenario : name in ``SCENARIOS`` or a Scenario.
     num_envs : number of evacuations E.
+    autoreset_mode : "SameStep", "NextStep" or "Disabled".
     options : everything else `RoutingEnv` takes.
+
+    Raises
+    ------
+    ValueError
+        If any of these is unknown, out of range, or does not fit together.
     """
 
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
 
     def __init__(
-        self, scenario: str | Scenario = _DEFAULT, *, num_envs: int = 1, render_mode: None = None, **options: Any
+        self,
+        scenario: str | Scenario = _DEFAULT,
+        *,
+        num_envs: int = 1,
+        render_mode: None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        **options: Any,
     ) -> None:
         if render_mode is not None:
             raise ValueError("a batch is not rendered; make one environment with a render_mode instead")
+        mode = as_autoreset_mode(autoreset_mode)
         self.batch = RoutingBatch(scenario, num_envs=num_envs, **options)
-        self.render_mode = None
-        self.num_envs = num_envs
-        self.single_observation_space, self.single_action_space = _spaces(self.batch)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        inside = np.full(num_envs, self.batch.env.num_people // num_envs)
+        super().__init__(num_envs, *_spaces(self.batch), {"inside": inside}, mode)
 
     @property
     def layout(self) -> RoutingLayout:
         """What the columns of the observation and the numbers of an action mean."""
         return self.batch.layout
 
-    def reset(
-        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start all evacuations anew; ``seed`` as in `CrowdEnv.reset`."""
-        observation = self.batch.reset(seed)
-        return observation, {"inside": np.full(self.num_envs, self.batch.env.num_people // self.num_envs)}
+    def _begin(self, seed: int | Sequence[int] | None, mask: Bools | None) -> np.ndarray:
+        return self.batch.reset(seed, mask)
 
-    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Tell people where to go and let them walk for one interval."""
+    def _advance(self, actions: np.ndarray) -> Advanced:
         observation, reward, terminated, truncated, info = self.batch.step(actions)
-        over = terminated | truncated
-        if over.any():
-            info["final_obs"], info["_final_obs"] = observation.copy(), over
-            observation[over] = self.batch.reset(mask=over)[over]
-        return observation, reward, terminated, truncated, info
+        metrics = info.pop("metrics")
+        final = None
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and metrics:
+            over = terminated | truncated
+            final, observation = observation, np.where(over[:, None], self.batch.reset(mask=over), observation)
+        return Advanced(observation, final, reward, terminated, truncated, info, metrics)

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowd_env.client_input import shown
 from crowd_env.geometry import Geometry, box
 from crowd_env.state import Floats, Ints
 
@@ -22,37 +24,34 @@ class DecisionRegions(NamedTuple):
 
 
 def named_regions(geometry: Geometry, names: Sequence[str]) -> DecisionRegions:
-    """Return regions of a plan as decision regions; where they overlap the first one counts.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown or given twice.
-    """
-    names = tuple(names)
-    check_names("region", names, tuple(geometry.regions))
-
-    def locate(position: Floats) -> Ints:
-        inside = np.stack([geometry.contains(position, name) for name in names])
-        return np.where(inside.any(axis=0), inside.argmax(axis=0), -1).astype(np.int64)
-
+    """Return regions of a plan as decision regions; where they overlap the first one counts."""
     floors = [geometry.walkable.intersection(geometry.regions[name]) for name in names]
     centre = np.array([(floor.centroid.x, floor.centroid.y) for floor in floors])
-    return DecisionRegions(names, np.array([floor.area for floor in floors]), centre, locate)
+    locate = partial(_first_that_holds, geometry, tuple(names))
+    return DecisionRegions(tuple(names), np.array([floor.area for floor in floors]), centre, locate)
 
 
-def grid_regions(geometry: Geometry, columns: int, rows: int) -> DecisionRegions:
+def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
     """Return the walkable cells of a grid over the bounding box, ``cell-<column>-<row>`` from the lower left, row by row.
+
+    Parameters
+    ----------
+    grid : number of columns and of rows.
 
     Raises
     ------
     ValueError
-        If the grid has no cells.
+        If these are no two whole numbers >= 1, or so many that no cell has 0.1 m2 of floor.
     """
-    if columns < 1 or rows < 1:
-        raise ValueError(f"the grid has {columns} x {rows} cells; it must have at least 1 x 1")
+    columns, rows = _checked(grid)
     low = np.array(geometry.bounds[:2])
     size = (np.array(geometry.bounds[2:]) - low) / (columns, rows)
+    too_small = ValueError(
+        f"no cell of a grid of {columns} x {rows} has {_LEAST_AREA:g} m2 of floor: one measures "
+        f"{size[0]:.3g} x {size[1]:.3g} m; take fewer columns and rows"
+    )
+    if size.prod() < _LEAST_AREA:
+        raise too_small  # before millions of them are cut out
     names: list[str] = []
     area: list[float] = []
     centre: list[tuple[float, float]] = []
@@ -66,12 +65,33 @@ def grid_regions(geometry: Geometry, columns: int, rows: int) -> DecisionRegions
                 names.append(f"cell-{column}-{row}")
                 area.append(float(floor.area))
                 centre.append((floor.centroid.x, floor.centroid.y))
+    if not names:
+        raise too_small
 
-    def locate(position: Floats) -> Ints:
-        column, row = np.floor((position - low) / size).astype(np.int64).T
-        return number[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
+    return DecisionRegions(tuple(names), np.array(area), np.array(centre), partial(_cell_of, low, size, number))
 
-    return DecisionRegions(tuple(names), np.array(area), np.array(centre), locate)
+
+# Functions of the module, not of a plan: a process can send them to another.
+def _first_that_holds(geometry: Geometry, names: tuple[str, ...], position: Floats) -> Ints:
+    """Return the first of the named regions (K,) that holds a position (K, 2); -1 = none."""
+    inside = np.stack([geometry.contains(position, name) for name in names])
+    return np.where(inside.any(axis=0), inside.argmax(axis=0), -1).astype(np.int64)
+
+
+def _cell_of(low: Floats, size: Floats, number: Ints, position: Floats) -> Ints:
+    """Return the number (K,) of the cell of a grid that a position (K, 2) lies in; -1 = none."""
+    rows, columns = number.shape
+    column, row = np.floor((position - low) / size).astype(np.int64).T
+    return np.asarray(number[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)], dtype=np.int64)
+
+
+def _checked(grid: Any) -> tuple[int, int]:
+    """Return the columns and rows of a grid."""
+    both = list(grid) if isinstance(grid, list | tuple | np.ndarray) else []
+    whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) and n >= 1 for n in both)
+    if len(both) != 2 or not whole:
+        raise ValueError(f"grid is {shown(grid)}; it must be two whole numbers >= 1, columns and rows: grid=(4, 2)")
+    return int(both[0]), int(both[1])
 
 
 @dataclass(frozen=True)
@@ -119,10 +139,19 @@ class RoutingLayout:
         return slice(begin, begin + self.parts[part])
 
 
-def check_names(kind: str, names: tuple[str, ...], known: tuple[str, ...]) -> None:
-    """Raise ValueError if a name is unknown or given twice."""
+def check_names(kind: str, names: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+    """Return the names as a tuple.
+
+    Raises
+    ------
+    ValueError
+        If they are one string or no sequence, or if a name is unknown or given twice.
+    """
+    if not isinstance(names, list | tuple):
+        raise ValueError(f"{kind}s is {shown(names)}; it must be a list or tuple of names")
     for name in names:
         if name not in known:
             raise ValueError(f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}")
         if names.count(name) > 1:
             raise ValueError(f"{kind} {name!r} is named twice; once is enough")
+    return tuple(names)

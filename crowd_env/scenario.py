@@ -1,17 +1,15 @@
 """A scenario is pure data: a plan, a population, a time limit and where the numbers come from."""
 
-import csv
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from crowd_env.geometry import Geometry, parse_exit
+from crowd_env.geometry import Geometry
 from crowd_env.groups import Groups
 from crowd_env.navigation import NavigationField, OneWay
-from crowd_env.population import Population, require_names
+from crowd_env.navigation_plan import require_grid
+from crowd_env.population import Population, require_names, require_room
 from crowd_env.routes import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
 from crowd_env.state import Floats, Ints
 from crowd_env.ways import Target, Ways, find_ways
@@ -33,7 +31,8 @@ class Scenario:
     Raises
     ------
     ValueError
-        If the geometry has no exit, a time is not positive, or people start or go somewhere that does not exist.
+        If the geometry has no exit, a time is not positive, people start or go somewhere that does not exist, there are
+        more of them than there can be room for, or the plan is too large for bodies so small.
     """
 
     name: str
@@ -63,10 +62,12 @@ class Scenario:
             raise ValueError(f"scenario {self.name!r}: blocked_after is {self.blocked_after!r} s; it must be > 0")
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
+        require_grid(self.geometry, self.population.radius.low)
         for part in self.population.parts:
             require_names("start region", [part.start_region], self.geometry.regions)
             require_names("exit", part.exits, self._exits)
             require_names("route", [part.route], [*(route.name for route in self.routes), *self._exits])
+        require_room(self.geometry, self.population.parts)
 
     @property
     def _exits(self) -> tuple[str, ...]:
@@ -157,68 +158,3 @@ def _best_of(exits: tuple[str, ...], strategy: str) -> Route:
     if strategy == "shortest":
         return Route(name or OUT, exits)
     return Route(f"{strategy} to {name}" if name else strategy, exits, strategy=strategy)  # type: ignore[arg-type]  # one of two
-
-
-def scenario_from_wkt(
-    path: str | Path,
-    exits: Sequence[str],
-    population: People,
-    *,
-    time_limit: float = 300.0,
-) -> Scenario:
-    """Return a scenario on a floor plan in well-known text (WKT): polygons with holes, metres.
-
-    Parameters
-    ----------
-    path : text file with a POLYGON, MULTIPOLYGON or GEOMETRYCOLLECTION.
-    exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into.
-
-    Raises
-    ------
-    ValueError
-        If the file cannot be read or the plan cannot be used; the message names the file.
-    """
-    path = Path(path)
-    try:
-        text = path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"cannot read the floor plan {path}: {error}") from None
-    if not exits:
-        raise ValueError(f"{path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
-    try:
-        geometry = Geometry.from_wkt(text, exits=[parse_exit(text) for text in exits])
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    return Scenario(path.stem, geometry, population, time_limit, title=f"floor plan {path.name}")
-
-
-def read_starts(path: str | Path) -> Floats:
-    """Return recorded starting positions (K, 2) [m] from a CSV file with the columns ``x`` and ``y``.
-
-    Raises
-    ------
-    ValueError
-        If the file cannot be read, lacks a column, or holds something that is not a number; file and line are named.
-    """
-    path = Path(path)
-    try:
-        with path.open(newline="") as file:
-            rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"cannot read the starting positions {path}: {error}") from None
-    if not rows:
-        raise ValueError(f"{path}: no positions; the file needs a header line 'x,y' and one line a person")
-    missing = {"x", "y"} - set(rows[0])
-    if missing:
-        raise ValueError(f"{path}: column {min(missing)!r} is missing; the header line must name x and y (metres)")
-    starts = np.empty((len(rows), 2))
-    for k, row in enumerate(rows):
-        for m, name in enumerate(("x", "y")):
-            try:
-                starts[k, m] = float(row[name])
-            except (TypeError, ValueError):
-                raise ValueError(f"{path}: person {k + 1}: {name} is {row[name]!r}, not a number") from None
-    if not np.isfinite(starts).all():
-        bad = int(np.argmax(~np.isfinite(starts).all(axis=1)))
-        raise ValueError(f"{path}: person {bad + 1} has a position that is not finite")
-    return starts

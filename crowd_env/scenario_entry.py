@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from crowd_env.scenario_numbers import fill_in
+from crowd_env.scenario_numbers import LARGEST, fill_in
 
 _KINDS = {dict: "a table", list: "a list", str: "a text", bool: "true or false", int: "a number", float: "a number"}
 
@@ -66,8 +66,11 @@ class Entry:
         """Return it as a number, finite unless ``infinite`` is allowed."""
         if isinstance(self.value, bool) or not isinstance(self.value, int | float):
             raise self._must_be("a number")
-        if math.isnan(self.value) or (math.isinf(self.value) and not infinite):
+        finite = isinstance(self.value, int) or math.isfinite(self.value)
+        if not finite and (math.isnan(self.value) or not infinite):
             raise self.error(f"is {self.value}; it must be finite")
+        if finite and abs(self.value) > LARGEST:
+            raise self.error(f"is beyond {LARGEST:g}, the largest number that is read")
         return self.value
 
     def whole(self) -> int:

@@ -44,6 +44,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from crowd_env.foreign_files import read_text
 from crowd_env.groups import Groups
 from crowd_env.navigation import OneWay
 from crowd_env.population import check_starts
@@ -59,6 +60,8 @@ else:
     import tomli as tomllib
 
 SUFFIXES = (".toml", ".json")
+
+_DEEPEST = 20  # tables and lists within each other
 
 _TEXTS = ("name", "title", "reference", "target")
 _TIMES = ("time_limit", "blocked_after")
@@ -134,12 +137,11 @@ class ScenarioFile:
         return scenario
 
     def _read(self) -> Entry:
+        is_json = self.path.suffix.lower() == ".json"
+        form = "a scenario in this file must be JSON" if is_json else "a scenario in this file must be TOML"
+        text = read_text(self.path, "the scenario", form, ("JSON", "GeoJSON"))  # or TOML that begins alike
         try:
-            text = self.path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ValueError(f"cannot read the scenario {self.path}: {error}") from None
-        try:
-            if self.path.suffix.lower() == ".json":
+            if is_json:
                 content = json.loads(text, object_pairs_hook=_without_doubles)
             else:
                 content = tomllib.loads(text)
@@ -147,6 +149,8 @@ class ScenarioFile:
             raise ValueError(f"{self.path}: nested too deeply") from None
         except ValueError as error:
             raise ValueError(f"{self.path}: {error}") from None
+        if _is_deeper(content, _DEEPEST):
+            raise ValueError(f"{self.path}: nested too deeply")
         entry = Entry(content, str(self.path))
         entry.table(_KEYS, needed=("geometry",))
         return entry
@@ -219,6 +223,15 @@ def _people(content: Entry, table: Mapping[str, Entry], folder: Path) -> People:
     parts = [read_group(entry, shared, folder) for entry in table["groups"].entries()]
     with table["groups"].named():
         return Groups(tuple(parts))
+
+
+def _is_deeper(content: Any, levels: int) -> bool:
+    """Return whether lists and tables lie in each other more than so many ``levels`` deep."""
+    layer = [content]
+    for _ in range(levels):
+        inner = [one.values() if isinstance(one, dict) else one for one in layer if isinstance(one, dict | list)]
+        layer = [value for values in inner for value in values]
+    return any(isinstance(one, dict | list) for one in layer)
 
 
 def _without_doubles(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:

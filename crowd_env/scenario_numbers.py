@@ -6,6 +6,9 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
+LARGEST = 1e15  # of all numbers in a scenario file
+_LONGEST = 1000  # characters of an expression
+
 _BRACES = re.compile(r"\{([^{}]*)\}")
 _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -41,8 +44,13 @@ def evaluate(expression: str, options: Mapping[str, float]) -> float:
     ValueError
         If it holds anything but numbers, options, + - * / // and parentheses, or has no value.
     """
+    if len(expression) > _LONGEST:
+        raise ValueError(f"{{{expression[:20]}...}} is longer than {_LONGEST} characters")
     try:
-        return _value(ast.parse(expression.strip(), mode="eval").body, options)
+        value = _value(ast.parse(expression.strip(), mode="eval").body, options)
+        if abs(value) > LARGEST:
+            raise OverflowError(f"it is beyond {LARGEST:g}")
+        return value
     except (SyntaxError, RecursionError, MemoryError):
         raise ValueError(f"{{{expression}}} is not an expression of numbers, options, + - * / // and ()") from None
     except (ZeroDivisionError, OverflowError) as error:

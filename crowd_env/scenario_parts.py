@@ -9,16 +9,17 @@ from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 import numpy as np
 
 from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform
+from crowd_env.floor_plan import read_starts
 from crowd_env.geometry import Geometry
 from crowd_env.geometry_input import Shape
 from crowd_env.navigation import OneWay
 from crowd_env.population import Population
 from crowd_env.routes import Comfort, ControlRule, DoorEvent, Route, SpeedZone
-from crowd_env.scenario import read_starts
 from crowd_env.scenario_entry import Entry
 from crowd_env.state import Floats
 
 _CORNERS = 32  # of a circle
+_MOST_COPIES = 100_000  # of a thing in columns and rows
 _DISTRIBUTIONS = ("radius", "mass", "desired_speed", "relaxation_time", "response_time")
 GROUP_KEYS = ("count", *_DISTRIBUTIONS, "start_region", "starts", "route", "exits", "name")
 GEOMETRY_KEYS = ("walkable", "obstacles", "thin_walls", "exits", "regions", "doors")
@@ -104,6 +105,8 @@ def _grid(entry: Entry, table: Mapping[str, Entry]) -> Floats:
     columns, rows = (table[name].whole() if name in table else 1 for name in ("columns", "rows"))
     if columns < 1 or rows < 1:
         raise entry.error(f"has {columns} columns and {rows} rows; there must be at least 1 of each")
+    if columns * rows > _MOST_COPIES:
+        raise entry.error(f"has {columns} columns and {rows} rows; there can be at most {_MOST_COPIES} things in all")
     if "step" not in table and (columns, rows) != (1, 1):
         raise entry.error("has columns or rows; it also needs the 'step' [x, y] between them")
     if "step" not in table:
@@ -143,7 +146,12 @@ def _starts(entry: Entry, folder: Path) -> Floats:
     """Read positions (K, 2) [m]: a CSV file, or a list of points and of grids of them."""
     if isinstance(entry.value, str):
         with entry.named():
-            return read_starts(folder / entry.value)
+            path = (folder / entry.value).resolve()
+            if not path.is_relative_to(folder.resolve()):
+                raise ValueError(
+                    f"is {entry.value!r}, outside of the folder of the scenario; it must name a file in it"
+                )
+            return read_starts(path)
     found = [np.empty((0, 2))]
     for one in entry.entries():
         if isinstance(one.value, list):

@@ -10,10 +10,12 @@ import numpy as np
 from crowd_env._reference import Reference, refer
 from crowd_env.doors import Doorkeeper
 from crowd_env.geometry import Geometry, join_boundaries
+from crowd_env.geometry_inside import border_of, mark_outside
+from crowd_env.limits import check_stride, why_stopped
 from crowd_env.navigation import NavigationField, travel_time_field
 from crowd_env.ordering import SortedCrowd
 from crowd_env.physics import ContactScheme, make_scheme
-from crowd_env.physics.neighbors import DIVERGED, FULL
+from crowd_env.physics.neighbors import DIVERGED, FULL, OK, TOO_FAST
 from crowd_env.physics.scheme import scratch_of
 from crowd_env.physics.world import (
     Asked,
@@ -57,7 +59,8 @@ class Simulation:
     driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
     threads : spread environments, or with `dem` the parts of one large crowd, over this many threads; the result does not
         depend on it.
-    allow_unstable : accept a ``dt`` above the scheme's stable step (to show what happens).
+    allow_unstable : accept a ``dt`` above the scheme's stable step, and let everyone go as fast, as far in a step and through
+        whatever the contact law alone allows (to show what happens); else see `crowd_env.physics.bounds`.
 
     Raises
     ------
@@ -90,6 +93,8 @@ class Simulation:
             raise ValueError(f"threads is {threads}; it must be at least 1")
         self.scheme.check(driving)
         check_step(self.scheme, bodies, dt, allow_unstable)
+        if driving and not allow_unstable:
+            check_stride(bodies, dt)
         _check_people(bodies, state)
         if fields is None:
             radius = bodies.radius
@@ -130,8 +135,12 @@ class Simulation:
             self.close_doors(e, self._doorkeeper.restart(e))
         # Overlaps, residuals and solver effort since the start of each environment.
         self.diagnostics = no_diagnostics(environments)
+        # (P,) who was found outside of the walkable area after any call since the start of the environment: by position
+        # alone, whatever the contacts say.  Nobody should be.
+        self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
+        self._border = refer(border_of([place.walkable for place in self.geometries]))
         self._sorted = SortedCrowd(bodies, state, self.memory) if SortedCrowd.is_needed(bodies) else None
-        self._control = allocate_control(len(bodies.radius), driving)
+        self._control = allocate_control(len(bodies.radius), driving, bounded=not allow_unstable)
         self._batch: Reference | None = None  # what kernels work on
         self._made_of: tuple[object, ...] = ()  # and the tuples that it refers to
         self._pool: ThreadPoolExecutor | None = None
@@ -168,7 +177,7 @@ class Simulation:
         ValueError
             If an array has the wrong shape or holds something that is not finite.
         FloatingPointError
-            If a position is no longer finite.
+            If someone would move further in one step than the own radius, or a position is no longer finite.
         """
         people = len(self.bodies.radius)
         if relative is not None:
@@ -184,6 +193,7 @@ class Simulation:
             raise ValueError(f"n_substeps is {n_substeps}; it must be >= 0")
         _check_routes(self.state.route, self._routes_of_person)
         memory = self.memory
+        memory.status[:] = OK
         for sums in (memory.push, memory.crush, memory.progress, memory.cut.gate, *memory.diagnostics):
             sums[:] = 0
         if self._sorted is None:
@@ -204,6 +214,8 @@ class Simulation:
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
             self._run_until(target, asked)
         add_diagnostics(self.diagnostics, self.memory.diagnostics)
+        state, geometry_of_env = self.state, self.world.geometry_of_env
+        mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, state.position, self.escaped)
 
     def close_doors(self, e: int, closed: Iterable[str]) -> None:
         """Close these doors of environment ``e`` and open all others; ways are found accordingly.
@@ -245,12 +257,10 @@ class Simulation:
             if self._sorted is not None:
                 self._sorted.give_back(self.state, self.memory)
             status = self.memory.status
-            if (status == DIVERGED).any():
-                e = int(np.argmax(status == DIVERGED))
-                raise FloatingPointError(
-                    f"{self.scheme.info.name}: positions of environment {e} are no longer finite at t = "
-                    f"{self.state.time[e]:g} s with dt = {self.dt:g} s; take a smaller dt"
-                )
+            stopped = np.flatnonzero((status == DIVERGED) | (status == TOO_FAST))
+            if len(stopped):
+                e, who = int(stopped[0]), (self.bodies, self.state)
+                raise FloatingPointError(why_stopped(self.scheme.info.name, e, int(status[e]), *who, self.dt))
             if not (status == FULL).any():
                 return
             # the environments that were full go on where they were
@@ -321,6 +331,7 @@ class Simulation:
         self.memory.crush[people] = 0.0
         for total in (*self.diagnostics, *self.memory.diagnostics):
             total[e] = 0
+        self.escaped[people] = False
 
     def send(self, e: int, route: Ints | int) -> None:
         """Let everyone in environment ``e`` take another way: one number for all, or one each.

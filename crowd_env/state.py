@@ -13,6 +13,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+# m/s; nobody is faster, whoever pushes: the fastest that anyone is known to have run is 12.4 (Bolt, 100 m, Berlin 2009).
+MAX_SPEED = 12.5
+
 
 class Bodies(NamedTuple):
     """What does not change within an episode."""
@@ -79,6 +82,7 @@ def make_bodies(
         _require(name, getattr(bodies, name), "> 0", lambda x: x > 0)
     for name in ("desired_speed", "response_time"):
         _require(name, getattr(bodies, name), ">= 0", lambda x: x >= 0)
+    _require("desired_speed", bodies.desired_speed, f"at most {MAX_SPEED} m/s", lambda x: x <= MAX_SPEED)
     return bodies
 
 

@@ -28,6 +28,7 @@ class View(NamedTuple):
     geometry_of_env: Ints  # (E,)
     field: FieldArrays
     field_of_route: Ints  # (E, R)  row of `field`
+    potential_of_route: Ints  # (E, R)  row of `field` by which progress is counted
     followed: Ints  # (P,)    route that one follows
     bodies: Bodies
     state: CrowdState
@@ -39,8 +40,7 @@ class View(NamedTuple):
     axis: Floats  # (P, 2)  first axis of the frame
     direction: Floats  # (P, 2)  of the shortest path
     travel_time: Floats  # (P,)    s, at the own desired speed; 0 for those who are out
-    travel_time_before: Floats  # (P,)    s, at the observation before; see `look_ahead`
-    looked_up: Ints  # (P,)    row of `field` that it was found by
+    potential: Floats  # (P,)    s, travel time by which progress is counted; see `look_ahead`
 
 
 class Plan(NamedTuple):

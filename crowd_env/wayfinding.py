@@ -11,7 +11,7 @@ from crowd_env.geometry import Boundary
 from crowd_env.navigation import FieldArrays, NavigationField, join_fields, regions_along
 from crowd_env.remarching import write_field
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
-from crowd_env.ways import Ways, join_ways, region_masks_of
+from crowd_env.ways import Ways, add_fields, join_ways, region_masks_of
 
 Place = Ways | NavigationField | None
 
@@ -29,6 +29,7 @@ class Wayfinder:
     Attributes
     ----------
     field, guidance : what kernels read.
+    potential_of_route : (E, R) rows of the fields by which progress is counted, see `crowd_env.ways.Way.potential`.
     seconds : processor time spent on new fields so far.
     marches : fields found anew so far.
     """
@@ -41,14 +42,18 @@ class Wayfinder:
         self.places, self.interval = list(places), interval
         self.seconds, self.marches = 0.0, 0
         self._geometry_of_env, self._boundary = geometry_of_env, boundary
-        self._fields, self._geometry_of_field, self.guidance = join_ways(self.places, geometry_of_env)
+        joined = join_ways(self.places, geometry_of_env)
+        self._fields, self._geometry_of_field, self.guidance, self.potential_of_route = joined
         self.field: FieldArrays = join_fields(self._fields, boundary, self._geometry_of_field)
         self._current: list[Place] = [self.places[g] for g in geometry_of_env]
         self._rows: dict[tuple[int, frozenset[str]], list[int]] = {}
+        self._potentials: dict[tuple[int, frozenset[str]], list[int]] = {}
         for e, place in enumerate(self._current):
             if isinstance(place, Ways):
                 rows = self.guidance.field_of_route[e, : len(place.ways)]
                 self._rows.setdefault(self._key(e, frozenset()), rows.tolist())
+                potentials = self.potential_of_route[e, : len(place.ways)]
+                self._potentials.setdefault(self._key(e, frozenset()), potentials.tolist())
         self._due = np.zeros(len(geometry_of_env))
         self._dynamic = self._find_dynamic()
 
@@ -107,16 +112,16 @@ class Wayfinder:
             return
         key = self._key(e, closed)
         if key not in self._rows:
-            first, g = len(self._fields), int(self._geometry_of_env[e])
-            self._rows[key] = list(range(first, first + len(ways.ways)))
-            self._fields += [way.field for way in ways.ways]
-            self._geometry_of_field += [g] * len(ways.ways)
+            self._rows[key], self._potentials[key] = add_fields(ways, self._fields)
+            added = len(self._fields) - len(self._geometry_of_field)
+            self._geometry_of_field += [int(self._geometry_of_env[e])] * added
             before = self.field
             self.field = join_fields(self._fields, self._boundary, self._geometry_of_field)
             for name in ("travel_time", "direction", "through"):  # as they were: some follow their crowd
                 known = getattr(before, name)
                 getattr(self.field, name)[: len(known)] = known
         self.guidance.field_of_route[e, : len(ways.ways)] = self._rows[key]
+        self.potential_of_route[e, : len(ways.ways)] = self._potentials[key]
         self._current[e] = ways
         self._dynamic = self._find_dynamic()
         self._due[e] = 0.0

@@ -10,6 +10,7 @@ import numpy as np
 from crowd_env.geometry import Geometry
 from crowd_env.guidance import MOST_REGIONS, Guidance, RegionArrays, RuleArrays
 from crowd_env.navigation import NavigationField, OneWay, regions_along, straight_field, travel_time_field
+from crowd_env.navigation_extension import carried_along
 from crowd_env.pace import Pace
 from crowd_env.remarching import Remarcher
 from crowd_env.routes import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
@@ -29,6 +30,13 @@ class Way(NamedTuple):
     following: int  # way that takes over there; -1 = none
     shut: bool  # it leads to closed exits alone
     remarcher: Remarcher | None  # makes the field anew from the crowd of each environment; None = it never changes
+    exits: tuple[str, ...]  # that it may lead to in the end; () = all
+    rest: NavigationField | None = None  # of a way via a region: travel time to the exit, what follows included
+
+    @property
+    def potential(self) -> NavigationField:
+        """The field by which progress is counted: it leads to the exit, and does not change with the crowd."""
+        return self.field if self.rest is None else self.rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,10 +159,10 @@ def find_ways(
             if one_way:
                 raise ValueError(f"route {name!r}: the fastest way does not know one-way doors; take another strategy")
             remarcher = Remarcher(found, geometry.walls_when(at_this)[0], pace)
-            return Way(name, remarcher.march(), goal, then, shut, remarcher)
+            return Way(name, remarcher.march(), goal, then, shut, remarcher, route.exits)
         if target != "path" and via is None and route.strategy == "shortest":
             found = straight_field(found, geometry, _MARGINS[target])
-        return Way(name, found, goal, then, shut, None)
+        return Way(name, found, goal, then, shut, None, route.exits)
 
     second: list[Way] = []
     for route in wanted.values():
@@ -164,7 +172,7 @@ def find_ways(
             goal = list(geometry.regions).index(route.via)
             made.append(way(route.name, route, goal, following + len(second)))
             second.append(way(f"{route.name}/then", route, -1, -1))
-    ways = [*made, *second]
+    ways = [_with_what_follows(found, second, following) for found in made] + second
     if rules:
         ways = [found._replace(field=_with_regions(found.field, geometry)) for found in ways]
         ways = [_with_rest(found, ways, geometry) for found in ways]
@@ -254,6 +262,17 @@ def _with_regions(field: NavigationField, geometry: Geometry) -> NavigationField
     return replace(field, through=regions_along(field, region_masks_of(field, geometry)))
 
 
+def _with_what_follows(way: Way, second: Sequence[Way], first: int) -> Way:
+    """Add to a way via a region the travel time to the exit: to the region, and from where one comes to it."""
+    if way.following < 0:
+        return way
+    then, time = second[way.following - first].field, way.field.travel_time
+    places = np.stack([coordinate.ravel() for coordinate in _nodes(way.field)], axis=1)
+    on_from = _travel_time(then, places).reshape(time.shape)
+    on_from[np.isnan(on_from)] = np.nanmax(then.travel_time)  # where closed doors lock people in
+    return way._replace(rest=replace(way.field, travel_time=time + carried_along(time, on_from)))
+
+
 def _with_rest(way: Way, ways: Sequence[Way], geometry: Geometry) -> Way:
     """Add to a way via a region the regions that lie on the rest of it."""
     if way.following < 0 or way.field.through is None:
@@ -272,36 +291,51 @@ def _travel_time(field: NavigationField, position: Floats) -> Floats:
     return np.asarray(field.travel_time[np.clip(i, 0, rows - 1), np.clip(j, 0, cols - 1)])
 
 
+def add_fields(
+    ways: Ways | NavigationField | None, fields: list[NavigationField | None]
+) -> tuple[list[int], list[int]]:
+    """Append the fields of a place to those of a batch; return for each route the row of its field and of its potential."""
+    if not isinstance(ways, Ways):
+        fields.append(ways)
+        return [len(fields) - 1], [len(fields) - 1]
+    rows = [len(fields) + r for r in range(len(ways.ways))]
+    fields += [way.field for way in ways.ways]
+    potentials = list(rows)
+    for r, way in enumerate(ways.ways):
+        if way.remarcher is not None or way.rest is not None:  # the field changes in place, or ends at the region
+            potentials[r] = len(fields)
+            fields.append(way.potential)
+    return rows, potentials
+
+
 def join_ways(
     places: Sequence[Ways | NavigationField | None], geometry_of_env: Ints
-) -> tuple[list[NavigationField | None], list[int], Guidance]:
-    """Return all fields of a batch, the geometry of each, and the guidance that says which route is which.
+) -> tuple[list[NavigationField | None], list[int], Guidance, Ints]:
+    """Return all fields of a batch, the geometry of each, the guidance that says which route is which, and the potentials.
 
-    Places without `Ways` have one route, their field.  A dynamic way has a field of its own in every environment.
+    Places without `Ways` have one route, their field.  A dynamic way has a field of its own in every environment.  The
+    potentials (E, R) are rows of the fields by which progress on each route is counted, see `Way.potential`.
     """
     fields: list[NavigationField | None] = []
     geometry_of_field: list[int] = []
-    first: list[int] = []
+    rows_of_place: list[tuple[list[int], list[int]]] = []
     for g, place in enumerate(places):
-        first.append(len(fields))
-        of_place = [way.field for way in place.ways] if isinstance(place, Ways) else [place]
-        fields += of_place
-        geometry_of_field += [g] * len(of_place)
-    most = max(len(place.ways) if isinstance(place, Ways) else 1 for place in places)
-    table = np.full((3, len(geometry_of_env), most), -1, dtype=np.int64)
+        rows_of_place.append(add_fields(place, fields))
+        geometry_of_field += [g] * (len(fields) - len(geometry_of_field))
+    most = max(len(rows) for rows, _ in rows_of_place)
+    table = np.full((4, len(geometry_of_env), most), -1, dtype=np.int64)
     for e, g in enumerate(geometry_of_env):
         place = places[g]
-        if not isinstance(place, Ways):
-            table[0, e, 0] = first[g]
-            continue
-        for r, way in enumerate(place.ways):
-            table[:, e, r] = first[g] + r, way.goal, way.following
+        rows, potentials = rows_of_place[g]
+        table[0, e, : len(rows)], table[3, e, : len(rows)] = rows, potentials
+        for r, way in enumerate(place.ways if isinstance(place, Ways) else ()):
+            table[1:3, e, r] = way.goal, way.following
             if way.remarcher is not None:
                 table[0, e, r] = len(fields)
                 fields.append(way.field)
                 geometry_of_field.append(int(g))
     guidance = Guidance(table[0].copy(), table[1].copy(), table[2].copy(), _join_regions(places), _join_rules(places))
-    return fields, geometry_of_field, guidance
+    return fields, geometry_of_field, guidance, table[3].copy()
 
 
 def _join_regions(places: Sequence[Ways | NavigationField | None]) -> RegionArrays:

@@ -163,7 +163,6 @@ def test_recorded_starting_positions(folder):
         ("run flat.wkt --exit 0,1,0,2", "flat.wkt no area"),
         ("run line.wkt --exit 0,1,0,2", "line.wkt LineString POLYGON"),
         ("run prose.wkt --exit 0,1,0,2", "prose.wkt WKT"),
-        ("run two.wkt --exit 0,1,0,2", "exit"),
         ("run --starts none.csv", "none.csv"),
         ("run --starts binary.csv", "binary.csv"),
         ("run --starts .", "cannot read"),

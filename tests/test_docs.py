@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from crowd_env.action import DISCRETE
 from crowd_env.cli import app
+from crowd_env.global_state import StateLayout
 from crowd_env.observation import TERMS, ObservationLayout
 from crowd_env.physics import SCHEMES
 from crowd_env.reward import REWARDS, RewardWeights
@@ -120,6 +121,14 @@ def test_the_table_of_observation_terms_is_complete():
     layout = ObservationLayout()
     rows = table("docs/environments.md", "term")
     assert {row[0]: int(row[1]) for row in rows} == {name: layout.width(name) for name in TERMS}
+
+
+def test_the_table_of_the_global_state_is_complete():
+    rows = table("docs/environments.md", "column of a person")
+    widths = {name: "X" if name == "exit" else str(width) for name, width in StateLayout(1, 7).of_person.items()}
+    assert {row[0]: row[2] for row in rows} == widths
+    text = (ROOT / "docs/environments.md").read_text(encoding="utf-8")
+    assert f"a row of {StateLayout(1, 0).width} + X numbers for each of N people" in text
 
 
 def test_the_table_of_rewards_is_complete():

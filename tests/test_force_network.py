@@ -1,5 +1,6 @@
 """Contact forces as a picture: as wide as they are large, and in balance with what pushes."""
 
+import json
 import sys
 
 import numpy as np
@@ -256,7 +257,8 @@ def test_the_first_run_can_be_drawn(tmp_path):
         ("--force-network none/out.png", "none folder"),
         ("--force-network out.png --at 0", "--at > 0"),
         ("--force-network out.png --around nan", "--around > 0"),
-        ("--force-network out.png --at 1e4", "over after 10000"),
+        ("--force-network out.png --at 1e4", "--at 10000 ends after"),
+        ("--force-network out.png --around 1e-9", "--around 1e-09 0.5"),
     ],
 )
 def test_a_mistake_is_one_plain_line(line, words, tmp_path, monkeypatch):
@@ -269,9 +271,28 @@ def test_a_mistake_is_one_plain_line(line, words, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_figures_are_printed_before_a_picture_that_cannot_be_drawn(tmp_path):
+    line = [
+        "run",
+        "--n",
+        "3",
+        "--runs",
+        "1",
+        "--scheme",
+        "dem",
+        "--force-network",
+        str(tmp_path / "a.png"),
+        "--at",
+        "50",
+    ]
+    result = CliRunner().invoke(app, [*line, "--json"])
+    assert result.exit_code == 2 and json.loads(result.stdout)["runs"] == 1
+    assert "the evacuation was over after" in result.stderr and result.stderr.count("\n") == 1
+
+
 def test_a_missing_library_is_one_sentence_before_the_work(tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
         monkeypatch.setitem(sys.modules, name, None)
     result = CliRunner().invoke(app, ["run", "--runs", "1", "--force-network", str(tmp_path / "a.png")])
-    assert result.exit_code == 2 and "pip install 'crowd-env[render]'" in result.stderr
+    assert result.exit_code == 2 and "pip install pygame matplotlib pillow imageio-ffmpeg" in result.stderr
     assert result.stderr.count("\n") == 1

@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode
 
 import crowd_env
 from crowd_env import CrowdEnv, CrowdGymEnv, CrowdVectorEnv, make_scenario, make_vec
+from crowd_env.reward import REWARDS
 
 ROOT = Path(__file__).parents[1]
 SMALL = {"count": 6, "time_limit": 4.0}
@@ -66,6 +67,21 @@ def test_it_ends_terminated_when_all_are_out_and_truncated_at_the_limit():
 
     assert end(None, count=4) == (True, False)
     assert end(np.zeros((4, 2)), count=4, time_limit=1.0) == (False, True)
+
+
+def test_infos_are_rows_of_the_people_and_numbers():
+    env = CrowdGymEnv("room-v0", **SMALL)
+    _, info = env.reset(seed=1)
+    assert set(info) == {"active"} and info["active"].all()
+    over = False
+    while not over:
+        terms = {f"reward/{name}" for name in REWARDS}
+        _, _, terminated, truncated, info = env.step(None)
+        over = terminated or truncated
+        assert set(info) == {*terms, "active", "diagnostics", *(["metrics"] if over else [])}
+        assert all(info[name].shape == (6,) for name in (*terms, "active"))
+        assert {type(value) for value in info["diagnostics"].values()} == {int, float}
+    assert repr(info["metrics"]) == repr(env.env.metrics(0)._asdict())
 
 
 def test_one_seed_fixes_a_whole_series_of_episodes():

@@ -11,7 +11,7 @@ import crowd_env.ordering
 from crowd_env._reference import refer
 from crowd_env.geometry import Geometry
 from crowd_env.navigation import direction_at
-from crowd_env.physics import NSM2, SCHEMES
+from crowd_env.physics import SCHEMES
 from crowd_env.physics.slabs import SLABS, slabs_of
 from crowd_env.routes import Route
 from crowd_env.simulation import Simulation
@@ -40,9 +40,7 @@ def crowd(name, count, *, density=None, environments=1, seed=0, **options):
         env_start=count * np.arange(environments + 1),
     )
     state = make_state(copies, environments=environments)
-    # As printed nsm2 makes energy where many touch: soon nothing could be compared any more.
-    scheme = NSM2(reaction="dissipative") if name == "nsm2" else SCHEMES[name]
-    return Simulation(place, bodies, state, scheme=scheme, **options)
+    return Simulation(place, bodies, state, scheme=SCHEMES[name], **options)
 
 
 def state_hash(simulation, people=slice(None)):

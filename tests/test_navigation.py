@@ -386,6 +386,7 @@ def test_exits_that_are_not_used_are_kept_off_like_walls():
     assert direction_at(arrays, geometry.boundary, 0, 5.0, 0.3, RADIUS) == pytest.approx((1, 0))
 
 
+@pytest.mark.filterwarnings("ignore:no exit can be reached from a part")
 def test_closed_pocket_smaller_than_a_body_is_no_error():
     pocket = Geometry.from_polygon(MultiPolygon([ROOM, box(6, 0, 6.4, 0.4)]), exits=[DOOR])
     arrays = join_fields([travel_time_field(pocket, RADIUS)], pocket.boundary)
@@ -409,9 +410,9 @@ def test_spacing_is_fine_in_a_room_and_bounded_in_a_hall():
         (lambda: travel_time_field(gap(0.3), 0.25, min_radius=0.2), r"no exit can be reached from \(.*diameter 0.40 m"),
         (
             lambda: travel_time_field(
-                Geometry.from_polygon(MultiPolygon([ROOM, box(6, 0, 9, 3)]), exits=[DOOR]), RADIUS
+                Geometry.from_polygon(ROOM, exits=[DOOR], thin_walls=[[(0, 2), (2, 2), (2, 0)]]), RADIUS
             ),
-            r"no exit can be reached from \((6|7|8)\.\d+, [012]\.\d+\)",
+            r"no exit can be reached from \([01]\.\d+, [01]\.\d+\)",
         ),
         (
             lambda: travel_time_field(

@@ -160,12 +160,16 @@ def test_a_thin_wall_pushes_to_the_side_one_stands_on(name, side):
 @every_scheme
 @pytest.mark.parametrize("height", [0.15, 0.05, 0.0, -0.05, -0.09])
 def test_a_centre_pressed_through_the_wall_is_pushed_back_inside(name, height):
+    if height < 0 and name.startswith("nsm1"):  # would have no overlap left at the end of the step
+        with pytest.raises(FloatingPointError, match=r"would move 0.2\d m in one step near .*its radius of 0.2 m"):
+            stand(half_plane(), [height, 0.0], scheme=tight_grain(name), dt=0.001)
+        return
     simulation = stand(half_plane(), [height, 0.0], scheme=tight_grain(name), dt=0.001)
     contacts = simulation.contacts()
     assert contacts.gap == pytest.approx([height - 0.2], abs=1e-12)
     np.testing.assert_allclose(contacts.normal, [[1, 0]])
     simulation.advance(external_force=np.array([[-300.0, 0.0]]), n_substeps=300)
-    if name == "nsm2":  # acts on velocities alone: goes no deeper
+    if name.startswith("nsm2"):  # acts on velocities alone: goes no deeper
         assert simulation.state.position[0, 0] == pytest.approx(height, abs=1e-3)
     else:
         assert simulation.state.position[0, 0] > 0.15

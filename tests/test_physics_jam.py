@@ -175,8 +175,8 @@ def reference_nsm2(scheme, geometry, bodies, state, desired):
 PROBLEMS = {
     "nsm1": (NSM1(), reference_nsm1),
     "nsm1-inertial": (NSM1("inertial"), reference_nsm1),
-    "nsm2": (NSM2(), reference_nsm2),
-    "nsm2-soft-rough": (NSM2(300.0, 40.0), reference_nsm2),
+    "nsm2-printed": (NSM2(reaction="printed"), reference_nsm2),
+    "nsm2-soft-rough": (NSM2(300.0, 40.0, reaction="printed"), reference_nsm2),
 }
 
 

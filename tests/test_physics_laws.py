@@ -281,7 +281,7 @@ def observed_order(solve, steps):
 @every_scheme
 def test_order_of_free_relaxation(name):
     def solve(steps):
-        bodies = make_bodies([0.2, 0.25], [60, 90], desired_speed=[1.3, 1.9], relaxation_time=[0.3, 0.5])
+        bodies = make_bodies([0.4, 0.5], [60, 90], desired_speed=[1.3, 1.9], relaxation_time=[0.3, 0.5])
         state = make_state([[0, 0], [5, 5]], [[0.0, 0.5], [-1.0, 0.0]])
         simulation = Simulation(plain(), bodies, state, scheme=LAWS[name], dt=0.6 / steps)
         command = np.array([[0.6, 0.8], [1.0, 0.0]])

@@ -84,19 +84,19 @@ def test_figure_2b_nsm1_stops_at_the_wall():
 
 
 def test_figure_2c_nsm2_elastic_is_late_by_two_steps():
-    rows = trace(NSM2(normal_dissipation=np.inf), 5)
+    rows = trace(NSM2(normal_dissipation=np.inf, reaction="printed"), 5)
     assert rows == close_to([(0.4, -2), (0.2, -2), (0.2, 2), (0.4, 2), (0.6, 2)])
 
 
 @pytest.mark.parametrize(("k_normal", "expected"), [(1e5, 1.99322565), (1e4, 1.93327359)])
 def test_figure_2c_nsm2_practically_elastic(k_normal, expected):
-    assert trace(NSM2(normal_dissipation=k_normal), 5)[-1][1] == pytest.approx(expected, abs=5e-9)
+    assert trace(NSM2(normal_dissipation=k_normal, reaction="printed"), 5)[-1][1] == pytest.approx(expected, abs=5e-9)
 
 
 @pytest.mark.parametrize("k_normal", [2 * MASS, MASS, 0.0])
 def test_figure_2d_nsm2_inelastic_stays_overlapped(k_normal):
     # 2m is exactly inelastic; below it the reaction takes what the dissipation leaves.
-    rows = trace(NSM2(normal_dissipation=k_normal), 5)
+    rows = trace(NSM2(normal_dissipation=k_normal, reaction="printed"), 5)
     assert rows == close_to([(0.4, -2), (0.2, -2), (0.1, 0), (0.1, 0), (0.1, 0)])
 
 
@@ -118,7 +118,7 @@ def test_restitution_of_a_pair_under_nsm2(k_normal, masses):
     reduced = 1 / (1 / masses[0] + 1 / masses[1])
     e = 1.0 if k_normal == np.inf else max(0.0, (k_normal - 2 * reduced) / (k_normal + 2 * reduced))
     before = np.array([[1.3, 0.2], [-0.7, -0.4]])
-    after = collide_pair(tight(NSM2(normal_dissipation=k_normal)), masses, before)
+    after = collide_pair(tight(NSM2(normal_dissipation=k_normal, reaction="printed")), masses, before)
     assert after[1, 0] - after[0, 0] == pytest.approx(2.0 * e, abs=1e-9)
     np.testing.assert_array_equal(after[:, 1], before[:, 1])  # K_T = 0: frictionless
     assert np.array(masses) @ after == pytest.approx(np.array(masses) @ before)
@@ -131,21 +131,23 @@ def test_restitution_of_a_pair_under_nsm2(k_normal, masses):
 def test_restitution_at_a_wall_under_nsm2(k_normal, mass):
     e = 1.0 if k_normal == np.inf else max(0.0, (k_normal - 2 * mass) / (k_normal + 2 * mass))
     state = make_state([[0.199, 0.0]], [[-1.5, 0.5]])
-    scheme = tight(NSM2(normal_dissipation=k_normal))
+    scheme = tight(NSM2(normal_dissipation=k_normal, reaction="printed"))
     Simulation(half_plane(), make_bodies([0.2], mass), state, scheme=scheme, dt=1e-3, driving=False).advance()
     np.testing.assert_allclose(state.velocity, [[1.5 * e, 0.5]], atol=1e-9)
 
 
 def test_restitutions_of_table_4():
     # Printed in no table, but the paper calls K_N = 1e5 elastic: pair 80/80 and wall 80.
-    after = collide_pair(NSM2(), (80.0, 80.0), [[1.0, 0.0], [-1.0, 0.0]])
+    after = collide_pair(NSM2(reaction="printed"), (80.0, 80.0), [[1.0, 0.0], [-1.0, 0.0]])
     assert (after[1, 0] - after[0, 0]) / 2 == pytest.approx(0.9984, abs=5e-5)
 
 
 @pytest.mark.parametrize("k_tangent", [0.0, 20.0, 80.0, 500.0])
 def test_tangential_law_of_nsm2(k_tangent):
     masses, reduced = (80.0, 80.0), 40.0
-    after = collide_pair(tight(NSM2(tangential_dissipation=k_tangent)), masses, [[1.0, 0.3], [-1.0, -0.5]])
+    after = collide_pair(
+        tight(NSM2(tangential_dissipation=k_tangent, reaction="printed")), masses, [[1.0, 0.3], [-1.0, -0.5]]
+    )
     slip = 0.8 * (2 * reduced - k_tangent) / (2 * reduced + k_tangent)  # 2 m_e: full stick
     assert after[0, 1] - after[1, 1] == pytest.approx(slip, abs=1e-9)
     assert after[:, 1].sum() == pytest.approx(-0.2)
@@ -153,7 +155,7 @@ def test_tangential_law_of_nsm2(k_tangent):
 
 def test_a_touch_that_does_not_approach_takes_nothing_away_under_nsm2():
     before = np.array([[-0.5, 0.3], [0.5, -0.1]])
-    after = collide_pair(NSM2(tangential_dissipation=50.0), (80.0, 60.0), before)
+    after = collide_pair(NSM2(tangential_dissipation=50.0, reaction="printed"), (80.0, 60.0), before)
     np.testing.assert_array_equal(after, before)
 
 
@@ -173,7 +175,7 @@ def test_a_separating_neighbour_can_take_up_energy_under_nsm2():
     # works with (w- + w+)/2 = w-/2 > 0.  It is a trait of the law as printed, kept here so that nobody takes it for a bug.
     state = make_state([[0.0, 0.0], [0.399, 0.0], [0.798, 0.0]], [[1.0, 0.0], [0.0, 0.0], [0.5, 0.0]])
     bodies = make_bodies(np.full(3, 0.2), 80.0)
-    scheme = tight(NSM2(normal_dissipation=np.inf))
+    scheme = tight(NSM2(normal_dissipation=np.inf, reaction="printed"))
     Simulation(plain(), bodies, state, scheme=scheme, driving=False).advance()
     np.testing.assert_allclose(state.velocity[:, 0], [-1 / 6, 5 / 6, 5 / 6], atol=1e-9)
 
@@ -219,7 +221,7 @@ def test_figure_1_recoil_after_an_elastic_rebound():
     duration = tau * np.log(2)
     errors = []
     for dt in (4e-3, 2e-3, 1e-3):
-        measured, time = recoil(tight(NSM2(normal_dissipation=np.inf)), dt, speed, tau)
+        measured, time = recoil(tight(NSM2(normal_dissipation=np.inf, reaction="printed")), dt, speed, tau)
         errors.append(abs(measured - distance))
         assert time == pytest.approx(duration, abs=2 * dt)
     assert errors[2] < 2e-3 * distance

@@ -223,7 +223,7 @@ def test_interrupted_and_resumed_is_uninterrupted(uninterrupted, tmp_path, monke
         return simulate(run)
 
     monkeypatch.setattr(lin_pool, "simulate", interrupted)
-    with pytest.raises(Interrupted, match=r"^interrupted: 3 of 8 runs are kept in .*runs.*goes on from there$"):
+    with pytest.raises(Interrupted, match=r"^3 of 8 runs are kept in .*runs.*goes on from there$"):
         complete(SMALL, Store(tmp_path / "runs"), progress=nothing)
     assert len(list((tmp_path / "runs").iterdir())) == 3
     again = []

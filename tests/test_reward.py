@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from crowd_env import CrowdEnv, EpisodeMetrics, RewardWeights, make_scenario
+from crowd_env._reference import refer
 from crowd_env.metrics import flow_slope, summarise
-from crowd_env.reward import REWARDS
+from crowd_env.reward import REWARDS, RewardFunction, Transition
 
 TERMS = tuple(REWARDS)
 
@@ -22,6 +23,11 @@ def episodes(policy, reward=None, *, num_envs=4, **options):
         step = env.step(policy(rng, env.num_people))
         steps.append((inside, step, env.simulation.memory.crush.copy()))
     return env, first, steps
+
+
+def reset(env):
+    env.reset(seed=0)
+    return env
 
 
 def drunk(rng, people):
@@ -113,19 +119,80 @@ def test_a_term_alone_is_the_reward_and_the_others_are_still_reported(term):
 
 
 def test_sharing_moves_reward_within_the_room_and_makes_none():
+    """Everyone, those who have left too, gets their share of the mean over all N."""
     weights = {"progress": 1.0, "exit": 1.0, "time": 0.5, "contact": 0.01}
     (env, _, selfish), *shared = (episodes(drunk, RewardWeights(weights, share)) for share in (0.0, 0.3, 1.0))
     for share, (_, _, steps) in zip((0.3, 1.0), shared, strict=True):
         for (inside, own, _), (also_inside, step, _) in zip(selfish, steps, strict=True):
             np.testing.assert_array_equal(inside, also_inside)
-            assert not step.reward[~inside].any()
+            assert not own.reward[~inside].any()
             for e in range(env.num_envs):
-                rows = np.arange(env.num_people)[env.people(e)]
-                rows = rows[inside[rows]]
-                if len(rows):
-                    expected = (1 - share) * own.reward[rows] + share * own.reward[rows].mean()
-                    np.testing.assert_allclose(step.reward[rows], expected, atol=1e-12)
-                    assert step.reward[rows].sum() == pytest.approx(own.reward[rows].sum(), abs=1e-9)
+                rows = env.people(e)
+                expected = (1 - share) * own.reward[rows] + share * own.reward[rows].mean()
+                np.testing.assert_allclose(step.reward[rows], expected, atol=1e-12)
+                assert step.reward[rows].sum() == pytest.approx(own.reward[rows].sum(), abs=1e-9)
+
+
+def test_time_is_shared_with_those_who_have_left():
+    """The return of everyone who shares all is minus the mean exit time, whoever is out first."""
+    for share in (0.0, 0.25, 1.0):
+        env, _, steps = episodes(rule, RewardWeights({"time": 1.0}, share), num_envs=2, count=5, time_limit=30.0)
+        exit_time = env.simulation.state.exit_time
+        paid = sum(step.reward for _, step, _ in steps)
+        mean = exit_time.reshape(2, 5).mean(axis=1)[env.env_of_person]
+        np.testing.assert_allclose(paid, -(1 - share) * exit_time - share * mean, atol=1e-9)
+
+
+def test_one_step_by_hand():
+    """Two rooms of four and one: 0.1 s, one has left before, one leaves now; half of everything is shared."""
+    step = Transition(
+        inside=np.array([True, True, True, False, True]),
+        left=np.array([False, True, False, False, False]),
+        travel_time_before=np.array([3.0, 0.1, 2.0, 0.0, 1.0]),
+        travel_time_after=np.array([2.8, 0.0, 2.1, 0.0, 0.9]),
+        duration=np.array([0.1, 0.06, 0.1, 0.1, 0.1]),
+        crush=np.array([8.0, 0.0, 0.0, 0.0, 0.0]),
+        mass=np.full(5, 80.0),
+        env_start=np.array([0, 4, 5]),
+    )
+    weights = RewardWeights({"progress": 1.0, "exit": 2.0, "time": 5.0, "contact": 1.0}, team_share=0.5)
+    reward, terms = RewardFunction(weights, 5)(refer(step))
+    own = [0.2 - 0.5 - 0.1, 0.1 + 2.0 - 0.3, -0.1 - 0.5, 0.0, 0.1 - 0.5]  # -0.4, 1.8, -0.6, 0, -0.4
+    np.testing.assert_allclose(terms["reward/progress"], [0.2, 0.1, -0.1, 0.0, 0.1], atol=1e-12)
+    np.testing.assert_allclose(terms["reward/time"], [-0.1, -0.06, -0.1, 0.0, -0.1], atol=1e-12)
+    mean = 0.2  # of the first room: 0.8 / 4
+    np.testing.assert_allclose(reward, [0.5 * r + 0.5 * mean for r in own[:4]] + [-0.4], atol=1e-12)
+
+
+# ---------------------------------------------------------------------------------------------------------- registry
+
+
+def test_a_term_registered_later_reaches_later_environments_alone(monkeypatch):
+    env = CrowdEnv("room-v0", count=3)
+    env.reset(seed=0)
+    monkeypatch.setitem(REWARDS, "late", lambda step: step.mass)
+    assert "reward/late" not in env.step(None).info
+    assert "reward/late" in reset(CrowdEnv("room-v0", count=3)).step(None).info
+
+
+def test_a_term_that_is_removed_stays_with_those_who_have_it(monkeypatch):
+    monkeypatch.setitem(REWARDS, "heavy", lambda step: step.mass / 100.0)
+    weights = RewardWeights({"heavy": 2.0})
+    env = reset(CrowdEnv("room-v0", count=3, reward=weights))
+    monkeypatch.delitem(REWARDS, "heavy")
+    for _ in range(3):
+        step = env.step(None)
+        np.testing.assert_array_equal(step.info["reward/heavy"], env.simulation.bodies.mass / 100.0)
+        np.testing.assert_array_equal(step.reward, 2.0 * step.info["reward/heavy"])
+    with pytest.raises(ValueError, match="unknown reward term 'heavy'; known: progress"):
+        CrowdEnv("room-v0", count=3, reward=weights)
+
+
+def test_weights_changed_after_they_were_checked_change_nothing():
+    weights = {"progress": 1.0}
+    made = RewardWeights(weights)
+    weights["nonsense"] = float("nan")
+    assert made == RewardWeights({"progress": 1.0})
 
 
 @pytest.mark.parametrize(

@@ -325,7 +325,7 @@ def test_parts_that_make_no_sense_are_refused_in_one_sentence(build, message):
         ({"routes": [Route("out")]}, "route 'out': the name is taken"),
         ({"routes": [Route("a/b")]}, "route 'a/b': the name is taken or holds a '/'"),
         ({"routes": [Route("west", ("east",))]}, "route 'west' has the name of an exit; it must lead to that exit alo"),
-        ({"zones": [SpeedZone("x")]}, "speed zone names an unknown region 'x'; known: bay"),
+        ({"zones": [SpeedZone("x", factor=0.5)]}, "speed zone names an unknown region 'x'; known: bay"),
         ({"rules": [ControlRule("x", 1, "west")]}, "control rule names an unknown region 'x'; known: bay"),
         ({"rules": [ControlRule("bay", 1, "x")]}, "control rule on 'bay' names an unknown route 'x'; known: .*out"),
     ],

@@ -7,10 +7,9 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode
 from routing_places import corridor, hall
 
-from crowd_env import CrowdEnv, Geometry, Population, Route, Scenario
+from crowd_env import EpisodeMetrics, Geometry, Population, Route, Scenario
 from crowd_env.geometry import box
 from crowd_env.routing_batch import RoutingBatch
 from crowd_env.routing_env import RoutingEnv, RoutingVectorEnv
@@ -93,11 +92,11 @@ def test_what_is_observed_after_two_seconds_by_hand():
     }
     for part, values in expected.items():
         np.testing.assert_allclose(observation[layout[part]], values, rtol=1e-6, err_msg=part)
-    whole = RoutingEnv(corridor(FIVE), routes=["east"], grid=(1, 1), interval=0.1)
+    whole = RoutingEnv(corridor(FIVE), routes=["east", "west"], grid=(1, 1), interval=0.1)
     whole.reset(seed=0)
     observation, *_ = whole.step([0])
     speed = np.hypot(*whole.batch.env.simulation.state.velocity.T)
-    assert whole.layout.routes == ("east",) and speed.min() > 0.05
+    assert whole.layout.routes == ("east", "west") and speed.min() > 0.05
     assert observation[whole.layout["speed"]] == pytest.approx(speed.mean() / 2.0)
 
 
@@ -114,7 +113,8 @@ def test_a_queue_does_not_reach_through_a_wall():
 
 
 def test_cells_without_floor_are_no_regions():
-    geometry = Geometry.from_polygon([(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)], exits={"door": [(0, 1), (0, 2)]})
+    exits = {"west": [(0, 1), (0, 2)], "east": [(4, 0.5), (4, 1.5)]}
+    geometry = Geometry.from_polygon([(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)], exits=exits)
     env = RoutingEnv(Scenario("corner", geometry, Population(3), 20.0), grid=(2, 2))
     assert env.layout.regions == ("cell-0-0", "cell-1-0", "cell-0-1")
     np.testing.assert_allclose(env.batch.regions.area, 4.0)
@@ -233,7 +233,7 @@ def test_whoever_stays_inside_counts_until_the_time_limit_and_is_still_seen():
     assert observation[env.layout["time"]] == 1
 
 
-# -------------------------------------------------------------------------------------------------- seeds and batches
+# ------------------------------------------------------------------------------------------------ seeds and pictures
 
 
 def test_one_seed_fixes_a_whole_series_of_episodes():
@@ -248,105 +248,6 @@ def test_one_seed_fixes_a_whole_series_of_episodes():
     for a, b in zip(one, same, strict=True):
         np.testing.assert_array_equal(a, b)
     assert not np.array_equal(one[1], one[-1]) and not np.array_equal(one[-1], other[-1])
-
-
-def test_make_vec_gives_the_native_batch():
-    mode = "vector_entry_point"
-    env = gymnasium.make_vec("crowd_env/Routing-v0", num_envs=3, vectorization_mode=mode, scenario=SMALL)
-    assert isinstance(env.unwrapped, RoutingVectorEnv)
-    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    assert env.action_space.shape == (3, 8) and env.single_action_space.nvec.tolist() == [2] * 8
-    observation, info = env.reset(seed=1)
-    assert env.observation_space.contains(observation) and info["inside"].tolist() == [12] * 3
-    crowd = CrowdEnv(SMALL, num_envs=3)
-    crowd.reset(1)
-    np.testing.assert_array_equal(env.unwrapped.batch.env.simulation.state.position, crowd.simulation.state.position)
-
-
-def test_a_row_of_the_batch_is_the_evacuation_alone_and_starts_anew_in_the_step_in_which_it_ends():
-    seeds = [4, 5, 6]
-    env, singles = RoutingVectorEnv(SMALL, num_envs=3), [RoutingEnv(SMALL) for _ in seeds]
-    rows, _ = env.reset(seed=seeds)
-    for row, single, seed in zip(rows, singles, seeds, strict=True):
-        np.testing.assert_array_equal(row, single.reset(seed=seed)[0])
-    rng, playing, ends = np.random.default_rng(0), np.ones(3, bool), 0
-    while playing.any():
-        action = rng.integers(0, 2, (3, 8)) if ends == 0 and rows[0, -1] < 0.2 else np.tile([0, 0, 1, 1], (3, 2))
-        rows, reward, terminated, truncated, info = env.step(action)
-        over = terminated | truncated
-        assert ("final_obs" in info) == over.any() and set(info["metrics"]) == set(np.flatnonzero(over))
-        for e in np.flatnonzero(playing):
-            row, one_reward, *flags, one_info = singles[e].step(action[e])
-            assert [reward[e], terminated[e], truncated[e]] == [one_reward, *flags]
-            assert info["inside"][e] == one_info["inside"] and info["reward/last"][e] == one_info["reward/last"]
-            if over[e]:
-                ends += 1
-                assert info["_final_obs"][e] and info["metrics"][e]._asdict() == pytest.approx(
-                    one_info["metrics"], nan_ok=True
-                )
-                np.testing.assert_array_equal(info["final_obs"][e], row)
-                assert rows[e, env.layout["time"]] == 0 and rows[e, env.layout["inside"]] == 1
-                assert rows[e, env.layout["flow"]].tolist() == [0, 0]
-            else:
-                np.testing.assert_array_equal(rows[e], row)
-        playing &= ~over
-    assert ends == 3
-
-
-def test_episodes_go_on_after_a_restart_with_other_draws():
-    env = RoutingVectorEnv(SMALL, num_envs=2)
-    env.reset(seed=0)
-    first = env.batch.env.simulation.state.position.copy()
-    ended, flows = np.zeros(2, dtype=int), []
-    while (ended < 2).any():
-        rows, _, terminated, truncated, info = env.step([[0, 0, 1, 1, 0, 0, 1, 1], [1] * 8])
-        assert not truncated.any() and env.observation_space.contains(rows)
-        ended += terminated
-        if terminated.tolist() == [True, False]:  # the other row goes on as if nothing had happened
-            np.testing.assert_array_equal(rows[1], info["final_obs"][1])
-            flows.append(rows[1, env.layout["flow"]].max())
-    assert max(flows) > 0
-    assert not np.array_equal(env.batch.env.simulation.state.position, first)
-
-
-# -------------------------------------------------------------------------------------------------------------- errors
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"regions": ["lobby"]}, "unknown region 'lobby'; known: start"),
-        ({"regions": ["start", "start"]}, "region 'start' is named twice"),
-        ({"routes": ["north"]}, "unknown route 'north'; known: west, east"),
-        ({"doors": ["gate"]}, "scenario 'hall' has no doors"),
-        ({"grid": (0, 2)}, "grid has 0 x 2 cells"),
-        ({"interval": 0.015}, "interval of 0.015 s is not a whole number of physics steps of dt = 0.01 s"),
-        ({"interval": 2.0, "dt": 0.03}, "interval of 2 s is not a whole number of physics steps"),
-        ({"interval": 0.0}, "interval between decisions is 0.0 s"),
-        ({"reward": {"speed": 1.0}}, "unknown reward term 'speed'; known: mean, last"),
-        ({"reward": {"mean": float("nan")}}, "weight of reward term 'mean' is nan"),
-        ({"render_mode": "human"}, "unknown render_mode 'human'"),
-        ({"num_envs": 2}, "RoutingVectorEnv"),
-    ],
-)
-def test_what_makes_no_sense_is_refused_in_a_sentence(options, words):
-    with pytest.raises(ValueError, match=words) as caught:
-        RoutingEnv(SMALL, **options)
-    assert "\n" not in str(caught.value)
-
-
-def test_actions_that_are_no_choices_are_refused():
-    env = RoutingEnv(corridor(FIVE, doors={"gate": "east"}), grid=(2, 1), doors=["gate"])
-    env.reset(seed=0)
-    for action, words in [
-        ([0, 2, 1], "action for region 'cell-1-0' is 2; it must be a whole number from 0 to 1"),
-        ([-1, 0, 1], "region 'cell-0-0' is -1"),
-        ([0.5, 0, 1], "region 'cell-0-0' is 0.5"),
-        ([0, 0, 2], "door 'gate' is 2"),
-        ([0, 0], r"shape \(1, 3\), not \(1, 2\)"),
-    ]:
-        with pytest.raises(ValueError, match=words):
-            env.step(action)
 
 
 def test_a_frame_shows_the_hall():
@@ -378,8 +279,10 @@ def test_stable_baselines3_sees_each_row_as_an_environment():
             np.testing.assert_array_equal(infos[e]["terminal_observation"], info["final_obs"][e])
             assert infos[e]["episode"]["r"] == pytest.approx(total[e])
             total[e] = 0.0
-            ended.append(e)
-    assert len(venv.take_finished()) == len(ended) and venv.take_finished() == []
+            ended.append({name: info["final_info"]["metrics"][name][e].item() for name in EpisodeMetrics._fields})
+    finished = venv.take_finished()
+    assert all(type(episode) is EpisodeMetrics for episode in finished) and venv.take_finished() == []
+    assert repr([episode._asdict() for episode in finished]) == repr(ended)
 
 
 def test_a_slot_cut_off_at_the_time_limit_says_so():

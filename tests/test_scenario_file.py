@@ -318,7 +318,7 @@ def test_braces_hold_nothing_else(expression):
         ),
         (small(end="[[routes]]\nname = 'a'\nexits = ['b']"), r"route 'a' names an unknown exit 'b'; known: door"),
         (small(end="[[routes]]\nname = 'out'"), r"route 'out': the name is taken"),
-        (small(end="[[zones]]\nregion = 'attic'"), r"speed zone names an unknown region 'attic'"),
+        (small(end="[[zones]]\nregion = 'attic'\nfactor = 0.5"), r"speed zone names an unknown region 'attic'"),
         (small(end="[[zones]]\nregion = 'back'\nfactor = 0"), r"zones\[0\]: speed zone 'back': factor is 0"),
         (small(end="[comfort]\nstars = 1"), r"unknown key 'stars' in comfort; did you mean 'stairs'"),
         (small(top="time_limit = -1"), r"my\.toml: scenario 'my': the time limit is -1"),
@@ -361,7 +361,7 @@ def test_json_says_line_and_column_and_refuses_doubles(write):
         ({"length": 50.0}, "my: length is 50; it must be 10 to 20"),
         ({"length": "12"}, r"my: length: is a text \('12'\); it must be a number"),
         ({"people": 2.5}, r"my: people: is 2\.5; it must be a whole number"),
-        ({"count": 1}, r"my\.toml: 1 people for 2 groups; each needs at least 1"),
+        ({"count": 1}, r"my\.toml: 1 person for 2 groups; each needs at least 1"),
         ({"time_limit": 0.0}, "the time limit is 0.0"),
     ],
 )

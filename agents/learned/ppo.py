@@ -49,7 +49,6 @@ def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path |
         ent_coef=settings.ent_coef,
         target_kl=settings.target_kl,
         rollout_buffer_class=MaskedRolloutBuffer,
-        rollout_buffer_kwargs={"venv": venv},
         policy_kwargs={"net_arch": [settings.hidden] * 2, "log_std_init": settings.log_std_init},
         tensorboard_log=None if log_folder is None else str(log_folder),
         seed=seed,

@@ -3,6 +3,7 @@
 For one policy shared by all pedestrians see `crowd_env.adapters.sb3`.
 """
 
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
+from crowd_env.adapters.sb3 import KEPT_EPISODES
 from crowd_env.metrics import EpisodeMetrics
 
 
@@ -25,7 +27,8 @@ class VectorVecEnv(VecEnv):
 
     Attributes
     ----------
-    finished_episodes : metrics of the evacuations that have ended since `take_finished` was last called.
+    finished_episodes : metrics of the evacuations that have ended since `take_finished` was last called, the last 1000
+        of them.
 
     Raises
     ------
@@ -38,7 +41,7 @@ class VectorVecEnv(VecEnv):
             raise ValueError("stable-baselines3 needs a VectorEnv with AutoresetMode.SAME_STEP")
         self.env = env
         self.render_mode = None
-        self.finished_episodes: list[EpisodeMetrics] = []
+        self.finished_episodes: deque[EpisodeMetrics] = deque(maxlen=max(KEPT_EPISODES, env.num_envs))
         self._actions = np.empty(0)
         self._return = np.zeros(env.num_envs)
         self._length = np.zeros(env.num_envs, dtype=np.int64)
@@ -72,12 +75,15 @@ class VectorVecEnv(VecEnv):
             }
         self._return[done] = 0.0
         self._length[done] = 0
-        self.finished_episodes.extend(info.get("metrics", {}).values())
+        metrics = info.get("final_info", {}).get("metrics", {})
+        for e in np.flatnonzero(done) if metrics else ():
+            self.finished_episodes.append(EpisodeMetrics(*(metrics[name][e].item() for name in EpisodeMetrics._fields)))
         return np.asarray(observation), np.asarray(reward, dtype=np.float32), done, infos
 
     def take_finished(self) -> list[EpisodeMetrics]:
         """Return the metrics of the evacuations that have ended since the last call."""
-        taken, self.finished_episodes = self.finished_episodes, []
+        taken = list(self.finished_episodes)
+        self.finished_episodes.clear()
         return taken
 
     def close(self) -> None:

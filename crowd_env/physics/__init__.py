@@ -15,6 +15,7 @@ SCHEMES: dict[str, ContactScheme] = {
     "nsm1": NSM1(),
     "nsm1-inertial": NSM1(trial="inertial"),
     "nsm2": NSM2(),
+    "nsm2-printed": NSM2(reaction="printed"),
     "hertz": Hertz(),
     "hertz-literal": Hertz.literal(),
 }

@@ -13,9 +13,18 @@ import numpy as np
 
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env._reference import Reference
+from crowd_env.physics.bounds import MARGIN, hold_lanes_at_walls, speed_limit
 from crowd_env.physics.contacts import find_contacts
 from crowd_env.physics.forces import LOOK_EVERY, choose_turn, follow_rules, influences, look_around
-from crowd_env.physics.lanes import book, count_strays, show_positions, walk, walk_freely
+from crowd_env.physics.lanes import (
+    accelerate,
+    accelerate_freely,
+    book,
+    count_strays,
+    greatest_speed,
+    move,
+    show_positions,
+)
 from crowd_env.physics.neighbors import OK, update_neighbours
 from crowd_env.physics.require import require_positive
 from crowd_env.physics.scheme import SchemeInfo
@@ -24,7 +33,9 @@ from crowd_env.physics.social import SocialForce, SocialLaw, add_social_forces
 from crowd_env.physics.soft_contact import (
     CARRIED,
     COUNT,
+    FASTEST,
     FURTHEST,
+    OUTSIDE,
     STRAYS,
     push_off_walls,
     push_people,
@@ -125,7 +136,7 @@ def _prepare(
     world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
     near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    cut.go[e] = memory.progress[e] < n_substeps and cut.inside[e] > 0
+    cut.go[e] = memory.status[e] == OK and memory.progress[e] < n_substeps and cut.inside[e] > 0
     if cut.go[e] and cut.stray[e]:
         show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
         show_positions(begin, end, state.active, lanes.vx, lanes.vy, state.velocity)
@@ -234,11 +245,18 @@ def _walk(e: int, low: int, high: int, row: int, batch: Batch, dt: float, reach:
                 lanes.squeeze,
             )
     if touched or cut.pressed[e] or reach > 0.0:
-        walk(low, high, dt, lanes.fx, lanes.gx, lanes.per_mass, lanes.wish_x, lanes.per_tau, lanes.vx, lanes.x)
-        walk(low, high, dt, lanes.fy, lanes.gy, lanes.per_mass, lanes.wish_y, lanes.per_tau, lanes.vy, lanes.y)
+        accelerate(low, high, dt, lanes.fx, lanes.gx, lanes.per_mass, lanes.wish_x, lanes.per_tau, lanes.vx)
+        accelerate(low, high, dt, lanes.fy, lanes.gy, lanes.per_mass, lanes.wish_y, lanes.per_tau, lanes.vy)
     else:
-        walk_freely(low, high, dt, lanes.wish_x, lanes.per_tau, lanes.vx, lanes.x)
-        walk_freely(low, high, dt, lanes.wish_y, lanes.per_tau, lanes.vy, lanes.y)
+        accelerate_freely(low, high, dt, lanes.wish_x, lanes.per_tau, lanes.vx)
+        accelerate_freely(low, high, dt, lanes.wish_y, lanes.per_tau, lanes.vy)
+    fastest = greatest_speed(low, high, lanes.vx, lanes.vy, speed_limit(batch))
+    move(low, high, dt, lanes.vx, lanes.x)
+    move(low, high, dt, lanes.vy, lanes.y)
+    cut.seen[row, FASTEST] = fastest
+    if batch.control.bounded and cut.seen[row, OUTSIDE] + dt * fastest > cut.smallest[e] - 2.0 * MARGIN:
+        first, last, g = cut.wall_start[row], cut.wall_stop[row], batch.world.geometry_of_env[e]
+        hold_lanes_at_walls(g, first, last, batch.world.boundary, near.owner, near.partner, lanes, dt)
     if touched:
         book(low, high, dt, lanes.fx, lanes.push_x)
         book(low, high, dt, lanes.fy, lanes.push_y)

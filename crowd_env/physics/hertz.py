@@ -23,6 +23,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
+from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.require import require_known, require_not_negative, require_positive
@@ -229,17 +230,18 @@ def _touch(first: int, last: int, batch: Batch, dt: float, elapsed: float, law: 
 
 
 @inner_kernel
-def _kick(first: int, last: int, batch: Batch, half: float) -> None:
-    """Half a kick (eqs 9, 11)."""
+def _kick(e: int, last: int, batch: Batch, half: float, limit: float) -> float:
+    """Half a kick (eqs 9, 11), to no more than ``limit`` [m/s]; returns the largest speed [m/s]."""
     inside, velocity, spin, mass = batch.memory.inside, batch.state.velocity, batch.state.spin, batch.bodies.mass
     inertia, force, torque = batch.bodies.inertia, batch.memory.force, batch.memory.torque
-    for place in range(index(first), index(last)):
+    for place in range(index(batch.bodies.env_start[e]), index(last)):
         i = inside[place]
         rate = half / mass[i]
         velocity[i, 0] += rate * force[i, 0]
         velocity[i, 1] += rate * force[i, 1]
         if torque[i] != 0.0:  # few touch, and a division is dear
             spin[i] += half * torque[i] / inertia[i]
+    return float(hold_to_speed(e, last, batch, velocity, limit))
 
 
 @inner_kernel
@@ -272,11 +274,15 @@ def _advance_range(
     for e in range(first, stop):
         begin, last, contact = env_start[e], muster(e, batch), near.entry_start[e]
         walk_freely(e, batch, regions)
+        limit, smallest = speed_limit(batch), least_radius(e, last, batch)
+        deepest = np.inf  # with a wall, at the start of the step; not known before the first
         while progress[e] < n_substeps and last > begin:
             if phase[e] == _KNOWN:
                 record_pushes(contact, contact + contacts.number[e], memory, 0.5)  # those of the last step
-                _kick(begin, last, batch, 0.5 * dt)
+                furthest = dt * _kick(e, last, batch, 0.5 * dt, limit)
                 _drift(begin, last, batch, dt)
+                if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
+                    break
                 last = leave(e, last, batch, dt)
                 phase[e] = _DRIFTED
             if not detect(e, batch, 0.0, reach):
@@ -291,7 +297,7 @@ def _advance_range(
             _touch(contact, behind, batch, dt, elapsed, law)
             if phase[e] == _DRIFTED:
                 record_pushes(contact, behind, memory, 0.5)
-                record_overlaps(e, contact, behind, memory)
-                _kick(begin, last, batch, 0.5 * dt)
+                deepest = record_overlaps(e, contact, behind, memory)
+                _kick(e, last, batch, 0.5 * dt, limit)
                 tick(e, batch, dt)
             phase[e] = _KNOWN

@@ -58,7 +58,7 @@ def show_positions(begin: int, end: int, active: Bools, x: Floats, y: Floats, po
 
 
 @inner_kernel
-def walk(
+def accelerate(
     begin: int,
     end: int,
     dt: float,
@@ -68,25 +68,44 @@ def walk(
     wish: Floats,
     per_tau: Floats,
     v: Floats,
-    x: Floats,
 ) -> None:
-    """Symplectic Euler of one coordinate:  v += h (f / m + (v_d - v) / tau),  x += h v.
+    """First half of symplectic Euler, of one coordinate:  v += h (f / m + (v_d - v) / tau).
 
     Short loops: each vectorises, a long one with all these arrays does not.
     """
     for i in range(index(begin), index(end)):
         v[i] += dt * ((force[i] + regular[i]) * per_mass[i] + (wish[i] - v[i]) * per_tau[i])
+
+
+@inner_kernel
+def accelerate_freely(begin: int, end: int, dt: float, wish: Floats, per_tau: Floats, v: Floats) -> None:
+    """The same for people on whom no force acts, to the bit: a third less to fetch from memory, which is what it costs."""
+    for i in range(index(begin), index(end)):
+        v[i] += dt * (0.0 + (wish[i] - v[i]) * per_tau[i])
+
+
+@inner_kernel
+def move(begin: int, end: int, dt: float, v: Floats, x: Floats) -> None:
+    """Second half:  x += h v."""
     for i in range(index(begin), index(end)):
         x[i] += dt * v[i]
 
 
 @inner_kernel
-def walk_freely(begin: int, end: int, dt: float, wish: Floats, per_tau: Floats, v: Floats, x: Floats) -> None:
-    """The same for people on whom no force acts, to the bit: a third less to fetch from memory, which is what it costs."""
+def greatest_speed(begin: int, end: int, vx: Floats, vy: Floats, limit: float) -> float:
+    """Return the greatest speed [m/s], after those above ``limit`` have been held to it."""
+    fastest = 0.0
     for i in range(index(begin), index(end)):
-        v[i] += dt * (0.0 + (wish[i] - v[i]) * per_tau[i])
-    for i in range(index(begin), index(end)):
-        x[i] += dt * v[i]
+        fastest = max(fastest, vx[i] * vx[i] + vy[i] * vy[i])
+    if fastest > limit * limit:
+        for i in range(index(begin), index(end)):
+            square = vx[i] * vx[i] + vy[i] * vy[i]
+            if square > limit * limit:
+                share = limit / np.sqrt(square)
+                vx[i] *= share
+                vy[i] *= share
+        return limit
+    return float(np.sqrt(fastest))
 
 
 @inner_kernel

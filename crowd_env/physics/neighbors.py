@@ -13,7 +13,7 @@ from crowd_env.physics.world import Batch
 from crowd_env.state import Bools, Floats
 
 # What a step can answer; anything but OK hands over to Python.
-OK, FULL, DIVERGED = 0, 1, 2
+OK, FULL, DIVERGED, TOO_FAST = 0, 1, 2, 3
 
 # Map coordinates are welcome; beyond this a run has blown up, and the number of cells would overflow.
 _FARTHEST = 1e8  # m

@@ -15,6 +15,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
+from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import OK, update_neighbours
@@ -168,15 +169,18 @@ def _project(e: int, last: int, batch: Batch, dt: float, spontaneous: bool, law:
 
 
 @inner_kernel
-def _move(first: int, last: int, batch: Batch, dt: float) -> None:
+def _move(e: int, last: int, batch: Batch, dt: float, limit: float) -> float:
+    """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
     inside, after, previous = batch.memory.inside, batch.memory.before, batch.memory.previous
     position, velocity = batch.state.position, batch.state.velocity
-    for place in range(index(first), index(last)):
+    furthest = dt * hold_to_speed(e, last, batch, after, limit)
+    for place in range(index(batch.bodies.env_start[e]), index(last)):
         i = inside[place]
         for k in range(2):
             previous[i, k] = position[i, k]
             velocity[i, k] = after[i, k]
             position[i, k] += dt * after[i, k]
+    return float(furthest)
 
 
 @kernel
@@ -196,6 +200,7 @@ def _advance_range(
     for e in range(first, stop):
         begin, last = env_start[e], muster(e, batch)
         walk_freely(e, batch, regions)
+        limit, smallest = speed_limit(batch), least_radius(e, last, batch)
         while progress[e] < n_substeps and last > begin:
             if social is not None:
                 memory.status[e] = update_neighbours(e, batch, reach)
@@ -207,8 +212,10 @@ def _advance_range(
             contact = memory.near.entry_start[e]
             behind = contact + memory.contacts.number[e]
             record_pushes(contact, behind, memory, 1.0)
-            record_overlaps(e, contact, behind, memory)
+            deepest = record_overlaps(e, contact, behind, memory)
             remember_impulses(contact, behind, memory)
-            _move(begin, last, batch, dt)
+            furthest = _move(e, last, batch, dt, limit)
+            if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
+                break
             last = leave(e, last, batch, dt)
             tick(e, batch, dt)

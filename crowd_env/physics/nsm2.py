@@ -1,7 +1,8 @@
 """NSM2: percussions from a pseudopotential of dissipation (Frémond), as Pécol et al. 2011 write it (eqs 8-10).
 
     M (u(n+1) - u(n)) = p_ext + B^T P,   p_ext = h f(t(n))
-    P_c = -lambda_c K_N (w- + w+) / 2 + mu_c,    0 <= mu_c orthogonal to w+ >= 0
+    P_c = -lambda_c K_N (w- + w+) / 2 + mu_c,    0 <= mu_c orthogonal to w+ >= 0      as printed
+                                                 0 <= mu_c orthogonal to w+ + max(w-, 0) >= 0     our default: dissipative
     q(n+1) = q(n) + h (u(n) + u(n+1)) / 2
 
 A contact is a pair with D(q(n)) <= 0; lambda_c = 1 only if it approaches at t(n) (w- < 0): without this gate contacts stick,
@@ -10,13 +11,14 @@ exactly inelastic; tangentially u_T+ = u_T- (2 m_e - K_T) / (2 m_e + K_T).  The 
 order of h times the closing speed remains, and is the scheme's, not the solver's.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
+from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
 from crowd_env.physics.neighbors import FULL
@@ -39,13 +41,20 @@ from crowd_env.state import Bodies
 
 INFO = SchemeInfo(
     name="nsm2",
-    title="percussions: pseudopotential of dissipation",
+    title="percussions: pseudopotential of dissipation, dissipative reaction",
     reference="Pécol, Dal Pont, Erlicher, Argoul 2011, eqs 8-10; Frémond 1995, 2007",
     order=1,
     conserves_energy_at_contact=True,
     overlap="time step times closing speed, up to about 40 mm at 0.01 s in a room of 20; it shrinks with the time step",
     stable_step="2 tau_min, from the explicit driving force",
     uses=("problem", "desired", "force", "previous", "before"),
+)
+
+PRINTED = replace(
+    INFO,
+    name="nsm2-printed",
+    title="percussions, reaction as printed: makes energy where many touch at once",
+    conserves_energy_at_contact=True,
 )
 
 # A contact has D <= 0; the narrow phase keeps what lies strictly below its margin.
@@ -72,9 +81,10 @@ class NSM2:
     relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
         without any impulse.
     max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
-    reaction : which reaction forbids approach after the step.  "printed" (eq 10): w+ >= 0 for every overlapping contact; on one
-        that was separating already it does work, and many bodies in contact gain energy.  "dissipative" is an EXTENSION:
-        w+ >= -max(w-, 0), i.e. the mean speed of the step must not approach; then contacts never make energy.
+    reaction : which reaction forbids approach after the step.  "dissipative" is an EXTENSION: w+ >= -max(w-, 0), i.e. the mean
+        speed of the step must not approach; then contacts never make energy.  "printed" (eq 10): w+ >= 0 for every overlapping
+        contact; on one that was separating already it does work, and many bodies in contact gain energy: a crowd of 2000
+        explodes.  The two agree where only two bodies touch.
     position_correction : share of every overlap that is taken back in each step, 0 to 1.  An EXTENSION, not in the paper, whose
         law acts on velocities alone: people are moved apart by the least displacement (mass-weighted), without any velocity.
     solver : "gauss-seidel", "accelerated" (with momentum), or "auto": the faster one, here the second.
@@ -87,7 +97,7 @@ class NSM2:
     relative_tolerance: float | None = None
     max_iterations: int = 20_000
     solver: SolverName = "auto"
-    reaction: Literal["printed", "dissipative"] = "printed"
+    reaction: Literal["dissipative", "printed"] = "dissipative"
     position_correction: float = 0.0
     social: SocialForce | None = None
 
@@ -109,7 +119,7 @@ class NSM2:
     @property
     def info(self) -> SchemeInfo:
         """Facts about the scheme."""
-        return INFO
+        return INFO if self.reaction == "dissipative" else PRINTED
 
     def stable_dt(self, bodies: Bodies) -> float:
         """Unconditional for the contact; the explicit driving force needs h < 2 tau."""
@@ -152,19 +162,25 @@ def _accelerate(first: int, last: int, batch: Batch, dt: float) -> None:
 
 
 @inner_kernel
-def _move(first: int, last: int, batch: Batch, dt: float) -> None:
+def _move(e: int, last: int, batch: Batch, dt: float, limit: float) -> float:
+    """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
     inside, before, previous = batch.memory.inside, batch.memory.before, batch.memory.previous
     position, velocity = batch.state.position, batch.state.velocity
-    for place in range(index(first), index(last)):
+    hold_to_speed(e, last, batch, velocity, limit)
+    furthest = 0.0
+    for place in range(index(batch.bodies.env_start[e]), index(last)):
         i = inside[place]
-        for k in range(2):
-            previous[i, k] = position[i, k]
-            position[i, k] += 0.5 * dt * (before[i, k] + velocity[i, k])
+        dx, dy = 0.5 * dt * (before[i, 0] + velocity[i, 0]), 0.5 * dt * (before[i, 1] + velocity[i, 1])
+        previous[i, 0], previous[i, 1] = position[i, 0], position[i, 1]
+        position[i, 0] += dx
+        position[i, 1] += dy
+        furthest = max(furthest, dx * dx + dy * dy)
+    return float(np.sqrt(furthest))
 
 
 @inner_kernel
-def _collide(e: int, batch: Batch, law: Stopping, options: Options) -> None:
-    """Give everyone the velocity after the percussions of this step."""
+def _collide(e: int, batch: Batch, law: Stopping, options: Options) -> float:
+    """Give everyone the velocity after the percussions of this step; returns the deepest overlap with a wall [m]."""
     bodies, memory = batch.bodies, batch.memory
     near, contacts, problem = memory.near, memory.contacts, memory.problem
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
@@ -189,15 +205,15 @@ def _collide(e: int, batch: Batch, law: Stopping, options: Options) -> None:
     give_impulses(first, rows, number, contacts, bodies.mass, problem)
     record_solver(e, memory.diagnostics, iterations, residual, residual if converged else 0.0)
     record_pushes(first, last, memory, 1.0)
-    record_overlaps(e, first, last, memory)
     remember_impulses(first, last, memory)
+    return float(record_overlaps(e, first, last, memory))
 
 
 @inner_kernel
-def _part(e: int, batch: Batch, dt: float, law: Stopping, correction: float) -> None:
+def _part(e: int, batch: Batch, dt: float, law: Stopping, correction: float) -> float:
     """Move overlapping people apart by the least mass-weighted displacement that takes back a share of every overlap.
 
-    It is the problem of NSM1 for a velocity that is used once and forgotten.
+    It is the problem of NSM1 for a velocity that is used once and forgotten.  Returns the longest way [m].
     """
     bodies, memory = batch.bodies, batch.memory
     contacts, problem, position = memory.contacts, memory.problem, batch.state.position
@@ -208,9 +224,13 @@ def _part(e: int, batch: Batch, dt: float, law: Stopping, correction: float) -> 
         shift[i, 0], shift[i, 1] = 0.0, 0.0
     busy = pose_no_overlap(first, last, begin, end, e, contacts, bodies.mass, shift, problem, dt / correction, False)
     solve(first, last - first, busy, begin, end, e, bodies.mass, shift, problem, None, law)
+    furthest = 0.0
     for i in range(index(begin), index(end)):
-        position[i, 0] += dt * shift[i, 0]
-        position[i, 1] += dt * shift[i, 1]
+        dx, dy = dt * shift[i, 0], dt * shift[i, 1]
+        position[i, 0] += dx
+        position[i, 1] += dy
+        furthest = max(furthest, dx * dx + dy * dy)
+    return float(np.sqrt(furthest))
 
 
 @kernel
@@ -231,6 +251,7 @@ def _advance_range(
     for e in range(first, stop):
         begin, last = env_start[e], muster(e, batch)
         walk_freely(e, batch, regions)
+        limit, smallest = speed_limit(batch), least_radius(e, last, batch)
         while progress[e] < n_substeps and last > begin:
             if not detect(e, batch, _TOUCHING, reach):
                 break
@@ -240,10 +261,11 @@ def _advance_range(
                 break
             regular_forces(e, last, batch, dt, social, regions)
             _accelerate(begin, last, batch, dt)
-            if number > 0:
-                _collide(e, batch, law, options)
-            _move(begin, last, batch, dt)
+            deepest = _collide(e, batch, law, options) if number > 0 else 0.0
+            furthest = _move(e, last, batch, dt, limit)
             if correction is not None:
-                _part(e, batch, dt, law, correction)
+                furthest += _part(e, batch, dt, law, correction)
+            if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
+                break
             last = leave(e, last, batch, dt)
             tick(e, batch, dt)

@@ -32,6 +32,7 @@ class Cut(NamedTuple):
     inside: Ints  # (E,)     people
     pressed: Bools  # (E,)     external or social forces act
     last_response: Floats  # (E,)  s    when the last one begins to walk
+    smallest: Floats  # (E,)  m    least radius
     inside_start: Ints  # (E * SLABS,)  places of each slab in `Memory.inside`
     inside_stop: Ints
     pair_start: Ints  # (E * SLABS,)  entries of each slab
@@ -57,6 +58,7 @@ def allocate_cut(environments: int) -> Cut:
         inside=counts(environments),
         pressed=np.zeros(environments, dtype=np.bool_),
         last_response=np.zeros(environments),
+        smallest=np.zeros(environments),
         inside_start=counts(rows),
         inside_stop=counts(rows),
         pair_start=counts(rows),

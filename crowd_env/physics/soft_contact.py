@@ -13,7 +13,7 @@ from crowd_env.physics.neighbor_list import Places
 from crowd_env.state import Floats, Ints
 
 # What a slab has seen in a step, columns of `Cut.seen`.
-DEEPEST, SUM, COUNT, OUTSIDE, CARRIED, STRAYS, FURTHEST = range(7)
+DEEPEST, SUM, COUNT, OUTSIDE, CARRIED, STRAYS, FURTHEST, FASTEST = range(8)
 
 
 @inner_kernel

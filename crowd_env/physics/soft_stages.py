@@ -1,11 +1,14 @@
 """What a step of the soft scheme does besides pushing and walking: people in and out of the lanes, the list, the exits."""
 
+import numpy as np
+
 from crowd_env._jit import index, inner_kernel
 from crowd_env.physics.forces import walk_freely
 from crowd_env.physics.lanes import park, show_positions
 from crowd_env.physics.leaving import leave_lanes_anywhere, leave_lanes_by_list, take_out_of_lanes
+from crowd_env.physics.neighbors import OK, TOO_FAST
 from crowd_env.physics.slabs import SLABS, first_entry, slab_start
-from crowd_env.physics.soft_contact import COUNT, DEEPEST, OUTSIDE, STRAYS, SUM
+from crowd_env.physics.soft_contact import COUNT, DEEPEST, FASTEST, OUTSIDE, STRAYS, SUM
 from crowd_env.physics.step import muster
 from crowd_env.physics.world import Batch
 from crowd_env.state import Bools, Floats
@@ -21,7 +24,7 @@ def begin_call(e: int, slabs: int, batch: Batch, regions: bool | None) -> None:
     x, y, vx, vy, gx, gy = lanes.x, lanes.y, lanes.vx, lanes.vy, lanes.gx, lanes.gy
     fx, fy, squeeze, per_mass, per_tau = lanes.fx, lanes.fy, lanes.squeeze, lanes.per_mass, lanes.per_tau
     push_x, push_y, crushed = lanes.push_x, lanes.push_y, lanes.crush
-    pressed, latest = False, 0.0
+    pressed, latest, radius, smallest = False, 0.0, bodies.radius, np.inf
     for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
         fx[i] = fy[i] = squeeze[i] = 0.0
         push_x[i], push_y[i], crushed[i] = push[i, 0], push[i, 1], crush[i]
@@ -32,10 +35,12 @@ def begin_call(e: int, slabs: int, batch: Batch, regions: bool | None) -> None:
             gx[i], gy[i] = external[i, 0], external[i, 1]
             pressed |= external[i, 0] != 0.0 or external[i, 1] != 0.0
             per_mass[i] = 1.0 / mass[i]
+            smallest = min(smallest, radius[i])
             per_tau[i] = 1.0 / relaxation_time[i] if driving else 0.0
         else:
             park(i, lanes, near.origin_x, near.origin_y)
-    cut.pressed[e], cut.last_response[e], cut.stray[e] = pressed, latest, True
+    cut.pressed[e], cut.last_response[e], cut.smallest[e], cut.stray[e] = pressed, latest, smallest, True
+    memory.status[e] = OK
     muster_slabs(e, slabs, batch)
     walk_freely(e, batch, regions)
 
@@ -102,15 +107,21 @@ def finish(e: int, slabs: int, batch: Batch, dt: float) -> None:
     """Add up what the slabs have seen, and take out whoever crossed an exit."""
     boundary, state, memory, g = batch.world.boundary, batch.state, batch.memory, batch.world.geometry_of_env[e]
     near, lanes, cut, sums = memory.near, memory.lanes, memory.cut, memory.diagnostics
-    begin, end, seen = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], cut.seen
-    strays, count = 0.0, 0.0
+    bodies, seen = batch.bodies, cut.seen
+    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
+    strays, count, fastest = 0.0, 0.0, 0.0
     for row in range(SLABS * e, SLABS * e + slabs):
         sums.max_overlap[e] = max(sums.max_overlap[e], seen[row, DEEPEST], seen[row, OUTSIDE])
         sums.max_outside[e] = max(sums.max_outside[e], seen[row, OUTSIDE])
         sums.overlap_sum[e] += seen[row, SUM]
         count += seen[row, COUNT]
         strays += seen[row, STRAYS]
+        fastest = max(fastest, seen[row, FASTEST])
     sums.overlap_count[e] += int(count)
+    sums.max_speed[e] = max(sums.max_speed[e], fastest)
+    bounded = batch.control.bounded
+    if bounded and dt * fastest > cut.smallest[e] and _is_too_far(begin, end, dt, lanes.vx, lanes.vy, bodies.radius):
+        memory.status[e] = TOO_FAST
     cut.stray[e] = strays > 0.0
     near.age[e] += 1
     exits, stop = boundary.exit_start[g], boundary.exit_start[g + 1]
@@ -153,6 +164,15 @@ def finish(e: int, slabs: int, batch: Batch, dt: float) -> None:
     if left > 0:
         take_out_of_lanes(begin, end, state.active, lanes, near.origin_x, near.origin_y, state.position, state.velocity)
         muster_slabs(e, slabs, batch)
+
+
+@inner_kernel
+def _is_too_far(begin: int, end: int, dt: float, vx: Floats, vy: Floats, radius: Floats) -> bool:
+    """Whether anyone has moved further than the own radius in this step."""
+    for i in range(begin, end):
+        if dt * dt * (vx[i] * vx[i] + vy[i] * vy[i]) > radius[i] * radius[i]:
+            return True
+    return False
 
 
 @inner_kernel

@@ -67,10 +67,10 @@ def record_pushes(first: int, last: int, memory: Memory, share: float) -> None:
 
 
 @inner_kernel
-def record_overlaps(e: int, first: int, last: int, memory: Memory) -> None:
-    """Add the overlaps of the contacts ``first:last`` to the sums."""
+def record_overlaps(e: int, first: int, last: int, memory: Memory) -> float:
+    """Add the overlaps of the contacts ``first:last`` to the sums; returns the deepest with a wall [m]."""
     gap, j, sums = memory.contacts.gap, memory.contacts.j, memory.diagnostics
-    deepest, outside, total, count = sums.max_overlap[e], sums.max_outside[e], 0.0, 0
+    deepest, outside, total, count = sums.max_overlap[e], 0.0, 0.0, 0
     for c in range(first, last):
         overlap = -gap[c]
         if overlap > 0.0:
@@ -79,9 +79,10 @@ def record_overlaps(e: int, first: int, last: int, memory: Memory) -> None:
             count += 1
             if j[c] < 0:
                 outside = max(outside, overlap)
-    sums.max_overlap[e], sums.max_outside[e] = deepest, outside
+    sums.max_overlap[e], sums.max_outside[e] = deepest, max(outside, sums.max_outside[e])
     sums.overlap_sum[e] += total
     sums.overlap_count[e] += count
+    return float(outside)
 
 
 @inner_kernel

@@ -35,6 +35,7 @@ class Control(NamedTuple):
     relative: Bools  # (P,)    command turns with the direction of the shortest path; else along the world axes
     external_force: Floats  # (P, 2)  N
     driving: bool  # pedestrians (eq 11) or passive grains
+    bounded: bool  # nobody is too fast, goes too far in a step, or through a wall: see `crowd_env.physics.bounds`
 
 
 class Asked(NamedTuple):
@@ -52,6 +53,7 @@ class Diagnostics(NamedTuple):
     overlap_sum: Floats  # (E,)  m    over all overlapping contacts of all steps
     overlap_count: Ints  # (E,)
     max_outside: Floats  # (E,)  m    furthest that a body reached beyond a wall
+    max_speed: Floats  # (E,)  m/s  of anyone, after any step
     residual: Floats  # (E,)  m/s  worst complementarity residual left by the solver
     iterations: Ints  # (E,)       solver sweeps in all
     unconverged: Ints  # (E,)       steps that ended above the tolerance
@@ -96,7 +98,7 @@ class Memory(NamedTuple):
     push: Floats  # (P, 2) N s  sum of contact impulses on each person during the call
     crush: Floats  # (P,)   N s  sum of their magnitudes
     progress: Ints  # (E,)   steps done in the current call
-    status: Ints  # (E,)   OK, FULL or DIVERGED
+    status: Ints  # (E,)   OK, FULL, DIVERGED or TOO_FAST
     diagnostics: Diagnostics  # of the current call
 
 
@@ -110,15 +112,15 @@ class Batch(NamedTuple):
     memory: Memory
 
 
-def allocate_control(people: int, driving: bool) -> Control:
+def allocate_control(people: int, driving: bool, bounded: bool = True) -> Control:
     """Return room for what is asked of so many people."""
-    return Control(np.zeros((people, 2)), np.ones(people, dtype=np.bool_), np.zeros((people, 2)), driving)
+    return Control(np.zeros((people, 2)), np.ones(people, dtype=np.bool_), np.zeros((people, 2)), driving, bounded)
 
 
 def ask(control: Control, asked: Asked, copy: Callable[[Any, Any], None] = np.copyto) -> None:
     """Write what is asked for to where kernels read it; ``copy`` is given an array and what goes there."""
     defaults: tuple[Any, ...] = ((1.0, 0.0), True, 0.0)
-    for array, values, default in zip(control[:-1], asked, defaults, strict=True):
+    for array, values, default in zip(control[:3], asked, defaults, strict=True):
         if values is None:
             array[:] = default
         else:
@@ -134,12 +136,12 @@ def no_diagnostics(environments: int) -> Diagnostics:
     def counts() -> Ints:
         return np.zeros(environments, dtype=np.int64)
 
-    return Diagnostics(reals(), reals(), counts(), reals(), reals(), counts(), counts())
+    return Diagnostics(reals(), reals(), counts(), reals(), reals(), reals(), counts(), counts())
 
 
 def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
     """Add those of a call to the total, in place."""
-    for name in ("max_overlap", "max_outside", "residual"):
+    for name in ("max_overlap", "max_outside", "max_speed", "residual"):
         np.maximum(getattr(total, name), getattr(call, name), out=getattr(total, name))
     for name in ("overlap_sum", "overlap_count", "iterations", "unconverged"):
         getattr(total, name)[:] += getattr(call, name)

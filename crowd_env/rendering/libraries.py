@@ -1,8 +1,18 @@
 """Where the drawing libraries are loaded: on first use, with a sentence that says what to install."""
 
+import importlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+INSTALL = "pip install pygame matplotlib pillow imageio-ffmpeg"
+
+# Suffix -> what draws such a picture.
+_NEEDED = {
+    ".png": ("matplotlib", "pygame", "PIL"),
+    ".gif": ("pygame", "PIL"),
+    ".mp4": ("pygame", "imageio_ffmpeg"),
+}
 
 
 @contextmanager
@@ -19,5 +29,18 @@ def drawing_library() -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"drawing needs {error.name}, which is not installed: pip install 'crowd-env[render]'", name=error.name
+            f"drawing needs {error.name}, which is not installed: {INSTALL}", name=error.name
         ) from error
+
+
+def require_libraries(suffix: str) -> None:
+    """Load what draws pictures that end in ``suffix``.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If one of them is not installed; the message says how to install them.
+    """
+    with drawing_library():
+        for name in _NEEDED[suffix]:
+            importlib.import_module(name)

@@ -299,7 +299,7 @@ def flows(
     return save_figure(figure, path)
 
 
-_SPOKEN = {"dem": "DEM", "nsm1": "NSM1\nspontaneous", "nsm1-inertial": "NSM1\ninertial", "nsm2": "NSM2"}
+_SPOKEN = {"dem": "DEM", "nsm1": "NSM1\nspontaneous", "nsm1-inertial": "NSM1\ninertial", "nsm2-printed": "NSM2"}
 
 
 def _spread(values: Floats, rng: np.random.Generator) -> Floats:

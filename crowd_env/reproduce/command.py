@@ -1,21 +1,20 @@
 """The command ``crowd-env reproduce``."""
 
 import json
-import os
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from crowd_env.console import notes, progress_bar, said_plainly
+from crowd_env.console import check_folder, counted, interrupted, notes, progress_bar, said_plainly
 from crowd_env.physics import SCHEMES
 from crowd_env.reproduce import LIN, PECOL, REPRODUCTIONS, LinSettings, Reproduction, Result, Settings, find
 from crowd_env.reproduce.lin_pool import Interrupted, all_cores, complete, distinct
 from crowd_env.reproduce.lin_settings import check
 from crowd_env.reproduce.lin_store import Store
+from crowd_env.reproduce.result import Halfway, write_table
 from crowd_env.reproduce.settings import flag
 from crowd_env.reproduce.telling import as_object, show, show_names
 
@@ -23,7 +22,6 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 _ROOM = "Room of fig3 and table5"
 _LIN = "Lin, Ma, Lo"
-_INTERRUPTED = 130  # exit code, as shells have it
 
 
 @app.command()
@@ -57,7 +55,9 @@ def reproduce(
     ] = None,
     scheme: Annotated[
         str | None,
-        typer.Option(help="Scheme that fig3 draws: " + ", ".join(SCHEMES) + "; default nsm2.", rich_help_panel=_ROOM),
+        typer.Option(
+            help="Scheme that fig3 draws: " + ", ".join(SCHEMES) + "; default nsm2-printed.", rich_help_panel=_ROOM
+        ),
     ] = None,
     door_width: Annotated[float | None, typer.Option(help="m; default 0.82.", rich_help_panel=_ROOM)] = None,
     side: Annotated[float | None, typer.Option(help="Of the square room, m; default 5.", rich_help_panel=_ROOM)] = None,
@@ -71,8 +71,12 @@ def reproduce(
     stiffness: Annotated[
         float | None, typer.Option(help="k of dem, N/m; default 1.2e5.", rich_help_panel=_ROOM)
     ] = None,
-    k_normal: Annotated[float | None, typer.Option(help="K_N of nsm2, kg; default 1e5.", rich_help_panel=_ROOM)] = None,
-    k_tangent: Annotated[float | None, typer.Option(help="K_T of nsm2, kg; default 0.", rich_help_panel=_ROOM)] = None,
+    k_normal: Annotated[
+        float | None, typer.Option(help="K_N of nsm2-printed, kg; default 1e5.", rich_help_panel=_ROOM)
+    ] = None,
+    k_tangent: Annotated[
+        float | None, typer.Option(help="K_T of nsm2-printed, kg; default 0.", rich_help_panel=_ROOM)
+    ] = None,
     preset: Annotated[
         str | None,
         typer.Option(
@@ -142,15 +146,32 @@ def reproduce(
     with said_plainly():
         work = _plan(name, given, out)
     told: list[Result] = []
-    with said_plainly(), _interruptible():
-        for result in work.results():
-            paths = _write(result, out)
-            told.append(result)
-            if not as_json:
-                show(result)
-            notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
-    if as_json:
+    stopped: str | None = None
+    with said_plainly():
+        try:
+            for result in work.results():
+                paths = _write(result, out)
+                told.append(result)
+                if not as_json:
+                    show(result)
+                notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
+        except Interrupted as error:
+            stopped = str(error)
+        except KeyboardInterrupt as error:
+            stopped = _kept(list(work.chosen)[len(told)], error, out)
+    if as_json and (told or stopped is None):
         typer.echo(json.dumps(as_object(name, told), allow_nan=False))
+    if stopped is not None:
+        done = ", ".join(result.name for result in told)
+        interrupted(stopped + (f"; whole: {done}" if done else ""))
+
+
+def _kept(name: str, error: KeyboardInterrupt, out: Path) -> str:
+    """Write what an interruption has left of a table or figure, and say it."""
+    if not isinstance(error, Halfway) or not error.runs:
+        return f"{name} is not finished"
+    path = write_table(out / f"{name}-interrupted.csv", error.finished)
+    return f"{counted(error.runs, 'run', 'runs')} of {name} were finished, their exits are in {path}"
 
 
 _OPTIONS = tuple({option: None for each in REPRODUCTIONS.values() for option in sorted(each.options)})
@@ -207,7 +228,7 @@ def _plan(name: str, given: Mapping[str, Any], out: Path) -> _Work:
     workers = given.get("workers", all_cores())
     if workers < 1:
         raise ValueError(f"--workers is {workers}; it must be at least 1")
-    _check_folder(out)
+    check_folder("--out", out)
     return _Work(list(chosen), settings, lin_settings, Store(out / "runs"), workers, given.get("fresh", False))
 
 
@@ -228,28 +249,9 @@ def _owners(option: str) -> str:
     return " and ".join([", ".join(owners[:-1]), owners[-1]] if owners[:-1] else owners)
 
 
-def _check_folder(out: Path) -> None:
-    """Say now, not after the work, that the folder cannot be written."""
-    there = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
-    if not there.is_dir():
-        raise ValueError(f"--out {out}: {there} is not a folder")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise ValueError(f"--out {out}: {there} cannot be written")
-
-
 def _run(name: str, reproduction: Reproduction, settings: Settings) -> Result:
     with progress_bar(name, reproduction.steps(settings)) as progress:
         return reproduction.run(settings, progress)
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """Turn Ctrl-C into one line that says what is kept."""
-    try:
-        yield
-    except Interrupted as interrupted:
-        notes.print(str(interrupted), style="yellow", markup=False, soft_wrap=True)
-        raise typer.Exit(_INTERRUPTED) from None
 
 
 def _write(result: Result, out: Path) -> list[Path]:

@@ -2,21 +2,23 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from crowd_env.console import counted
 from crowd_env.env import CrowdEnv
+from crowd_env.experiment import RunsInterrupted, finished_runs
 from crowd_env.reproduce.flow import ESTIMATORS, Estimate, run_slopes
-from crowd_env.reproduce.result import Progress, RawTable, Row
+from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
 from crowd_env.reproduce.settings import Settings
 from crowd_env.state import Floats
 
 # Table 5 of the paper, flows in persons/s; it has one NSM1, we have the two that its text describes.
-PRINTED = {"dem": "3.04", "nsm1": "4.65", "nsm1-inertial": "4.65", "nsm2": "2.60"}
+PRINTED = {"dem": "3.04", "nsm1": "4.65", "nsm1-inertial": "4.65", "nsm2-printed": "2.60"}
 EXPERIMENT = "2.67"
 
-_AT_ONCE = 50  # environments in a batch
-_PEOPLE_AT_ONCE = 2000
+_HEADER = ("scheme", "seed", "number_out", "time_s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,29 +50,25 @@ def evacuate(settings: Settings, scheme: str, progress: Progress) -> Evacuations
     """Run the draws ``seed`` to ``seed + runs - 1`` under a scheme, everyone walking the shortest path.
 
     They are the draws of ``crowd-env run``.
+
+    Raises
+    ------
+    Halfway
+        On Ctrl-C, with the exits of the runs that were finished by then.
     """
-    place, times, unconverged = settings.place(), [], 0
-    at_once = max(1, min(_AT_ONCE, _PEOPLE_AT_ONCE // settings.n))
     decision = settings.dt * max(1, round(0.1 / settings.dt))  # how often we look; the rule does not depend on it
-    env = None
-    for begin in range(0, settings.runs, at_once):
-        seeds = list(range(settings.seed + begin, settings.seed + min(begin + at_once, settings.runs)))
-        if env is None or env.num_envs != len(seeds):
-            env = CrowdEnv(
-                place,
-                num_envs=len(seeds),
-                scheme=settings.contact(scheme),
-                dt=settings.dt,
-                decision_dt=decision,
-            )
-        env.reset(seeds)
-        while not env.finished.all():
-            ended = env.step(None).info["finished"]
-            if ended.any():
-                progress(int(ended.sum()))
-        times.append(np.sort(env.simulation.state.exit_time.reshape(len(seeds), -1), axis=1))
-        unconverged += int(env.simulation.diagnostics.unconverged.sum())
-    return Evacuations(scheme, np.concatenate(times), unconverged)
+
+    def read(env: CrowdEnv, e: int) -> tuple[Floats, int]:
+        times = np.sort(env.simulation.state.exit_time[env.people(e)])
+        return times, int(env.simulation.diagnostics.unconverged[e])
+
+    options: dict[str, Any] = {"scheme": settings.contact(scheme), "dt": settings.dt, "decision_dt": decision}
+    try:
+        found = finished_runs(settings.place(), settings.runs, read, seed=settings.seed, progress=progress, **options)
+    except RunsInterrupted as stopped:
+        rows = [row for k, (times, _) in stopped.finished.items() for row in _exits(scheme, settings.seed + k, times)]
+        raise Halfway(RawTable(_HEADER, rows), len(stopped.finished)) from None
+    return Evacuations(scheme, np.stack([times for times, _ in found]), sum(missed for _, missed in found))
 
 
 def flow_rows(done: Evacuations) -> list[Row]:
@@ -89,12 +87,12 @@ def flow_rows(done: Evacuations) -> list[Row]:
 
 def raw_times(settings: Settings, results: list[Evacuations]) -> RawTable:
     """Return every exit: scheme, seed of the run, how many are out by then, and when (empty if never)."""
-    rows = []
-    for done in results:
-        for k, run in enumerate(done.exit_times):
-            for place, time in enumerate(run):
-                rows.append((done.scheme, settings.seed + k, place + 1, "" if np.isnan(time) else f"{time:.6f}"))
-    return RawTable(("scheme", "seed", "number_out", "time_s"), rows)
+    runs = [(done.scheme, settings.seed + k, run) for done in results for k, run in enumerate(done.exit_times)]
+    return RawTable(_HEADER, [row for run in runs for row in _exits(*run)])
+
+
+def _exits(scheme: str, seed: int, times: Floats) -> list[tuple[object, ...]]:
+    return [(scheme, seed, place + 1, "" if np.isnan(time) else f"{time:.6f}") for place, time in enumerate(times)]
 
 
 def room_remarks(settings: Settings, results: list[Evacuations]) -> list[str]:
@@ -107,13 +105,9 @@ def room_remarks(settings: Settings, results: list[Evacuations]) -> list[str]:
         people, runs = done.unfinished
         if people:
             remarks.append(
-                f"{done.scheme}: {_counted(people, 'person', 'people')} in {_counted(runs, 'run', 'runs')} still inside after "
+                f"{done.scheme}: {counted(people, 'person', 'people')} in {counted(runs, 'run', 'runs')} still inside after "
                 f"{settings.time_limit:g} s, as in a static arch at the door; slopes are over those who got out."
             )
         if done.unconverged:
             remarks.append(f"{done.scheme}: {done.unconverged} steps did not meet the solver's tolerance.")
     return remarks
-
-
-def _counted(count: int, one: str, many: str) -> str:
-    return f"{count} {one if count == 1 else many}"

@@ -20,7 +20,7 @@ TITLE = "Figure 1: two pedestrians meet head-on, for several relaxation times"
 TAUS = (0.1, 0.2, 0.3, 0.4, 0.5)  # s
 SPEED, RADIUS, MASS = 1.34, 0.25, 80.0  # m/s, m, kg
 OFFSET = 0.2  # m between the two lines they walk on
-_ELASTIC = NSM2(normal_dissipation=np.inf, tolerance=1e-9)
+_ELASTIC = NSM2(normal_dissipation=np.inf, tolerance=1e-9, reaction="printed")
 _SOFT = DEM(1.2e5)
 _STEP = 1e-4  # s
 _DRAWN_STEP = 1e-3  # s
@@ -96,8 +96,8 @@ def reproduce(settings: Settings, progress: Progress) -> Result:
     worst = max(abs(row.here / row.expected - 1.0) for row in rows if row.here and row.expected)
     again = [f"{tau:g}" for tau, meeting in zip(TAUS, drawn, strict=True) if meeting.contacts > 1]
     remarks = [
-        f"nsm2 with K_N → ∞ and dem with k = 1.2e5 N/m. Recoil: exactly head-on, h = {_STEP:g} s, from where the bodies part; "
-        f"shift: as drawn, after one contact, h = {_DRAWN_STEP:g} s.",
+        f"nsm2-printed with K_N → ∞ and dem with k = 1.2e5 N/m. Recoil: exactly head-on, h = {_STEP:g} s, from where the "
+        f"bodies part; shift: as drawn, after one contact, h = {_DRAWN_STEP:g} s.",
         "The paper prints no number for this figure: rows are compared with the closed form of eq 11 for the speed at which "
         f"the contact ends; the largest deviation is {100 * worst:.2f} %.",
         f"Radius {RADIUS:g} m, mass {MASS:g} kg, desired speed {SPEED:g} m/s and a lateral offset of {OFFSET:g} m in the drawn "
@@ -127,7 +127,7 @@ def reproduce(settings: Settings, progress: Progress) -> Result:
 
 def _head_on(tau: float, progress: Progress) -> list[Row]:
     rows = []
-    for name, scheme in (("nsm2", _ELASTIC), ("dem", _SOFT)):
+    for name, scheme in (("nsm2-printed", _ELASTIC), ("dem", _SOFT)):
         meeting = meet(scheme, tau, offset=0.0, dt=_STEP, duration=0.25 + 0.9 * tau)
         distance, speed = recoil(meeting)
         reading = f"thrown back at {speed:.3f} m/s"
@@ -145,7 +145,7 @@ def _sideways(tau: float, meeting: Meeting) -> list[Row]:
     expected = 2.0 * tau * SPEED * sine * float(np.sqrt(1.0 - sine**2))
     # What is still to come when the record ends is tau times the speed that is left.
     shift = abs(meeting.position[-1, 0, 1] - meeting.position[0, 0, 1]) + tau * abs(meeting.velocity[-1, 0, 1])
-    reading = f"nsm2, offset {OFFSET:g} m"
+    reading = f"nsm2-printed, offset {OFFSET:g} m"
     return [Row(f"shift to the side, tau = {tau:g} s", None, float(shift), "m", 1, reading, expected=expected)]
 
 

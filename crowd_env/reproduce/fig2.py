@@ -69,7 +69,7 @@ def _nsm2(panel: str, label: str, k_normal: float, tex: str = "") -> Case:
     return Case(
         panel,
         f"NSM2, K_N {label}",
-        NSM2(k_normal, tolerance=1e-13),
+        NSM2(k_normal, tolerance=1e-13, reaction="printed"),
         x,
         u,
         "2" if panel == "c" else "0",

@@ -32,7 +32,7 @@ def reproduce(settings: Settings, progress: Progress) -> Result:
         f"{'-' if mean is None else f'{mean:.2f}'} /s. The paper does not say which exits its regression uses.",
         *room_remarks(settings, [done]),
     ]
-    if settings.scheme != "nsm2":
+    if settings.scheme != "nsm2-printed":
         remarks.insert(0, f"The paper draws this figure for NSM2 only; here it is {settings.scheme}.")
     options = settings.changed()
     return Result(
@@ -42,7 +42,7 @@ def reproduce(settings: Settings, progress: Progress) -> Result:
         {"exit-times": raw_times(settings, [done])},
         partial(_draw, settings, done),
         remarks,
-        options if settings.scheme == "nsm2" else {"scheme": settings.scheme, **options},
+        options if settings.scheme == "nsm2-printed" else {"scheme": settings.scheme, **options},
         "1/s",
     )
 

@@ -66,7 +66,7 @@ def complete(
             records[run] = record
             progress(1)
     except KeyboardInterrupt:
-        raise Interrupted(f"interrupted: {_kept(wanted, store)}") from None
+        raise Interrupted(_kept(wanted, store)) from None
     except OSError as error:
         raise ValueError(f"cannot keep the runs in {store.folder}: {error}") from None
     except BrokenProcessPool:

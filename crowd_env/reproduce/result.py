@@ -106,6 +106,24 @@ class RawTable:
     rows: Iterable[Sequence[object]]
 
 
+class Halfway(KeyboardInterrupt):
+    """Ctrl-C in the middle of the runs of a table or figure.
+
+    Attributes
+    ----------
+    finished : the numbers of the runs that were finished by then.
+    runs : how many these are.
+    """
+
+    def __init__(self, finished: RawTable, runs: int) -> None:
+        super().__init__(f"{runs} runs are finished")
+        self.finished, self.runs = finished, runs
+
+    def after(self, before: RawTable, runs: int) -> "Halfway":
+        """Return it with ``runs`` more, finished before."""
+        return Halfway(RawTable(self.finished.header, [*before.rows, *self.finished.rows]), runs + self.runs)
+
+
 @dataclass(frozen=True)
 class Result:
     """A table or figure of the paper, redone."""
@@ -131,7 +149,7 @@ class Result:
     def save(self, folder: Path) -> list[Path]:
         """Write the rows and the numbers behind them as CSV, each file whole or not at all; return the paths."""
         paths = [folder / f"{self.name}.csv"]
-        _write(
+        write_table(
             paths[0],
             RawTable(
                 ("quantity", "paper", "here", "unit", "n", "reading", "closed_form", "sd", "ci95_low", "ci95_high"),
@@ -143,12 +161,14 @@ class Result:
         )
         for ending, table in self.raw.items():
             paths.append(folder / f"{self.name}-{ending}.csv")
-            _write(paths[-1], table)
+            write_table(paths[-1], table)
         return paths
 
 
-def _write(path: Path, table: RawTable) -> None:
+def write_table(path: Path, table: RawTable) -> Path:
+    """Write a table as CSV, whole or not at all, and return the path."""
     with written(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table.header)
         writer.writerows(table.rows)
+    return path

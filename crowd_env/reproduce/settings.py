@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import get_args
 
 import numpy as np
@@ -14,7 +14,7 @@ from crowd_env.state import make_bodies
 from crowd_env.ways import Target
 
 # What the options of one scheme alone act on.
-_SCHEME_OF_OPTION = {"stiffness": "dem", "k_normal": "nsm2", "k_tangent": "nsm2"}
+_SCHEME_OF_OPTION = {"stiffness": "dem", "k_normal": "nsm2-printed", "k_tangent": "nsm2-printed"}
 _FEWEST = 3  # people: a slope
 
 
@@ -30,7 +30,7 @@ class Settings:
 
     runs: int = 50
     seed: int = 0  # run k draws its people from seed + k
-    scheme: str = "nsm2"  # that fig3 draws
+    scheme: str = "nsm2-printed"  # that fig3 draws
     door_width: float = 0.82  # m
     side: float = 5.0  # m
     n: int = 20  # people
@@ -38,8 +38,8 @@ class Settings:
     exit_line: float = 0.0  # m beyond the door
     dt: float = 0.01  # s
     stiffness: float = 1.2e5  # N/m  k of dem
-    k_normal: float = 1e5  # kg  K_N of nsm2
-    k_tangent: float = 0.0  # kg  K_T of nsm2
+    k_normal: float = 1e5  # kg  K_N of nsm2-printed
+    k_tangent: float = 0.0  # kg  K_T of nsm2-printed
 
     def __post_init__(self) -> None:
         if self.runs < 1:
@@ -84,7 +84,7 @@ class Settings:
         if isinstance(scheme, DEM):
             return DEM(self.stiffness)
         if isinstance(scheme, NSM2):
-            return NSM2(self.k_normal, self.k_tangent)
+            return replace(scheme, normal_dissipation=self.k_normal, tangential_dissipation=self.k_tangent)
         assert isinstance(scheme, NSM1)
         return scheme
 

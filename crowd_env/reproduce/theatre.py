@@ -10,7 +10,7 @@ from crowd_env.env import CrowdEnv
 from crowd_env.metrics import summarise
 from crowd_env.physics import NSM2, SocialForce
 from crowd_env.reproduce.lin_pool import all_cores
-from crowd_env.reproduce.result import Progress, RawTable, Row
+from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
 from crowd_env.reproduce.settings import Settings
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
@@ -33,7 +33,9 @@ IMPLIED = {"people by A": (42, 38), "people by B": (59, 63)}
 
 # "The adapted NSM2 that contained the socio-psychological force", Table 6; with the angle fixed at 90 degrees it is 1000 N
 # from all sides.
-SCHEME = NSM2(1e5, 0.0, social=SocialForce(strength=1000.0, length=0.08, anisotropy=0.0, cutoff=0.64))
+SCHEME = NSM2(
+    1e5, 0.0, reaction="printed", social=SocialForce(strength=1000.0, length=0.08, anisotropy=0.0, cutoff=0.64)
+)
 
 SYNTHETIC = (
     "The plan is SYNTHETIC: the paper draws its theatre in a figure that is in no printed text. Rooms, seats, doors, stairs, "
@@ -42,6 +44,7 @@ SYNTHETIC = (
 )
 
 _AT_ONCE = 10  # environments in a batch
+_HEADER = ("rules", "seed", "person", "route", "time_s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,32 +92,61 @@ def place() -> Scenario:
 
 
 def evacuate(settings: Settings, rules: bool, progress: Progress) -> Egress:
-    """Run the draws ``seed`` to ``seed + runs - 1``, with or without the control rules; once for the same settings."""
+    """Run the draws ``seed`` to ``seed + runs - 1``, with or without the control rules; once for the same settings.
+
+    Raises
+    ------
+    Halfway
+        On Ctrl-C, with the exits of the runs that were finished by then.
+    """
     key = settings.runs, settings.seed, rules
     if key in _made:
         progress(settings.runs)
         return _made[key]
     parts: list[tuple[Floats, Ints, Floats, Ints]] = []
-    env = None
-    for begin in range(0, settings.runs, _AT_ONCE):
-        seeds = list(range(settings.seed + begin, settings.seed + min(begin + _AT_ONCE, settings.runs)))
-        if env is None or env.num_envs != len(seeds):
-            env = CrowdEnv(place(), num_envs=len(seeds), scheme=SCHEME, rules=rules, threads=all_cores())
-        env.reset(seeds)
-        ruled, turned = np.zeros((len(seeds), 3)), np.zeros(env.num_people, dtype=np.bool_)
-        while not env.finished.all():
-            going = ~env.finished
-            ended = env.step(None).info["finished"]
-            state, memory = env.simulation.state, env.simulation.memory
-            if rules:
-                ruled += env.decision_dt * (memory.rule_on & going[:, None])
-                turned |= state.active & (memory.followed != state.route)
-            if ended.any():
-                progress(int(ended.sum()))
-        times = env.simulation.state.exit_time.reshape(len(seeds), -1).copy()
-        parts.append((times, _routes(env), ruled, turned.reshape(len(seeds), -1).sum(axis=1)))
+    env, under_way = None, False
+    try:
+        for begin in range(0, settings.runs, _AT_ONCE):
+            seeds = list(range(settings.seed + begin, settings.seed + min(begin + _AT_ONCE, settings.runs)))
+            if env is None or env.num_envs != len(seeds):
+                env = CrowdEnv(place(), num_envs=len(seeds), scheme=SCHEME, rules=rules, threads=all_cores())
+            env.reset(seeds)
+            under_way = True
+            ruled, turned = np.zeros((len(seeds), 3)), np.zeros(env.num_people, dtype=np.bool_)
+            while not env.finished.all():
+                going = ~env.finished
+                ended = env.step(None).info["finished"]
+                state, memory = env.simulation.state, env.simulation.memory
+                if rules:
+                    ruled += env.decision_dt * (memory.rule_on & going[:, None])
+                    turned |= state.active & (memory.followed != state.route)
+                if ended.any():
+                    progress(int(ended.sum()))
+            parts.append((_times(env), _routes(env), ruled, turned.reshape(len(seeds), -1).sum(axis=1)))
+            under_way = False
+    except KeyboardInterrupt:
+        name = "yes" if rules else "no"
+        runs = [
+            (settings.seed + k, *run)
+            for k, run in enumerate((t, r) for part in parts for t, r in zip(*part[:2], strict=True))
+        ]
+        if env is not None and under_way:
+            here = np.flatnonzero(env.finished)
+            runs += [
+                (seeds[e], times, by) for e, times, by in zip(here, _times(env)[here], _routes(env)[here], strict=True)
+            ]
+        halfway = Halfway(RawTable(_HEADER, [row for run in runs for row in _exits(name, *run)]), len(runs))
+        earlier = _made.get((settings.runs, settings.seed, True)) if not rules else None
+        if earlier is not None:
+            halfway = halfway.after(raw_times(settings, [("yes", earlier)]), settings.runs)
+        raise halfway from None
     _made[key] = Egress(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     return _made[key]
+
+
+def _times(env: CrowdEnv) -> Floats:
+    """Return when everyone got out (E, N) [s]; nan for those who did not."""
+    return env.simulation.state.exit_time.reshape(env.num_envs, -1).copy()
 
 
 def _routes(env: CrowdEnv) -> Ints:
@@ -165,10 +197,16 @@ def draws_remark(settings: Settings) -> str:
 
 def raw_times(settings: Settings, results: Sequence[tuple[str, Egress]]) -> RawTable:
     """Return everybody's exit: rules, seed of the run, person, route and time (empty if never)."""
-    rows = [
-        (name, settings.seed + k, person, "" if by < 0 else ROUTES[by], "" if np.isnan(time) else f"{time:.6f}")
+    runs = [
+        (name, settings.seed + k, *run)
         for name, done in results
-        for k in range(len(done.time))
-        for person, (by, time) in enumerate(zip(done.route[k], done.time[k], strict=True))
+        for k, run in enumerate(zip(done.time, done.route, strict=True))
     ]
-    return RawTable(("rules", "seed", "person", "route", "time_s"), rows)
+    return RawTable(_HEADER, [row for run in runs for row in _exits(*run)])
+
+
+def _exits(rules: str, seed: int, times: Floats, routes: Ints) -> list[tuple[object, ...]]:
+    return [
+        (rules, seed, person, "" if by < 0 else ROUTES[by], "" if np.isnan(time) else f"{time:.6f}")
+        for person, (by, time) in enumerate(zip(routes, times, strict=True))
+    ]

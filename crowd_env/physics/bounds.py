@@ -1,0 +1,219 @@
+"""What nobody exceeds: the speed of a person, a radius a step, and the walls.
+
+A contact law pushes back in proportion to how deep, or how fast, a body comes; it does not promise that a wall holds.  Under
+thousands of people a soft wall gives way by more than a radius, and whoever's centre is behind a wall is no longer touched by
+it.  So every step ends with three bounds:
+
+* nobody is faster than `MAX_SPEED`: whoever is pushed harder keeps the direction and loses the rest;
+* nobody moves further than the own radius in a step: a step in which it happens is an error, since what lies between could
+  be missed;
+* no centre crosses a wall: whoever's path does slides along the wall instead and loses the velocity into it, as against a
+  perfectly inelastic obstacle.  The centre stays `MARGIN` away from the wall.
+
+The path of a step can reach a wall only if the wall lay within it at the start.  A wall so near is a contact, deeper than
+the radius less the path; where no contact of a step is so deep, there is nothing to look at.
+"""
+
+import numpy as np
+
+from crowd_env._jit import index, inner_kernel
+from crowd_env.geometry import Boundary
+from crowd_env.physics.lanes import Lanes
+from crowd_env.physics.neighbor_list import Places
+from crowd_env.physics.neighbors import TOO_FAST
+from crowd_env.physics.world import Batch
+from crowd_env.state import MAX_SPEED, Floats
+
+# m; far above the rounding of map coordinates (1e-9 m at 5000 km), far below anything that is measured.
+MARGIN = 1e-6
+
+
+@inner_kernel
+def least_radius(e: int, last: int, batch: Batch) -> float:
+    """Return the smallest radius [m] of those whom `Memory.inside` lists up to place ``last``."""
+    inside, radius, least = batch.memory.inside, batch.bodies.radius, np.inf
+    for place in range(index(batch.bodies.env_start[e]), index(last)):
+        least = min(least, radius[inside[place]])
+    return float(least)
+
+
+@inner_kernel
+def speed_limit(batch: Batch) -> float:
+    """Return the speed [m/s] that people do not exceed; grains have none."""
+    return MAX_SPEED if batch.control.driving and batch.control.bounded else np.inf
+
+
+@inner_kernel
+def hold_to_speed(e: int, last: int, batch: Batch, velocity: Floats, limit: float) -> float:
+    """Hold ``velocity`` (P, 2) to ``limit`` [m/s] and return the largest speed [m/s], which is kept in the sums too."""
+    begin, inside, most, fastest = batch.bodies.env_start[e], batch.memory.inside, limit * limit, 0.0
+    for place in range(index(begin), index(last)):
+        i = inside[place]
+        fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
+    if fastest > most:
+        for place in range(index(begin), index(last)):
+            i = inside[place]
+            square = velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1]
+            if square > most:
+                share = limit / np.sqrt(square)
+                velocity[i, 0] *= share
+                velocity[i, 1] *= share
+        fastest = most
+    speed, sums = float(np.sqrt(fastest)), batch.memory.diagnostics.max_speed
+    sums[e] = max(sums[e], speed)
+    return speed
+
+
+@inner_kernel
+def stay_within_bounds(e: int, last: int, batch: Batch, deepest: float, smallest: float, furthest: float) -> bool:
+    """Hold environment ``e`` at its walls after a move; False (with the reason in `status`) if someone went too far.
+
+    ``deepest`` [m] is the deepest contact with a wall at the start of the step, ``smallest`` the least radius and
+    ``furthest`` the longest path; people are those whom `Memory.inside` lists up to place ``last``.
+    """
+    if deepest + furthest <= smallest - 2.0 * MARGIN or not batch.control.bounded:
+        return True
+    if furthest > smallest and _is_too_far(e, last, batch):
+        batch.memory.status[e] = TOO_FAST
+        return False
+    _hold_at_walls(e, batch)
+    return True
+
+
+@inner_kernel
+def _is_too_far(e: int, last: int, batch: Batch) -> bool:
+    """Whether anyone has moved further than the own radius in this step."""
+    inside, previous, position, radius = (
+        batch.memory.inside,
+        batch.memory.previous,
+        batch.state.position,
+        batch.bodies.radius,
+    )
+    for place in range(index(batch.bodies.env_start[e]), index(last)):
+        i = inside[place]
+        dx, dy = position[i, 0] - previous[i, 0], position[i, 1] - previous[i, 1]
+        if dx * dx + dy * dy > radius[i] * radius[i]:
+            return True
+    return False
+
+
+@inner_kernel
+def _hold_at_walls(e: int, batch: Batch) -> None:
+    """Let nobody of environment ``e`` cross a wall in the step from `Memory.previous` to `CrowdState.position`."""
+    near, memory, state, bodies = batch.memory.near, batch.memory, batch.state, batch.bodies
+    first, last = near.pair_end[e], near.wall_end[e]
+    boundary, g, owner, partner = batch.world.boundary, batch.world.geometry_of_env[e], near.owner, near.partner
+    position, previous, velocity, active = state.position, memory.previous, state.velocity, state.active
+    begin = first
+    while begin < last:
+        i, stop = owner[begin], begin + 1
+        while stop < last and owner[stop] == i:
+            stop += 1
+        if active[i]:
+            x, y, nx, ny, mx, my = _held(
+                boundary, g, partner, begin, stop, previous[i, 0], previous[i, 1], position[i, 0], position[i, 1]
+            )
+            if nx != 0.0 or ny != 0.0:
+                position[i, 0], position[i, 1] = x, y
+                ux, uy = _without(velocity[i, 0], velocity[i, 1], nx, ny, mx, my)
+                px, py = bodies.mass[i] * (ux - velocity[i, 0]), bodies.mass[i] * (uy - velocity[i, 1])
+                memory.push[i, 0] += px
+                memory.push[i, 1] += py
+                memory.crush[i] += np.sqrt(px * px + py * py)
+                velocity[i, 0], velocity[i, 1] = ux, uy
+        begin = stop
+
+
+@inner_kernel
+def hold_lanes_at_walls(
+    g: int, first: int, last: int, boundary: Boundary, owner: Places, partner: Places, lanes: Lanes, dt: float
+) -> None:
+    """The same on lanes, for the wall entries ``first:last``; the step began ``dt`` times the velocity before."""
+    x, y, vx, vy, per_mass = lanes.x, lanes.y, lanes.vx, lanes.vy, lanes.per_mass
+    push_x, push_y, crush = lanes.push_x, lanes.push_y, lanes.crush
+    begin = first
+    while begin < last:
+        i, stop = owner[begin], begin + 1
+        while stop < last and owner[stop] == i:
+            stop += 1
+        if per_mass[i] > 0.0:  # not parked
+            x0, y0 = x[i] - dt * vx[i], y[i] - dt * vy[i]
+            x1, y1, nx, ny, mx, my = _held(boundary, g, partner, begin, stop, x0, y0, x[i], y[i])
+            if nx != 0.0 or ny != 0.0:
+                x[i], y[i] = x1, y1
+                ux, uy = _without(vx[i], vy[i], nx, ny, mx, my)
+                px, py = (ux - vx[i]) / per_mass[i], (uy - vy[i]) / per_mass[i]
+                push_x[i] += px
+                push_y[i] += py
+                crush[i] += np.sqrt(px * px + py * py)
+                vx[i], vy[i] = ux, uy
+        begin = stop
+
+
+@inner_kernel
+def _held(
+    boundary: Boundary, g: int, partner: Places, begin: int, stop: int, x0: float, y0: float, x1: float, y1: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return where the path from 0 to 1 ends that crosses none of the walls ``begin:stop``, and the normals of those it met.
+
+    The first wall is slid along; a second one ends the path.  A normal of zero: no wall was met.
+    """
+    start, walls = boundary.wall_start[g], boundary.wall_start[g + 1] - boundary.wall_start[g]
+    part, wall, nx, ny = 2.0, -1, 0.0, 0.0
+    for entry in range(begin, stop):
+        k = np.int64(partner[entry])
+        if k < walls:
+            share, ax, ay = _crossing(boundary, start + k, x0, y0, x1, y1)
+            if share < part:
+                part, wall, nx, ny = share, start + k, ax, ay
+    if wall < 0:
+        return x1, y1, 0.0, 0.0, 0.0, 0.0
+    height = nx * (x1 - boundary.wall[wall, 0, 0]) + ny * (y1 - boundary.wall[wall, 0, 1])
+    x1, y1 = x1 + (MARGIN - height) * nx, y1 + (MARGIN - height) * ny
+    part, mx, my = 1.0, 0.0, 0.0
+    for entry in range(begin, stop):
+        k = np.int64(partner[entry])
+        if k < walls and start + k != wall:
+            share, ax, ay = _crossing(boundary, start + k, x0, y0, x1, y1)
+            if share < part:
+                part, mx, my = share, ax, ay
+    if part < 1.0:
+        x1, y1 = x0 + part * (x1 - x0), y0 + part * (y1 - y0)
+    return x1, y1, nx, ny, mx, my
+
+
+@inner_kernel
+def _crossing(boundary: Boundary, k: int, x0: float, y0: float, x1: float, y1: float) -> tuple[float, float, float]:
+    """Return which part of the path from 0 to 1 lies before wall ``k``, 2 if it is not met, and the normal towards 0."""
+    wall = boundary.wall
+    ax, ay = wall[k, 0, 0], wall[k, 0, 1]
+    tx, ty = wall[k, 1, 0] - ax, wall[k, 1, 1] - ay
+    side1 = tx * (y1 - ay) - ty * (x1 - ax)
+    far = MARGIN * (abs(tx) + abs(ty))  # no nearer than the margin
+    if side1 > far and not boundary.two_sided[k]:
+        return 2.0, 0.0, 0.0
+    length = np.sqrt(tx * tx + ty * ty)
+    tx, ty = tx / length, ty / length
+    nx, ny, before = -ty, tx, tx * (y0 - ay) - ty * (x0 - ax)
+    after = side1 / length
+    if boundary.two_sided[k] and before < 0.0:
+        nx, ny, before, after = -nx, -ny, -before, -after
+    if before < -MARGIN or after >= MARGIN or after >= before:
+        return 2.0, 0.0, 0.0
+    part = max(0.0, (before - MARGIN) / (before - after))
+    along = tx * (x0 + part * (x1 - x0) - ax) + ty * (y0 + part * (y1 - y0) - ay)
+    if along < -MARGIN or along > length + MARGIN:
+        return 2.0, 0.0, 0.0
+    return part, nx, ny
+
+
+@inner_kernel
+def _without(vx: float, vy: float, nx: float, ny: float, mx: float, my: float) -> tuple[float, float]:
+    """Return a velocity without what leads against the normals n and m; nothing is left between two walls that close up."""
+    into = min(0.0, vx * nx + vy * ny)
+    vx, vy = vx - into * nx, vy - into * ny
+    into = min(0.0, vx * mx + vy * my)
+    vx, vy = vx - into * mx, vy - into * my
+    if vx * nx + vy * ny < -1e-12:
+        return 0.0, 0.0
+    return vx, vy
