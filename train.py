@@ -17,6 +17,7 @@ from agents.trained import LearnedPolicy
 from agents.training_config import (
     check_budget,
     check_config,
+    check_libraries,
     check_runs,
     default_config,
     extended,
@@ -178,7 +179,7 @@ def main(
 
 def _check_libraries() -> None:
     """Say now, not after the training, that a library is missing."""
-    import agents.learned  # noqa: F401
+    check_libraries()
     from crowd_env.rendering.canvas import new_figure
 
     new_figure((1.0, 1.0))

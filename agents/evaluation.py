@@ -82,6 +82,8 @@ class Evaluation:
             "flow": named(self.column("flow")),
             "contact_impulse": named(self.column("contact_impulse")),
             "max_overlap": float(self.column("max_overlap").max()),
+            "max_speed": float(self.column("max_speed").max()),
+            "escaped": int(self.column("escaped").sum()),
         }
         return row if self.measured is None else row | self._measured_row(self.measured)
 

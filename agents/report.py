@@ -98,7 +98,10 @@ def left_table(results: Sequence[Evaluation]) -> Table:
         "Runs in which someone was left inside, and those of them in which the exits blocked: how many, and % of runs with "
         "its 95 % interval (Wilson): none of few runs does not mean never."
     )
-    table = _table(caption, "in", "runs left", "%", "blocked", "%")
+    escaped = any(result.row()["escaped"] for result in results)
+    if escaped:
+        caption += " escaped: people found outside of the walls, so that the run is void."
+    table = _table(caption, "in", "runs left", "%", "blocked", "%", *(["escaped"] if escaped else []))
     for result, _ in _with_first(results, table):
         row = result.row()
         cells = (
@@ -106,20 +109,20 @@ def left_table(results: Sequence[Evaluation]) -> Table:
             for name in ("unfinished", "blocked")
             for k in (0, 1)
         )
-        _add(table, result.policy, str(row["unfinished"]), *cells)
+        _add(table, result.policy, str(row["unfinished"]), *cells, *([str(row["escaped"])] if escaped else []))
     return table
 
 
 def crowding_table(results: Sequence[Evaluation]) -> Table:
     """Return a table of how close people came, how hard they pressed, how far they walked, and what it took to compute."""
     caption = (
-        "Means over runs. density: greatest, people within 1 m; pressure: greatest contact "
-        "force on someone over circumference, mean of 0.1 s; impulse, way: per person; overlap: deepest; comp.: "
-        "processor time per simulated second, and what planning anew takes of it."
+        "Means over runs. density: greatest, people within 1 m; pressure: greatest contact force on someone over "
+        "circumference, mean of 0.1 s; impulse, way: per person; overlap: deepest; speed: of the fastest; comp.: processor "
+        "time per simulated second, and what planning anew takes of it."
     )
     if any(result.scheme == "nsm1" for result in results):
         caption += " *nsm1 has no forces: its impulses keep bodies apart, nobody would feel that pressure."
-    names = ("flow\n1/s", "density\n1/m2", "pressure\nkN/m", "impulse\nkN s", "way\nm", "overlap\nmm")
+    names = ("flow\n1/s", "density\n1/m2", "pressure\nkN/m", "impulse\nkN s", "way\nm", "overlap\nmm", "speed\nm/s")
     table = _table(caption, *names, "comp.\nms/s", "plan\nms/s")
     for result, _ in _with_first(results, table):
         row = result.row()
@@ -134,6 +137,7 @@ def crowding_table(results: Sequence[Evaluation]) -> Table:
             f"{row['contact_impulse']['mean'] / 1e3:.2f}",
             _cell(row["walked"], 1),
             f"{1e3 * row['max_overlap']:.1f}",
+            f"{row['max_speed']:.1f}",
             f"{1e3 * (row['physics_per_simulated_second'] + replanning):.1f}",
             f"{1e3 * replanning:.1f}",
         )

@@ -18,7 +18,7 @@ from agents.routing import STRATEGIES, Controller, FixedSplit, RandomController,
 from agents.runs import new_folder, versions, write_json
 from agents.stopping import stops_by
 from agents.trained import LearnedController
-from agents.training_config import check_budget, check_envs, check_runs, check_seed
+from agents.training_config import check_budget, check_envs, check_libraries, check_runs, check_seed
 from crowd_env.routing_batch import RoutingBatch
 
 console = Console(stderr=True)
@@ -115,6 +115,7 @@ def main(
     try:
         with stops_by():
             check_runs(runs)
+            check_libraries()
             _check(options, seed, split, seconds=seconds, steps=steps, envs=envs)
             from agents.learned.routing import train_controller
 

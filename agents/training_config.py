@@ -59,6 +59,17 @@ def make_env(config: Mapping[str, Any], envs: int | None = None) -> CrowdEnv:
     )
 
 
+def check_libraries() -> None:
+    """Raise ModuleNotFoundError now, not after the training, if a library is missing; say how to install it."""
+    try:
+        import agents.learned  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"training needs {error.name}, which is not installed: pip install stable-baselines3 tensorboard torch",
+            name=error.name,
+        ) from None
+
+
 def check_budget(**options: float) -> None:
     """Raise ValueError unless all of these are > 0 and finite."""
     for name, value in options.items():

@@ -98,7 +98,7 @@ def test_a_controller_sampled_between_its_decisions_is_the_controller(controller
         observation = batch.step(controller.act(observation, batch, rng))[0]
     theirs = [batch.env.metrics(e) for e in range(3)]
     for one, other in zip(ours.episodes, theirs, strict=True):  # sums of overlaps are rounded otherwise
-        assert (one.evacuation_time, one.mean_exit_time) == (other.evacuation_time, other.mean_exit_time)
+        assert repr((one.evacuation_time, one.mean_exit_time)) == repr((other.evacuation_time, other.mean_exit_time))
         assert one == pytest.approx(other, rel=1e-12, nan_ok=True)
     judged = judge(controller, SMALL, runs=3, first_seed=HELD_OUT_SEED, scheme="nsm2", **options)
     assert repr(judged.episodes) == repr(ours.episodes)
@@ -172,6 +172,17 @@ def test_shares_of_runs_are_shown_with_their_intervals():
     lines = {line.split()[0]: " ".join(line.split()) for line in console.export_text().splitlines() if line.strip()}
     assert lines["quick"] == "quick 0 0 of 20 0 (0..16) 0 of 20 0 (0..16)"
     assert lines["slow"] == "slow 20 20 of 20 100 (84..100) 20 of 20 100 (84..100)"
+
+
+def test_who_is_found_outside_of_the_walls_is_told():
+    result = made_up("odd", "dem", [30.0] * 2)
+    assert result.row()["escaped"] == 0 and result.row()["max_speed"] == result.column("max_speed").max()
+    odd = replace(result, episodes=[e._replace(escaped=3, max_speed=12.3) for e in result.episodes])
+    assert odd.row()["escaped"] == 6 and odd.row()["max_speed"] == 12.3
+    for results, told in (([result], False), ([result, odd], True)):
+        console = Console(width=100, record=True, file=io.StringIO())
+        console.print(left_table(results))
+        assert ("escaped" in console.export_text()) == told
 
 
 def test_tables_fit_into_a_hundred_columns():

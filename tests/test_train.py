@@ -1,6 +1,8 @@
 """The main job: what a training run leaves behind, and that it can be stopped and gone on with."""
 
 import json
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -209,6 +211,15 @@ def test_a_root_that_cannot_hold_folders_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     result = call("--root", tmp_path / "file", "--envs", 1)
     assert result.exit_code == 2 and "cannot make the folder" in result.stderr and "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("library", ["stable_baselines3", "torch", "matplotlib"])
+def test_a_library_that_is_missing_is_named_before_anything_is_written(tmp_path, library):
+    program = f"import sys; sys.modules['{library}'] = None; sys.argv[1:] = ['--root', {str(tmp_path / 'runs')!r}]; "
+    program += "import typer, train; typer.run(train.main)"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and not (tmp_path / "runs").exists()
+    assert f"needs {library}" in done.stderr and "pip install" in done.stderr and "Traceback" not in done.stderr
 
 
 def test_the_run_of_a_scenario_file_is_named_after_it(tmp_path, monkeypatch):
