@@ -163,6 +163,12 @@ def test_training_stops_when_its_time_is_up(tmp_path):
     assert 0 < curve(folder)[-1]["steps"] < 10**9
 
 
+def test_no_point_of_the_curve_is_measured_twice(tmp_path):
+    folder = tmp_path / "run"
+    assert train.train(folder, tiny(folder, eval_every=1280))  # a point at every rollout, and one at the end
+    assert [row["steps"] for row in curve(folder)] == [0, 1280, 2560, 3840, 5120]
+
+
 def test_the_same_seed_trains_the_same_policy(tmp_path):
     for name in ("one", "two"):
         train.train(tmp_path / name, tiny(tmp_path / name))
