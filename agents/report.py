@@ -98,10 +98,7 @@ def left_table(results: Sequence[Evaluation]) -> Table:
         "Runs in which someone was left inside, and those of them in which the exits blocked: how many, and % of runs with "
         "its 95 % interval (Wilson): none of few runs does not mean never."
     )
-    escaped = any(result.row()["escaped"] for result in results)
-    if escaped:
-        caption += " escaped: people found outside of the walls, so that the run is void."
-    table = _table(caption, "in", "runs left", "%", "blocked", "%", *(["escaped"] if escaped else []))
+    table = _table(caption, "in", "runs left", "%", "blocked", "%")
     for result, _ in _with_first(results, table):
         row = result.row()
         cells = (
@@ -109,20 +106,26 @@ def left_table(results: Sequence[Evaluation]) -> Table:
             for name in ("unfinished", "blocked")
             for k in (0, 1)
         )
-        _add(table, result.policy, str(row["unfinished"]), *cells, *([str(row["escaped"])] if escaped else []))
+        _add(table, result.policy, str(row["unfinished"]), *cells)
     return table
 
 
 def crowding_table(results: Sequence[Evaluation]) -> Table:
     """Return a table of how close people came, how hard they pressed, how far they walked, and what it took to compute."""
     caption = (
-        "Means over runs. density: greatest, people within 1 m; pressure: greatest contact force on someone over "
-        "circumference, mean of 0.1 s; impulse, way: per person; overlap: deepest; speed: of the fastest; comp.: processor "
-        "time per simulated second, and what planning anew takes of it."
+        "Means over runs. density: greatest, people within 1 m; pressure: greatest contact "
+        "force on someone over circumference, mean of 0.1 s; impulse, way: per person; overlap: deepest; fastest: "
+        "largest speed of anyone; comp.: "
+        "processor time per simulated second, and what planning anew takes of it."
     )
+    for result in results:
+        if lost := result.row()["escaped"]:
+            caption += (
+                f" VOID: {lost} people were outside of the plan in runs of {result.policy} under {result.scheme}."
+            )
     if any(result.scheme == "nsm1" for result in results):
         caption += " *nsm1 has no forces: its impulses keep bodies apart, nobody would feel that pressure."
-    names = ("flow\n1/s", "density\n1/m2", "pressure\nkN/m", "impulse\nkN s", "way\nm", "overlap\nmm", "speed\nm/s")
+    names = ("flow\n1/s", "density\n1/m2", "pressure\nkN/m", "impulse\nkN s", "way\nm", "overlap\nmm", "fastest\nm/s")
     table = _table(caption, *names, "comp.\nms/s", "plan\nms/s")
     for result, _ in _with_first(results, table):
         row = result.row()

@@ -19,6 +19,7 @@ from crowd_env.population import Population, Uniform
 from crowd_env.reproduce.command import reproduce
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import SCENARIOS, about, is_file, make_scenario
+from crowd_env.state import MAX_SPEED
 
 app = typer.Typer(
     help="Crowds that really touch each other: run evacuations from the command line.",
@@ -259,8 +260,18 @@ def _table(place: Scenario, figures: dict[str, Any], seconds: float) -> Table:
     overlap = figures["overlap_mm"]
     table.add_row("overlap of bodies", f"mean {number(overlap['mean'])}, at most {number(overlap['max'])} mm")
     table.add_row("reach beyond a wall", f"at most {number(figures['outside_mm'])} mm")
+    table.add_row("largest speed", _speed(figures["max_speed"]))
+    out = counted(figures["escaped"], "person", "people")
+    table.add_row(
+        "outside of the plan", f"[bold red]{out}: these figures are void[/]" if figures["escaped"] else "nobody"
+    )
     table.add_row("solver residual", f"at most {figures['residual']:.1e} m/s")
     return table
+
+
+def _speed(most: float) -> str:
+    """Return the largest speed; whoever would have been faster was held to the bound."""
+    return f"{most:.2f} m/s" + (" (the bound: some were pushed harder)" if most >= MAX_SPEED * (1 - 1e-12) else "")
 
 
 def _widths(place: Scenario) -> str:

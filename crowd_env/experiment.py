@@ -152,6 +152,8 @@ def report(
             "max": 1e3 * float(column("max_overlap").max()),
         },
         "outside_mm": 1e3 * float(column("max_outside").max()),
+        "max_speed": float(column("max_speed").max()),
+        "escaped": int(column("escaped").sum()),
         "residual": float(column("residual").max()),
         "unconverged_steps": int(column("unconverged").sum()),
     }

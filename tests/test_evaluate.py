@@ -174,15 +174,15 @@ def test_shares_of_runs_are_shown_with_their_intervals():
     assert lines["slow"] == "slow 20 20 of 20 100 (84..100) 20 of 20 100 (84..100)"
 
 
-def test_who_is_found_outside_of_the_walls_is_told():
-    result = made_up("odd", "dem", [30.0] * 2)
+def test_who_is_found_outside_of_the_walls_makes_a_run_void():
+    result = run("stand-still", runs=2)
     assert result.row()["escaped"] == 0 and result.row()["max_speed"] == result.column("max_speed").max()
-    odd = replace(result, episodes=[e._replace(escaped=3, max_speed=12.3) for e in result.episodes])
+    odd = replace(result, policy="odd", episodes=[e._replace(escaped=3, max_speed=12.3) for e in result.episodes])
     assert odd.row()["escaped"] == 6 and odd.row()["max_speed"] == 12.3
     for results, told in (([result], False), ([result, odd], True)):
         console = Console(width=100, record=True, file=io.StringIO())
-        console.print(left_table(results))
-        assert ("escaped" in console.export_text()) == told
+        console.print(crowding_table(results))
+        assert ("VOID: 6 people were outside" in console.export_text()) == told
 
 
 def test_tables_fit_into_a_hundred_columns():

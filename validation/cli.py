@@ -129,7 +129,7 @@ def _table(report: dict[str, Any]) -> Table:
     counted = list(rows[0]["time_of_person"])
     for k in counted:
         table.add_column(f"{k}th\ns", justify="right")
-    for name in ("flow\n1/s", "stuck\nruns", "left\ninside", "overlap\nmm"):
+    for name in ("flow\n1/s", "stuck\nruns", "left\ninside", "overlap\nmm", "fastest\nm/s", "outside\nplan"):
         table.add_column(name, justify="right")
     for row in rows:
         times = [row["time_of_person"][k]["mean"] for k in counted]
@@ -139,7 +139,11 @@ def _table(report: dict[str, Any]) -> Table:
             _with_sd(row["flow"]),
             f"{row['unfinished_runs']} of {row['runs']}",
             str(row["unfinished"]),
-            "-" if row["name"] == "recorded" else f"{row['overlap_mm']:.1f}",
+            *(
+                ("-", "-", "-")
+                if row["name"] == "recorded"
+                else (f"{row['overlap_mm']:.1f}", f"{row['max_speed']:.2f}", str(row["escaped"]))
+            ),
         )
     return table
 

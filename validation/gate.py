@@ -98,6 +98,8 @@ class Counts:
     name: str
     times: Floats  # (runs, N) s, sorted along each row, nan last: still inside
     overlap: float = 0.0  # m, deepest
+    max_speed: float = 0.0  # m/s, of anyone in any step
+    escaped: int = 0  # people found outside of the plan
 
     def row(self) -> dict[str, Any]:
         """Return the figures, ready for JSON: times [s] of the counted persons (mean and sd over runs), flow [1/s].
@@ -117,6 +119,8 @@ class Counts:
             "unfinished": int(np.isnan(self.times).sum()),
             "unfinished_runs": int((~finished).sum()),
             "overlap_mm": 1e3 * self.overlap,
+            "max_speed": self.max_speed,
+            "escaped": self.escaped,
         }
 
 
@@ -154,7 +158,8 @@ def simulated(
         if progress is not None:
             progress()
     times = np.sort(env.simulation.state.exit_time.reshape(runs, -1), axis=1)
-    return Counts(scheme, times, float(env.simulation.diagnostics.max_overlap.max()))
+    sums, escaped = env.simulation.diagnostics, int(env.simulation.escaped.sum())
+    return Counts(scheme, times, float(sums.max_overlap.max()), float(sums.max_speed.max()), escaped)
 
 
 def export(folder: Path, starts: Floats, radius: float) -> str:

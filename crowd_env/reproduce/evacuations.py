@@ -1,5 +1,6 @@
 """The evacuations of section 4.2: the same draws for every scheme."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -12,6 +13,7 @@ from crowd_env.experiment import RunsInterrupted, finished_runs
 from crowd_env.reproduce.flow import ESTIMATORS, Estimate, run_slopes
 from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
 from crowd_env.reproduce.settings import Settings
+from crowd_env.reproduce.sound import require_nobody_outside
 from crowd_env.state import Floats
 
 # Table 5 of the paper, flows in persons/s; it has one NSM1, we have the two that its text describes.
@@ -28,6 +30,7 @@ class Evacuations:
     scheme: str
     exit_times: Floats  # (R, N) s, in the order of leaving; nan for those still inside at the time limit
     unconverged: int  # physics steps whose solve missed its tolerance
+    max_speed: float = math.nan  # m/s  of anyone, in any step
 
     @cached_property
     def slopes(self) -> Floats:
@@ -58,17 +61,20 @@ def evacuate(settings: Settings, scheme: str, progress: Progress) -> Evacuations
     """
     decision = settings.dt * max(1, round(0.1 / settings.dt))  # how often we look; the rule does not depend on it
 
-    def read(env: CrowdEnv, e: int) -> tuple[Floats, int]:
+    def read(env: CrowdEnv, e: int) -> tuple[Floats, int, float]:
+        require_nobody_outside(env.simulation)
         times = np.sort(env.simulation.state.exit_time[env.people(e)])
-        return times, int(env.simulation.diagnostics.unconverged[e])
+        sums = env.simulation.diagnostics
+        return times, int(sums.unconverged[e]), float(sums.max_speed[e])
 
     options: dict[str, Any] = {"scheme": settings.contact(scheme), "dt": settings.dt, "decision_dt": decision}
     try:
         found = finished_runs(settings.place(), settings.runs, read, seed=settings.seed, progress=progress, **options)
     except RunsInterrupted as stopped:
-        rows = [row for k, (times, _) in stopped.finished.items() for row in _exits(scheme, settings.seed + k, times)]
+        rows = [row for k, (times, *_) in stopped.finished.items() for row in _exits(scheme, settings.seed + k, times)]
         raise Halfway(RawTable(_HEADER, rows), len(stopped.finished)) from None
-    return Evacuations(scheme, np.stack([times for times, _ in found]), sum(missed for _, missed in found))
+    times, missed, speeds = zip(*found, strict=True)
+    return Evacuations(scheme, np.stack(times), sum(missed), max(speeds))
 
 
 def flow_rows(done: Evacuations) -> list[Row]:
@@ -101,6 +107,8 @@ def room_remarks(settings: Settings, results: list[Evacuations]) -> list[str]:
         f"Runs are the draws {settings.seed} to {settings.seed + settings.runs - 1}, the same for every scheme: uniform "
         "random starts without overlap, at rest; a person is out when the centre crosses the line of the door."
     ]
+    fastest = ", ".join(f"{done.scheme} {done.max_speed:.2f}" for done in results)
+    remarks.append(f"Nobody was outside of the plan at any decision; largest speeds [m/s]: {fastest}.")
     for done in results:
         people, runs = done.unfinished
         if people:

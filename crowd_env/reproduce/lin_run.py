@@ -10,6 +10,7 @@ import numpy as np
 from crowd_env.navigation import NavigationField
 from crowd_env.physics import Hertz, SocialForce
 from crowd_env.physics.hertz import DampingUnit
+from crowd_env.reproduce.sound import require_nobody_outside
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
 from crowd_env.simulation import Simulation, check_step
@@ -123,7 +124,7 @@ def simulate(run: Run, stopped: Callable[[], bool] | None = None) -> Record:
     Stopped
         If ``stopped`` says so.
     FloatingPointError
-        If a position is no longer finite.
+        If someone goes too far in a step or is found outside of the room.
     """
     scenario = run.scenario()
     bodies, position = scenario.population.draw(np.random.default_rng([run.seed, 0]), scenario.geometry)
@@ -150,6 +151,7 @@ def simulate(run: Run, stopped: Callable[[], bool] | None = None) -> Record:
             raise Stopped
         ahead = min([look - done % look, *(step - done for step in kept[:1])])
         simulation.advance(n_substeps=ahead)
+        require_nobody_outside(simulation)
         done += ahead
 
 

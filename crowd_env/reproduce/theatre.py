@@ -12,6 +12,7 @@ from crowd_env.physics import NSM2, SocialForce
 from crowd_env.reproduce.lin_pool import all_cores
 from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
 from crowd_env.reproduce.settings import Settings
+from crowd_env.reproduce.sound import require_nobody_outside
 from crowd_env.scenario import Scenario
 from crowd_env.scenarios import make_scenario
 from crowd_env.state import Floats, Ints
@@ -122,6 +123,7 @@ def evacuate(settings: Settings, rules: bool, progress: Progress) -> Egress:
                     turned |= state.active & (memory.followed != state.route)
                 if ended.any():
                     progress(int(ended.sum()))
+            require_nobody_outside(env.simulation)
             parts.append((_times(env), _routes(env), ruled, turned.reshape(len(seeds), -1).sum(axis=1)))
             under_way = False
     except KeyboardInterrupt:
