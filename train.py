@@ -14,7 +14,16 @@ from agents.report import comparison_table, table_console
 from agents.runs import check_name, new_folder, write_json
 from agents.stopping import stops_by
 from agents.trained import LearnedPolicy
-from agents.training_config import check_budget, check_config, default_config, extended, make_env, read_config
+from agents.training_config import (
+    check_budget,
+    check_config,
+    check_libraries,
+    check_runs,
+    default_config,
+    extended,
+    make_env,
+    read_config,
+)
 from crowd_env import make_scenario
 
 BASELINES = ("shortest", "stand-still", "random")
@@ -139,13 +148,13 @@ def main(
     folder = None
     with stops_by():
         try:
-            check_budget(minutes=minutes, steps=steps, envs=envs, runs=runs)
+            check_budget(minutes=minutes, steps=steps, envs=envs)
+            check_runs(runs)
             _check_libraries()
-            if resume:
-                folder, config = _resumed(root, resume, _given(context))
+            given = _given(context)
+            if "resume" in given:
+                folder, config = _resumed(root, resume, given)
             else:
-                if dt is not None:
-                    check_budget(dt=dt)
                 config = default_config(scenario, scheme, seed, envs, steps, minutes, dt)
                 check_config(config)
                 folder = new_folder(root, name or f"{Path(scenario).stem}-{scheme}-seed{seed}")
@@ -157,7 +166,7 @@ def main(
             title = f"{config['scenario']}, {config['scheme']}, {runs} held-out draws"
             table_console().print(comparison_table(results, title))
             draw(folder, config, results)
-        except (ValueError, FloatingPointError, ModuleNotFoundError, OSError) as error:
+        except (ValueError, FloatingPointError, ModuleNotFoundError, OSError, MemoryError) as error:
             console.print(f"error: {error}", style="red", highlight=False, markup=False, soft_wrap=True)
             raise typer.Exit(2) from None
         except KeyboardInterrupt:
@@ -170,7 +179,7 @@ def main(
 
 def _check_libraries() -> None:
     """Say now, not after the training, that a library is missing."""
-    import agents.learned  # noqa: F401
+    check_libraries()
     from crowd_env.rendering.canvas import new_figure
 
     new_figure((1.0, 1.0))

@@ -14,6 +14,7 @@ from agents.evaluation_files import EvaluationFolder, settings_of
 from agents.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
 from agents.runs import versions, write_json
 from agents.stopping import stops_by
+from agents.training_config import check_runs
 from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
 from crowd_env.console import notes, progress_bar
 
@@ -135,7 +136,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with stops_by():
             results, scenario, told = _run(asked)
-    except (ValueError, FloatingPointError, ModuleNotFoundError, OSError) as error:
+    except (ValueError, FloatingPointError, ModuleNotFoundError, OSError, MemoryError) as error:
         notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         return 2
     except KeyboardInterrupt:
@@ -157,8 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(asked: argparse.Namespace) -> tuple[list[Evaluation], Scenario, dict[str, Any]]:
     scenario = make_scenario(asked.scenario)
-    if asked.runs < 1:
-        raise ValueError(f"--runs is {asked.runs}; it must be at least 1")
+    check_runs(asked.runs)
     if not 0 <= asked.seed < HELD_OUT_SEED - asked.runs:
         raise ValueError(f"--seed is {asked.seed}; it must be from 0 to {HELD_OUT_SEED - asked.runs - 1}")
     if asked.threads < 1:

@@ -18,10 +18,11 @@ from agents.routing import STRATEGIES, Controller, FixedSplit, RandomController,
 from agents.runs import new_folder, versions, write_json
 from agents.stopping import stops_by
 from agents.trained import LearnedController
-from agents.training_config import check_budget, check_envs, check_seed
+from agents.training_config import check_budget, check_envs, check_libraries, check_runs, check_seed
 from crowd_env.routing_batch import RoutingBatch
 
 console = Console(stderr=True)
+_MOST_CELLS = 10_000  # more are no places to decide about, and their names alone fill memory
 
 
 def judge_all(
@@ -113,7 +114,9 @@ def main(
     results: dict[str, Any] = {}
     try:
         with stops_by():
-            _check(options, seed, split, seconds=seconds, steps=steps, envs=envs, runs=runs)
+            check_runs(runs)
+            check_libraries()
+            _check(options, seed, split, seconds=seconds, steps=steps, envs=envs)
             from agents.learned.routing import train_controller
 
             folder = new_folder(out.parent, out.name)
@@ -130,7 +133,7 @@ def main(
 
             learned = LearnedController.load(folder / "best.npz")
             judge_all([learned, RandomController(), *STRATEGIES, FixedSplit(split)], options, runs, keep)
-    except (ValueError, FloatingPointError, ModuleNotFoundError, OSError) as error:
+    except (ValueError, FloatingPointError, ModuleNotFoundError, OSError, MemoryError) as error:
         console.print(f"error: {error}", style="red", highlight=False, markup=False, soft_wrap=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
@@ -149,7 +152,12 @@ def _check(options: dict[str, Any], seed: int, split: float, **budget: float) ->
     check_seed(seed)
     if not math.isfinite(split):
         raise ValueError(f"--split is {split}; it must be finite")
+    columns, rows = options["grid"]
+    if columns * rows > _MOST_CELLS:
+        raise ValueError(f"--grid is {columns} {rows}; it must have at most {_MOST_CELLS} cells")
     batch = RoutingBatch(**options)
+    if len(batch.layout.routes) < 2:
+        raise ValueError(f"scenario {batch.scenario.name!r} has one way out: there is nothing to choose")
     check_envs(int(budget["envs"]), batch.env.num_people)
 
 

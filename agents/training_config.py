@@ -11,6 +11,7 @@ from crowd_env import CrowdEnv, ObservationLayout, RewardWeights, make_scenario,
 
 # People simulated side by side in training: what a rollout remembers of so many takes some gigabytes.
 MOST_PEOPLE = 200_000
+LEAST_DT = 1e-5  # s  a decision of 0.1 s is ten thousand steps of these
 
 
 def default_config(
@@ -58,11 +59,28 @@ def make_env(config: Mapping[str, Any], envs: int | None = None) -> CrowdEnv:
     )
 
 
+def check_libraries() -> None:
+    """Raise ModuleNotFoundError now, not after the training, if a library is missing; say how to install it."""
+    try:
+        import agents.learned  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"training needs {error.name}, which is not installed: pip install stable-baselines3 tensorboard torch",
+            name=error.name,
+        ) from None
+
+
 def check_budget(**options: float) -> None:
     """Raise ValueError unless all of these are > 0 and finite."""
     for name, value in options.items():
         if not 0 < value < float("inf"):
             raise ValueError(f"--{name} is {value}; it must be > 0 and finite")
+
+
+def check_runs(runs: int) -> None:
+    """Raise ValueError unless there are so many held-out draws."""
+    if not 0 < runs < HELD_OUT_SEED:
+        raise ValueError(f"--runs is {runs}; it must be 1 to {HELD_OUT_SEED - 1}")
 
 
 def check_envs(envs: int, people: int) -> None:
@@ -87,6 +105,8 @@ def check_config(config: Mapping[str, Any]) -> None:
     PPOSettings(**config["ppo"])
     check_seed(config["seed"])
     check_budget(minutes=config["minutes"], steps=config["steps"], envs=config["envs"])
+    if not config["dt"] >= LEAST_DT:
+        raise ValueError(f"--dt is {config['dt']} s; it must be at least {LEAST_DT} s")
     check_envs(config["envs"], make_scenario(config["scenario"]).population.count)
     make_env(config, envs=1)
 

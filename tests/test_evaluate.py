@@ -98,7 +98,7 @@ def test_a_controller_sampled_between_its_decisions_is_the_controller(controller
         observation = batch.step(controller.act(observation, batch, rng))[0]
     theirs = [batch.env.metrics(e) for e in range(3)]
     for one, other in zip(ours.episodes, theirs, strict=True):  # sums of overlaps are rounded otherwise
-        assert (one.evacuation_time, one.mean_exit_time) == (other.evacuation_time, other.mean_exit_time)
+        assert repr((one.evacuation_time, one.mean_exit_time)) == repr((other.evacuation_time, other.mean_exit_time))
         assert one == pytest.approx(other, rel=1e-12, nan_ok=True)
     judged = judge(controller, SMALL, runs=3, first_seed=HELD_OUT_SEED, scheme="nsm2", **options)
     assert repr(judged.episodes) == repr(ours.episodes)
@@ -174,6 +174,17 @@ def test_shares_of_runs_are_shown_with_their_intervals():
     assert lines["slow"] == "slow 20 20 of 20 100 (84..100) 20 of 20 100 (84..100)"
 
 
+def test_who_is_found_outside_of_the_walls_makes_a_run_void():
+    result = run("stand-still", runs=2)
+    assert result.row()["escaped"] == 0 and result.row()["max_speed"] == result.column("max_speed").max()
+    odd = replace(result, policy="odd", episodes=[e._replace(escaped=3, max_speed=12.3) for e in result.episodes])
+    assert odd.row()["escaped"] == 6 and odd.row()["max_speed"] == 12.3
+    for results, told in (([result], False), ([result, odd], True)):
+        console = Console(width=100, record=True, file=io.StringIO())
+        console.print(crowding_table(results))
+        assert ("VOID: 6 people were outside" in console.export_text()) == told
+
+
 def test_tables_fit_into_a_hundred_columns():
     results = [run(name, scheme=scheme, runs=2) for scheme in ("nsm2", "nsm1") for name in NAMES]
     console = Console(width=100, record=True, file=io.StringIO())
@@ -195,6 +206,7 @@ def test_tables_fit_into_a_hundred_columns():
         (("--schemes", "glue"), "unknown contact scheme 'glue'; known: dem"),
         (("--scenario", "moon-v0"), "unknown scenario 'moon-v0'; known: room-v0"),
         (("--runs", "0"), "--runs is 0"),
+        (("--runs", "1000000"), "--runs is 1000000; it must be 1 to 999999"),
         (("--seed", "-1"), "--seed is -1"),
         (("--threads", "0"), "--threads is 0"),
     ],

@@ -1,6 +1,8 @@
 """The main job: what a training run leaves behind, and that it can be stopped and gone on with."""
 
 import json
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -161,6 +163,12 @@ def test_training_stops_when_its_time_is_up(tmp_path):
     assert 0 < curve(folder)[-1]["steps"] < 10**9
 
 
+def test_no_point_of_the_curve_is_measured_twice(tmp_path):
+    folder = tmp_path / "run"
+    assert train.train(folder, tiny(folder, eval_every=1280))  # a point at every rollout, and one at the end
+    assert [row["steps"] for row in curve(folder)] == [0, 1280, 2560, 3840, 5120]
+
+
 def test_the_same_seed_trains_the_same_policy(tmp_path):
     for name in ("one", "two"):
         train.train(tmp_path / name, tiny(tmp_path / name))
@@ -183,11 +191,15 @@ def test_the_same_seed_trains_the_same_policy(tmp_path):
         (("--minutes", "inf"), "--minutes finite"),
         (("--steps", 0), "--steps > 0"),
         (("--envs", -2), "--envs > 0"),
-        (("--runs", 0), "--runs > 0"),
+        (("--runs", 0), "--runs 0 999999"),
         (("--resume", "nothing"), "nothing config.json"),
+        (("--resume", ""), "cannot name a run"),
+        (("--runs", 1_000_000), "--runs 999999"),
+        (("--dt", 1e-9), "--dt 1e-09 1e-05"),
+        (("--dt", "nan"), "--dt nan"),
         (("--resume", "../x"), "../x cannot name a run"),
         (("--name", "../x"), "../x cannot name a run"),
-        (("--dt", 0), "--dt > 0"),
+        (("--dt", 0), "--dt 0.0 1e-05"),
         (("--dt", 0.03), "0.03 0.1"),
         (("--envs", 10_000_000), "--envs 200000000 at most 200000 --envs 10000"),
     ],
@@ -205,6 +217,15 @@ def test_a_root_that_cannot_hold_folders_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     result = call("--root", tmp_path / "file", "--envs", 1)
     assert result.exit_code == 2 and "cannot make the folder" in result.stderr and "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("library", ["stable_baselines3", "torch", "matplotlib"])
+def test_a_library_that_is_missing_is_named_before_anything_is_written(tmp_path, library):
+    program = f"import sys; sys.modules['{library}'] = None; sys.argv[1:] = ['--root', {str(tmp_path / 'runs')!r}]; "
+    program += "import typer, train; typer.run(train.main)"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and not (tmp_path / "runs").exists()
+    assert f"needs {library}" in done.stderr and "pip install" in done.stderr and "Traceback" not in done.stderr
 
 
 def test_the_run_of_a_scenario_file_is_named_after_it(tmp_path, monkeypatch):

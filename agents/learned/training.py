@@ -132,7 +132,7 @@ class Companion(BaseCallback):
         self._progress.update(
             self._task, completed=min(done, 1.0), speed=f"{rate / 1000:.0f}k steps/s", best=f"best {best:.2f} s"
         )
-        if steps >= self._next_eval:
+        if self._next_eval <= steps < self.total_steps:  # the end of the training is evaluated anyway
             self._next_eval = steps + self.eval_every
             self._evaluate()
 
