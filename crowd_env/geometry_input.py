@@ -57,7 +57,8 @@ def from_wkt(text: str, what: str) -> BaseGeometry:
     if kind is not None:
         raise ValueError(f"{what} is {kind}, not {form}")
     try:
-        return shapely.from_wkt(body)
+        with np.errstate(invalid="ignore"):  # what is not finite is named by those who read the shape
+            return shapely.from_wkt(body)
     except (shapely.errors.ShapelyError, NotImplementedError) as error:
         raise ValueError(
             f"{what} is not {form}: {' '.join(str(error).split()) or 'of a kind that is not read'}"

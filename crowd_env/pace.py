@@ -28,12 +28,17 @@ class Pace:
         return pace
 
     def comfortable(self, x: Floats, y: Floats) -> Floats:
-        """Return 1 / (cost of a metre)."""
+        """Return 1 / (cost of a metre) on a grid: ``x`` (rows, cols) grows along columns only, ``y`` along rows."""
         slow = self(x, y) < 1.0
         cost = np.where(slow, 1.0 + self.comfort.stairs, 1.0)
-        for cx, cy in jutting_corners(self.geometry.boundary):
-            near = np.hypot(x - cx, y - cy) < self.comfort.reach
-            cost[near] += self.comfort.turn / (2.0 * self.comfort.reach)
+        reach = self.comfort.reach
+        corners = jutting_corners(self.geometry.boundary)
+        left, right = (np.searchsorted(x[0], corners[:, 0] + away) for away in (-reach, reach))
+        low, high = (np.searchsorted(y[:, 0], corners[:, 1] + away) for away in (-reach, reach))
+        for k, (cx, cy) in enumerate(corners):  # each looks only at the nodes around it
+            around = slice(low[k], high[k] + 1), slice(left[k], right[k] + 1)
+            near = np.hypot(x[around] - cx, y[around] - cy) < reach
+            cost[around][near] += self.comfort.turn / (2.0 * reach)
         return 1.0 / cost
 
 

@@ -19,6 +19,7 @@ from crowd_env.state import Floats, Ints
 Target = Literal["path", "nearest", "centre", "width"]
 _MARGINS = {"nearest": float("nan"), "centre": float("inf"), "width": 0.0}
 _REGION_CELL = 0.05  # m
+_REGION_CELLS = 4e6  # a place of more than 100 m x 100 m gets larger ones
 
 
 class Way(NamedTuple):
@@ -342,6 +343,7 @@ def _join_regions(places: Sequence[Ways | NavigationField | None]) -> RegionArra
     count = len(places)
     shape, origin = np.zeros((count, 2), dtype=np.int64), np.zeros((count, 2))
     fixed, factor = np.full((count, MOST_REGIONS), np.nan), np.ones((count, MOST_REGIONS))
+    spacing = np.full(count, _REGION_CELL)
     masks: list[Ints] = []
     for g, place in enumerate(places):
         needed = isinstance(place, Ways) and (place.zones or place.rules or any(way.goal >= 0 for way in place.ways))
@@ -350,8 +352,9 @@ def _join_regions(places: Sequence[Ways | NavigationField | None]) -> RegionArra
             continue
         geometry = place.geometry
         x0, y0, x1, y1 = geometry.bounds
-        cols, rows = (int(np.ceil(length / _REGION_CELL)) + 1 for length in (x1 - x0, y1 - y0))
-        middle = np.meshgrid(x0 + _REGION_CELL * (np.arange(cols) + 0.5), y0 + _REGION_CELL * (np.arange(rows) + 0.5))
+        cell = spacing[g] = max(_REGION_CELL, float(np.sqrt((x1 - x0) * (y1 - y0) / _REGION_CELLS)))
+        cols, rows = (int(np.ceil(length / cell)) + 1 for length in (x1 - x0, y1 - y0))
+        middle = np.meshgrid(x0 + cell * (np.arange(cols) + 0.5), y0 + cell * (np.arange(rows) + 0.5))
         masks.append(region_masks(geometry, *middle).ravel())
         shape[g], origin[g] = (rows, cols), (x0, y0)
         names = list(geometry.regions)
@@ -360,7 +363,6 @@ def _join_regions(places: Sequence[Ways | NavigationField | None]) -> RegionArra
             fixed[g, k] = np.nan if zone.speed is None else zone.speed
             factor[g, k] = zone.factor
     start = np.concatenate([[0], np.cumsum([len(mask) for mask in masks])]).astype(np.int64)
-    spacing = np.full(count, _REGION_CELL)
     return RegionArrays(start, shape, origin, spacing, np.concatenate(masks), fixed, factor)
 
 

@@ -4,13 +4,17 @@ import csv
 import json
 import os
 import signal
+import sys
+import warnings
 from contextlib import contextmanager
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from crowd_env import cli, clogging_command
 from crowd_env.cli import app
+from crowd_env.console import counted, said_plainly
 from crowd_env.experiment import RunsInterrupted, finished_runs, report, run_rule
 from crowd_env.reproduce import command
 from crowd_env.scenarios import make_scenario
@@ -144,3 +148,52 @@ def test_reproduce_keeps_the_figures_before(stop_after, tmp_path):
     assert result.exit_code == 130 and "Traceback" not in result.output
     last = result.stderr.strip().splitlines()[-1]
     assert last.startswith("interrupted: ") and ("not finished" in last or "were finished" in last)
+
+
+# ------------------------------------------------------------------------------------------- what else can go wrong
+
+
+def test_a_film_that_cannot_be_written_loses_no_figures(monkeypatch, tmp_path):
+    def full(path, *_, **__):
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr("crowd_env.rendering.write_film", full)
+    result = call(f"run --scheme dem --n 3 --runs 2 --film {tmp_path / 'a.gif'} --json")
+    assert result.exit_code == 2 and json.loads(result.stdout)["runs"] == 2
+    assert result.stderr == f"error: {tmp_path / 'a.gif'}: No space left on device\n"
+
+
+def test_a_missing_library_of_films_is_said_before_the_work(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    monkeypatch.setattr(cli, "run_rule", None)
+    result = call(f"run --film {tmp_path / 'a.gif'}")
+    assert result.exit_code == 2 and result.stdout == "" and result.stderr.count("\n") == 1
+    assert "needs pygame" in result.stderr and "pip install pygame matplotlib pillow imageio-ffmpeg" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (MemoryError("Unable to allocate 74.6 GiB"), "error: not enough memory: Unable to allocate 74.6 GiB"),
+        (OverflowError("int too large to convert"), "error: a number is too large: int too large to convert"),
+        (NotImplementedError("curves"), "error: curves"),
+        (PermissionError(13, "Permission denied", "a.png"), "error: a.png: Permission denied"),
+        (ValueError("two\nlines"), "error: two lines"),
+    ],
+)
+def test_errors_are_one_sentence(error, said, capsys):
+    with pytest.raises(typer.Exit) as left, said_plainly():
+        raise error
+    assert left.value.exit_code == 2 and capsys.readouterr().err.rstrip("\n") == said
+
+
+def test_warnings_are_notes_without_lines_of_code(capsys):
+    with said_plainly():
+        for _ in range(2):
+            warnings.warn("the way is narrow", stacklevel=1)
+    assert capsys.readouterr().err == "note: the way is narrow\n"
+
+
+def test_one_is_one(capsys):
+    assert (counted(1, "run", "runs"), counted(0, "run", "runs")) == ("1 run", "0 runs")
+    assert "room-v0: 1 person, dem, 1 run" in call("run --scheme dem --n 1 --runs 1").stdout
