@@ -217,7 +217,7 @@ PHYSICS = [
       for row in rows(f"{make.__name__}.social", lambda x, make=make: make_scheme(make(social=x)), ("lin", 3, SocialForce))],
     *rows("NSM2.max_iterations", lambda x: make_scheme(NSM2(max_iterations=x)), (2.5,)),
     *rows("Hertz.rotation", lambda x: make_scheme(Hertz(rotation=x)), NO_FLAG),
-    *rows("make_scheme.scheme", make_scheme, (None, 3, NSM2, ["nsm2"], b"nsm2", object())),
+    *rows("make_scheme.scheme", make_scheme, (None, 3, NSM2, ["nsm2"], b"nsm2", ...)),
     ("make_scheme unknown", lambda: make_scheme("nsm3"), ("'nsm3'", "nsm2", "hertz")),
     ("make_scheme table", lambda: make_scheme({"tolerance": 1e-3}), ("contact scheme None", "nsm2")),
     ("make_scheme table key", lambda: make_scheme({"name": "dem", "stiff": 1}), ("unknown key 'stiff'", "stiffness")),
