@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.status import Status
 from rich.table import Table
@@ -163,7 +164,7 @@ def _hall_table(rows: list[dict[str, Any]]) -> Table:
         "outside: most people outside of the plan at once, by position; fastest: after any step; deepest overlap of two "
         "bodies, and of a body with a wall; left: at the end, when all are out or nobody was for 30 s"
     )
-    table = Table(title="halls emptied by one door", caption=caption)
+    table = Table(title="halls emptied by one door", caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     names = ("people", "1/m2", "door\nm", "outside", "fastest\nm/s", "overlap\nmm", "wall\nmm", "left", "until\ns")
     table.add_column("")
     for name in names:
