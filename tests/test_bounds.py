@@ -160,6 +160,22 @@ def test_who_is_outside_is_found_by_position_as_shapely_finds_it():
         np.testing.assert_array_equal(found, active & ~shapely.contains_xy(place, *points.T))
 
 
+def test_the_quick_way_to_find_who_is_outside_is_right_in_plans_of_right_angles():
+    rng = np.random.default_rng(3)
+    for _ in range(30):
+        boxes = [shapely.box(*low, *(low + rng.integers(1, 6, 2))) for low in rng.integers(0, 12, (8, 2))]
+        holes = [shapely.box(*low, *(low + rng.uniform(0.1, 1.0, 2))) for low in rng.uniform(0, 15, (6, 2))]
+        place = shapely.union_all(boxes).difference(shapely.union_all(holes))
+        points = np.concatenate(
+            [rng.uniform(-1, 18, (2000, 2)), np.add(rng.uniform(0, 17, (500, 2)).round(1), [0.0, 1e-3])]
+        )
+        near = shapely.distance(shapely.boundary(place), shapely.points(points)) < 2e-6  # either will do
+        found = np.zeros(len(points), dtype=bool)
+        env_start, everyone = np.array([0, len(points)]), np.ones(len(points), dtype=bool)
+        mark_outside(refer(border_of([place])), np.array([0]), env_start, everyone, points, found)
+        np.testing.assert_array_equal(found[~near], ~shapely.contains_xy(place, *points[~near].T))
+
+
 def test_whoever_is_outside_is_counted_until_the_next_episode():
     env = CrowdEnv("room-v0", num_envs=2)
     env.reset(seed=0)

@@ -92,9 +92,16 @@ def move(begin: int, end: int, dt: float, v: Floats, x: Floats) -> None:
 
 
 @inner_kernel
-def greatest_speed(begin: int, end: int, vx: Floats, vy: Floats, limit: float) -> float:
-    """Return the greatest speed [m/s], after those above ``limit`` have been held to it."""
-    fastest = 0.0
+def greatest_speed(begin: int, end: int, vx: Floats, vy: Floats, known: float, limit: float) -> float:
+    """Return the greatest speed [m/s] so far, ``known`` up to now, after those above ``limit`` have been held to it.
+
+    To count who is faster takes a third of what the greatest of all does, and mostly nobody is.
+    """
+    faster, fastest = 0, known * known
+    for i in range(index(begin), index(end)):
+        faster += vx[i] * vx[i] + vy[i] * vy[i] > fastest
+    if faster == 0:
+        return known
     for i in range(index(begin), index(end)):
         fastest = max(fastest, vx[i] * vx[i] + vy[i] * vy[i])
     if fastest > limit * limit:
