@@ -286,7 +286,9 @@ def _widths(place: Scenario) -> str:
 
 def _unfinished(figures: dict[str, Any]) -> str:
     people, runs = figures["unfinished"], figures["unfinished_runs"]
-    return f"{counted(people, 'person', 'people')} in {counted(runs, 'run', 'runs')}"
+    low, high = (100.0 * bound for bound in figures["unfinished_share"]["ci95"])
+    share = f", {100.0 * figures['unfinished_share']['mean']:.0f} % ({low:.0f} to {high:.0f} %)"
+    return f"{counted(people, 'person', 'people')} in {counted(runs, 'run', 'runs')}" + (share if runs else "")
 
 
 @app.command("list")

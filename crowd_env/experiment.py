@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from crowd_env.env import CrowdEnv
-from crowd_env.metrics import EpisodeMetrics, summarise
+from crowd_env.metrics import EpisodeMetrics, share_interval, summarise
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenario import Scenario
 
@@ -126,12 +126,17 @@ def report(
     ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
     ``evacuation_time`` and ``flow`` (per-run least-squares slopes) are over the runs in which everyone, or at least three
     people, got out; ``overlap_mm.mean`` is the mean over runs of the mean over all overlapping contacts of a run;
-    ``outside_mm`` is the furthest that any body reached beyond a wall.
+    ``outside_mm`` is the furthest that any body reached beyond a wall.  The shares of runs in which someone was left inside,
+    and in which the exits blocked, have Wilson's interval.
     """
 
     def column(name: str) -> np.ndarray:
         return np.array([getattr(episode, name) for episode in episodes], dtype=np.float64)
 
+    def share(count: int) -> dict[str, Any]:
+        return {"mean": count / len(episodes), "ci95": list(share_interval(count, len(episodes)))}
+
+    left, stuck = (int(np.count_nonzero(runs)) for runs in (column("unfinished"), np.isfinite(column("blocked_since"))))
     time, flow = summarise(column("evacuation_time")), summarise(column("flow"))
     return {
         "scenario": scenario.name,
@@ -139,7 +144,9 @@ def report(
         "runs": len(episodes),
         "people": scenario.population.count,
         "unfinished": int(column("unfinished").sum()),
-        "unfinished_runs": int((column("unfinished") > 0).sum()),
+        "unfinished_runs": left,
+        "unfinished_share": share(left),
+        "blocked_share": share(stuck),
         "blocked": [
             {"run": k, "since": episode.blocked_since, "left": episode.unfinished}
             for k, episode in zip(numbers or range(len(episodes)), episodes, strict=True)

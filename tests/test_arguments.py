@@ -212,12 +212,11 @@ PHYSICS = [
     *[row for name in ("normal_damping", "tangential_damping", "friction", "wall_friction")
       for row in rows(f"Hertz.{name}", of(Hertz, name), (NAN, -1.0, "1", None, True))],
     *rows("Hertz.damping_unit", of(Hertz, "damping_unit"), (*NO_CHOICE, None)),
-    # A scheme is used only after it has gone through make_scheme.
     *[row for make in (DEM, NSM1, NSM2, Hertz)
-      for row in rows(f"{make.__name__}.social", lambda x, make=make: make_scheme(make(social=x)), ("lin", 3, SocialForce))],
-    *rows("NSM2.max_iterations", lambda x: make_scheme(NSM2(max_iterations=x)), (2.5,)),
-    *rows("Hertz.rotation", lambda x: make_scheme(Hertz(rotation=x)), NO_FLAG),
-    *rows("make_scheme.scheme", make_scheme, (None, 3, NSM2, ["nsm2"], b"nsm2", object())),
+      for row in rows(f"{make.__name__}.social", of(make, "social"), ("lin", 3, SocialForce))],
+    *rows("NSM2.max_iterations", of(NSM2, "max_iterations"), (2.5,)),
+    *rows("Hertz.rotation", of(Hertz, "rotation"), NO_FLAG),
+    *rows("make_scheme.scheme", make_scheme, (None, 3, NSM2, ["nsm2"], b"nsm2", ...)),
     ("make_scheme unknown", lambda: make_scheme("nsm3"), ("'nsm3'", "nsm2", "hertz")),
     ("make_scheme table", lambda: make_scheme({"tolerance": 1e-3}), ("contact scheme None", "nsm2")),
     ("make_scheme table key", lambda: make_scheme({"name": "dem", "stiff": 1}), ("unknown key 'stiff'", "stiffness")),

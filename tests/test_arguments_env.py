@@ -60,7 +60,7 @@ CONSTRUCTOR = [
     *rows("CrowdEnv.strategy", of("strategy"), (*NO_CHOICE, None)),
     *rows("CrowdEnv.autoreset", of("autoreset"), NO_FLAG),
     *rows("CrowdEnv.rules", of("rules"), NO_FLAG),
-    *rows("CrowdEnv.scheme", of("scheme"), (None, 3, NSM2, ["nsm2"], b"nsm2", object())),
+    *rows("CrowdEnv.scheme", of("scheme"), (None, 3, NSM2, ["nsm2"], b"nsm2", ...)),
     ("CrowdEnv.scheme unknown", lambda: CrowdEnv(scheme="nsm3"), ("'nsm3'", "nsm2")),
     ("CrowdEnv.scheme key", lambda: CrowdEnv(scheme={"name": "nsm2", "tolerence": 1}), ("'tolerence'", "tolerance")),
     ("CrowdEnv.scheme social", lambda: CrowdEnv(scheme=NSM2(social="lin")), ("social", "'lin'", "SocialForce")),

@@ -31,7 +31,7 @@ def hall(**options):
         options.pop("time_limit", 1e3),
         routes=(Route("by-west", ("west",)), Route("by-east", ("east",))),
         rules=(ControlRule("middle", 8, "by-east", below=5, hold=0.3),),
-        door_events=(DoorEvent("west", "close", at=0.55), DoorEvent("west", "open", at=1.25)),
+        door_events=(DoorEvent("west", False, at=0.55), DoorEvent("west", True, at=1.25)),
         **options,
     )
 

@@ -70,9 +70,13 @@ KEYS = {
     "flow": {"mean", "sd"},
     "overlap_mm": {"mean", "max"},
     "outside_mm": None,
+    "max_speed": None,
+    "escaped": None,
     "residual": None,
     "people": None,
     "unfinished_runs": None,
+    "unfinished_share": {"mean", "ci95"},
+    "blocked_share": {"mean", "ci95"},
     "blocked": None,
     "unconverged_steps": None,
 }
@@ -113,6 +117,7 @@ def test_a_floor_plan_of_ones_own(folder):
     told = figures("run plan.wkt --exit 6,2,6,3 --n 10 --runs 2")
     assert (told["scenario"], told["people"], told["unfinished"]) == ("plan", 10, 0)
     assert told["outside_mm"] < 100
+    assert 1.0 < told["max_speed"] < 12.5 and told["escaped"] == 0
     by_line = call("run plan.wkt --exit POLYGON((6\u00a02))".replace("\u00a0", " ") + " --n 3")
     assert by_line.exit_code == 2  # half a polygon
     args = ["run", "plan.wkt", "--exit", "LINESTRING (6 2, 6 3)", "--exit", "0,1,0,2", "--runs", "1", "--json"]

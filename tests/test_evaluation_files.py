@@ -129,7 +129,7 @@ def test_the_digest_is_of_everything_that_decides_a_result():
         replace(SMALL, geometry=replace(place, exit_names=("east", "west"))),
         replace(SMALL, geometry=replace(place, two_sided=~place.two_sided)),
         replace(SMALL, zones=(SpeedZone("left", factor=0.5),)),
-        replace(SMALL, door_events=(DoorEvent("west", "close", at=3.0),)),
+        replace(SMALL, door_events=(DoorEvent("west", False, at=3.0),)),
         replace(SMALL, closed_doors=("west",)),
         replace(SMALL, time_limit=26.0),
         RULED,

@@ -151,7 +151,7 @@ def test_what_comes_first_is_the_unit_not_the_crowd(tmp_path):
     with pytest.raises(
         ValueError, match=r"6000 m x 5000 m and an exit 1000 m wide: is it in mm or cm\? Then say --unit mm"
     ):
-        scenario_from_wkt(written(tmp_path / "a.wkt", shape), ["6000,2000,6000,3000"], Population(10**9))
+        scenario_from_wkt(written(tmp_path / "a.wkt", shape), ["6000,2000,6000,3000"], Population(400_000))
 
 
 # ----------------------------------------------------------------------------------------------------------- people
@@ -159,18 +159,18 @@ def test_what_comes_first_is_the_unit_not_the_crowd(tmp_path):
 
 @pytest.mark.parametrize("count", [2.5, True, float("nan"), "20", None, [3]])
 def test_a_number_of_people_is_whole(count):
-    with pytest.raises(ValueError, match=r"population: count is .*; it must be a whole number of people"):
+    with pytest.raises(ValueError, match=r"population: count is .*; it must be a whole number"):
         Population(count)
 
 
 def test_exits_are_names_not_letters():
-    with pytest.raises(ValueError, match=r"exits is the text 'east'; it must be a list of names: \('east',\)"):
+    with pytest.raises(ValueError, match=r"exits is 'east'; it must be a tuple of names: \('east',\)"):
         Population(3, exits="east")
 
 
 def test_more_people_than_there_is_room_for_are_refused_before_any_is_drawn():
-    with pytest.raises(ValueError, match=r"1000000000 people do not fit .* room for at most 21"):
-        Scenario("room", quietly(ROOM, exits=[DOOR]), Population(10**9), 60.0)
+    with pytest.raises(ValueError, match=r"400000 people do not fit .* room for at most 21"):
+        Scenario("room", quietly(ROOM, exits=[DOOR]), Population(400_000), 60.0)
     regions = {"west": shapely.box(0, 0, 2, 5)}
     with pytest.raises(ValueError, match=r"100 people do not fit without overlap into 10\.0 m2 of 'west'"):
         Scenario("room", quietly(ROOM, exits=[DOOR], regions=regions), Population(100, start_region="west"), 60.0)

@@ -519,5 +519,5 @@ print(image.shape)
 
 def test_a_missing_library_is_named_with_what_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(ModuleNotFoundError, match=r"pygame.*pip install 'crowd-env\[render\]'"):
+    with pytest.raises(ModuleNotFoundError, match=r"pygame.*: pip install pygame matplotlib pillow imageio-ffmpeg"):
         Window().show(np.zeros((60, 80, 3), dtype=np.uint8))

@@ -19,7 +19,7 @@ HALL = Geometry.from_polygon([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)
         (lambda: NSM2(normal_dissipation=-1.0), r"nsm2: normal_dissipation is -1\.0; it must be >= 0: .*K_N - 2 m_e"),
         (lambda: NSM2(tangential_dissipation=-1.0), r"nsm2: tangential_dissipation is -1\.0; it must be >= 0"),
         (lambda: NSM2(position_correction=1.5), r"nsm2: position_correction is 1\.5; it must be in \[0, 1\]"),
-        (lambda: NSM2(reaction="kind"), r"nsm2: unknown reaction 'kind'; known: printed, dissipative"),
+        (lambda: NSM2(reaction="kind"), r"nsm2: unknown reaction 'kind'; known: dissipative, printed"),
     ],
 )
 def test_a_parameter_out_of_range_names_the_bound_and_its_formula(make, says):

@@ -122,7 +122,7 @@ def test_doors_that_lock_everyone_in_at_the_start_leave_no_ways_of_the_episode_b
         exits={"west": [(0, 3.6), (0, 2.4)], "east": [(8, 2.4), (8, 3.6)]},
         doors={"west": "west", "east": "east"},
     )
-    events = (DoorEvent("west", "open", at=0.3),)
+    events = (DoorEvent("west", True, at=0.3),)
     scene = Scenario("locked", place, Population(20), 100.0, closed_doors=("west", "east"), door_events=events)
     fresh, used = (CrowdEnv(scene, scheme="dem") for _ in range(2))
     play(used, [1], 6)

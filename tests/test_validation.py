@@ -168,7 +168,7 @@ def test_the_command_prints_a_table(data):
         (["--scheme", "magic"], "unknown contact scheme"),
         (["--radius", "0.4"], "narrower than"),
         (["--speed", "fast"], "--speed"),
-        (["--time-limit", "0"], "time limit"),
+        (["--time-limit", "0"], "time_limit"),
     ],
 )
 def test_bad_input_is_said_plainly(data, words, said):

@@ -13,7 +13,7 @@ import numpy as np
 
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.checks import require_positive
+from crowd_env.checks import check_fields, require_positive
 from crowd_env.physics.bounds import MARGIN, hold_lanes_at_walls, speed_limit
 from crowd_env.physics.contacts import find_contacts
 from crowd_env.physics.forces import LOOK_EVERY, choose_turn, follow_rules, influences, look_around
@@ -86,6 +86,7 @@ class DEM:
 
     def __post_init__(self) -> None:
         require_positive("dem", "the contact force k |D| (eq 5) has to push", stiffness=self.stiffness)
+        check_fields("dem", self)
 
     @property
     def info(self) -> SchemeInfo:

@@ -23,7 +23,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.checks import require_known, require_not_negative, require_positive
+from crowd_env.checks import Range, check_fields, require_not_negative, require_positive
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
@@ -106,9 +106,7 @@ class Hertz:
             friction=self.friction,
             wall_friction=self.wall_friction,
         )
-        if not -1.0 < self.poisson_ratio <= 0.5:
-            raise ValueError(f"hertz: poisson_ratio is {self.poisson_ratio!r}; it must be above -1 and at most 0.5")
-        require_known("hertz", "damping_unit", self.damping_unit, get_args(DampingUnit))
+        check_fields("hertz", self, poisson_ratio=Range(-1.0, 0.5, above=True))
 
     @staticmethod
     def literal() -> "Hertz":

@@ -18,7 +18,7 @@ import numpy as np
 
 from crowd_env._jit import index, inner_kernel, kernel
 from crowd_env._reference import Reference
-from crowd_env.checks import require_known, require_not_negative, require_positive
+from crowd_env.checks import POSITIVE, SHARE, Range, check_fields, require_not_negative, require_positive
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.forces import influences, regular_forces, walk_freely
 from crowd_env.physics.leaving import leave
@@ -26,7 +26,7 @@ from crowd_env.physics.neighbors import FULL
 from crowd_env.physics.rows import give_impulses, pose_no_overlap, pose_percussions
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social import SocialForce, SocialLaw
-from crowd_env.physics.solvers import SOLVERS, SolverName, Stopping, solve
+from crowd_env.physics.solvers import SolverName, Stopping, solve
 from crowd_env.physics.step import (
     detect,
     muster,
@@ -109,12 +109,15 @@ class NSM2:
             tangential_dissipation=self.tangential_dissipation,
         )
         require_positive("nsm2", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
-        if self.relative_tolerance is not None:
-            require_positive("nsm2", "the solver stops on it", relative_tolerance=self.relative_tolerance)
-        if not 0.0 <= self.position_correction <= 1.0:
-            raise ValueError(f"nsm2: position_correction is {self.position_correction!r}; it must be in [0, 1]")
-        require_known("nsm2", "reaction", self.reaction, ("printed", "dissipative"))
-        require_known("nsm2", "solver", self.solver, SOLVERS)
+        at_least_0 = Range(0.0, infinite=True)
+        check_fields(
+            "nsm2",
+            self,
+            normal_dissipation=at_least_0,
+            tangential_dissipation=at_least_0,
+            relative_tolerance=POSITIVE,
+            position_correction=SHARE,
+        )
 
     @property
     def info(self) -> SchemeInfo:
