@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from crowd_env.cli import app as crowd_env_app
 from validation.cli import app
 from validation.gate import Counts, export, gate_geometry, gate_scenario, largest_radius, recorded, simulated
+from validation.halls import holds
 from validation.trajectories import find_recording, read_trajectories
 
 HEADER = "#made up\n# framerate: 10 fps\n# id frame x/m y/m z/m\n"
@@ -198,3 +199,26 @@ def test_export_writes_the_plan_and_the_starts(tmp_path):
     assert (tmp_path / "gate.wkt").read_text().startswith("POLYGON ((-2.8 6.7, -2.8 0, ")
     assert (tmp_path / "starts.csv").read_text().splitlines()[:2] == ["x,y", "0.0000,0.4000"]
     assert "--exit -0.25,-1.1,0.25,-1.1" in command
+
+
+# ------------------------------------------------------------------------------------------------------------- halls
+
+
+def test_a_hall_is_emptied_with_nobody_outside():
+    result = CliRunner().invoke(app, ["halls", "--scheme", "dem", "--people", "500", "--time-limit", "3", "--json"])
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    assert told["holds"] and [row["people"] for row in told["rows"]] == [500, 500]
+    assert all(row["outside_at_once"] == row["escaped"] == 0 < row["max_speed"] <= row["bound"] for row in told["rows"])
+
+
+def test_halls_that_do_not_hold_are_said_to():
+    row = {"outside_at_once": 0, "escaped": 0, "stopped": None, "max_speed": 12.5, "bound": 12.5}
+    assert holds(row)
+    for bad in ({"outside_at_once": 1}, {"escaped": 1}, {"stopped": "went too far"}, {"max_speed": 12.6}):
+        assert not holds(row | bad)
+
+
+def test_there_are_no_other_halls():
+    result = CliRunner().invoke(app, ["halls", "--people", "7"])
+    assert result.exit_code == 2 and "500, 1000, 2000, 5000" in result.output
