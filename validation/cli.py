@@ -14,7 +14,7 @@ from rich.table import Table
 
 from crowd_env import SCHEMES, Uniform, make_scheme
 from validation.gate import REFERENCE, export, gate_scenario, recorded, recorded_speed, simulated
-from validation.halls import HALLS, empty, holds
+from validation.halls import HALLS, empty, holds, told
 from validation.trajectories import find_recording, read_trajectories
 
 app = typer.Typer(
@@ -151,6 +151,7 @@ def halls(
                         status.update(f"{title}: {time:.1f} s simulated")
 
                     rows.append(empty(hall, name, time_limit, show))
+                _notes.print(f"{title}: {told(rows[-1])}", markup=False, soft_wrap=True)
     sound = all(holds(row) for row in rows)
     if as_json:
         typer.echo(json.dumps({"case": "halls", "holds": sound, "rows": rows}))

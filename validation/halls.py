@@ -84,3 +84,12 @@ def holds(row: dict[str, Any]) -> bool:
     """Whether nobody was outside, and nobody faster than the bound."""
     inside = row["outside_at_once"] == 0 and row["escaped"] == 0 and row["stopped"] is None
     return bool(inside and row["max_speed"] <= row["bound"] * (1.0 + 1e-12))
+
+
+def told(row: dict[str, Any]) -> str:
+    """Return what came of a run, in words."""
+    if row["stopped"]:
+        return str(row["stopped"])
+    lost = max(row["outside_at_once"], row["escaped"])
+    outside = "nobody" if lost == 0 else f"{lost} of them"
+    return f"{outside} outside of the plan, fastest {row['max_speed']:.2f} m/s, {row['left']} left after {row['until']:.0f} s"
