@@ -55,6 +55,25 @@ def test_walls_hold_however_hard_one_is_pressed(name, force, toward):
 
 
 @every_scheme
+def test_the_tip_of_two_walls_holds_where_it_is_met_head_on(name):
+    # Within a margin of 1e-6 m of the axis a path meets the tip before it comes near either side.
+    needle = Geometry.from_polygon([(0, 0), (4, 0), (4, 4), (0, 4)], obstacles=[[(1, 1.9), (1, 2.1), (3, 2)]])
+    fold = Geometry.from_polygon([(0, 0), (4, 0), (4, 4), (0, 4)], thin_walls=[[(1, 1.9), (3, 2), (1, 2.1)]])
+    offsets = np.linspace(-1e-6, 1e-6, 11)
+    start = np.column_stack([np.full(11, 3.05), 2 + offsets])
+    each = np.arange(12)
+    bodies = make_bodies(np.full(11, RADIUS), 80.0, desired_speed=1.0)._replace(env_start=each)
+    for place in (needle, fold):
+        state = make_state(start, [[-12.0, 0.0]] * 11, environments=11)
+        simulation = Simulation(place, bodies, state, scheme=name, fields=[None])
+        pressed = np.tile([-1e9, 0.0], (11, 1))
+        for _ in range(8):
+            simulation.advance(np.zeros((11, 2)), external_force=pressed)
+            passed = (state.position[:, 0] < 3) & (abs(state.position[:, 1] - 2) < 0.05 * (3 - state.position[:, 0]))
+            assert not passed.any()
+
+
+@every_scheme
 @pytest.mark.parametrize("place", [SLIM, THIN], ids=["2 cm thick", "without thickness"])
 def test_slim_and_thin_walls_hold_from_both_sides(name, place):
     start = np.array([[1.7, 0.5], [1.7, 1.2], [2.3, 0.5], [2.3, 1.2]])
