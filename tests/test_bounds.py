@@ -34,8 +34,7 @@ def through(seen):
 def press(place, start, force, name, *, steps=200, velocity=None, **options):
     bodies = make_bodies(np.full(len(start), RADIUS), 80.0, desired_speed=1.0)
     state = make_state(start, velocity)
-    dt = SCHEMES[name].info.default_dt
-    simulation = Simulation(place, bodies, state, scheme=name, dt=dt, fields=[None], **options)
+    simulation = Simulation(place, bodies, state, scheme=name, fields=[None], **options)
     push = np.broadcast_to(np.asarray(force, dtype=float), (len(start), 2))
     seen = []
     for _ in range(steps):
@@ -71,6 +70,14 @@ def test_the_tip_of_two_walls_holds_where_it_is_met_head_on(name):
             simulation.advance(np.zeros((11, 2)), external_force=pressed)
             passed = (state.position[:, 0] < 3) & (abs(state.position[:, 1] - 2) < 0.05 * (3 - state.position[:, 0]))
             assert not passed.any()
+
+
+def test_overlaps_too_deep_to_be_taken_back_in_a_step_are_named_as_the_reason():
+    crowd = np.random.default_rng(0).uniform([0.5, 0.5], [1.0, 1.0], (20, 2))
+    with pytest.raises(
+        FloatingPointError, match="moved apart by more than their radius .* smaller position_correction"
+    ):
+        press(ROOM, crowd, 0.0, NSM2(position_correction=1.0), steps=5)
 
 
 @every_scheme
