@@ -75,7 +75,7 @@ def test_the_tip_of_two_walls_holds_where_it_is_met_head_on(name):
 def test_overlaps_too_deep_to_be_taken_back_in_a_step_are_named_as_the_reason():
     crowd = np.random.default_rng(0).uniform([0.5, 0.5], [1.0, 1.0], (20, 2))
     with pytest.raises(
-        FloatingPointError, match="moved apart by more than their radius .* smaller position_correction"
+        FloatingPointError, match=r"moved apart by more than their radius .* smaller position_correction"
     ):
         press(ROOM, crowd, 0.0, NSM2(position_correction=1.0), steps=5)
 
