@@ -1,19 +1,14 @@
 """What learning libraries hand in, actions and reset options: made into arrays, or refused in a sentence."""
 
-import reprlib
 from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 
+from crowd_env.checks import shown
 from crowd_env.state import Bools
 
 _REAL = "biuf"  # kinds of dtype
-
-
-def shown(value: Any) -> str:
-    """Return what a value is in a few words on one line, for a message."""
-    return " ".join(reprlib.repr(value).split())
 
 
 def as_numbers(action: Any, shape: tuple[int, ...], what: str) -> np.ndarray:

@@ -31,6 +31,11 @@ def why_stopped(scheme: str, e: int, status: int, bodies: Bodies, state: CrowdSt
     radius = bodies.radius[people]
     i = int(np.argmax(paths / radius))
     x, y = state.position[people][i]
+    if paths[i] <= radius[i]:  # so it was not the velocity that led too far
+        return (
+            f"{scheme}: people of environment {e} would be moved apart by more than their radius in one step {when}: their "
+            "overlaps are deeper than a step may take back; take a smaller position_correction or dt"
+        )
     return (
         f"{scheme}: pedestrian {i} of environment {e} would move {paths[i]:.3g} m in one step near ({x:.2f}, {y:.2f}) "
         f"{when}, further than its radius of {radius[i]:.3g} m ({paths[i] / dt:.3g} m/s); take a smaller dt"

@@ -11,7 +11,8 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
 
 from crowd_env.action import action_space
-from crowd_env.client_input import as_numbers, check_options, shown
+from crowd_env.checks import shown
+from crowd_env.client_input import as_numbers, check_options
 from crowd_env.env import CrowdEnv
 from crowd_env.global_state import StateLayout, StateReader
 from crowd_env.scenario import Scenario

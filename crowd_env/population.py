@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env._jit import inner_kernel, kernel
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, whole
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, known, whole
 from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
 from crowd_env.geometry import Boundary, Geometry
 from crowd_env.starts import check_starts, closest_pair, read_starts
@@ -151,12 +151,12 @@ def check_count(what: str, count: Any) -> int:
     return whole(what, count, Range(1, _MOST_PEOPLE), why="more people do not fit into one environment")
 
 
-def require_names(kind: str, names: Iterable[str | None], known: Iterable[str]) -> None:
+def require_names(kind: str, names: Iterable[str | None], allowed: Iterable[str]) -> None:
     """Raise ValueError, listing the known ones, if a name is not known; None is."""
-    known = list(known)
+    allowed = list(allowed)
     for name in names:
-        if name is not None and name not in known:
-            raise ValueError(f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}")
+        if name is not None:
+            known(kind, name, allowed)
 
 
 def require_room(geometry: Geometry, parts: Iterable[Population]) -> None:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.client_input import as_numbers, shown
+from crowd_env.checks import shown
+from crowd_env.client_input import as_numbers
 from crowd_env.env import CrowdEnv
 from crowd_env.observation import ObservationLayout
 from crowd_env.physics import ContactScheme, make_scheme

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.client_input import shown
+from crowd_env.checks import known, shown
 from crowd_env.geometry import Geometry, box
 from crowd_env.state import Floats, Ints
 
@@ -139,7 +139,7 @@ class RoutingLayout:
         return slice(begin, begin + self.parts[part])
 
 
-def check_names(kind: str, names: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+def check_names(kind: str, names: Sequence[str], allowed: Sequence[str]) -> tuple[str, ...]:
     """Return the names as a tuple.
 
     Raises
@@ -150,8 +150,7 @@ def check_names(kind: str, names: Sequence[str], known: Sequence[str]) -> tuple[
     if not isinstance(names, list | tuple):
         raise ValueError(f"{kind}s is {shown(names)}; it must be a list or tuple of names")
     for name in names:
-        if name not in known:
-            raise ValueError(f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}")
+        known(kind, name, allowed)
         if names.count(name) > 1:
             raise ValueError(f"{kind} {name!r} is named twice; once is enough")
     return tuple(names)

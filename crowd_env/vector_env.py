@@ -9,7 +9,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from crowd_env.client_input import as_numbers, reset_mask, shown
+from crowd_env.checks import shown
+from crowd_env.client_input import as_numbers, reset_mask
 from crowd_env.metrics import EpisodeMetrics
 from crowd_env.state import Bools, Floats
 

@@ -34,8 +34,7 @@ def through(seen):
 def press(place, start, force, name, *, steps=200, velocity=None, **options):
     bodies = make_bodies(np.full(len(start), RADIUS), 80.0, desired_speed=1.0)
     state = make_state(start, velocity)
-    dt = SCHEMES[name].info.default_dt
-    simulation = Simulation(place, bodies, state, scheme=name, dt=dt, fields=[None], **options)
+    simulation = Simulation(place, bodies, state, scheme=name, fields=[None], **options)
     push = np.broadcast_to(np.asarray(force, dtype=float), (len(start), 2))
     seen = []
     for _ in range(steps):
@@ -52,6 +51,33 @@ def test_walls_hold_however_hard_one_is_pressed(name, force, toward):
         simulation, seen = press(place, [[0.6, 0.5], [3.0, 0.5]], force * np.array(toward), name, steps=80)
         assert outside(place, seen.reshape(-1, 2)) == 0
         assert not simulation.escaped.any()
+
+
+@every_scheme
+def test_the_tip_of_two_walls_holds_where_it_is_met_head_on(name):
+    # Within a margin of 1e-6 m of the axis a path meets the tip before it comes near either side.
+    needle = Geometry.from_polygon([(0, 0), (4, 0), (4, 4), (0, 4)], obstacles=[[(1, 1.9), (1, 2.1), (3, 2)]])
+    fold = Geometry.from_polygon([(0, 0), (4, 0), (4, 4), (0, 4)], thin_walls=[[(1, 1.9), (3, 2), (1, 2.1)]])
+    offsets = np.linspace(-1e-6, 1e-6, 11)
+    start = np.column_stack([np.full(11, 3.05), 2 + offsets])
+    each = np.arange(12)
+    bodies = make_bodies(np.full(11, RADIUS), 80.0, desired_speed=1.0)._replace(env_start=each)
+    for place in (needle, fold):
+        state = make_state(start, [[-12.0, 0.0]] * 11, environments=11)
+        simulation = Simulation(place, bodies, state, scheme=name, fields=[None])
+        pressed = np.tile([-1e9, 0.0], (11, 1))
+        for _ in range(8):
+            simulation.advance(np.zeros((11, 2)), external_force=pressed)
+            passed = (state.position[:, 0] < 3) & (abs(state.position[:, 1] - 2) < 0.05 * (3 - state.position[:, 0]))
+            assert not passed.any()
+
+
+def test_overlaps_too_deep_to_be_taken_back_in_a_step_are_named_as_the_reason():
+    crowd = np.random.default_rng(0).uniform([0.5, 0.5], [1.0, 1.0], (20, 2))
+    with pytest.raises(
+        FloatingPointError, match=r"moved apart by more than their radius .* smaller position_correction"
+    ):
+        press(ROOM, crowd, 0.0, NSM2(position_correction=1.0), steps=5)
 
 
 @every_scheme

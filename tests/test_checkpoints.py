@@ -214,3 +214,20 @@ def test_a_simulation_by_itself_goes_back_to_any_of_its_steps(scheme):
         simulation.advance(n_substeps=5 * steps)
         for ours, then in zip(simulation.state, expected, strict=True):
             np.testing.assert_array_equal(ours, then)
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_whoever_is_let_in_by_hand_is_touched_at_once(name):
+    place = Geometry.from_polygon([(0, 0), (6, 0), (6, 4), (0, 4)], exits={"e": [(6, 1.5), (6, 2.5)]})
+    state = make_state([[1.4, 2.0], [1.91, 2.0]], [[1.2, 0.0], [0.0, 0.0]])
+    state.active[1] = False
+    bodies = make_bodies([0.25, 0.25], 80.0, desired_speed=1.2)
+    simulation = Simulation(place, bodies, state, scheme=name)
+    steps = round(0.01 / simulation.dt)
+    simulation.advance(n_substeps=steps)
+    state.active[1] = True  # nobody has moved further than the list allows for
+    overlap = 0.0
+    for _ in range(30):
+        simulation.advance(np.array([[1.0, 0.0], [0.0, 0.0]]), n_substeps=steps)
+        overlap = max(overlap, 0.5 - np.hypot(*(state.position[1] - state.position[0])))
+    assert overlap < 0.03

@@ -138,7 +138,7 @@ def test_a_malformed_action_among_good_ones_is_refused_by_name(kind, action, wor
     [
         (None, "actions is None; it must be a dictionary"),
         ([np.zeros(2)] * 8, r"actions is \[array.*; it must be a dictionary"),
-        (np.zeros((8, 2)), "actions is array.*; it must be a dictionary"),
+        (np.zeros((8, 2)), "actions is an array.*; it must be a dictionary"),
     ],
 )
 def test_actions_that_are_no_dictionary_are_refused(actions, words):

@@ -203,7 +203,13 @@ def _crossing(boundary: Boundary, k: int, x0: float, y0: float, x1: float, y1: f
     part = max(0.0, (before - MARGIN) / (before - after))
     along = tx * (x0 + part * (x1 - x0) - ax) + ty * (y0 + part * (y1 - y0) - ay)
     if along < -MARGIN or along > length + MARGIN:
-        return 2.0, 0.0, 0.0
+        if before < 0.0 or after >= 0.0:
+            return 2.0, 0.0, 0.0
+        # A path onto the tip of two walls comes within the margin of either only beyond its end.
+        line = before / (before - after)
+        along = tx * (x0 + line * (x1 - x0) - ax) + ty * (y0 + line * (y1 - y0) - ay)
+        if along < -MARGIN or along > length + MARGIN:
+            return 2.0, 0.0, 0.0
     return part, nx, ny
 
 

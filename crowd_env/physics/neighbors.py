@@ -63,7 +63,9 @@ def update_neighbours(e: int, batch: Batch, margin: float) -> int:
         return FULL
     origin_x, origin_y = near.origin_x, near.origin_y
     for i in range(begin, end):
-        origin_x[i], origin_y[i] = position[i, 0], position[i, 1]
+        # Whoever is not listed is never near: let in by hand, he asks for a new list.
+        origin_x[i] = position[i, 0] if active[i] else np.inf
+        origin_y[i] = position[i, 1]
     near.reach[e] = reach
     return OK
 
