@@ -11,7 +11,7 @@ from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, known,
 from crowd_env.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
 from crowd_env.geometry import Boundary, Geometry
 from crowd_env.starts import check_starts, closest_pair, read_starts
-from crowd_env.state import Bodies, Bools, Floats, Ints, make_bodies
+from crowd_env.state import MAX_SPEED, Bodies, Bools, Floats, Ints, make_bodies
 
 __all__ = [
     "Distribution",
@@ -89,6 +89,11 @@ class Population:
             if law.low not in allowed:
                 bound = str(allowed).removesuffix(" and finite")
                 raise ValueError(f"population: {name} must be {bound}, but can be as low as {law.low:g}")
+        if self.desired_speed.high > MAX_SPEED:
+            most = self.desired_speed.high
+            raise ValueError(
+                f"population: desired_speed must be at most {MAX_SPEED} m/s, but can be as high as {most:g}"
+            )
         if self.starts is not None:
             object.__setattr__(self, "starts", read_starts(self.starts, self.count))
             if self.start_region is not None:

@@ -7,7 +7,8 @@ the most comfortable, with a cost on stairs and turns.  Each is a travel-time fi
 from dataclasses import dataclass
 from typing import Literal
 
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, check_fields, shown
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, shown
+from crowd_env.state import MAX_SPEED
 
 Strategy = Literal["shortest", "fastest", "comfortable"]
 
@@ -58,7 +59,7 @@ class SpeedZone:
             if self.speed is None:
                 raise ValueError(f"speed zone {shown(self.region)} changes nothing; give it a speed or a factor")
             object.__setattr__(self, "factor", 1.0)
-        check_fields(f"speed zone {shown(self.region)}", self, speed=POSITIVE, factor=POSITIVE)
+        check_fields(f"speed zone {shown(self.region)}", self, speed=Range(0.0, MAX_SPEED, above=True), factor=POSITIVE)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,19 @@ import pytest
 import shapely
 from crowds import plain, tight
 
-from crowd_env import DEM, NSM2, CrowdEnv, Geometry, Population, Scenario, Simulation, Uniform, make_bodies, make_state
+from crowd_env import (
+    DEM,
+    NSM2,
+    CrowdEnv,
+    Geometry,
+    Population,
+    Scenario,
+    Simulation,
+    SpeedZone,
+    Uniform,
+    make_bodies,
+    make_state,
+)
 from crowd_env._reference import refer
 from crowd_env.geometry_inside import border_of, mark_outside
 from crowd_env.physics import SCHEMES
@@ -169,6 +181,13 @@ def test_one_who_goes_too_far_in_a_step_is_named_with_place_and_time(name):
 def test_desired_speeds_above_what_anyone_ran_are_refused():
     with pytest.raises(ValueError, match=r"desired_speed of pedestrian 1 is 13; it must be at most 12\.5 m/s"):
         make_bodies([0.2, 0.2], 80.0, desired_speed=[1.0, 13.0])
+
+    with pytest.raises(
+        ValueError, match=r"population: desired_speed must be at most 12\.5 m/s, but can be as high as 1e\+06"
+    ):
+        Population(20, desired_speed=(1.0, 1e6))
+    with pytest.raises(ValueError, match=r"speed zone 'stairs': speed is 40\.0; it must be above 0 and at most 12\.5"):
+        SpeedZone("stairs", speed=40.0)
 
 
 def test_who_is_outside_is_found_by_position_as_shapely_finds_it():

@@ -300,7 +300,7 @@ def test_regions_on_the_way_are_those_that_the_path_walks_through():
     ("build", "message"),
     [
         (lambda: Route("a", strategy="quick"), "route 'a': unknown strategy 'quick'; known: shortest, fastest, comfor"),
-        (lambda: SpeedZone("a", 0.0), "speed zone 'a': speed is 0.0; it must be > 0 and finite"),
+        (lambda: SpeedZone("a", 0.0), "speed zone 'a': speed is 0.0; it must be above 0 and at most 12.5"),
         (lambda: SpeedZone("a", float("nan")), "speed is nan"),
         (lambda: SpeedZone("a", factor=-1.0), "speed zone 'a': factor is -1.0; it must be > 0 and finite"),
         (lambda: SpeedZone("a", factor=float("inf")), "factor is inf"),
