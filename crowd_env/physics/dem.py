@@ -251,7 +251,7 @@ def _walk(e: int, low: int, high: int, row: int, batch: Batch, dt: float, reach:
     else:
         accelerate_freely(low, high, dt, lanes.wish_x, lanes.per_tau, lanes.vx)
         accelerate_freely(low, high, dt, lanes.wish_y, lanes.per_tau, lanes.vy)
-    fastest = greatest_speed(low, high, lanes.vx, lanes.vy, cut.seen[row, FASTEST], speed_limit(batch))
+    fastest = greatest_speed(low, high, lanes.vx, lanes.vy, speed_limit(batch))
     move(low, high, dt, lanes.vx, lanes.x)
     move(low, high, dt, lanes.vy, lanes.y)
     cut.seen[row, FASTEST] = fastest

@@ -41,8 +41,6 @@ def begin_call(e: int, slabs: int, batch: Batch, regions: bool | None) -> None:
             park(i, lanes, near.origin_x, near.origin_y)
     cut.pressed[e], cut.last_response[e], cut.smallest[e], cut.stray[e] = pressed, latest, smallest, True
     memory.status[e] = OK
-    for row in range(SLABS * e, SLABS * e + slabs):
-        cut.seen[row, FASTEST] = 0.0  # of any step of this call
     muster_slabs(e, slabs, batch)
     walk_freely(e, batch, regions)
 
