@@ -10,6 +10,7 @@ from crowd_env import (
     NSM2,
     CrowdEnv,
     Geometry,
+    Hertz,
     Population,
     Scenario,
     Simulation,
@@ -114,10 +115,18 @@ def test_walls_hold_however_fast_one_comes(name, place):
     assert place is ROOM or not through(seen)
 
 
-def test_a_wall_that_holds_takes_the_speed_into_it_and_says_so():
+# Contacts as good as none, on lanes and not: only the bound holds.
+SOFT = {
+    "dem": DEM(stiffness=1e-3),
+    "hertz": Hertz(youngs_modulus=1e-3, friction=0.0, wall_friction=0.0, social=None),
+}
+
+
+@pytest.mark.parametrize("scheme", SOFT.values(), ids=SOFT)
+def test_a_wall_that_holds_takes_the_speed_into_it_and_says_so(scheme):
     bodies = make_bodies([RADIUS], 80.0, desired_speed=0.0, relaxation_time=1e9)
     state = make_state([[0.5, 1.0]], [[-4.0, 1.0]])
-    simulation = Simulation(ROOM, bodies, state, scheme=DEM(stiffness=1e-3), fields=[None])
+    simulation = Simulation(ROOM, bodies, state, scheme=scheme, dt=0.01, fields=[None])
     simulation.advance(n_substeps=20)
     assert state.position[0, 0] == pytest.approx(1e-6, abs=1e-8)
     np.testing.assert_allclose(state.velocity, [[0.0, 1.0]], atol=1e-6)
