@@ -14,10 +14,11 @@ from rich.status import Status
 from rich.table import Table
 
 from crowd_env import SCHEMES, Uniform, make_scheme
-from validation.bits import chosen, report
+from validation.bits import ROOT, chosen, report
 from validation.bits_scenes import scenes
 from validation.gate import REFERENCE, export, gate_scenario, recorded, recorded_speed, simulated
 from validation.halls import HALLS, empty, holds, told
+from validation.positions import STORED, write
 from validation.trajectories import find_recording, read_trajectories
 
 app = typer.Typer(
@@ -170,15 +171,26 @@ def bits(
         list[str] | None, typer.Option(help="Scene such as doors/nsm2, or a group such as doors; may be repeated.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    write_positions: Annotated[
+        bool,
+        typer.Option("--write-positions", help=f"Only store {STORED.relative_to(ROOT)} anew, and compare nothing."),
+    ] = False,
 ) -> None:
     """Does a change of the program change a bit of what it computes?  Exit code 1 if it does.
 
     Every contact scheme in rooms, crowds, doors and batches, and all interfaces, run in the working tree (with what is not
-    committed) and as another commit has them.  Both run on this machine, since bits differ between processors.  A minute, and
-    another while kernels are compiled.
+    committed) and as another commit has them.  Both run on this machine, since bits differ between processors.  About a minute,
+    and a few more while kernels are compiled.
+
+    What other machines can check are positions after a few steps, to 1e-9 m, against those that --write-positions stores: write
+    them anew where a change of the physics is meant.
 
     Examples:  python -m validation bits;  python -m validation bits --against main --case room --case doors/nsm2
     """
+    if write_positions:
+        write(STORED)
+        _notes.print(f"positions: {STORED}", markup=False, soft_wrap=True)
+        return
     with _said_plainly():
         names = chosen(list(scenes()), case or [])
         at = {"here": "starting", against: "starting"}
