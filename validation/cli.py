@@ -22,7 +22,7 @@ from validation.positions import STORED, write
 from validation.trajectories import find_recording, read_trajectories
 
 app = typer.Typer(
-    help="Is it true: simulations beside recorded experiments.",
+    help="Is it true: simulations beside recorded experiments, crowded halls, and another commit.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -32,7 +32,7 @@ _notes = Console(stderr=True, highlight=False)
 
 @app.callback()
 def _about() -> None:
-    """Is it true: simulations beside recorded experiments."""
+    """Is it true: simulations beside recorded experiments, crowded halls, and another commit."""
 
 
 @contextmanager
