@@ -171,13 +171,17 @@ def social(scheme: str) -> Scene:
 
 def checkpoint(scheme: str) -> Scene:
     """A run that goes back to a moment in its middle, and another environment that takes it up there."""
-    first, second = (crowd_env.CrowdEnv(_two_halls(), scheme=scheme, strategy="fastest") for _ in range(2))
+    return _taken_up("room-v0", num_envs=2, scheme=scheme, time_limit=2.0, autoreset=True)
+
+
+def _taken_up(*where: Any, **options: Any) -> Scene:
+    first, second = (crowd_env.CrowdEnv(*where, **options) for _ in range(2))
     first.reset(3)
     yield from _run(first, 15, 5)
-    moment = first.checkpoint()
+    then = first.checkpoint()
     onward = list(_run(first, 10, 6))
-    first.restore(moment)
-    second.restore(pickle.loads(pickle.dumps(moment)))
+    first.restore(then)
+    second.restore(pickle.loads(pickle.dumps(then)))
     yield from _agreeing("to restore", iter(onward), _run(first, 10, 6))
     yield from _agreeing("to take up in another environment", iter(onward), _run(second, 10, 6))
 
@@ -202,6 +206,11 @@ def grains(scheme: str) -> Scene:
 
 
 # ------------------------------------------------------------------------------------ scenes of the scheme by default
+
+
+def moment() -> Scene:
+    """A checkpoint amid doors, rules and ways that follow the crowd."""
+    return _taken_up(_two_halls(), strategy="fastest")
 
 
 def views() -> Scene:
@@ -298,7 +307,7 @@ def _gymnasium(env: Any, steps: int) -> Scene:
 
 
 OF_SCHEMES = (room, crowd, threads, batch, theatre, doors, social, checkpoint, grains)
-OF_ONE = (views, variants, scenarios, parallel, gym, routing)
+OF_ONE = (moment, views, variants, scenarios, parallel, gym, routing)
 
 
 def scenes() -> dict[str, Callable[[], Scene]]:
