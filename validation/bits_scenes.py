@@ -67,7 +67,7 @@ def _agreeing(what: str, one: Scene, other: Scene) -> Scene:
 
 def _seen(simulation: Any) -> Record:
     """Return what a simulation shows: state, contacts with their impulses, diagnostics."""
-    found = {"state": simulation.state, "diagnostics": simulation.diagnostics, "escaped": simulation.escaped}
+    found: Record = {"state": simulation.state, "diagnostics": simulation.diagnostics, "escaped": simulation.escaped}
     return {**copy.deepcopy(found), "contacts": simulation.contacts(0)}
 
 
@@ -107,7 +107,7 @@ def room(scheme: str) -> Scene:
 def crowd(scheme: str) -> Scene:
     """More than a thousand people, whose arrays are sorted by place, and more than four thousand, cut into lanes."""
     for count, side, steps in ((1100, 24.0, 15), (4200, 42.0, 4)):
-        options = {"count": count, "side": side, "scheme": scheme, "ruled": 0.95}
+        options: dict[str, Any] = {"count": count, "side": side, "scheme": scheme, "ruled": 0.95}
         one, other = (_episode(steps, "room-v0", threads=threads, **options) for threads in (1, 3))
         yield from _agreeing("the number of threads", one, other)
 
@@ -215,7 +215,7 @@ def moment() -> Scene:
 
 def views() -> Scene:
     """Rays and many neighbors, in both frames, with each kind of action and reward."""
-    seen = {"rays": 16, "neighbours": 8}
+    seen: dict[str, Any] = {"rays": 16, "neighbours": 8}
     yield from _episode(20, "pillar-v0", observation=seen, frame="world")
     yield from _episode(20, "pillar-v0", observation=seen, action="discrete", reward=_every_reward())
     yield from _episode(8, "stadium-sector-v0", observation=seen)
@@ -257,7 +257,7 @@ def parallel() -> Scene:
     while env.agents:
         actions = {agent: env.action_space(agent).sample() for agent in env.agents[::2]}
         names = ("observations", "rewards", "terminations", "truncations", "infos")
-        found = dict(zip(names, env.step(actions), strict=True))
+        found: Record = dict(zip(names, env.step(actions), strict=True))
         found["infos"] = {agent: dict(info) for agent, info in found["infos"].items()}
         columns = {name: list(values.values()) for name, values in found.items() if name != "infos"}
         yield {
@@ -286,7 +286,7 @@ def gym() -> Scene:
 
 def routing() -> Scene:
     """One controller that sends people to exits and works the doors, alone and in a batch."""
-    options = {"interval": 1.0, "time_limit": 8.0, "scheme": "dem"}
+    options: dict[str, Any] = {"interval": 1.0, "time_limit": 8.0, "scheme": "dem"}
     yield from _gymnasium(gymnasium.make("crowd_env/Routing-v0", disable_env_checker=True, **options), 12)
     options |= {"scenario": _two_halls(), "doors": ("middle", "side"), "regions": ("left", "right")}
     yield from _gymnasium(gymnasium.make_vec("crowd_env/Routing-v0", num_envs=3, **options), 20)
@@ -298,7 +298,7 @@ def _gymnasium(env: Any, steps: int) -> Scene:
     yield {"observation": observation, "info": info}
     for _ in range(steps):
         names = ("observation", "reward", "terminated", "truncated", "info")
-        found = dict(zip(names, env.step(env.action_space.sample()), strict=True))
+        found: Record = dict(zip(names, env.step(env.action_space.sample()), strict=True))
         yield found
         if np.ndim(found["reward"]) == 0 and (found["terminated"] or found["truncated"]):
             observation, info = env.reset()

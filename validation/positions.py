@@ -6,6 +6,7 @@ Bits differ between processors; positions this early, before a crowd has amplifi
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ def positions() -> Positions:
 
 def walked(scheme: str) -> list[list[list[float]]]:
     """Return where a staggered crowd, at rest at first, is after each decision; no generator draws anything of it."""
-    people = np.arange(16)
+    people: Any = np.arange(16)
     row, column = people // 4, people % 4
     position = np.column_stack([1.3 + 0.47 * column + 0.03 * (row % 2), 0.75 + 0.49 * row + 0.02 * (column % 3)])
     radius = 0.2 + 0.004 * (7 * people % 11)
