@@ -19,6 +19,7 @@ from crowd_env.physics import DEM, SCHEMES, SOCIAL_FORCES, slabs
 from crowd_env.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
 
+pytestmark = pytest.mark.kernels
 ROOT = Path(__file__).resolve().parent.parent
 KINDS = {**SCHEMES, **{f"dem-{name}": DEM(social=social) for name, social in SOCIAL_FORCES.items()}}
 PLACE = Geometry.from_polygon(
@@ -91,10 +92,9 @@ def test_threads_that_share_a_crowd_wait_for_each_other_in_plain_python_too(monk
     if not config.DISABLE_JIT:
         pytest.skip("compiled code holds its constants; `make kernels` runs this")
     monkeypatch.setattr(slabs, "_MANY", 8)
-    scene = replace(HALL, population=Population(12))
     seen = []
     for threads in (1, 2, 5):
-        env = CrowdEnv(scene, scheme="dem", threads=threads)
+        env = CrowdEnv("room-v0", scheme="dem", threads=threads)
         env.reset(seed=0)
         for _ in range(2):
             env.step(None)

@@ -14,6 +14,7 @@ from crowd_env import CrowdEnv
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env._reference import Reference, refer
 
+pytestmark = pytest.mark.kernels
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="about compiled code")
 
 
