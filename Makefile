@@ -10,11 +10,12 @@ PIP_INSTALL := $(BIN)/python -m pip install --no-input --disable-pip-version-che
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help train test lint format bench hooks clean distclean
+.PHONY: help train test kernels lint format bench hooks clean distclean
 
 help:
 	@echo "make train    train a policy, compare it with the rules, write runs/   (ARGS='--help' lists its options)"
 	@echo "make test     run the tests                                            (ARGS='-m slow' the slow ones)"
+	@echo "make kernels  run the marked tests uncompiled, and say which lines of the kernels they reach"
 	@echo "make lint     check style, types and layers"
 	@echo "make format   format the code and mend what can be mended by machine"
 	@echo "make bench    measure the speed                                        (ARGS='--json' for a program)"
@@ -27,6 +28,14 @@ train: $(VENV)/.train
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 2 --dist worksteal --durations 10 --durations-min 1 $(ARGS)
+
+# Marked tests and the files that hold kernels are found by what stands in them, wherever they lie; the other tests are not
+# even imported: some make their plans as they are, which takes a minute uncompiled.
+kernels: $(VENV)/.dev
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "kernels and not slow" --cov=crowd_env --cov-report= $(ARGS) \
+	  $$(grep -rlE --include='*.py' 'pytest\.mark\.kernels$$' tests)
+	$(BIN)/python -m coverage report --fail-under=85 \
+	  --include="$$(grep -rlE --include='*.py' '^@(inner_|allocating_)?kernel$$' crowd_env | paste -sd, -)"
 
 lint: $(VENV)/.dev
 	$(BIN)/python -m ruff check
@@ -45,7 +54,7 @@ hooks: $(VENV)/.dev
 	$(BIN)/python -m pre_commit install
 
 clean:
-	rm -rf build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache
+	rm -rf build dist *.egg-info .coverage .mypy_cache .pytest_cache .ruff_cache
 	find . -path ./$(VENV) -prune -o -path ./runs -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean

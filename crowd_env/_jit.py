@@ -6,6 +6,9 @@ every source file of the package.  Any edit opens a new folder; folders unused f
 
 numba unpickles what lies in the folder, so whoever can write there can run code here: a folder is used only if nobody
 else can.
+
+With ``NUMBA_DISABLE_JIT=1`` in the environment nothing is compiled: every kernel is the plain Python function that is written
+here, in which a debugger stops and whose lines a coverage report counts.
 """
 
 import atexit
@@ -27,8 +30,9 @@ from numba.core import config, event
 from numba.core.event import register, unregister
 
 # numba guards every signed index against being negative, and a loop with such guards does not vectorise: four times slower.
-# Hence ``for i in range(index(begin), index(end))`` wherever begin is not a plain zero.
-index = np.uint64
+# Hence ``for i in range(index(begin), index(end))`` wherever begin is not a plain zero.  Plain Python wants plain numbers: to
+# NumPy the sum of a uint64 and an int64 is a float.
+index: Any = int if config.DISABLE_JIT else np.uint64  # type: ignore[attr-defined]
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 _KEEP_SECONDS = 30 * 24 * 3600.0
@@ -176,7 +180,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     measured to run three times as fast.  The global lock is released: ranges of environments run side by side in ordinary
     threads.  Tuples of arrays are best handed over as a `crowd_env._reference.Reference`.
     """
-    return _compile(function, {"_nrt": False})
+    return _quiet(_compile(function, {"_nrt": False}))
 
 
 def inner_kernel(function: Callable[..., Any]) -> Any:
@@ -189,7 +193,17 @@ def inner_kernel(function: Callable[..., Any]) -> Any:
 
 def allocating_kernel(function: Callable[..., Any]) -> Any:
     """Compile ``function`` like `kernel`, but let it allocate and return arrays: for work done once, not at every step."""
-    return _compile(function, {})
+    return _quiet(_compile(function, {}))
+
+
+def _quiet(compiled: Callable[..., Any]) -> Any:
+    """Let plain Python divide by zero and take inf from inf without a warning, as compiled code does.
+
+    A warning of an overflow stays: of floats it is rare, and a number that does not fit its integer type is a mistake.
+    """
+    if not config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return compiled
+    return np.errstate(divide="ignore", invalid="ignore")(compiled)
 
 
 def _compile(function: Callable[..., Any], extra: dict[str, Any]) -> Any:

@@ -8,7 +8,8 @@ further references of the tuple, read where they are used::
     kernel(batch)                                         # def kernel(batch): ... batch.state.position[i, 0] ...
 
 What a kernel can do with a reference is to read attributes; it cannot be unpacked, indexed or changed (the arrays can).  Tables
-never change, which is told to the compiler: a loop reads them once.
+never change, which is told to the compiler: a loop reads them once.  Outside of compiled code, which is all code under
+``NUMBA_DISABLE_JIT=1``, attributes are those of the tuple.
 """
 
 from typing import Any
@@ -67,9 +68,18 @@ class Reference:
             kept.append(value)
         self._kept = kept
         self._table = np.array(words, dtype=np.int64)
+        self._table.flags.writeable = False
         self.address = int(self._table.ctypes.data)
         self.fields = fields
         self._numba_type_ = ReferenceType(tuple(kinds))
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a field of the tuple: this is what a kernel reads when it runs as plain Python."""
+        if name == "fields" or name.startswith(
+            "_"
+        ):  # no field, but what a half-made object lacks or a library looks for
+            raise AttributeError(f"a reference has no attribute {name!r}")
+        return getattr(self.fields, name)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles refer to arrays of their own: an address means nothing elsewhere."""

@@ -66,6 +66,7 @@ def test_walls_hold_however_hard_one_is_pressed(name, force, toward):
         assert not simulation.escaped.any()
 
 
+@pytest.mark.kernels
 @every_scheme
 def test_the_tip_of_two_walls_holds_where_it_is_met_head_on(name):
     # Within a margin of 1e-6 m of the axis a path meets the tip before it comes near either side.
@@ -122,6 +123,7 @@ SOFT = {
 }
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("scheme", SOFT.values(), ids=SOFT)
 def test_a_wall_that_holds_takes_the_speed_into_it_and_says_so(scheme):
     bodies = make_bodies([RADIUS], 80.0, desired_speed=0.0, relaxation_time=1e9)

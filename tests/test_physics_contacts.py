@@ -12,6 +12,8 @@ from crowd_env.physics import NSM1, SCHEMES, Hertz
 from crowd_env.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
 
+pytestmark = pytest.mark.kernels
+
 every_scheme = pytest.mark.parametrize("name", SCHEMES)
 INERTIAL = tight(NSM1(trial="inertial"))
 

@@ -17,7 +17,8 @@ DT = 0.01
 
 # Only kernels call these: here they get an entrance for Python.
 pose_no_overlap, solve, _begin = (
-    numba.njit(stage.py_func, error_model="numpy") for stage in (rows.pose_no_overlap, solvers.solve, solvers._begin)
+    numba.njit(getattr(stage, "py_func", stage), error_model="numpy")
+    for stage in (rows.pose_no_overlap, solvers.solve, solvers._begin)
 )
 
 

@@ -14,6 +14,8 @@ from crowd_env import (
     make_state,
 )
 
+pytestmark = pytest.mark.kernels
+
 HALL = Geometry.from_polygon([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
 
 

@@ -8,10 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from numba import config
 
 from crowd_env import CrowdEnv
 from crowd_env._jit import inner_kernel, kernel
 from crowd_env._reference import Reference, refer
+
+pytestmark = pytest.mark.kernels
+compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="about compiled code")
 
 
 class Inner(NamedTuple):
@@ -78,6 +82,25 @@ def test_a_reference_keeps_its_arrays_alive_and_nested_ones_are_taken_as_they_ar
     del rubbish
 
 
+def test_tables_never_change():
+    # The compiler was told so, and may read a table once for many uses.
+    with pytest.raises(ValueError, match="read-only"):
+        refer(make())._table[0] = 0
+
+
+def test_python_reads_the_same_attributes_as_a_kernel():
+    outer = make()
+    reference = refer(outer._replace(inner=refer(outer.inner)))
+    assert reference.inner.position is outer.inner.position and reference.dt == outer.dt
+    for absent in ("nothing", "_fields", "__len__"):
+        with pytest.raises(AttributeError, match=absent):
+            getattr(reference, absent)
+    with pytest.raises(
+        AttributeError, match="fields"
+    ):  # as in a copy that is half made, instead of going round in circles
+        assert Reference.__new__(Reference).dt
+
+
 def test_empty_arrays_and_columns_of_one():
     empty = Inner(
         np.zeros((0, 2)), np.ones((2, 2, 2)), np.zeros(3, np.uint32), np.zeros(2, np.int16), np.zeros(0, bool)
@@ -124,6 +147,7 @@ def test_an_unknown_attribute_is_a_typing_error():
         wrong(refer(make()))
 
 
+@compiled
 def test_equal_tuples_have_one_type_and_others_have_others():
     one, same = refer(make()), refer(make())
     other = refer(make()._replace(count=np.zeros(3)))
@@ -134,6 +158,7 @@ def test_equal_tuples_have_one_type_and_others_have_others():
     assert len(read.signatures) <= before + 1
 
 
+@compiled
 def test_kernels_of_references_come_from_the_cache_in_another_process(tmp_path):
     program = (
         "import numpy as np\n"

@@ -5,6 +5,8 @@ import pytest
 
 from crowd_env import DEM, NSM1, NSM2, Geometry, Simulation, make_bodies, make_state
 
+pytestmark = pytest.mark.kernels
+
 HALL = Geometry.from_polygon([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
 
 

@@ -6,10 +6,12 @@ the result is the same, bit by bit, for any number of threads.  A slab is a rang
 """
 
 import os
+import threading
+import time
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
+from numba import config, types
 from numba.extending import intrinsic
 
 from crowd_env._jit import inner_kernel, kernel
@@ -103,17 +105,33 @@ def _declare_atomic_add(_context: Any, array: Any, index: Any, value: Any) -> An
     return types.int64(array, types.int64, types.int64), generate
 
 
-_add_atomically: Any = intrinsic(_declare_atomic_add)
-
-
 _CAN_YIELD = hasattr(os, "sched_yield")  # not on Windows: there a thread that waits only spins
 _sched_yield = types.ExternalFunction("sched_yield", types.int32())
 
 
 @inner_kernel
-def _let_others_run() -> None:
+def _yield_processor() -> None:
     if _CAN_YIELD:
         _sched_yield()
+
+
+_one_at_a_time = threading.Lock()
+
+
+def _add_in_turn(array: Ints, index: int, value: int) -> int:
+    with _one_at_a_time:
+        before = int(array[index])
+        array[index] += value
+    return before
+
+
+def _release_interpreter() -> None:
+    time.sleep(0.0)
+
+
+# Without numba's compiler there are neither atomics nor foreign functions.
+_add_atomically: Any = _add_in_turn if config.DISABLE_JIT else intrinsic(_declare_atomic_add)  # type: ignore[attr-defined]
+_let_others_run: Any = _release_interpreter if config.DISABLE_JIT else _yield_processor  # type: ignore[attr-defined]
 
 
 @inner_kernel

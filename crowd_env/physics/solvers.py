@@ -144,7 +144,7 @@ def _sweep(
 ) -> bool:
     """Set the first ``busy`` rows right, one after the other; returns whether the momentum ``beta`` went uphill."""
     uphill = 0.0
-    for t in range(np.uint64(busy)):
+    for t in range(index(busy)):
         i, j = pair[t, 0], pair[t, 1]
         nx, ny = row[t, 0], row[t, 1]
         ax, ay, bx, by = u[i, 0], u[i, 1], u[j, 0], u[j, 1]
