@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.progress import track
 
 from agents import make_policy
-from agents.comparison import last_times, minus_first, ratio
-from agents.evaluation import HELD_OUT_SEED, Evaluation, evaluate
-from agents.report import comparison_table, table_console
+from agents.evaluation.comparison import last_times, minus_first, ratio
+from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate
+from agents.evaluation.report import comparison_table, table_console
 from agents.runs import check_name, new_folder, write_json
 from agents.stopping import stops_by
 from agents.trained import LearnedPolicy

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.candidates import Candidate, make_candidates
-from agents.comparison import last_times, mean_times, minus_first, ranking
-from agents.evaluation import HELD_OUT_SEED, Evaluation, evacuate
-from agents.evaluation_files import EvaluationFolder, settings_of
-from agents.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
+from agents.evaluation.candidates import Candidate, make_candidates
+from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
+from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evacuate
+from agents.evaluation.folder import EvaluationFolder, settings_of
+from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
 from agents.runs import versions, write_json
 from agents.stopping import stops_by
 from agents.training_config import check_runs

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.evaluation import HELD_OUT_SEED
+from agents.evaluation.evaluation import HELD_OUT_SEED
 from agents.policy import Policy
 from crowd_env import CrowdEnv, Scenario
 from crowd_env.physics import ContactScheme

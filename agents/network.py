@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.rendering.saving import written
+from crowd_env.files.atomic import written
 from crowd_env.state import Floats
 
 FORMAT, VERSION = "crowd_env network", 1

@@ -6,7 +6,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from crowd_env.rendering.saving import written
+from crowd_env.files.atomic import written
 
 _PACKAGES = ("crowd-env", "gymnasium", "numba", "numpy", "pettingzoo", "scikit-fmm", "stable-baselines3", "torch")
 

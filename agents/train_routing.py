@@ -11,15 +11,15 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from agents.comparison import last_times, mean_times, paired, ratio
-from agents.evaluation import HELD_OUT_SEED, Evaluation, named, share
-from agents.report import difference, percent, table_console
-from agents.routing import STRATEGIES, Controller, FixedSplit, RandomController, judge
+from agents.controllers import STRATEGIES, Controller, FixedSplit, RandomController, judge
+from agents.evaluation.comparison import last_times, mean_times, paired, ratio
+from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, named, share
+from agents.evaluation.report import difference, percent, table_console
 from agents.runs import new_folder, versions, write_json
 from agents.stopping import stops_by
 from agents.trained import LearnedController
 from agents.training_config import check_budget, check_envs, check_libraries, check_runs, check_seed
-from crowd_env.routing_batch import RoutingBatch
+from crowd_env.envs.routing.batch import RoutingBatch
 
 console = Console(stderr=True)
 _MOST_CELLS = 10_000  # more are no places to decide about, and their names alone fill memory

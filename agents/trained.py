@@ -9,8 +9,8 @@ import numpy as np
 
 from agents.network import Network, read_network, write_network
 from crowd_env import ObservationLayout
-from crowd_env.action import action_space, check_frame
-from crowd_env.routing_batch import RoutingBatch
+from crowd_env.envs.action import action_space, check_frame
+from crowd_env.envs.routing.batch import RoutingBatch
 
 PICKLE, NUMBERS = ".zip", ".npz"
 

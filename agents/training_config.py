@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from agents.evaluation import HELD_OUT_SEED
+from agents.evaluation.evaluation import HELD_OUT_SEED
 from agents.runs import read_json, versions
 from crowd_env import CrowdEnv, ObservationLayout, RewardWeights, make_scenario, make_scheme
 

@@ -18,8 +18,8 @@ from pettingzoo import ParallelEnv
 
 from benchmarks.measuring import Effort, Row, Sample, in_turn, significant, times_better
 from crowd_env import parallel_env
-from crowd_env.env import Step
-from crowd_env.parallel_env import CrowdParallelEnv
+from crowd_env.envs.crowd import Step
+from crowd_env.envs.parallel import CrowdParallelEnv
 
 _EPISODE = 50  # decision steps after which everyone is put back
 _RATE = "1/CPU s"

@@ -6,23 +6,23 @@ Pedestrians leave buildings under granular contact physics, as PettingZoo, Gymna
 import gymnasium
 import pettingzoo
 
-from crowd_env.env import CrowdEnv, Step
-from crowd_env.floor_plan import read_starts, scenario_from_wkt
-from crowd_env.geometry import Geometry
-from crowd_env.groups import Groups
-from crowd_env.gymnasium_env import CrowdGymEnv, CrowdVectorEnv, make_vec
-from crowd_env.metrics import EpisodeMetrics
-from crowd_env.navigation import OneWay
-from crowd_env.observation import ObservationLayout
-from crowd_env.parallel_env import CrowdParallelEnv, parallel_env
+from crowd_env.analysis.pressure import contact_pressure, crowd_pressure
+from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.envs.gymnasium_env import CrowdGymEnv, CrowdVectorEnv, make_vec
+from crowd_env.envs.metrics import EpisodeMetrics
+from crowd_env.envs.observation.layout import ObservationLayout
+from crowd_env.envs.parallel import CrowdParallelEnv, parallel_env
+from crowd_env.envs.reward import RewardWeights
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.navigation.field import OneWay
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
-from crowd_env.population import LogNormal, Normal, Population, Uniform
-from crowd_env.pressure import contact_pressure, crowd_pressure
-from crowd_env.reward import RewardWeights
-from crowd_env.routes import Comfort, ControlRule, DoorEvent, Route, SpeedZone
-from crowd_env.scenario import Scenario
+from crowd_env.routing.spec import Comfort, ControlRule, DoorEvent, Route, SpeedZone
 from crowd_env.scenarios import SCENARIOS, make_scenario
-from crowd_env.simulation import Simulation
+from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt
+from crowd_env.scenarios.groups import Groups
+from crowd_env.scenarios.population import LogNormal, Normal, Population, Uniform
+from crowd_env.scenarios.scenario import Scenario
+from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import Bodies, CrowdState, make_bodies, make_state
 
 __version__ = "0.1.0"
@@ -84,19 +84,19 @@ def register() -> None:
         if identity not in gymnasium.registry:
             gymnasium.register(
                 identity,
-                entry_point="crowd_env.gymnasium_env:CrowdGymEnv",
-                vector_entry_point="crowd_env.gymnasium_env:CrowdVectorEnv",
+                entry_point="crowd_env.envs.gymnasium_env:CrowdGymEnv",
+                vector_entry_point="crowd_env.envs.gymnasium_env:CrowdVectorEnv",
                 kwargs=options,
             )
         if identity not in pettingzoo.parallel_registry:
-            pettingzoo.register("parallel", identity, "crowd_env.parallel_env:parallel_env", kwargs=options)
+            pettingzoo.register("parallel", identity, "crowd_env.envs.parallel:parallel_env", kwargs=options)
         if identity not in pettingzoo.aec_registry:
-            pettingzoo.register("aec", identity, "crowd_env.parallel_env:env", kwargs=options)
+            pettingzoo.register("aec", identity, "crowd_env.envs.parallel:env", kwargs=options)
     if ROUTING not in gymnasium.registry:
         gymnasium.register(
             ROUTING,
-            entry_point="crowd_env.routing_env:RoutingEnv",
-            vector_entry_point="crowd_env.routing_env:RoutingVectorEnv",
+            entry_point="crowd_env.envs.routing.env:RoutingEnv",
+            vector_entry_point="crowd_env.envs.routing.env:RoutingVectorEnv",
         )
 
 

@@ -142,8 +142,8 @@ def check_picture(option: str, path: Path, suffixes: Sequence[str], *, makes_fol
     ModuleNotFoundError
         If a drawing library is not installed; the message says how to install it.
     """
+    from crowd_env.files.atomic import check_suffix
     from crowd_env.rendering.libraries import require_libraries
-    from crowd_env.rendering.saving import check_suffix
 
     check_suffix(path, suffixes)
     if path.is_dir():

@@ -10,8 +10,8 @@ import numpy as np
 from rich.console import Console
 
 from agents import make_policy
-from agents.evaluation import evaluate
-from agents.report import comparison_table
+from agents.evaluation.evaluation import evaluate
+from agents.evaluation.report import comparison_table
 from crowd_env import ObservationLayout
 
 

@@ -10,4 +10,6 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # torch's own threads; numba's are set where a test is about them
-os.environ.setdefault("CROWD_ENV_QUIET", "1")  # no note that kernels are being compiled; tests/test_jit.py is about it
+os.environ.setdefault(
+    "CROWD_ENV_QUIET", "1"
+)  # no note that kernels are being compiled; tests/kernels/test_jit.py is about it

@@ -4,12 +4,32 @@ from dataclasses import fields, replace
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 import shapely
 from shapely.geometry import box
 
-from crowd_env.geometry import Geometry
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import SCHEMES, ContactScheme
 from crowd_env.state import Bodies, CrowdState, make_bodies, make_state
+
+every_scheme = pytest.mark.parametrize("name", SCHEMES)
+
+HALL = Geometry.from_polygon(
+    box(0, 0, 12, 8),
+    obstacles=[box(5, 3, 7, 5)],
+    exits={"door": [(12, 3), (12, 5)]},
+    thin_walls=[[(2, 0), (2, 4)]],
+    regions={"stage": box(8, 5, 12, 8), "aisle": box(0, 0, 1.2, 8), "corner": box(-3, -3, 1, 1)},
+)
+
+
+def clear(geometry, position, radius):
+    """Return the least gap [m] between any two bodies or of a body and a wall; -inf if a centre is outside."""
+    if not geometry.contains(position).all():
+        return -np.inf
+    gap = np.hypot(*(position[:, None] - position[None]).transpose(2, 0, 1)) - radius[:, None] - radius[None]
+    np.fill_diagonal(gap, np.inf)
+    return min(gap.min(), (geometry.clearance(position) - radius).min())
 
 
 def accepts_grains(scheme: ContactScheme) -> bool:

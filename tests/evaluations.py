@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from agents.candidates import make_candidates
-from agents.evaluation import evacuate
-from agents.measurements import Recorder
+from agents.evaluation.candidates import make_candidates
+from agents.evaluation.evaluation import evacuate
+from agents.evaluation.measurements import Recorder
 from agents.network import Network
 from agents.trained import LearnedPolicy
 from crowd_env import ControlRule, CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform
-from crowd_env.geometry import box
+from crowd_env.geometry.geometry import box
 
 NAMES = ("shortest", "nearest", "fastest", "west", "rules", "random", "stand-still")
 

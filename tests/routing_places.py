@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowd_env import Geometry, Population, Scenario, Uniform
-from crowd_env.geometry import box
+from crowd_env.geometry.geometry import box
 
 
 def hall(count=150, time_limit=120.0, **people):

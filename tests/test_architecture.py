@@ -3,7 +3,7 @@
 import re
 import subprocess
 import sys
-from pathlib import Path
+from collections import Counter
 
 import pytest
 from packaging.requirements import Requirement
@@ -15,9 +15,13 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # pytest brings it
 
-ROOT = Path(__file__).resolve().parent.parent
+from repository import ROOT
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 SOURCES = sorted(path for folder in ("crowd_env", "agents") for path in (ROOT / folder).rglob("*.py"))
+FOLDERS = sorted({path.parent for path in SOURCES})
+TESTED = ROOT / "tests"
+TESTS = sorted(TESTED.rglob("*.py"))
 
 HEAVY = {"torch", "stable_baselines3", "matplotlib", "pygame", "ray"}
 MAX_LINES = 400
@@ -52,11 +56,27 @@ def test_import_of_crowd_env_loads_no_learning_or_drawing_library():
     assert not loaded & HEAVY
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize("path", [*SOURCES, *TESTS], ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_files_are_short_and_named_for_what_they_hold(path):
     lines = len(path.read_text(encoding="utf-8").splitlines())
     assert lines <= MAX_LINES, f"{lines} lines, split it by meaning at {MAX_LINES}"
     assert not EMPTY_WORDS & set(path.stem.lower().split("_"))
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_a_second_file_with_the_prefix_of_a_first_makes_a_folder(folder):
+    """What a file grows out of it shares with others of its name: they get a room of their own, not a longer name."""
+    names = [path.stem.strip("_") for path in folder.glob("*.py")]
+    prefixes = Counter(name.partition("_")[0] for name in names)
+    shared = sorted(name for name in names if prefixes[name.partition("_")[0]] > 1)
+    assert not shared, f"{', '.join(shared)}: make a folder of that name"
+
+
+def test_tests_mirror_the_folders():
+    rooms = {path.name for path in TESTED.iterdir() if path.is_dir() and list(path.glob("test_*.py"))}
+    known = {path.name.strip("_") for path in (ROOT / "crowd_env").iterdir() if (path / "__init__.py").exists()}
+    assert rooms <= known | {"agents", "benchmarks", "validation"}
+    assert known - rooms <= {"files"}, "a room without a test"
 
 
 def test_there_are_sources_to_check():

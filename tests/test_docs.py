@@ -7,16 +7,16 @@ import shlex
 from pathlib import Path
 
 import pytest
+from repository import ROOT
 from typer.testing import CliRunner
 
-from crowd_env.action import DISCRETE
-from crowd_env.cli import app
-from crowd_env.global_state import StateLayout
-from crowd_env.observation import TERMS, ObservationLayout
+from crowd_env.cli.main import app
+from crowd_env.envs.action import DISCRETE
+from crowd_env.envs.global_state import StateLayout
+from crowd_env.envs.observation.layout import TERMS, ObservationLayout
+from crowd_env.envs.reward import REWARDS, RewardWeights
 from crowd_env.physics import SCHEMES
-from crowd_env.reward import REWARDS, RewardWeights
 
-ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 

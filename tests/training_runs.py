@@ -1,15 +1,12 @@
 """Runs of train.py, as small as can be, that several test files share."""
 
 import csv
-from pathlib import Path
 
 import torch
 from typer import Typer
 from typer.testing import CliRunner
 
 import train
-
-ROOT = Path(__file__).parents[1]
 
 app = Typer(pretty_exceptions_enable=False)
 app.command()(train.main)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env import CrowdEnv, Geometry, Population, Scenario, Uniform, make_scheme
-from crowd_env.metrics import flow_slope, summarise
+from crowd_env.envs.metrics import flow_slope, summarise
 from validation.trajectories import Trajectories
 
 Floats = NDArray[np.float64]

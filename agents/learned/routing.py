@@ -12,14 +12,14 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.comparison import last_times, mean_times
+from agents.controllers import judge
+from agents.evaluation.comparison import last_times, mean_times
 from agents.learned.export import network_of
 from agents.learned.rate import FallingRate
-from agents.routing import judge
 from agents.runs import write_json
 from agents.trained import LearnedController
-from crowd_env.adapters.sb3_vector import VectorVecEnv
-from crowd_env.routing_env import RoutingVectorEnv
+from crowd_env.adapters.vec_env import VectorVecEnv
+from crowd_env.envs.routing.env import RoutingVectorEnv
 
 # Draws on which the best controller is chosen: neither trained on nor used for the final table.
 VALIDATION_SEED = 2_000_000

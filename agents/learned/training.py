@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.comparison import last_times
-from agents.evaluation import Evaluation, evaluate
+from agents.evaluation.comparison import last_times
+from agents.evaluation.evaluation import Evaluation, evaluate
 from agents.learned.checkpoint import write_checkpoint
 from agents.learned.export import network_of
 from agents.learned.rate import FallingRate

@@ -19,8 +19,8 @@ from stable_baselines3.common.type_aliases import RolloutBufferSamples
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
-from crowd_env.env import CrowdEnv
-from crowd_env.metrics import EpisodeMetrics
+from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.state import Bools, Floats, Ints
 
 KEPT_EPISODES = 1000  # metrics of finished environments that are kept until somebody takes them

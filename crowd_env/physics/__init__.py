@@ -10,7 +10,7 @@ from crowd_env.physics.hertz import Hertz
 from crowd_env.physics.nsm1 import NSM1
 from crowd_env.physics.nsm2 import NSM2
 from crowd_env.physics.scheme import ContactScheme
-from crowd_env.physics.social import SOCIAL_FORCES, SocialForce, make_social
+from crowd_env.physics.social_force import SOCIAL_FORCES, SocialForce, make_social
 
 # Name -> scheme with its default parameters.
 SCHEMES: dict[str, ContactScheme] = {

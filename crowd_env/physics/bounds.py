@@ -16,12 +16,12 @@ the radius less the path; where no contact of a step is so deep, there is nothin
 
 import numpy as np
 
-from crowd_env._jit import index, inner_kernel
-from crowd_env.geometry import Boundary
-from crowd_env.physics.lanes import Lanes
-from crowd_env.physics.neighbor_list import Places
-from crowd_env.physics.neighbors import TOO_FAST
-from crowd_env.physics.world import Batch
+from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.geometry.geometry import Boundary
+from crowd_env.physics.dem_lanes.lanes import Lanes
+from crowd_env.physics.neighbors.lists import Places
+from crowd_env.physics.neighbors.update import TOO_FAST
+from crowd_env.physics.workspace import Batch
 from crowd_env.state import MAX_SPEED, Floats
 
 # m; far above the rounding of map coordinates (1e-9 m at 5000 km), far below anything that is measured.

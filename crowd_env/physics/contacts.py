@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import index, inner_kernel
-from crowd_env.geometry import Boundary
-from crowd_env.physics.neighbor_list import NeighbourList, Places
+from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.geometry.geometry import Boundary
+from crowd_env.physics.neighbors.lists import NeighbourList, Places
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 

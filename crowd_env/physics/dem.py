@@ -11,26 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd_env._jit import inner_kernel, kernel
-from crowd_env._reference import Reference
+from crowd_env._kernels.jit import inner_kernel, kernel
+from crowd_env._kernels.struct_ref import Reference
 from crowd_env.checks import check_fields, require_positive
 from crowd_env.physics.bounds import MARGIN, hold_lanes_at_walls, speed_limit
 from crowd_env.physics.contacts import find_contacts
-from crowd_env.physics.forces import LOOK_EVERY, choose_turn, follow_rules, influences, look_around
-from crowd_env.physics.lanes import (
-    accelerate,
-    accelerate_freely,
-    book,
-    count_strays,
-    greatest_speed,
-    move,
-    show_positions,
-)
-from crowd_env.physics.neighbors import OK, update_neighbours
-from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.slabs import SLABS, slab_start, slabs_of, wait_for_all
-from crowd_env.physics.social import SocialForce, SocialLaw, add_social_forces
-from crowd_env.physics.soft_contact import (
+from crowd_env.physics.dem_lanes.contact import (
     CARRIED,
     COUNT,
     FASTEST,
@@ -41,7 +27,17 @@ from crowd_env.physics.soft_contact import (
     push_people,
     receive,
 )
-from crowd_env.physics.soft_stages import (
+from crowd_env.physics.dem_lanes.lanes import (
+    accelerate,
+    accelerate_freely,
+    book,
+    count_strays,
+    greatest_speed,
+    move,
+    show_positions,
+)
+from crowd_env.physics.dem_lanes.partition import SLABS, slab_start, slabs_of, wait_for_all
+from crowd_env.physics.dem_lanes.stages import (
     aim,
     begin_call,
     copy_forces,
@@ -51,8 +47,12 @@ from crowd_env.physics.soft_stages import (
     press,
     write_impulses,
 )
+from crowd_env.physics.driving_force import LOOK_EVERY, choose_turn, follow_rules, influences, look_around
+from crowd_env.physics.neighbors.update import OK, update_neighbours
+from crowd_env.physics.scheme import SchemeInfo
+from crowd_env.physics.social_force import SocialForce, SocialLaw, add_social_forces
 from crowd_env.physics.step import tick
-from crowd_env.physics.world import Batch
+from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
 
 INFO = SchemeInfo(

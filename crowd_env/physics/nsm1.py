@@ -13,16 +13,16 @@ from typing import Literal
 
 import numpy as np
 
-from crowd_env._jit import index, inner_kernel, kernel
-from crowd_env._reference import Reference
+from crowd_env._kernels.jit import index, inner_kernel, kernel
+from crowd_env._kernels.struct_ref import Reference
 from crowd_env.checks import POSITIVE, check_fields, require_positive
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
-from crowd_env.physics.forces import influences, regular_forces, walk_freely
-from crowd_env.physics.leaving import leave
-from crowd_env.physics.neighbors import FULL, OK, update_neighbours
-from crowd_env.physics.rows import give_impulses, keep_impulses, pose_no_overlap, take_impulses
+from crowd_env.physics.constraints import give_impulses, keep_impulses, pose_no_overlap, take_impulses
+from crowd_env.physics.driving_force import influences, regular_forces, walk_freely
+from crowd_env.physics.exits import leave
+from crowd_env.physics.neighbors.update import FULL, OK, update_neighbours
 from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social import SocialForce, SocialLaw
+from crowd_env.physics.social_force import SocialForce, SocialLaw
 from crowd_env.physics.solvers import SolverName, Stopping, closing_speed, solve
 from crowd_env.physics.step import (
     detect,
@@ -33,7 +33,7 @@ from crowd_env.physics.step import (
     remember_impulses,
     tick,
 )
-from crowd_env.physics.world import Batch
+from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
 
 INFO = SchemeInfo(

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from crowd_env._reference import Reference
-from crowd_env.physics.social import SocialForce
+from crowd_env._kernels.struct_ref import Reference
+from crowd_env.physics.social_force import SocialForce
 from crowd_env.state import Bodies
 
 

@@ -1,4 +1,4 @@
-"""Solving the rows of NSM1 and NSM2 (`crowd_env.physics.rows`) to a true residual.
+"""Solving the rows of NSM1 and NSM2 (`crowd_env.physics.constraints`) to a true residual.
 
 Projected Gauss-Seidel sets one row right after the other.  "accelerated" starts every sweep from an extrapolation of the last
 two (Nesterov's momentum, dropped whenever it runs uphill; O'Donoghue and Candès 2015).  In jams that takes half the sweeps of
@@ -12,8 +12,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env._jit import index, inner_kernel
-from crowd_env.physics.rows import Indices, Problem
+from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.physics.constraints import Indices, Problem
 from crowd_env.state import Floats
 
 SolverName = Literal["auto", "gauss-seidel", "accelerated"]

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from crowd_env._jit import index, inner_kernel
+from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.physics.contacts import find_contacts
-from crowd_env.physics.neighbors import OK, update_neighbours
-from crowd_env.physics.world import Batch, Diagnostics, Memory
+from crowd_env.physics.neighbors.update import OK, update_neighbours
+from crowd_env.physics.workspace import Batch, Diagnostics, Memory
 
 
 @inner_kernel

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from crowd_env.files.atomic import check_suffix, written
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import INK, QUIET, Colour
-from crowd_env.rendering.saving import check_suffix, written
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd_env.files.atomic import written
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import RAMP
-from crowd_env.rendering.saving import written
 from crowd_env.rendering.text import Image
 
 _BITS = 5  # of each of red, green and blue, that decide the place in the palette

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from crowd_env.files.atomic import check_suffix, written
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import INK, QUIET, SERIES, Colour
-from crowd_env.rendering.saving import check_suffix, written
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
+from crowd_env.files.atomic import check_suffix
 from crowd_env.rendering.egress import EgressStrip
 from crowd_env.rendering.encoding import write_gif, write_mp4, write_png
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.palette import BACKGROUND, FULL_PRESSURE
 from crowd_env.rendering.recordings import Recording
-from crowd_env.rendering.saving import check_suffix
 from crowd_env.rendering.text import Image
 
 _PANEL, _WIDEST = 480, 1280  # px, of one evacuation and of a film, if no width is asked for

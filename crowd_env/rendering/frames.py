@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.geometry import Geometry
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.discs import put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, pressure_colour
 from crowd_env.rendering.plan import Layout, draw_plan, fit

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env.geometry import Geometry
+from crowd_env.files.atomic import check_suffix
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
 from crowd_env.rendering.palette import EXIT, FAINT, FLOOR, INK, OBSTACLE, QUIET, WALL, Colour, from_oklab, to_oklab
-from crowd_env.rendering.saving import check_suffix
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:

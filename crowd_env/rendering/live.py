@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from crowd_env.env import CrowdEnv
-from crowd_env.pressure import contact_pressure
+from crowd_env.analysis.pressure import contact_pressure
+from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.palette import FULL_PRESSURE
 from crowd_env.rendering.recordings import Recording

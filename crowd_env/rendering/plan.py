@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowd_env.geometry import Geometry
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, OBSTACLE, WALL, Colour
 from crowd_env.rendering.text import Image
 from crowd_env.state import Floats

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.geometry import Geometry
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.state import Bools, Floats
 
 

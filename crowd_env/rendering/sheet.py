@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from crowd_env.files.atomic import check_suffix, written
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import BACKGROUND, EXIT, FLOOR, INK, OBSTACLE, QUIET, SERIES, WALL, Colour
-from crowd_env.rendering.saving import check_suffix, written
-from crowd_env.scenario import Scenario
+from crowd_env.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crowd_env.clogging import Clogging, survival
+from crowd_env.analysis.clogging import Clogging, survival
+from crowd_env.files.atomic import check_suffix
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure
 from crowd_env.rendering.palette import INK, QUIET, SERIES
-from crowd_env.rendering.saving import check_suffix
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,35 +1,23 @@
 """Every table and figure of two papers that can be redone, the paper's number beside ours: ``crowd-env reproduce NAME``.
 
-Pécol et al. 2011 (`PECOL`), one file each; of section 4.3 (the theatre: Table 7, Figures 4 to 6) the plan is not given, so
+Pécol et al. 2011 (`PECOL`): of section 4.3 (the theatre: Table 7, Figures 4 to 6) the plan is not given, so
 that Table 7 and Figure 6 are illustrations on a synthetic one.
-Lin, Ma, Lo (`LIN`), files that begin with ``lin_``; their figures share runs, which are computed once and kept.
+Lin, Ma, Lo (`LIN`): its figures share runs, which are computed once and kept.
 """
 
 from collections.abc import Callable
 from dataclasses import fields
 from typing import NamedTuple
 
-from crowd_env.reproduce import (
-    fig1,
-    fig2,
-    fig3,
-    fig6,
-    lin_fig4,
-    lin_fig5,
-    lin_fig6,
-    lin_fig9,
-    lin_fig10,
-    table3,
-    table5,
-    table7,
-    theatre,
-)
-from crowd_env.reproduce.lin_run import Run
-from crowd_env.reproduce.lin_sample import Records
-from crowd_env.reproduce.lin_settings import LinSettings
-from crowd_env.reproduce.lin_speeds import FIG7, FIG8
+from crowd_env.reproduce.lin2016 import fig4, fig5, fig9, fig10
+from crowd_env.reproduce.lin2016 import fig6 as lin_fig6
+from crowd_env.reproduce.lin2016.run import Run
+from crowd_env.reproduce.lin2016.sample import Records
+from crowd_env.reproduce.lin2016.settings import LinSettings
+from crowd_env.reproduce.lin2016.speeds import FIG7, FIG8
+from crowd_env.reproduce.pecol2011 import fig1, fig2, fig3, fig6, table3, table5, table7, theatre
+from crowd_env.reproduce.pecol2011.settings import Settings
 from crowd_env.reproduce.result import Progress, RawTable, Result, Row
-from crowd_env.reproduce.settings import Settings
 
 __all__ = [
     "GROUPS",
@@ -84,13 +72,13 @@ PECOL: dict[str, Reproduction] = {
     "fig6": Reproduction(fig6.TITLE, fig6.reproduce, fig6.steps, about="40 s", runs=theatre.RUNS),
 }
 LIN: dict[str, LinFigure] = {
-    "lin-fig4": LinFigure(lin_fig4.TITLE, lin_fig4.runs, lin_fig4.tell, "30 s"),
-    "lin-fig5": LinFigure(lin_fig5.TITLE, lin_fig5.runs, lin_fig5.tell, "30 s", _LIN - {"no_rotation"}),
+    "lin-fig4": LinFigure(fig4.TITLE, fig4.runs, fig4.tell, "30 s"),
+    "lin-fig5": LinFigure(fig5.TITLE, fig5.runs, fig5.tell, "30 s", _LIN - {"no_rotation"}),
     "lin-fig6": LinFigure(lin_fig6.TITLE, lin_fig6.runs, lin_fig6.tell, "3 s", _LIN - {"runs"}),
     "lin-fig7": LinFigure(FIG7.title, FIG7.runs, FIG7.tell, "4 min"),
     "lin-fig8": LinFigure(FIG8.title, FIG8.runs, FIG8.tell, "6 min"),
-    "lin-fig9": LinFigure(lin_fig9.TITLE, lin_fig9.runs, lin_fig9.tell, "4 min"),
-    "lin-fig10": LinFigure(lin_fig10.TITLE, lin_fig10.runs, lin_fig10.tell, "10 min"),
+    "lin-fig9": LinFigure(fig9.TITLE, fig9.runs, fig9.tell, "4 min"),
+    "lin-fig10": LinFigure(fig10.TITLE, fig10.runs, fig10.tell, "10 min"),
 }
 REPRODUCTIONS: dict[str, Reproduction | LinFigure] = {**PECOL, **LIN}
 GROUPS: dict[str, dict[str, Reproduction | LinFigure]] = {"pecol": {**PECOL}, "lin": {**LIN}, "all": REPRODUCTIONS}

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from crowd_env.rendering.saving import written
+from crowd_env.files.atomic import written
 
 Progress = Callable[[int], None]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env.simulation import Simulation
+from crowd_env.simulation.simulation import Simulation
 
 
 def require_nobody_outside(simulation: Simulation) -> None:

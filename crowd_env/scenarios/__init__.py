@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from crowd_env.checks import refuse
-from crowd_env.scenario import Scenario
-from crowd_env.scenario_file import SUFFIXES, ScenarioFile
-from crowd_env.scenarios.lin_room import lin_room
-from crowd_env.scenarios.room import room
-from crowd_env.scenarios.theatre import theatre
+from crowd_env.scenarios.file.reading import SUFFIXES, ScenarioFile
+from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.shipped.lin_room import lin_room
+from crowd_env.scenarios.shipped.room import room
+from crowd_env.scenarios.shipped.theatre import theatre
 
 
 def _data(name: str) -> ScenarioFile:

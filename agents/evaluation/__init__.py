@@ -1,0 +1,1 @@
+"""Judge policies, strategies and controllers on the same draws."""

@@ -1,0 +1,115 @@
+"""Policies beside each other on the same draws: paired differences, and whether their order depends on the contact scheme."""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from agents.evaluation.evaluation import Evaluation, number
+from crowd_env.envs.metrics import summarise
+from crowd_env.state import Floats
+
+
+def last_times(result: Evaluation) -> Floats:
+    """Return when the last person of each run was out (runs,) [s]; whoever did not get out counts as in `times_of_all`."""
+    return np.asarray(result.times_of_all().max(axis=1))
+
+
+def mean_times(result: Evaluation) -> Floats:
+    """Return the mean exit time of each run (runs,) [s]; whoever did not get out counts as in `times_of_all`."""
+    return np.asarray(result.times_of_all().mean(axis=1))
+
+
+def paired(one: Floats, other: Floats) -> dict[str, Any]:
+    """Return how much longer ``one`` took than ``other``, run by run on the same draws.
+
+    ``mean`` and ``ci95`` are of the difference (t interval over runs); ``faster`` is the share of runs in which ``one`` took
+    less, where a tie counts half.
+
+    Raises
+    ------
+    ValueError
+        If they are not as many.
+    """
+    if len(one) != len(other) or not len(one):
+        raise ValueError(f"{len(one)} and {len(other)} runs cannot be paired")
+    difference = np.asarray(one, dtype=np.float64) - other
+    summary = summarise(difference)
+    return {
+        "mean": summary.mean,
+        "ci95": [number(bound) for bound in summary.ci95],
+        "faster": float(((difference < 0) + 0.5 * (difference == 0)).mean()),
+    }
+
+
+def minus_first(result: Evaluation, first: Evaluation) -> dict[str, Any]:
+    """Return the paired differences of a policy to the first one under the same scheme."""
+    return {
+        "policy": first.policy,
+        "evacuation_time": paired(last_times(result), last_times(first)),
+        "mean_exit_time": paired(mean_times(result), mean_times(first)),
+        "runs_at_time_limit": int(((result.column("unfinished") > 0) | (first.column("unfinished") > 0)).sum()),
+    }
+
+
+def ratio(result: Evaluation, first: Evaluation) -> float | None:
+    """Return the mean time of the last person over that of another policy on the same draws; None if anyone was left inside."""
+    if result.column("unfinished").any() or first.column("unfinished").any():
+        return None
+    return float(last_times(result).mean() / last_times(first).mean())
+
+
+def kendall_tau(one: Sequence[float], other: Sequence[float]) -> float | None:
+    """Return Kendall's tau-b of two lists of values, which allows for ties; None if one of them says nothing."""
+    pairs = list(combinations(range(len(one)), 2))
+    a = np.sign([one[j] - one[i] for i, j in pairs])
+    b = np.sign([other[j] - other[i] for i, j in pairs])
+    norm = float(np.sqrt((a**2).sum() * (b**2).sum()))
+    return float((a * b).sum()) / norm if norm > 0 else None
+
+
+def ranking(results: Sequence[Evaluation], *, of: Any = last_times) -> dict[str, Any]:
+    """Return the order of the policies under every scheme, fastest first, and how far the schemes agree.
+
+    ``schemes`` holds the ``order`` with the mean ``times`` [s], ``tau`` Kendall's tau-b of each pair of schemes, ``same``
+    whether the order is the same under all.  ``contradictions`` lists the pairs of policies of which one is clearly faster
+    under one scheme and clearly slower under another: the paired 95 % intervals are on opposite sides of zero.
+
+    Parameters
+    ----------
+    results : every policy under every scheme.
+    of : what is compared, (runs,) [s] of an evaluation.
+    """
+    table: dict[str, dict[str, Floats]] = {}
+    for result in results:
+        table.setdefault(result.scheme, {})[result.policy] = of(result)
+    means = {scheme: {name: float(times.mean()) for name, times in row.items()} for scheme, row in table.items()}
+    orders = {scheme: sorted(row, key=lambda name, row=row: row[name]) for scheme, row in means.items()}  # type: ignore[misc]
+    names = list(next(iter(means.values()), {}))
+    taus = {
+        f"{a} {b}": kendall_tau([means[a][name] for name in names], [means[b][name] for name in names])
+        for a, b in combinations(means, 2)
+    }
+    return {
+        "schemes": {scheme: {"order": orders[scheme], "times": means[scheme]} for scheme in means},
+        "tau": taus,
+        "same": all(tau is None or tau == 1.0 for tau in taus.values())
+        and len({tuple(o) for o in orders.values()}) == 1,
+        "contradictions": _contradictions(table, names),
+    }
+
+
+def _contradictions(table: Mapping[str, Mapping[str, Floats]], names: Sequence[str]) -> list[dict[str, Any]]:
+    found = []
+    for one, other in combinations(names, 2):
+        faster, slower = [], []
+        for scheme, row in table.items():
+            low, high = paired(row[one], row[other])["ci95"]
+            if low is not None and high < 0.0:
+                faster.append(scheme)
+            if low is not None and low > 0.0:
+                slower.append(scheme)
+        if faster and slower:
+            found.append({"policies": [one, other], "first_faster_under": faster, "second_faster_under": slower})
+    return found

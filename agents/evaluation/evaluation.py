@@ -1,0 +1,268 @@
+"""Judge policies on the same draws: the same people in the same places, for every policy and scheme."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from agents.evaluation.measurements import Measured, Recorder
+from agents.policy import Policy
+from crowd_env import CrowdEnv, EpisodeMetrics, Scenario, Step, make_scenario
+from crowd_env.envs.metrics import share_interval, summarise
+from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.state import Floats
+
+# Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.
+HELD_OUT_SEED = 1_000_000
+# Evacuations side by side, and people in them: enough to fill a call, few enough to show progress.
+_BATCH, _PEOPLE_AT_ONCE = 50, 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Many evacuations under one policy and scheme."""
+
+    policy: str
+    scheme: str
+    episodes: list[EpisodeMetrics]
+    exit_times: list[np.ndarray]  # (N,) s each, nan for those still inside
+    ended: Floats  # (R,) s  when each run ended: all out, or the first decision at or after the time limit, or blocked
+    time_limit: float  # s
+    exit_names: tuple[str, ...] = ()  # of the rows of Geometry.exits
+    measured: Measured | None = None
+
+    @property
+    def runs(self) -> int:
+        """Number of evacuations."""
+        return len(self.episodes)
+
+    def column(self, name: str) -> np.ndarray:
+        """Return one metric of every run (runs,)."""
+        return np.array([getattr(episode, name) for episode in self.episodes], dtype=np.float64)
+
+    def times_of_all(self) -> Floats:
+        """Return the exit times (runs, N) [s]; who did not get out counts until the time limit.
+
+        And until the end of the run if that was later, so that nobody who stayed inside counts as sooner out than somebody
+        who left in the last decision step.
+        """
+        times = np.array(self.exit_times)
+        return np.where(np.isfinite(times), times, np.maximum(self.ended, self.time_limit)[:, None])
+
+    def exit_time_95(self, *, counted: bool = False) -> Floats:
+        """Return when 95 % of the people were out (runs,) [s]; nan where fewer got out, unless all are ``counted``."""
+        times = np.sort(self.times_of_all() if counted else np.array(self.exit_times), axis=1)  # nan go last
+        return np.asarray(times[:, int(np.ceil(0.95 * times.shape[1] - 1e-9)) - 1])
+
+    def row(self) -> dict[str, Any]:
+        """Return the figures as one JSON row, in SI units; impulse and way are means per person.
+
+        ``evacuation_time`` is over the runs in which all got out, ``mean_exit_time`` over the people who did: what compares
+        policies is in `agents.evaluation.comparison`, which counts everybody.
+        """
+        out = np.concatenate(self.exit_times)
+        out = out[np.isfinite(out)]
+        unfinished = int((self.column("unfinished") > 0).sum())
+        blocked = int(np.isfinite(self.column("blocked_since")).sum())
+        row = {
+            "policy": self.policy,
+            "scheme": self.scheme,
+            "runs": self.runs,
+            "unfinished": int(self.column("unfinished").sum()),
+            "unfinished_runs": unfinished,
+            "unfinished_share": share(unfinished, self.runs),
+            "blocked_runs": blocked,
+            "blocked_share": share(blocked, self.runs),
+            "evacuation_time": named(self.column("evacuation_time")),
+            "exit_time_95": named(self.exit_time_95()),
+            "last_exit": float(out.max()) if len(out) else None,
+            "mean_exit_time": named(self.column("mean_exit_time")),
+            "flow": named(self.column("flow")),
+            "contact_impulse": named(self.column("contact_impulse")),
+            "max_overlap": float(self.column("max_overlap").max()),
+            "max_speed": float(self.column("max_speed").max()),
+            "escaped": int(self.column("escaped").sum()),
+        }
+        return row if self.measured is None else row | self._measured_row(self.measured)
+
+    def _measured_row(self, measured: Measured) -> dict[str, Any]:
+        simulated = max(measured.simulated, 1e-9)
+        return {
+            "exits": self._exits(measured),
+            "walked": named(measured.walked.mean(axis=1)),
+            "max_density": {**named(measured.max_density), "max": float(measured.max_density.max())},
+            "max_pressure": {**named(measured.max_pressure), "max": float(measured.max_pressure.max())},
+            # The spontaneous scheme has no inertia: its impulses make bodies keep apart, they are not pushes.
+            "pressure_is_force": self.scheme != "nsm1",
+            "computing_seconds": measured.computing,
+            "simulated_seconds": measured.simulated,
+            "physics_per_simulated_second": (measured.computing - measured.replanning) / simulated,
+            "replanning_per_simulated_second": measured.replanning / simulated,
+        }
+
+    def _exits(self, measured: Measured) -> dict[str, Any]:
+        """Return for each exit how many took it in a run, when on average, and when its last one did."""
+        times, names = np.array(self.exit_times), np.array([*self.exit_names, ""])
+        taken = names[measured.exit_index]
+        found = {}
+        for name in dict.fromkeys(self.exit_names):
+            by_this = taken == name
+            last = np.where(by_this, times, -1.0).max(axis=1)
+            found[name] = {
+                "people": named(by_this.sum(axis=1)),
+                "mean_exit_time": number(times[by_this].mean() if by_this.any() else np.nan),
+                "last_exit": named(np.where(last >= 0.0, last, np.nan)),
+            }
+        return found
+
+
+def named(values: np.ndarray) -> dict[str, Any]:
+    """Return mean, spread and interval of the mean of the finite values, ready for JSON."""
+    summary = summarise(values)
+    return {
+        "mean": number(summary.mean),
+        "sd": number(summary.sd),
+        "ci95": [number(bound) for bound in summary.ci95],
+    }
+
+
+def share(count: int, of: int) -> dict[str, Any]:
+    """Return a share with its Wilson interval."""
+    return {"mean": count / of, "ci95": list(share_interval(count, of))}
+
+
+def number(value: float) -> float | None:
+    """JSON knows no nan."""
+    return None if np.isnan(value) else float(value)
+
+
+class Led(Protocol):
+    """A batch of evacuations together with who leads them; rules, networks and controllers enter the loop as this.
+
+    Attributes
+    ----------
+    env : the crowds; its decision step is the time between two samples.
+    """
+
+    env: CrowdEnv
+
+    def reset(self, seeds: list[int]) -> None:
+        """Start new evacuations, each from its seed."""
+        ...
+
+    def step(self) -> Step:
+        """Decide, if it is time to, and let one decision step of ``env`` pass."""
+        ...
+
+
+class LedByPolicy:
+    """A batch whose people a `Policy` moves."""
+
+    def __init__(self, policy: Policy, env: CrowdEnv) -> None:
+        self.policy, self.env = policy, env
+
+    def reset(self, seeds: list[int]) -> None:
+        """Start new evacuations, each from its seed."""
+        self._observation, _ = self.env.reset(seeds)
+        self.policy.reset(np.ones(len(seeds), dtype=np.bool_))
+        self._rng = np.random.default_rng(seeds[0])
+
+    def step(self) -> Step:
+        """Let the policy act on everyone."""
+        step = self.env.step(self.policy.act(self._observation, self.env.layout, self._rng))
+        self._observation = step.observation
+        return step
+
+
+def evaluate(
+    policy: Policy,
+    scenario: str | Scenario = "room-v0",
+    *,
+    scheme: str | ContactScheme = "nsm2",
+    runs: int = 50,
+    first_seed: int = HELD_OUT_SEED,
+    progress: Callable[[int], None] | None = None,
+    **options: Any,
+) -> Evaluation:
+    """Run ``runs`` evacuations, draw ``first_seed + k`` for run ``k``.
+
+    Parameters
+    ----------
+    progress : called with the number of runs that have just finished.
+    options : further options of `CrowdEnv`; those the policy was trained with come first.
+    """
+    place = make_scenario(scenario)
+
+    def lead(num_envs: int) -> Led:
+        return LedByPolicy(
+            policy, CrowdEnv(place, num_envs=num_envs, scheme=scheme, **{**options, **policy.env_options})
+        )
+
+    return evacuate(lead, place, policy.name, scheme, runs=runs, first_seed=first_seed, progress=progress)
+
+
+def evacuate(
+    lead: Callable[[int], Led],
+    scenario: Scenario,
+    name: str,
+    scheme: str | ContactScheme,
+    *,
+    runs: int,
+    first_seed: int = HELD_OUT_SEED,
+    measure: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> Evaluation:
+    """Run evacuations under whoever leads them; the one loop behind every evaluation.
+
+    Parameters
+    ----------
+    lead : makes a batch of so many evacuations of ``scenario``.
+    name : of the policy.
+    measure : take a sample every decision step, see `agents.evaluation.measurements`.
+    """
+    if runs < 1:
+        raise ValueError(f"runs is {runs}; it must be at least 1")
+    episodes: list[EpisodeMetrics] = []
+    exit_times: list[np.ndarray] = []
+    ended: list[float] = []
+    recorder = Recorder(scenario.geometry) if measure else None
+    computing = replanning = 0.0
+    at_once = max(1, min(_BATCH, _PEOPLE_AT_ONCE // scenario.population.count))
+    led: Led | None = None
+    for begin in range(0, runs, at_once):
+        seeds = list(range(first_seed + begin, first_seed + min(begin + at_once, runs)))
+        if led is None or led.env.num_envs != len(seeds):
+            led = lead(len(seeds))
+        env = led.env
+        led.reset(seeds)
+        replanned = env.simulation.wayfinder.seconds
+        if recorder is not None:
+            recorder.begin(env)
+        while not env.finished.all():
+            started = time.process_time()
+            step = led.step()
+            computing += time.process_time() - started
+            if recorder is not None:
+                recorder.add(env, step)
+            if progress is not None and step.info["finished"].any():
+                progress(int(step.info["finished"].sum()))
+        replanning += env.simulation.wayfinder.seconds - replanned
+        if recorder is not None:
+            recorder.end(env)
+        for e in range(len(seeds)):
+            episodes.append(env.metrics(e))
+            exit_times.append(env.simulation.state.exit_time[env.people(e)].copy())
+            ended.append(float(env.simulation.state.time[e]))
+    assert led is not None
+    return Evaluation(
+        name,
+        make_scheme(scheme).info.name,
+        episodes,
+        exit_times,
+        np.array(ended),
+        float(led.env.time_limit[0]),
+        scenario.geometry.exit_names,
+        None if recorder is None else recorder.measured(computing, replanning),
+    )

@@ -1,0 +1,218 @@
+"""The folder of an evaluation: what each policy and scheme gave is kept as soon as it is known, the rest is made of that."""
+
+import csv
+import hashlib
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from agents.evaluation.candidates import Candidate
+from agents.evaluation.comparison import last_times
+from agents.evaluation.evaluation import Evaluation
+from agents.evaluation.fingerprint import fingerprint
+from agents.evaluation.measurements import CELL, Grid, Maps, Measured
+from agents.evaluation.source_stamp import source_stamp
+from agents.runs import read_json, write_json, write_text
+from crowd_env import EpisodeMetrics, Scenario, make_scheme
+from crowd_env.files.atomic import written
+
+_KEPT = "kept"  # folder below
+_SETTINGS = "evaluation.json"
+_SHOWN = {"density": ("Density", "people / m²", 1.0), "pressure": ("Contact pressure", "kN / m", 1e-3)}
+_CURVES = 5  # in one figure, as many as there are colours
+_ARRAYS = ("exit_index", "walked", "max_density", "max_pressure")
+_NUMBERS = ("simulated", "computing", "replanning")
+
+
+def settings_of(scenario: Scenario, runs: int, seed: int) -> dict[str, Any]:
+    """Return what all results of one folder have in common; the digest is of everything a scenario holds that can matter."""
+    held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
+    for name in ("name", "title", "reference"):
+        del held[name]
+    return {"scenario": scenario.name, "digest": fingerprint(held), "runs": runs, "seed": seed}
+
+
+def _made_by(candidate: Candidate, scheme: str) -> dict[str, Any]:
+    """Return what else decides a result: the network, the scheme with its parameters and its time step, and the code."""
+    law = make_scheme(scheme)
+    network = None if candidate.source is None else hashlib.sha256(candidate.source.read_bytes()).hexdigest()
+    return {"network": network, "scheme": fingerprint(law), "dt": law.info.default_dt, "code": source_stamp()}
+
+
+class EvaluationFolder:
+    """Results of one scenario, one number of runs and one seed; policies and schemes may be added.
+
+    Parameters
+    ----------
+    path : made if it does not exist.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds results with other settings.
+    """
+
+    def __init__(self, path: Path, settings: dict[str, Any]) -> None:
+        self.path = path
+        try:
+            (path / _KEPT).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ValueError(f"cannot write to the folder {path}: {error.strerror}") from None
+        known = path / _SETTINGS
+        if not known.exists():
+            write_json(known, settings)
+            return
+        before = read_json(known)
+        if not isinstance(before, dict):
+            raise ValueError(f"{known} does not hold the settings of an evaluation; take another folder")
+        if before != settings:
+            other = next(name for name in settings if before.get(name) != settings[name])
+            raise ValueError(
+                f"{path} holds an evaluation with another {other} ({before.get(other)}, now {settings[other]}); "
+                "take another folder"
+            )
+
+    def load(self, candidate: Candidate, scheme: str) -> Evaluation | None:
+        """Return what was kept of a policy under a scheme.
+
+        None if there is nothing, if it was made by another network, scheme or code, or if the file is damaged.
+        """
+        path = self._file(candidate, scheme)
+        if not path.exists():
+            return None
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                kept = {name: file[name] for name in file.files}
+            facts = json.loads(str(kept["facts"]))
+            if facts["made_by"] != _made_by(candidate, scheme) or facts["fields"] != list(EpisodeMetrics._fields):
+                return None
+            return _evaluation(candidate.name, scheme, kept, facts)
+        except Exception:  # a damaged file fails in a dozen ways: zip, zlib, npy header, JSON, shapes; it is made anew
+            return None
+
+    def save(self, candidate: Candidate, scheme: str, result: Evaluation) -> None:
+        """Keep a result, whole or not at all."""
+        measured = result.measured
+        assert measured is not None
+        facts = {name: getattr(measured, name) for name in _NUMBERS} | {
+            "made_by": _made_by(candidate, scheme),
+            "fields": list(EpisodeMetrics._fields),
+            "time_limit": result.time_limit,
+            "exit_names": result.exit_names,
+            "origin": measured.grid.origin,
+        }
+        with written(self._file(candidate, scheme)) as part:
+            np.savez_compressed(
+                part,
+                facts=np.array(json.dumps(facts)),
+                episodes=np.array(result.episodes, dtype=np.float64),
+                exit_times=np.array(result.exit_times),
+                ended=result.ended,
+                maps=np.stack(measured.maps),
+                **{name: getattr(measured, name) for name in _ARRAYS},
+            )
+
+    def _file(self, candidate: Candidate, scheme: str) -> Path:
+        return self.path / _KEPT / f"{_plain(candidate.name)}-{_plain(scheme)}.npz"
+
+    def write_runs(self, results: Sequence[Evaluation], seed: int) -> None:
+        """Write ``runs.csv``, one line a run."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        exits = list(dict.fromkeys(results[0].exit_names))
+        own = ["policy", "scheme", "run", "seed", "last_time", "exit_time_95", *EpisodeMetrics._fields]
+        writer.writerow([*own, "walked", "max_density", "max_pressure", *(f"out by {name}" for name in exits)])
+        for result in results:
+            measured = result.measured
+            assert measured is not None
+            names = np.array([*result.exit_names, ""])[measured.exit_index]
+            columns = (last_times(result), result.exit_time_95(), measured.walked.mean(axis=1))
+            for k, (episode, last, most, way) in enumerate(zip(result.episodes, *columns, strict=True)):
+                peaks = (measured.max_density[k], measured.max_pressure[k])
+                numbers = [_text(v) for v in (last, most, *episode, way, *peaks)]
+                by_exit = [int((names[k] == name).sum()) for name in exits]
+                writer.writerow([result.policy, result.scheme, k, seed + k, *numbers, *by_exit])
+        write_text(self.path / "runs.csv", text.getvalue())
+
+    def draw(self, results: Sequence[Evaluation], scenario: Scenario) -> list[Path]:
+        """Draw the egress curves of each scheme and the maps of each policy under it; return the paths."""
+        from crowd_env.rendering import egress_curves
+
+        made = []
+        for scheme in dict.fromkeys(result.scheme for result in results):
+            those = [result for result in results if result.scheme == scheme]
+            title = f"{scenario.name}, {scheme}, {those[0].runs} runs"
+            for k in range(1, max(len(those), 2), _CURVES - 1):  # the first policy in every figure
+                curves = _curves([those[0], *those[k : k + _CURVES - 1]])
+                number = "" if k == 1 else f"-{1 + k // (_CURVES - 1)}"
+                made.append(egress_curves(self.path / f"egress-{_plain(scheme)}{number}.png", curves, title=title))
+            made += [self._draw_maps(result, those, scenario) for result in those]
+        return made
+
+    def _draw_maps(self, result: Evaluation, beside: Sequence[Evaluation], scenario: Scenario) -> Path:
+        """Draw the maps of a policy with the colours of all that are to be compared with it."""
+        from crowd_env.rendering.heat import HeatMap, heat_maps
+
+        maps = []
+        for name in Maps._fields:
+            kind, which = name.split("_")
+            every = [getattr(one.measured.maps, name) for one in beside if one.measured is not None]
+            most = np.concatenate([values[values > 0.0] for values in every])
+            # A single hard blow would leave everything else pale.
+            full = float(np.percentile(most, 99.5)) if len(most) else None
+            said = "mean over time" if which == "mean" else "greatest"
+            assert result.measured is not None
+            values, origin = getattr(result.measured.maps, name), result.measured.grid.origin
+            title, unit, scale = _SHOWN[kind]
+            full = full and scale * full
+            maps.append(HeatMap(f"{title}, {said}", scale * values, origin, CELL, unit, kind, full))  # type: ignore[arg-type]
+        note = "Density: people within 1 m of a place over π m².  "
+        if result.scheme == "nsm1":
+            note += "This scheme knows no forces: its pressure is what keeps bodies apart."
+        else:
+            note += "Pressure: contact force over circumference of who stands there, 0 while nobody does."
+        name = f"heat-{_plain(result.policy)}-{_plain(result.scheme)}.png"
+        title = f"{result.policy}, {scenario.name}, {result.scheme}, {result.runs} runs"
+        return heat_maps(self.path / name, scenario.geometry, maps, title=title, note=note)
+
+
+def _evaluation(policy: str, scheme: str, kept: dict[str, np.ndarray], facts: dict[str, Any]) -> Evaluation:
+    """Return the evaluation that a file holds."""
+    whole = {name for name, kind in EpisodeMetrics.__annotations__.items() if kind is int}
+    episodes = []
+    for values in kept["episodes"]:
+        row = dict(zip(EpisodeMetrics._fields, values.tolist(), strict=True))
+        episodes.append(EpisodeMetrics(**{name: int(v) if name in whole else v for name, v in row.items()}))
+    grid = Grid(tuple(facts["origin"]), kept["maps"].shape[1:])
+    of_runs: dict[str, Any] = {name: kept[name] for name in _ARRAYS} | {name: facts[name] for name in _NUMBERS}
+    measured = Measured(maps=Maps(*kept["maps"]), grid=grid, **of_runs)
+    times, limit = list(kept["exit_times"]), facts["time_limit"]
+    return Evaluation(policy, scheme, episodes, times, kept["ended"], limit, tuple(facts["exit_names"]), measured)
+
+
+def _curves(results: Sequence[Evaluation]) -> dict[str, list[np.ndarray]]:
+    """Return the exit times by policy; policies with the very same ones share a curve."""
+    found: dict[str, list[np.ndarray]] = {}
+    for result in results:
+        for label, times in found.items():
+            if np.array_equal(times, result.exit_times, equal_nan=True):
+                found = {f"{k} = {result.policy}" if k == label else k: v for k, v in found.items()}
+                break
+        else:
+            found[result.policy] = result.exit_times
+    return found
+
+
+def _plain(name: str) -> str:
+    """Return a name as part of a file name; other names give other parts."""
+    return quote(name, safe=" ")
+
+
+def _text(value: float) -> str:
+    return "" if np.isnan(value) else f"{value:.6g}"

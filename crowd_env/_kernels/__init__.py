@@ -1,0 +1,1 @@
+"""How things are compiled, cached, handed to kernels and run on threads."""

@@ -1,0 +1,1 @@
+"""What results say: clogging, exit times, pressure."""

@@ -1,0 +1,97 @@
+"""Exit times in files: read those of an experiment, write those of a simulation, in one form.
+
+Columns ``run,time``: the run that an exit belongs to, and its time [s].  Two more may follow: ``exit``, the name of the exit
+taken, and ``out``, 1 for someone who got out; a row with 0 says that watching the run ended at that time with people inside.
+"""
+
+import csv
+import warnings
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from crowd_env.analysis.clogging import Run, exit_gaps, exits_of_run
+from crowd_env.files.atomic import written
+from crowd_env.files.csv_table import read_table
+
+
+def read_exits(path: str | Path) -> list[Run]:
+    """Return the runs of a CSV file of exit times, in the order in which the file first names them.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, lacks a column, or holds something that is no time >= 0; the file and row are named.
+    """
+    table = read_table(path, "the exit times", ("run", "time"), "seconds", "an exit")
+    times: dict[str, list[float]] = {}
+    exits: dict[str, list[str]] = {}
+    until: dict[str, float] = {}
+    for row in table.rows:
+        what = f"row {row.number}"
+        run, time = row.cells["run"], table.number(row, "time", what)
+        if time < 0:
+            raise ValueError(
+                f"{table.path}: {what}: time is {time:g} s; it must be >= 0, counted from the start of the run"
+            )
+        out = row.cells.get("out") or "1"
+        if out not in ("0", "1"):
+            raise ValueError(f"{table.path}: {what}: out is {out!r}; it must be 1 (got out) or 0 (watched until then)")
+        times.setdefault(run, [])
+        exits.setdefault(run, [])
+        if out == "1":
+            times[run].append(time)
+            exits[run].append(row.cells.get("exit") or "")
+        elif run in until:
+            raise ValueError(f"{table.path}: {what}: run {run!r} has a second row with out = 0; watching ends once")
+        else:
+            until[run] = time
+    mixed = [run for run, of_run in times.items() if any(after < before for before, after in pairwise(of_run))]
+    if mixed:
+        warnings.warn(
+            f"{table.path}: the exits of run {mixed[0]!r} are not in the order of time; they are taken in that order, as those "
+            "of one run",
+            stacklevel=2,
+        )
+    runs = []
+    for run, of_run in times.items():
+        inside = [np.nan] if run in until else []
+        try:
+            runs.append(exits_of_run([*of_run, *inside], until.get(run, np.nan), [*exits[run], *([""] * len(inside))]))
+        except ValueError as error:
+            raise ValueError(f"{table.path}: run {run!r}: {error}") from None
+    return runs
+
+
+def write_exits(path: str | Path, runs: Sequence[Run], labels: Sequence[object]) -> Path:
+    """Write exit times so that `read_exits` reads them again, and return the path; ``labels`` name the runs."""
+    rows: list[tuple[object, ...]] = []
+    for label, run in zip(labels, runs, strict=True):
+        rows += [(label, repr(float(time)), exit, 1) for time, exit in zip(run.time, run.exit, strict=True)]
+        if np.isfinite(run.until):
+            rows.append((label, repr(run.until), "", 0))
+    return _write(Path(path), ("run", "time", "exit", "out"), rows)
+
+
+def write_gaps(path: str | Path, sets: Mapping[str, Sequence[Run]], *, per_exit: bool = False) -> Path:
+    """Write every gap [s], name of its data and number of its run before it, and return the path.
+
+    ``open`` is 1 for a gap that had not ended: it is longer.
+    """
+    rows: list[tuple[object, ...]] = []
+    for name, runs in sets.items():
+        for k, run in enumerate(runs):
+            gaps = exit_gaps(run, per_exit=per_exit)
+            rows += [(name, k, f"{gap:.6f}", 0) for gap in gaps.closed]
+            rows += [(name, k, f"{gap:.6f}", 1) for gap in gaps.open]
+    return _write(Path(path), ("data", "run", "gap", "open"), rows)
+
+
+def _write(path: Path, header: Sequence[str], rows: Sequence[Sequence[object]]) -> Path:
+    with written(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
+    return path

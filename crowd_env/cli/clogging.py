@@ -1,0 +1,229 @@
+"""The command ``crowd-env clogging``."""
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from crowd_env.analysis.clogging import Clogging, Run, clogging, exits_of_run, powerlaw_library
+from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
+from crowd_env.console import check_folder, counted, interrupted, notes, progress_bar, said_plainly
+from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.rollout import RunsInterrupted, finished_runs
+from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
+from crowd_env.scenarios import SCENARIOS, make_scenario
+from crowd_env.scenarios.population import Uniform
+from crowd_env.scenarios.scenario import Scenario
+
+_WIDTH = 100
+
+
+def clog(
+    scenario: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="SCENARIO", help=f"One of {', '.join(SCENARIOS)}; default lin-room-v0, or with --times none."
+        ),
+    ] = None,
+    scheme: Annotated[str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".")] = "hertz",
+    speed: Annotated[
+        float | None, typer.Option(help="Desired speed of everyone in m/s; default the scenario's.")
+    ] = None,
+    n: Annotated[int | None, typer.Option(help="Number of people; default the scenario's.", min=1)] = None,
+    runs: Annotated[int, typer.Option(help="Number of evacuations, each with other people in other places.")] = 10,
+    seed: Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0)] = 0,
+    dt: Annotated[float | None, typer.Option(help="Physics step in s; default the scheme's.")] = None,
+    times: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="CSV file of recorded exits, columns run,time (out = 0: watched until then with people inside); may be "
+            "repeated, and stand beside a scenario."
+        ),
+    ] = None,
+    pause: Annotated[float, typer.Option(help="A gap of so many seconds ends a burst.")] = 2.0,
+    per_exit: Annotated[bool, typer.Option("--per-exit", help="Gaps between people who took the same exit.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for exits.csv, gaps.csv and survival.png.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+) -> None:
+    """Measure how a crowd clogs: gaps between exits, bursts, and the exponent of the tail of the gaps.
+
+    The last gap of a run that ends with people inside is open, longer than what was seen: it is counted beside the closed ones.
+
+    Examples: crowd-env clogging --speed 1.5 --runs 10
+
+    crowd-env clogging lin-room-v0 --speed 1.5 --times experiment.csv --out clogging
+    """
+    with said_plainly():
+        if out is not None:
+            check_folder("--out", out)
+        _check_library()
+        if not pause > 0:
+            raise ValueError(f"--pause is {pause:g} s; it must be > 0")
+        sets = _recorded(times or [])
+        blocked_after = 120.0
+        simulated: dict[int, Run] = {}
+        stopped = None
+        if scenario is not None or not sets:
+            place = _scenario(scenario or "lin-room-v0", n, speed)
+            contact = make_scheme(scheme)
+            name = _name(place, contact)
+            blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
+            with progress_bar(name, runs) as progress:
+                try:
+                    simulated = dict(enumerate(evacuate(place, contact, runs, seed=seed, dt=dt, progress=progress)))
+                except RunsInterrupted as error:
+                    if not error.finished:
+                        interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
+                    simulated, stopped = error.finished, f"{error}; the figures are of these"
+            sets = {name: list(simulated.values()), **sets}
+        found = {
+            name: clogging(data, pause=pause, per_exit=per_exit, blocked_after=blocked_after)
+            for name, data in sets.items()
+        }
+        paths = [] if out is None else _write(out, found, sets, simulated, seed, per_exit)
+    if as_json:
+        typer.echo(json.dumps({"sets": [{"name": name, **each.as_json()} for name, each in found.items()]}))
+    else:
+        _show(found)
+    if paths:
+        notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
+    if stopped is not None:
+        interrupted(stopped)
+
+
+def evacuate(
+    place: Scenario,
+    scheme: ContactScheme,
+    runs: int,
+    *,
+    seed: int = 0,
+    dt: float | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> list[Run]:
+    """Run evacuations in which everyone walks the shortest path and return who got out when; run k is the draw seed + k.
+
+    They are those of ``crowd-env run``.
+
+    Raises
+    ------
+    ValueError
+        If the number of runs is out of range or the crowd does not fit.
+    RunsInterrupted
+        On Ctrl-C, with the runs that were finished by then.
+    """
+    names = np.array([*place.geometry.exit_names, ""])  # the last one, row -1, is of those who did not get out
+
+    def read(env: CrowdEnv, e: int) -> Run:
+        state, people = env.simulation.state, env.people(e)
+        return exits_of_run(state.exit_time[people], float(state.time[e]), names[state.exit_index[people]])
+
+    threads = os.cpu_count() or 1
+    return finished_runs(place, runs, read, seed=seed, threads=threads, progress=progress, scheme=scheme, dt=dt)
+
+
+def _scenario(name: str, count: int | None, speed: float | None) -> Scenario:
+    people: dict[str, Any] = {} if count is None else {"count": count}
+    if speed is not None:
+        people["desired_speed"] = Uniform(speed, speed)
+    return make_scenario(name, **({"population": make_scenario(name).population.changed(**people)} if people else {}))
+
+
+def _recorded(paths: Sequence[Path]) -> dict[str, list[Run]]:
+    """Return the runs of files by their names, or by their whole paths where names are the same."""
+    names = [path.name for path in paths]
+    return {path.name if names.count(path.name) == 1 else str(path): read_exits(path) for path in paths}
+
+
+def _name(place: Scenario, scheme: ContactScheme) -> str:
+    speed = place.population.desired_speed
+    range = f"{speed.low:g}" if speed.low == speed.high else f"{speed.low:g} to {speed.high:g}"
+    return f"{place.name}, {scheme.info.name}, {counted(place.population.count, 'person', 'people')}, {range} m/s"
+
+
+def _check_library() -> None:
+    """Say now, not after the work, that there will be no exponent."""
+    try:
+        powerlaw_library()
+    except ModuleNotFoundError as error:
+        raise ValueError(str(error)) from None
+
+
+def _write(
+    out: Path,
+    found: dict[str, Clogging],
+    sets: dict[str, list[Run]],
+    simulated: Mapping[int, Run],
+    seed: int,
+    per_exit: bool,
+) -> list[Path]:
+    from crowd_env.rendering.survival import survival_curves
+
+    try:
+        paths = [write_gaps(out / "gaps.csv", sets, per_exit=per_exit)]
+        if simulated:
+            paths.append(write_exits(out / "exits.csv", list(simulated.values()), [seed + k for k in simulated]))
+        if any(each.gaps.closed.any() for each in found.values()):
+            title = next(iter(found)) if len(found) == 1 else "Gaps between exits"
+            labels = {"all runs" if len(found) == 1 else name: each for name, each in found.items()}
+            paths.append(survival_curves(out / "survival.png", labels, title=title))
+        else:
+            notes.print("no figure: there is no gap to draw", style="yellow")
+    except OSError as error:
+        raise ValueError(f"cannot write the results: {error}") from None
+    return paths
+
+
+def _show(found: dict[str, Clogging]) -> None:
+    console = Console(highlight=False)
+    console.width = min(_WIDTH, console.width) if console.is_terminal else _WIDTH
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("")
+    columns = []
+    for name, each in found.items():
+        table.add_column(name, justify="right")
+        columns.append(_cells(each))
+    for row, label in enumerate(columns[0]):
+        table.add_row(label, *(column[label] for column in columns), end_section=row in (2, 8, 11))
+    console.print(table)
+    for name, each in found.items():
+        console.print(f"* {name}: {each.statement()}." if len(found) > 1 else f"{each.statement()}.", markup=False)
+
+
+def _cells(found: Clogging) -> dict[str, str]:
+    """Return the rows of the table."""
+    told = found.as_json()
+    gaps, bursts, tail = told["gaps"], told["bursts"], told["tail"] or {}
+
+    def number(value: float | None, unit: str = "", digits: int = 2) -> str:
+        return "-" if value is None else f"{value:.{digits}f}{unit}"
+
+    error = "" if not tail else f" ± {tail['error']:.2f}"
+    opened = f"{gaps['open']}" + (f", longest above {gaps['longest_open']:.1f} s" if gaps["open"] else "")
+    return {
+        "runs": str(found.runs),
+        "  unfinished, of these blocked": f"{found.unfinished}, {found.blocked}",
+        "people out": str(found.exits),
+        "gaps": str(gaps["count"]),
+        "  mean": number(gaps["mean"], " s"),
+        "  standard deviation / mean": number(gaps["cv"]),
+        "  90 % are below": number(gaps["q90"], " s"),
+        "  longest": number(gaps["max"], " s"),
+        "  open at the end": opened,
+        f"bursts (gaps below {found.pause:g} s)": str(bursts["count"]),
+        "  mean size": number(bursts["mean_size"], " people"),
+        "  largest": "-" if bursts["max_size"] is None else f"{bursts['max_size']} people",
+        "exponent of the tail": number(tail.get("alpha")) + error,
+        "  if open gaps count as longer": number(tail.get("alpha_open")),
+        "  from (x_min)": number(tail.get("x_min"), " s"),
+        "  gaps in the tail": str(tail.get("n", "-")),
+        "  Kolmogorov-Smirnov distance": number(tail.get("distance"), digits=3),
+        "  log-likelihood ratio to an exponential": number(tail.get("ratio"), digits=1),
+        "    p": number(tail.get("p"), digits=3),
+    }

@@ -1,0 +1,1 @@
+"""Environments: observations, actions, rewards and episodes over a simulation."""

@@ -1,0 +1,1 @@
+"""Observations: named terms of fixed width, laid side by side."""

@@ -1,0 +1,153 @@
+"""Who is around everyone, compiled: the density, and the nearest neighbours."""
+
+import numpy as np
+
+from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.envs.observation.view import DENSITY, NEIGHBOURS, SIGHT, SPEED_SCALE, Cells, Plan, Rows, View
+from crowd_env.physics.neighbors.lists import NeighbourList, sort_into_cells
+from crowd_env.state import Bools, Floats
+
+DENSITY_RADIUS = 1.0  # m
+DENSITY_SCALE = 8.0  # 1/m2
+
+# The nearest are found by one number, gap before slot: gaps that differ by less than 0.2 nm count as equal.  It is whole and
+# below 2**53, so that float64 holds it, as long as a room has fewer slots than half a million.
+_GAP_STEPS = 4294967296.0  # 1/m
+_SLOTS = 524288.0
+
+
+@inner_kernel
+def clipped(value: float) -> float:
+    """Return the value moved into [-1, 1]; nan stays."""
+    if value < -1.0:
+        return -1.0
+    if value > 1.0:
+        return 1.0
+    return value
+
+
+@inner_kernel
+def look_around(e: int, begin: int, last: int, view: View, plan: Plan, out: Rows) -> None:
+    """Write the density and the nearest neighbours of those in ``who[begin:last]`` who are inside environment ``e``."""
+    near, active, position = view.near, view.state.active, view.state.position
+    if last - begin <= plan.all_pairs:
+        head, columns, rows = put_into_one_cell(e, begin, last, view.who, active, near)
+    else:
+        sight = SIGHT if plan.column[NEIGHBOURS] >= 0 else DENSITY_RADIUS
+        head, columns, rows = sort_into_cells(e, begin, view.bodies.env_start[e + 1], active, position, near, sight)
+    for cell in range(head, head + rows * columns):
+        first, final = begin + near.cell_start[cell], begin + near.cell_start[cell + 1]
+        if first < final:
+            count = gather(head, cell - head, columns, rows, begin, near, position, view.bodies.radius, plan.around)
+            show(first, final, count, begin, view, plan, out)
+
+
+@inner_kernel
+def put_into_one_cell(
+    e: int, begin: int, last: int, who: Cells, active: Bools, near: NeighbourList
+) -> tuple[int, int, int]:
+    """Do what `sort_into_cells` does, for few people: all pairs of them are looked at."""
+    head, count = 4 * begin + 64 * e, 0
+    for n in range(index(begin), index(last)):
+        if active[who[n]]:
+            near.cell_item[begin + count] = who[n]
+            count += 1
+    near.cell_start[head], near.cell_start[head + 1] = 0, count
+    return head, 1, 1
+
+
+@inner_kernel
+def gather(
+    head: int,
+    cell: int,
+    columns: int,
+    rows: int,
+    begin: int,
+    near: NeighbourList,
+    position: Floats,
+    radius: Floats,
+    around: Floats,
+) -> int:
+    """Write those in a cell and beside it into ``around``; return how many they are."""
+    row, column, count = cell // columns, cell % columns, 0
+    for other in range(max(row - 1, 0), min(row + 2, rows)):
+        left, right = head + other * columns + max(column - 1, 0), head + other * columns + min(column + 2, columns)
+        for n in range(begin + near.cell_start[left], begin + near.cell_start[right]):
+            i = near.cell_item[n]
+            around[0, count], around[1, count] = position[i, 0], position[i, 1]
+            around[2, count], around[3, count] = radius[i], i - begin
+            count += 1
+    return count
+
+
+@inner_kernel
+def show(first: int, last: int, count: int, begin: int, view: View, plan: Plan, out: Rows) -> None:
+    """Write what those in ``cell_item[first:last]`` see of the ``count`` who are gathered around them."""
+    at_density, at_neighbours = plan.column[DENSITY], plan.column[NEIGHBOURS]
+    around, key, nearest = plan.around, plan.key, plan.nearest
+    axis, position, velocity = view.axis, view.state.position, view.state.velocity
+    for m in range(index(first), index(last)):
+        i = view.near.cell_item[m]
+        x, y, r, me = position[i, 0], position[i, 1], view.bodies.radius[i], float(i - begin)
+        close = 0
+        for n in range(count):
+            dx, dy = x - around[0, n], y - around[1, n]
+            square = dx * dx + dy * dy
+            close += square < DENSITY_RADIUS * DENSITY_RADIUS
+            known = np.floor((np.sqrt(square) - r - around[2, n]) * _GAP_STEPS) * _SLOTS + around[3, n]
+            key[n] = known if square < SIGHT * SIGHT and around[3, n] != me else np.inf
+        if at_density >= 0:
+            out[i, at_density] = clipped(close * (1.0 / (np.pi * DENSITY_RADIUS**2 * DENSITY_SCALE)))
+        if at_neighbours < 0:
+            continue
+        if len(nearest) <= 6:
+            least_six(key, count, nearest)
+        else:
+            least(key, count, nearest)
+        ax, ay, u, v = axis[i, 0], axis[i, 1], velocity[i, 0], velocity[i, 1]
+        for k in range(len(nearest)):
+            if nearest[k] == np.inf:
+                break
+            gap = np.floor(nearest[k] * (1.0 / _SLOTS))
+            j = begin + int(nearest[k] - gap * _SLOTS)
+            dx, dy = position[j, 0] - x, position[j, 1] - y
+            du, dv = velocity[j, 0] - u, velocity[j, 1] - v
+            c = at_neighbours + 5 * k
+            out[i, c], out[i, c + 1] = (dx * ax + dy * ay) * (1.0 / SIGHT), (dy * ax - dx * ay) * (1.0 / SIGHT)
+            out[i, c + 2] = clipped((du * ax + dv * ay) / (2 * SPEED_SCALE))
+            out[i, c + 3] = clipped((dv * ax - du * ay) / (2 * SPEED_SCALE))
+            out[i, c + 4] = 1.0 - max(gap, 0.0) / _GAP_STEPS * (1.0 / SIGHT)
+
+
+@inner_kernel
+def least(key: Floats, count: int, nearest: Floats) -> None:
+    """Write the least of ``count`` keys in ascending order."""
+    last = len(nearest) - 1
+    for k in range(last + 1):
+        nearest[k] = np.inf
+    for n in range(count):
+        if key[n] < nearest[last]:
+            new = key[n]
+            for k in range(last + 1):
+                other = nearest[k]
+                nearest[k], new = min(other, new), max(other, new)
+
+
+@inner_kernel
+def least_six(key: Floats, count: int, nearest: Floats) -> None:
+    """Write the least of ``count`` keys, up to six, in ascending order.
+
+    Six numbers stay in registers, and their smaller and larger take no decision that a processor could guess wrong.
+    """
+    a, b, c, d, e, f = np.inf, np.inf, np.inf, np.inf, np.inf, np.inf
+    for n in range(count):
+        new = key[n]
+        a, new = min(a, new), max(a, new)
+        b, new = min(b, new), max(b, new)
+        c, new = min(c, new), max(c, new)
+        d, new = min(d, new), max(d, new)
+        e, new = min(e, new), max(e, new)
+        f = min(f, new)
+    for k in range(len(nearest)):
+        nearest[k] = a
+        a, b, c, d, e = b, c, d, e, f

@@ -1,0 +1,156 @@
+"""What pedestrians perceive, compiled: the laws behind the terms of an observation.
+
+The laws write their columns of the rows (P, D) float32 of those who are ``seen``, clipped to [-1, 1].  One room after the
+other is looked at from all sides: what is known of twenty people stays in the cache that is nearest to the processor.
+"""
+
+from crowd_env._kernels.jit import index, inner_kernel, kernel
+from crowd_env.envs.observation.neighbors import clipped, look_around
+from crowd_env.envs.observation.view import (
+    CRUSH,
+    DENSITY,
+    DESIRED_SPEED,
+    DIRECTION,
+    NEIGHBOURS,
+    PUSH,
+    SIGHT,
+    SPEED_SCALE,
+    TRAVEL_TIME,
+    VELOCITY,
+    WALLS,
+    Cells,
+    Plan,
+    Rows,
+    View,
+)
+from crowd_env.navigation.lookup import travel_time_at, way_at
+from crowd_env.state import Bools, Ints
+
+TIME_SCALE = 5.0  # s     a travel time of 5 s is observed as 1/2
+KICK_SCALE = 1.0  # m/s   an impulse that changes the own speed by this much is observed as 1
+
+
+@kernel
+def perceive(rooms: Ints, view: View, plan: Plan, out: Rows) -> None:
+    """Write the rows of ``out`` (P, D) of everyone in some rooms, all but the terms that are not compiled."""
+    column, who = plan.column, view.who
+    for e in rooms:
+        begin = view.bodies.env_start[e]
+        end = muster(begin, view.bodies.env_start[e + 1], view.seen, who, out)
+        look_ahead(e, begin, end, view)
+        feel(begin, end, view, column, out)
+        if column[WALLS] >= 0:
+            cast_rays(e, begin, end, view, plan, out)
+        if column[DENSITY] >= 0 or column[NEIGHBOURS] >= 0:
+            look_around(e, begin, end, view, plan, out)
+
+
+@inner_kernel
+def muster(begin: int, end: int, seen: Bools, who: Cells, out: Rows) -> int:
+    """Empty the rows of one room, and list who is seen of the people ``begin:end``; return the end of the list."""
+    last = begin
+    for i in range(index(begin), index(end)):
+        for k in range(out.shape[1]):
+            out[i, k] = 0.0
+        who[index(last)] = i  # no branch: which slots are empty nobody can guess
+        last += seen[i]
+    return last
+
+
+@inner_kernel
+def look_ahead(e: int, begin: int, end: int, view: View) -> None:
+    """Write direction, travel time and potential of the route that those in ``who[begin:end]`` follow.
+
+    The potential is a travel time too, by a field that depends on route and doors alone: most often it is the same one.
+    """
+    position, radius, active, speed = (
+        view.state.position,
+        view.bodies.radius,
+        view.state.active,
+        view.bodies.desired_speed,
+    )
+    travel_time, potential, walls = view.travel_time, view.potential, view.boundary
+    for n in range(index(begin), index(end)):
+        i = view.who[n]
+        route, x, y, r = view.followed[i], position[i, 0], position[i, 1], radius[i]
+        f, p = view.field_of_route[e, route], view.potential_of_route[e, route]
+        ex, ey, length = way_at(view.field, walls, f, x, y, r)
+        view.direction[i, 0], view.direction[i, 1] = ex, ey
+        left = length if p == f else travel_time_at(view.field, walls, p, x, y, r)
+        # Someone who does not want to move would need for ever: the time at a slow walk stands in.
+        pace = max(speed[i], 0.1)
+        travel_time[i] = length / pace if active[i] else 0.0
+        potential[i] = left / pace if active[i] else 0.0
+
+
+@inner_kernel
+def feel(begin: int, end: int, view: View, column: Ints, out: Rows) -> None:
+    """Write what everyone has of himself: velocity, desired speed, the way out, and what presses on him."""
+    axis, velocity, push = view.axis, view.state.velocity, view.push
+    at_velocity, at_speed, at_direction = column[VELOCITY], column[DESIRED_SPEED], column[DIRECTION]
+    at_time, at_push, at_crush = column[TRAVEL_TIME], column[PUSH], column[CRUSH]
+    for n in range(index(begin), index(end)):
+        i = view.who[n]
+        ax, ay = axis[i, 0], axis[i, 1]
+        if at_velocity >= 0:
+            write_turned(out, i, at_velocity, velocity[i, 0], velocity[i, 1], ax, ay, SPEED_SCALE)
+        if at_speed >= 0:
+            out[i, at_speed] = clipped(view.bodies.desired_speed[i] / SPEED_SCALE)
+        if at_direction >= 0:
+            out[i, at_direction] = clipped(view.direction[i, 0])
+            out[i, at_direction + 1] = clipped(view.direction[i, 1])
+        if at_time >= 0:
+            time = view.travel_time[i]
+            out[i, at_time] = clipped(time / (time + TIME_SCALE))
+        if view.crush[i] > 0.0:
+            kick = view.bodies.mass[i] * KICK_SCALE
+            if at_push >= 0:
+                write_turned(out, i, at_push, push[i, 0], push[i, 1], ax, ay, kick)
+            if at_crush >= 0:
+                out[i, at_crush] = clipped(view.crush[i] / kick)
+
+
+@inner_kernel
+def write_turned(out: Rows, i: int, k: int, x: float, y: float, ax: float, ay: float, scale: float) -> None:
+    """Write (x, y) / ``scale`` in the frame whose first axis is (ax, ay) into two columns."""
+    out[i, k] = clipped((x * ax + y * ay) / scale)
+    out[i, k + 1] = clipped((y * ax - x * ay) / scale)
+
+
+@inner_kernel
+def cast_rays(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -> None:
+    """Write the free distance from everyone's surface to the nearest wall along rays / 3 m."""
+    g = view.geometry_of_env[e]
+    w0, w1 = view.boundary.wall_start[g], view.boundary.wall_start[g + 1]
+    wall, wall_door, axis, turn, beam = view.boundary.wall, view.boundary.wall_door, view.axis, plan.turn, plan.beam
+    rays, first = len(turn), plan.column[WALLS]
+    for n in range(index(begin), index(end)):
+        i = view.who[n]
+        x, y, r = view.state.position[i, 0], view.state.position[i, 1], view.bodies.radius[i]
+        reach = SIGHT + r
+        for k in range(rays):
+            c, s = turn[k, 0], turn[k, 1]
+            beam[0, k] = c * axis[i, 0] - s * axis[i, 1]
+            beam[1, k] = s * axis[i, 0] + c * axis[i, 1]
+            beam[2, k] = reach
+        limit = reach * reach * (1.0 + 1e-9)
+        for w in range(index(w0), index(w1)):
+            if wall_door[w] >= 0 and view.door_open[e, wall_door[w]]:
+                continue
+            ax, ay = wall[w, 0, 0] - x, wall[w, 0, 1] - y
+            tx, ty = wall[w, 1, 0] - x - ax, wall[w, 1, 1] - y - ay
+            across = ax * ty - ay * tx  # the distance of its line times its length
+            if across * across > limit * (tx * tx + ty * ty):
+                continue
+            for k in range(rays):
+                dx, dy = beam[0, k], beam[1, k]
+                cross, along = dx * ty - dy * tx, ax * dy - ay * dx
+                # Where ray and line meet, along / cross is the place between the ends; only a hit is worth a division.
+                if cross > 0.0:
+                    hit = across >= 0.0 and 0.0 <= along <= cross
+                else:
+                    hit = cross < 0.0 and across <= 0.0 and cross <= along <= 0.0
+                if hit:
+                    beam[2, k] = min(beam[2, k], across / cross)
+        for k in range(rays):
+            out[i, first + k] = clipped(max(beam[2, k] - r, 0.0) / SIGHT)

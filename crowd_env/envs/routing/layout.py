@@ -1,0 +1,156 @@
+"""Where a routing controller decides and what it sees: decision regions, and the layout of its observation."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowd_env.checks import known, shown
+from crowd_env.geometry.geometry import Geometry, box
+from crowd_env.state import Floats, Ints
+
+_LEAST_AREA = 0.1  # m2  cells of a grid with less floor than that are left out
+
+
+class DecisionRegions(NamedTuple):
+    """Where people are told the same."""
+
+    names: tuple[str, ...]  # R
+    area: Floats  # (R,) m2  walkable
+    centre: Floats  # (R, 2) m  of what is walkable of it
+    locate: Callable[[Floats], Ints]  # positions (K, 2) -> region (K,), the first that holds it; -1 = none
+
+
+def named_regions(geometry: Geometry, names: Sequence[str]) -> DecisionRegions:
+    """Return regions of a plan as decision regions; where they overlap the first one counts."""
+    floors = [geometry.walkable.intersection(geometry.regions[name]) for name in names]
+    centre = np.array([(floor.centroid.x, floor.centroid.y) for floor in floors])
+    locate = partial(_first_that_holds, geometry, tuple(names))
+    return DecisionRegions(tuple(names), np.array([floor.area for floor in floors]), centre, locate)
+
+
+def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
+    """Return the walkable cells of a grid over the bounding box, ``cell-<column>-<row>`` from the lower left, row by row.
+
+    Parameters
+    ----------
+    grid : number of columns and of rows.
+
+    Raises
+    ------
+    ValueError
+        If these are no two whole numbers >= 1, or so many that no cell has 0.1 m2 of floor.
+    """
+    columns, rows = _checked(grid)
+    low = np.array(geometry.bounds[:2])
+    size = (np.array(geometry.bounds[2:]) - low) / (columns, rows)
+    too_small = ValueError(
+        f"no cell of a grid of {columns} x {rows} has {_LEAST_AREA:g} m2 of floor: one measures "
+        f"{size[0]:.3g} x {size[1]:.3g} m; take fewer columns and rows"
+    )
+    if size.prod() < _LEAST_AREA:
+        raise too_small  # before millions of them are cut out
+    names: list[str] = []
+    area: list[float] = []
+    centre: list[tuple[float, float]] = []
+    number = np.full((rows, columns), -1, dtype=np.int64)
+    for row in range(rows):
+        for column in range(columns):
+            corner = low + (column, row) * size
+            floor = geometry.walkable.intersection(box(*corner, *(corner + size)))
+            if floor.area >= _LEAST_AREA:
+                number[row, column] = len(names)
+                names.append(f"cell-{column}-{row}")
+                area.append(float(floor.area))
+                centre.append((floor.centroid.x, floor.centroid.y))
+    if not names:
+        raise too_small
+
+    return DecisionRegions(tuple(names), np.array(area), np.array(centre), partial(_cell_of, low, size, number))
+
+
+# Functions of the module, not of a plan: a process can send them to another.
+def _first_that_holds(geometry: Geometry, names: tuple[str, ...], position: Floats) -> Ints:
+    """Return the first of the named regions (K,) that holds a position (K, 2); -1 = none."""
+    inside = np.stack([geometry.contains(position, name) for name in names])
+    return np.where(inside.any(axis=0), inside.argmax(axis=0), -1).astype(np.int64)
+
+
+def _cell_of(low: Floats, size: Floats, number: Ints, position: Floats) -> Ints:
+    """Return the number (K,) of the cell of a grid that a position (K, 2) lies in; -1 = none."""
+    rows, columns = number.shape
+    column, row = np.floor((position - low) / size).astype(np.int64).T
+    return np.asarray(number[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)], dtype=np.int64)
+
+
+def _checked(grid: Any) -> tuple[int, int]:
+    """Return the columns and rows of a grid."""
+    both = list(grid) if isinstance(grid, list | tuple | np.ndarray) else []
+    whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) and n >= 1 for n in both)
+    if len(both) != 2 or not whole:
+        raise ValueError(f"grid is {shown(grid)}; it must be two whole numbers >= 1, columns and rows: grid=(4, 2)")
+    return int(both[0]), int(both[1])
+
+
+@dataclass(frozen=True)
+class RoutingLayout:
+    """Where the parts of an observation are: ``layout["queue"]`` is a slice of columns; all lie in [0, 1], float32.
+
+    ============  ===================  ====================================================================
+    part          one for each         value
+    ============  ===================  ====================================================================
+    ``count``     region               people in it / all N people of the scenario
+    ``density``   region               people per walkable m2 / (5 /m2)
+    ``speed``     region               mean speed of the people in it / (2 m/s); 0 if there are none
+    ``flow``      exit                 people who left by it since the last decision / (s, m of width, 5)
+    ``queue``     exit                 people with at most 2.5 m to walk to it / N
+    ``told``      route                people inside who were told to take it / N
+    ``door``      controlled door      1 = open
+    ``inside``    (1)                  people inside / N
+    ``time``      (1)                  time / time limit
+    ============  ===================  ====================================================================
+    """
+
+    regions: tuple[str, ...]
+    exits: tuple[str, ...]
+    routes: tuple[str, ...]
+    doors: tuple[str, ...] = ()
+
+    @property
+    def parts(self) -> dict[str, int]:
+        """Name -> number of columns, in order."""
+        regions, exits = len(self.regions), len(self.exits)
+        sizes = {"count": regions, "density": regions, "speed": regions, "flow": exits, "queue": exits}
+        return {**sizes, "told": len(self.routes), "door": len(self.doors), "inside": 1, "time": 1}
+
+    @property
+    def size(self) -> int:
+        """Number of columns in all."""
+        return sum(self.parts.values())
+
+    def __getitem__(self, part: str) -> slice:
+        """Return the columns of a part."""
+        names = list(self.parts)
+        if part not in names:
+            raise KeyError(f"this observation has no part {part!r}; it has: {', '.join(names)}")
+        begin = sum(self.parts[name] for name in names[: names.index(part)])
+        return slice(begin, begin + self.parts[part])
+
+
+def check_names(kind: str, names: Sequence[str], allowed: Sequence[str]) -> tuple[str, ...]:
+    """Return the names as a tuple.
+
+    Raises
+    ------
+    ValueError
+        If they are one string or no sequence, or if a name is unknown or given twice.
+    """
+    if not isinstance(names, list | tuple):
+        raise ValueError(f"{kind}s is {shown(names)}; it must be a list or tuple of names")
+    for name in names:
+        known(kind, name, allowed)
+        if names.count(name) > 1:
+            raise ValueError(f"{kind} {name!r} is named twice; once is enough")
+    return tuple(names)

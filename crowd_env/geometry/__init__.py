@@ -1,0 +1,1 @@
+"""The place: shapely polygons in, arrays of wall and exit segments out."""

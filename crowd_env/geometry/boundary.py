@@ -1,0 +1,212 @@
+"""The border of an area as straight oriented edges, cut into walls and exits."""
+
+import warnings
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
+
+from crowd_env.geometry.parsing import Area, place
+
+Floats = NDArray[np.float64]
+
+SLIVER = 1e-6  # m; shorter pieces of wall are dropped
+_SAME = 1e-9  # m; a point nearer than this to a straight line is on it
+_SNAP = 0.01  # m; an exit may be drawn this far from the boundary ...
+_WALL = 0.3  # m; ... and is moved onto it from the other face of a wall
+
+
+def open_boundary(area: Area, exits: Mapping[str, BaseGeometry]) -> tuple[Floats, Floats, tuple[str, ...]]:
+    """Return the walls (W, 2, 2) and exits (X, 2, 2) [m] of the border of ``area``, and the name of each exit.
+
+    A line opens the border along it; a polygon (already cut out of ``area``) opens what it shares with the border.
+
+    Raises
+    ------
+    ValueError
+        If an exit is not on the border, or two of them overlap.
+    """
+    edges = _edges(area)
+    return _cut(edges, [opening for name, shape in exits.items() for opening in _openings(edges, name, shape, area)])
+
+
+class _Opening(NamedTuple):
+    """A stretch of boundary edge ``edge`` from ``low`` to ``high`` [m along it] that belongs to exit ``name``."""
+
+    edge: int
+    low: float
+    high: float
+    name: str
+
+
+def _edges(area: Area) -> Floats:
+    """Return the straight edges (N, 2, 2) of all rings of ``area``, the area to their left."""
+    edges = []
+    for polygon in shapely.get_parts(area):
+        polygon = orient(polygon)
+        for ring in (polygon.exterior, *polygon.interiors):
+            corners = _straighten(shapely.get_coordinates(ring)[:-1])
+            edges.append(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
+    return np.concatenate(edges)
+
+
+def _straighten(ring: Floats) -> Floats:
+    """Return the closed ring (K, 2) without doubled points and without points in the middle of a straight edge.
+
+    A seam in a straight wall would be a corner that people catch on.
+    """
+    ring = ring[np.hypot(*(ring - np.roll(ring, 1, axis=0)).T) > _SAME]
+    while len(ring) > 3:
+        before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+        chord = before + after
+        offset = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) / np.hypot(*chord.T)
+        seam = (offset <= _SAME) & ((before * after).sum(axis=1) > 0)
+        if not seam.any():
+            break
+        ring = ring[~seam]
+    return ring
+
+
+def _openings(edges: Floats, name: str, shape: BaseGeometry, area: Area) -> list[_Opening]:
+    """Return the stretches of the boundary that exit ``name`` opens.
+
+    Raises
+    ------
+    ValueError
+        If a line or polygon is further from the boundary than a wall is thick.
+    """
+    away = float(shapely.distance(shape, area))
+    if isinstance(shape, Polygon | MultiPolygon):
+        border = _edges(shape)
+        # Drawn inside the area or exactly at it; else a hair away from it; else behind the wall.
+        for tolerance in (SLIVER, _SNAP, *((away + _SNAP,) if _SNAP < away <= _WALL else ())):
+            found = [opening for segment in border for opening in _overlaps(edges, name, segment, tolerance)]
+            if found:
+                if tolerance > _SNAP:
+                    _say_moved(name, away)
+                return found
+        raise ValueError(
+            f"exit {name!r} does not touch the walkable area: it is {away:.3g} m away; move it to the boundary"
+        )
+    found = []
+    for part in shapely.get_parts(shape):
+        line = shapely.get_coordinates(part)
+        for segment in np.stack([line[:-1], line[1:]], axis=1):
+            pieces = _along(edges, name, segment)
+            for moved in () if pieces else _moved_to(area, segment):
+                pieces = _along(edges, name, moved)
+                if pieces:
+                    _say_moved(name, float(np.hypot(*(moved - segment).T).max()))
+                    break
+            if not pieces:
+                raise ValueError(_off_boundary(name, segment, area))
+            found += pieces
+    return found
+
+
+def _along(edges: Floats, name: str, segment: Floats) -> list[_Opening]:
+    """Return the stretches of the boundary that ``segment`` (2, 2) runs along; none if a part of it leaves the boundary."""
+    pieces = _overlaps(edges, name, segment, _SNAP)
+    length = float(np.hypot(*(segment[1] - segment[0])))
+    return pieces if sum(piece.high - piece.low for piece in pieces) >= length - 2 * _SNAP else []
+
+
+def _moved_to(area: Area, segment: Floats) -> list[Floats]:
+    """Return where a segment (2, 2) may be meant that lies within the thickness of a wall of the boundary."""
+    border = shapely.boundary(area)
+    points = np.concatenate([segment, segment.mean(axis=0)[None]])
+    onto = np.array(
+        [shapely.get_coordinates(shapely.shortest_line(shapely.Point(point), border))[1] for point in points]
+    )
+    candidates = [onto[:2], segment + (onto[2] - points[2])]  # each end by itself (not parallel), or as a whole
+    length = np.hypot(*(segment[1] - segment[0]))
+    return [
+        moved
+        for moved in candidates
+        if np.hypot(*(moved - segment).T).max() <= _WALL and np.hypot(*(moved[1] - moved[0])) > 0.5 * length
+    ]
+
+
+def _say_moved(name: str, by: float) -> None:
+    warnings.warn(
+        f"exit {name!r} is drawn {by:.2f} m off the boundary of the walkable area: moved onto it", stacklevel=5
+    )
+
+
+def _overlaps(edges: Floats, name: str, segment: Floats, tolerance: float) -> list[_Opening]:
+    """Return where ``segment`` (2, 2) runs along ``edges`` (N, 2, 2), no further than ``tolerance`` from them."""
+    start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
+    length = np.hypot(*along.T)
+    along = along / length[:, None]
+    relative = segment[None] - start[:, None]  # (N, 2 ends, 2)
+    s = np.einsum("nek,nk->ne", relative, along)
+    offset = relative[..., 1] * along[:, None, 0] - relative[..., 0] * along[:, None, 1]
+    flip = s[:, 0] > s[:, 1]
+    s[flip], offset[flip] = s[flip, ::-1], offset[flip, ::-1]
+    low, high = np.clip(s[:, 0], 0, length), np.clip(s[:, 1], 0, length)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (offset[:, 1] - offset[:, 0]) / (s[:, 1] - s[:, 0])
+        far = np.maximum(
+            np.abs(offset[:, 0] + slope * (low - s[:, 0])), np.abs(offset[:, 0] + slope * (high - s[:, 0]))
+        )
+        near = (far <= tolerance) & (high - low > min(tolerance, _SNAP))
+    low[low < SLIVER] = 0.0
+    high = np.where(length - high < SLIVER, length, high)
+    return [_Opening(int(row), float(low[row]), float(high[row]), name) for row in np.flatnonzero(near)]
+
+
+def _off_boundary(name: str, segment: Floats, area: Area) -> str:
+    samples = segment[0] + np.linspace(0, 1, 101)[:, None] * (segment[1] - segment[0])
+    away = shapely.distance(shapely.boundary(area), shapely.points(samples))
+    worst = int(np.argmax(away))
+    return (
+        f"exit {name!r} is not on the boundary of the walkable area: its point {place(samples[worst])} is "
+        f"{away[worst]:.3g} m away from it; a line must lie within {_WALL} m of it (or give the exit as a polygon)"
+    )
+
+
+def _cut(edges: Floats, openings: list[_Opening]) -> tuple[Floats, Floats, tuple[str, ...]]:
+    """Return walls (W, 2, 2), exits (X, 2, 2) and the name of each exit: the edges, cut at the ends of the openings."""
+    walls: list[Floats] = []
+    exits: list[tuple[str, Floats]] = []
+    for row, (a, b) in enumerate(edges):
+        length = float(np.hypot(*(b - a)))
+
+        def at(s: float, a: Floats = a, b: Floats = b, length: float = length) -> Floats:
+            return b if s == length else a + (b - a) * (s / length)  # b itself, so that neighbouring edges share it
+
+        end = 0.0
+        for _, low, high, name in _merged(sorted(o for o in openings if o.edge == row), at):
+            if low - end > SLIVER:
+                walls.append(np.array([at(end), at(low)]))
+            exits.append((name, np.array([at(low), at(high)])))
+            end = high
+        if length - end > SLIVER:
+            walls.append(np.array([at(end), b]))
+    order = {name: i for i, name in enumerate(dict.fromkeys(o.name for o in openings))}
+    exits.sort(key=lambda exit_: order[exit_[0]])  # stable: rows follow the exits as they were given
+    return (
+        np.array(walls).reshape(-1, 2, 2),
+        np.array([segment for _, segment in exits]).reshape(-1, 2, 2),
+        tuple(name for name, _ in exits),
+    )
+
+
+def _merged(openings: list[_Opening], at) -> list[_Opening]:  # type: ignore[no-untyped-def]
+    """Return the sorted openings of one edge with the pieces of one exit joined; different exits must not overlap."""
+    merged: list[_Opening] = []
+    for opening in openings:
+        last = merged[-1] if merged else None
+        if last is not None and opening.low < last.high - SLIVER and opening.name != last.name:
+            spot = place(at(opening.low))
+            raise ValueError(f"exits {last.name!r} and {opening.name!r} overlap at {spot}; exits must be apart")
+        if last is not None and opening.low < last.high + SLIVER and opening.name == last.name:
+            merged[-1] = last._replace(high=max(last.high, opening.high))
+        else:
+            merged.append(opening)
+    return merged

@@ -1,0 +1,81 @@
+"""Doors: walls that come and go.
+
+The leaf of a door ends a millimetre short of the jambs, so that no corner belongs to it and to what stands for good.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowd_env.geometry.boundary import SLIVER
+from crowd_env.geometry.parsing import Area, Shape, place, read_lines
+
+_SHORT = 1e-3  # m
+_SHORTEST = 0.1  # m
+_JAMB = 0.1  # m; a door may be so far from what it shuts against
+
+
+def read_doors(
+    doors: Mapping[str, Shape],
+    area: Area,
+    thin: NDArray[np.float64],
+    exits: NDArray[np.float64],
+    exit_names: tuple[str, ...],
+) -> tuple[NDArray[np.float64], NDArray[np.int64], tuple[str | None, ...]]:
+    """Return the leaves (L, 2, 2) [m] of all doors, the door of each (L,), and the exit that each door closes (or None).
+
+    Raises
+    ------
+    ValueError
+        If a door has the name of an exit, names an unknown exit, or its line leaves the walkable area, is too short
+        or touches no wall.
+    """
+    leaves, owner = [np.empty((0, 2, 2))], []
+    lines = {}
+    closes: list[str | None] = []
+    for number, (name, thing) in enumerate(doors.items()):
+        if name in exit_names and not (isinstance(thing, str) and thing == name):
+            raise ValueError(f"door {name!r} has the name of an exit; it must close that exit")
+        if isinstance(thing, str) and thing in exit_names:
+            segments = exits[[k for k, other in enumerate(exit_names) if other == thing]]
+            along = segments[:, 1] - segments[:, 0]
+            left = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
+            segments = segments + _SHORT * left[:, None, :]  # inside, so that nobody is over the line when it closes
+            closes.append(thing)
+        else:
+            if isinstance(thing, str) and not thing.lstrip().upper().startswith(("LINE", "MULTILINE")):
+                known = ", ".join(dict.fromkeys(exit_names)) or "none"
+                raise ValueError(f"door {name!r} names an unknown exit {thing!r}; known: {known}; or give a line")
+            lines[name] = read_lines([thing], f"door {name!r}")[0]
+            segments = _inside(name, lines[name], area)
+            closes.append(None)
+        length = np.hypot(*(segments[:, 1] - segments[:, 0]).T)[:, None]
+        if length.min() < _SHORTEST:
+            raise ValueError(f"door {name!r} is {length.min():.3f} m wide; it must be at least {_SHORTEST:g} m")
+        cut = _SHORT * (segments[:, 1] - segments[:, 0]) / length
+        leaves.append(np.stack([segments[:, 0] + cut, segments[:, 1] - cut], axis=1))
+        owner += [number] * len(segments)
+    _require_jambs(lines, area, thin)
+    return np.concatenate(leaves), np.array(owner, dtype=np.int64), tuple(closes)
+
+
+def _require_jambs(lines: Mapping[str, NDArray[np.float64]], area: Area, thin: NDArray[np.float64]) -> None:
+    """Refuse a door line that stands in the open, away from all walls and other doors."""
+    for name, line in lines.items():
+        others = [shapely.LineString(other) for other_name, other in lines.items() if other_name != name]
+        fixed = shapely.union_all([shapely.boundary(area), *shapely.linestrings(thin), *others])
+        away = float(shapely.distance(fixed, shapely.LineString(line)))
+        if away > _JAMB:
+            raise ValueError(
+                f"door {name!r} touches no wall: it is {away:.2f} m from the nearest; it must cross a passage"
+            )
+
+
+def _inside(name: str, line: NDArray[np.float64], area: Area) -> NDArray[np.float64]:
+    outside = shapely.difference(shapely.LineString(line), shapely.buffer(area, SLIVER))
+    if not outside.is_empty:
+        at = place(shapely.get_coordinates(outside)[-1])
+        raise ValueError(f"door {name!r} leaves the walkable area at {at}; it must cross a passage inside")
+    return np.stack([line[:-1], line[1:]], axis=1)

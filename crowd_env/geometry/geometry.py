@@ -1,0 +1,382 @@
+"""The place: walkable area, walls, exits and named regions, as shapely polygons outside and segment arrays inside.
+
+All segments are oriented with the walkable area to their LEFT, so the outward normal of an exit is to the right of it.
+"""
+
+import warnings
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry import MultiPolygon, Polygon, box
+from shapely.geometry.base import BaseGeometry
+
+from crowd_env.checks import table
+from crowd_env.checks import text as require_text
+from crowd_env.geometry.boundary import SLIVER, open_boundary
+from crowd_env.geometry.depth import solid_depth
+from crowd_env.geometry.doors import read_doors
+from crowd_env.geometry.parsing import (
+    Area,
+    Shape,
+    from_wkt,
+    parse_exit,
+    place,
+    read_area,
+    read_areas,
+    read_exits,
+    read_lines,
+)
+from crowd_env.geometry.parts import closed_off, is_within, join_near_parts, say_left_out, split_by_exits
+
+__all__ = ["Boundary", "Geometry", "box", "join_boundaries", "parse_exit"]
+
+_SAME = 1e-9  # m; ends of walls nearer than this are one corner
+
+
+class Boundary(NamedTuple):
+    """What kernels read of the geometry; the arrays of G geometries lie one behind the other."""
+
+    wall: NDArray[np.float64]  # (W, 2, 2)  m   ends a, b; walkable area to the left of a -> b
+    depth: NDArray[np.float64]  # (W,)    m   half the thickness of what is solid behind the wall, 0.25 m at most
+    two_sided: NDArray[np.bool_]  # (W,)    thin wall inside the area: touches from both sides
+    wall_door: NDArray[np.int64]  # (W,)    door of its geometry that the wall closes; -1 = it stands for good
+    wall_start: NDArray[np.int64]  # (G+1,)  first wall of each geometry
+    corner: NDArray[np.float64]  # (V, 2)  m   distinct ends of walls: door jambs, corners of obstacles
+    corner_door: NDArray[np.int64]  # (V,)    door of its geometry that the corner belongs to; -1 = none
+    corner_start: NDArray[np.int64]  # (G+1,)  first corner of each geometry
+    corner_wall_start: NDArray[
+        np.int64
+    ]  # (V+1,)  corner v ends corner_wall[corner_wall_start[v]:corner_wall_start[v+1]]
+    corner_wall: NDArray[np.int64]  # (2W,)   rows of `wall`
+    exit: NDArray[np.float64]  # (X, 2, 2)  m   ends a, b; walkable area to the left of a -> b
+    exit_start: NDArray[np.int64]  # (G+1,)  first exit of each geometry
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """A walkable area with its walls and exits; build it with `from_polygon` or `from_wkt`.
+
+    Attributes
+    ----------
+    walkable
+        What may be walked on [m]; obstacles and polygonal exits are already cut out.
+    walls
+        (W, 2, 2) straight walls [m], walkable area to the left; thin walls (``two_sided``) come last.
+    two_sided
+        (W,) whether a wall is a line inside the area, touched from both sides.
+    exits
+        (X, 2, 2) openings of the boundary [m], walkable area to the left.
+    exit_names
+        Name of each row of ``exits``; the segments of one exit share a name.
+    regions
+        Named areas [m] that rules refer to: stairs, decision areas, where people start.
+    doors
+        Names of the doors.
+    door_of_wall
+        (W,) row of ``doors`` that a wall closes, which stands only while that door is closed; -1 = it stands for good.
+    exits_of_door
+        For each door the name of the exit that it closes, or None if it stands inside.
+    left_out
+        Parts of what was drawn that have no exit; they are not walkable.
+    """
+
+    walkable: Area
+    walls: NDArray[np.float64]
+    two_sided: NDArray[np.bool_]
+    exits: NDArray[np.float64]
+    exit_names: tuple[str, ...]
+    regions: Mapping[str, Area]
+    doors: tuple[str, ...]
+    door_of_wall: NDArray[np.int64]
+    exits_of_door: tuple[str | None, ...]
+    left_out: tuple[Polygon, ...] = ()
+
+    @classmethod
+    def from_polygon(
+        cls,
+        walkable: Shape | Sequence[Shape],
+        *,
+        exits: Mapping[str, Shape] | Iterable[Shape] | Shape = (),
+        obstacles: Iterable[Shape] | BaseGeometry = (),
+        thin_walls: Iterable[Shape] | BaseGeometry = (),
+        regions: Mapping[str, Shape] | None = None,
+        doors: Mapping[str, Shape] | None = None,
+    ) -> "Geometry":
+        """Return the geometry of an area.
+
+        Parameters
+        ----------
+        walkable
+            Polygon with holes, several of them (united), WKT, or (K, 2) corners [m].  Parts less than 1 cm apart are joined;
+            parts that have no exit are left out.
+        exits
+            Name -> exit, or exits alone (then called ``exit-0`` ...).  A line or (2, 2) segment [m] along the boundary opens
+            it there; a polygon is cut out of the area and its border with the area becomes the exit.  Either may lie up to
+            0.3 m, the thickness of a wall, off the boundary, and is moved onto it.
+        obstacles
+            Areas cut out of the walkable area.
+        thin_walls
+            Lines inside the area that are walls without thickness.
+        regions
+            Name -> area that overlaps the walkable area.
+        doors
+            Name -> what can be closed: the name of an exit, or a line across a passage inside the area.
+
+        Raises
+        ------
+        ValueError
+            In one sentence, for any of these that is malformed or in the wrong place.
+
+        Warns
+        -----
+        UserWarning
+            If parts are joined or left out, or an exit is moved by more than 1 cm.
+        """
+        regions = table("regions", {} if regions is None else regions, "names and areas")
+        doors = table("doors", {} if doors is None else doors, "names and lines")
+        area = join_near_parts(read_area(walkable, "walkable area"), "walkable area")
+        area = _without_obstacles(area, read_areas(obstacles, "obstacle"))
+        shapes = read_exits(exits)
+        area = _without_exit_areas(
+            area, {name: s for name, s in shapes.items() if isinstance(s, Polygon | MultiPolygon)}
+        )
+        walls, exit_rows, exit_names = open_boundary(area, shapes)
+        area, left_out = split_by_exits(area, exit_rows)
+        if left_out:
+            say_left_out(left_out)
+            with warnings.catch_warnings():  # what it has to say has been said
+                warnings.simplefilter("ignore")
+                walls, exit_rows, exit_names = open_boundary(area, shapes)
+        thin = _thin_walls(area, left_out, read_lines(thin_walls, "thin wall"))
+        leaves, door_of_leaf, exits_of_door = read_doors(doors or {}, area, thin, exit_rows, exit_names)
+        fixed = len(walls) + len(thin)
+        return cls(
+            walkable=area,
+            walls=np.concatenate([walls, thin, leaves]),
+            two_sided=np.arange(fixed + len(leaves)) >= len(walls),
+            exits=exit_rows,
+            exit_names=exit_names,
+            regions=_regions(area, left_out, regions or {}, shapes),
+            doors=tuple(doors or {}),
+            door_of_wall=np.concatenate([np.full(fixed, -1, dtype=np.int64), door_of_leaf]),
+            exits_of_door=exits_of_door,
+            left_out=tuple(left_out),
+        )
+
+    @classmethod
+    def from_wkt(
+        cls,
+        text: str,
+        *,
+        exits: Mapping[str, Shape] | Iterable[Shape] | Shape = (),
+        obstacles: Iterable[Shape] | BaseGeometry = (),
+        thin_walls: Iterable[Shape] | BaseGeometry = (),
+        regions: Mapping[str, Shape] | None = None,
+        doors: Mapping[str, Shape] | None = None,
+    ) -> "Geometry":
+        """Return the geometry whose walkable area is the WKT ``text``; the rest as in `from_polygon`."""
+        walkable = from_wkt(require_text("walkable area", text, "well-known text (WKT)"), "walkable area")
+        return cls.from_polygon(
+            walkable, exits=exits, obstacles=obstacles, thin_walls=thin_walls, regions=regions, doors=doors
+        )
+
+    def without_closed_off(self, radius: float, exits: Iterable[Shape]) -> "Geometry":
+        """Return the place without what a body of ``radius`` [m] cannot leave through any passage, with a note.
+
+        It is made anew with ``exits``, as in `from_polygon`; walls inside, regions and doors it must not have.
+        """
+        lost = closed_off(self.walkable, self.exits, radius)
+        if not lost:
+            return self
+        say_left_out(lost)
+        with warnings.catch_warnings():  # what there is to say has been said
+            warnings.simplefilter("ignore")
+            rest = Geometry.from_polygon(shapely.difference(self.walkable, shapely.union_all(lost)), exits=exits)
+        return replace(rest, left_out=(*self.left_out, *lost))
+
+    def walls_when(self, closed: Collection[str] = ()) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the walls (W, 2, 2) and which are two-sided (W,) while these doors are closed and all others open."""
+        numbers = [-1, *(k for k, name in enumerate(self.doors) if name in closed)]
+        stands = np.isin(self.door_of_wall, numbers)
+        return self.walls[stands], self.two_sided[stands]
+
+    @cached_property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The bounding box (min x, min y, max x, max y) of the walkable area [m]."""
+        return self.walkable.bounds
+
+    @cached_property
+    def area(self) -> float:
+        """The walkable area [m^2]."""
+        return float(self.walkable.area)
+
+    @cached_property
+    def boundary(self) -> Boundary:
+        """The arrays that kernels read, for this geometry alone (G = 1)."""
+        corner, start, rows = _corners(self.walls)
+        return Boundary(
+            wall=self.walls,
+            depth=solid_depth(self.walls, self.walkable),
+            two_sided=self.two_sided,
+            wall_door=self.door_of_wall,
+            wall_start=np.array([0, len(self.walls)], dtype=np.int64),
+            corner=corner,
+            corner_door=_doors_of_corners(self.door_of_wall, start, rows),
+            corner_start=np.array([0, len(corner)], dtype=np.int64),
+            corner_wall_start=start,
+            corner_wall=rows,
+            exit=self.exits,
+            exit_start=np.array([0, len(self.exits)], dtype=np.int64),
+        )
+
+    @cached_property
+    def _wall_tree(self) -> shapely.STRtree:
+        return shapely.STRtree(shapely.linestrings(self.walls))
+
+    def contains(self, points: ArrayLike, region: str | None = None) -> NDArray[np.bool_]:
+        """Return (K,) whether each of ``points`` (K, 2) [m] lies in the walkable area (or a region) or on its border."""
+        x, y = np.asarray(points, dtype=np.float64).reshape(-1, 2).T
+        area = self.walkable if region is None else self.regions[region]
+        shapely.prepare(area)
+        return np.asarray(shapely.intersects_xy(area, x, y))
+
+    def is_left_out(self, point: ArrayLike) -> bool:
+        """Return whether a point (2,) [m] lies in a part of the plan that was left out because it has no exit."""
+        at = shapely.Point(np.asarray(point, dtype=np.float64))
+        return any(shapely.intersects(part, at) for part in self.left_out)
+
+    def area_of(self, region: str | None = None) -> float:
+        """Return the walkable area [m^2], of a region if one is named."""
+        return self.area if region is None else float(shapely.intersection(self.walkable, self.regions[region]).area)
+
+    def nearest_exit(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return (K,) the row of ``exits`` nearest in a straight line to each of ``points`` (K, 2)."""
+        lines = shapely.linestrings(self.exits)
+        xy = shapely.points(np.asarray(points, dtype=np.float64).reshape(-1, 2))
+        return np.argmin(shapely.distance(xy[:, None], lines[None, :]), axis=1).astype(np.int64)
+
+    def clearance(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return (K,) the distance [m] from each of ``points`` (K, 2) to the nearest wall; inf without walls."""
+        xy = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        if not len(self.walls) or not len(xy):
+            return np.full(len(xy), np.inf)
+        _, distance = self._wall_tree.query_nearest(shapely.points(xy), return_distance=True, all_matches=False)
+        return np.asarray(distance)
+
+
+def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:
+    """Return the boundaries of ``geometries`` one behind the other, as one batch reads them."""
+    parts = [geometry.boundary for geometry in geometries]
+
+    def starts(counts: list[int]) -> NDArray[np.int64]:
+        return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+    wall_start = starts([len(part.wall) for part in parts])
+    link_start = starts([len(part.corner_wall) for part in parts])
+    link_starts = [part.corner_wall_start[:-1] + offset for part, offset in zip(parts, link_start, strict=False)]
+    corner_wall = [part.corner_wall + offset for part, offset in zip(parts, wall_start, strict=False)]
+    return Boundary(
+        wall=np.concatenate([np.empty((0, 2, 2)), *(part.wall for part in parts)]),
+        depth=np.concatenate([np.empty(0), *(part.depth for part in parts)]),
+        two_sided=np.concatenate([np.empty(0, dtype=bool), *(part.two_sided for part in parts)]),
+        wall_door=np.concatenate([np.empty(0, dtype=np.int64), *(part.wall_door for part in parts)]),
+        wall_start=wall_start,
+        corner=np.concatenate([np.empty((0, 2)), *(part.corner for part in parts)]),
+        corner_door=np.concatenate([np.empty(0, dtype=np.int64), *(part.corner_door for part in parts)]),
+        corner_start=starts([len(part.corner) for part in parts]),
+        corner_wall_start=np.concatenate([*link_starts, link_start[-1:]]).astype(np.int64),
+        corner_wall=np.concatenate([np.empty(0, dtype=np.int64), *corner_wall]),
+        exit=np.concatenate([np.empty((0, 2, 2)), *(part.exit for part in parts)]),
+        exit_start=starts([len(part.exit) for part in parts]),
+    )
+
+
+def _without_obstacles(area: Area, obstacles: list[Area]) -> Area:
+    for number, obstacle in enumerate(obstacles):
+        if not shapely.intersects(area, obstacle):
+            at = place(shapely.get_coordinates(obstacle.representative_point())[0])
+            raise ValueError(f"obstacle {number} around {at} lies outside of the walkable area; it must overlap it")
+    return _difference(area, obstacles, "the obstacles leave no walkable area")
+
+
+def _without_exit_areas(area: Area, polygons: Mapping[str, Area]) -> Area:
+    names = list(polygons)
+    for i, name in enumerate(names):
+        for other in names[:i]:
+            common = shapely.intersection(polygons[name], polygons[other])
+            if common.area > SLIVER:
+                at = place(shapely.get_coordinates(common.representative_point())[0])
+                raise ValueError(f"exits {other!r} and {name!r} overlap at {at}; exits must be apart")
+    return _difference(area, list(polygons.values()), "the exits leave no walkable area")
+
+
+def _difference(area: Area, holes: list[Area], error: str) -> Area:
+    if not holes:
+        return area
+    rest = shapely.difference(area, shapely.union_all(holes))
+    parts = [p for p in shapely.get_parts(rest) if p.geom_type == "Polygon" and p.area > SLIVER]
+    if not parts:
+        raise ValueError(error)
+    return parts[0] if len(parts) == 1 else MultiPolygon(parts)
+
+
+def _thin_walls(area: Area, left_out: list[Polygon], lines: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    segments = [np.empty((0, 2, 2))]
+    for number, line in enumerate(lines):
+        if left_out and not shapely.intersects(area, shapely.LineString(line)):
+            continue
+        outside = shapely.difference(shapely.LineString(line), shapely.buffer(area, SLIVER))
+        if not outside.is_empty:
+            at = place(shapely.get_coordinates(outside)[-1])
+            raise ValueError(f"thin wall {number} leaves the walkable area at {at}; it must lie inside")
+        ends = np.stack([line[:-1], line[1:]], axis=1)
+        segments.append(ends[np.hypot(*(ends[:, 1] - ends[:, 0]).T) > SLIVER])
+        if not len(segments[-1]):
+            raise ValueError(f"thin wall {number} at {place(line[0])} has no length; it needs two different points")
+    return np.concatenate(segments)
+
+
+def _regions(
+    area: Area, left_out: list[Polygon], regions: Mapping[str, Shape], exits: Mapping[str, BaseGeometry]
+) -> dict[str, Area]:
+    shapes = {}
+    for name, thing in regions.items():
+        if name in exits:
+            raise ValueError(f"region {name!r} has the name of an exit; names of regions and exits must differ")
+        shape = read_area(thing, f"region {name!r}")
+        if shapely.intersection(area, shape).area <= SLIVER:
+            at = place(shapely.get_coordinates(shape.representative_point())[0])
+            if is_within(shape, left_out):
+                raise ValueError(f"region {name!r} around {at} lies in a part that no exit reaches; open an exit there")
+            raise ValueError(f"region {name!r} around {at} lies outside of the walkable area; it must overlap it")
+        shapes[name] = shape
+    return shapes
+
+
+def _corners(walls: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the distinct ends (V, 2) of ``walls`` and, as compressed rows (V+1,), (2W,), the walls that end at each."""
+    ends = walls.reshape(-1, 2)
+    if not len(ends):
+        return np.empty((0, 2)), np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.int64)
+    points = shapely.points(ends)
+    end, twin = shapely.STRtree(points).query(points, predicate="dwithin", distance=_SAME)
+    first = np.arange(len(ends))
+    np.minimum.at(first, end, twin)  # an end is called by the first end at its place
+    distinct, corner_of_end = np.unique(first, return_inverse=True)
+    order = np.argsort(corner_of_end, kind="stable")
+    start = np.concatenate([[0], np.cumsum(np.bincount(corner_of_end, minlength=len(distinct)))])
+    return ends[distinct].copy(), start.astype(np.int64), (order // 2).astype(np.int64)
+
+
+def _doors_of_corners(
+    door_of_wall: NDArray[np.int64], start: NDArray[np.int64], rows: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the door (V,) that each corner belongs to: a leaf shares its ends with nothing that stands for good."""
+    if len(start) < 2:
+        return np.empty(0, dtype=np.int64)
+    return np.asarray(np.maximum.reduceat(door_of_wall[rows], start[:-1]), dtype=np.int64)

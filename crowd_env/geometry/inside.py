@@ -1,0 +1,143 @@
+"""Who stands in the walkable area, by position alone: a compiled test over many crowds that knows nothing of contacts.
+
+A point is inside if the ray from it to the right crosses the border of the area an odd number of times.  The edges are kept in
+horizontal rows, so that a point looks only at those at its own height.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowd_env._kernels.jit import index, kernel
+from crowd_env.geometry.parsing import Area
+from crowd_env.state import Bools, Floats, Ints
+
+_FEWEST_ROWS, _MOST_ROWS = 8, 1024
+_ROUNDING = 1e-6  # m; a stretch ends so far before an edge
+
+
+class Border(NamedTuple):
+    """The border of G walkable areas as edges in rows, those of one area behind those of another."""
+
+    bottom: Floats  # (G,)    m   where the first row begins
+    per_height: Floats  # (G,)    1/m rows a metre
+    row_start: Ints  # (G+1,)  first row of each area
+    edge_start: Ints  # (R+1,)  first edge of each row
+    low: Floats  # (M,)    m   lower and upper end of an edge
+    high: Floats  # (M,)    m
+    x: Floats  # (M,)    m   at the lower end
+    slope: Floats  # (M,)        dx / dy
+    clear: Floats  # (R, 2)  m   widest stretch of each row that no edge comes into, and that is inside
+
+
+def border_of(areas: Sequence[Area]) -> Border:
+    """Return the border of ``areas``, as `mark_outside` reads it."""
+    parts = [_rows_of(area) for area in areas]
+    row_start = np.concatenate([[0], np.cumsum([len(part.edge_start) - 1 for part in parts])])
+    offsets = np.concatenate([[0], np.cumsum([len(part.low) for part in parts])])
+    starts = [part.edge_start[:-1] + offset for part, offset in zip(parts, offsets, strict=False)]
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in Border._fields}
+    columns["row_start"] = row_start.astype(np.int64)
+    columns["edge_start"] = np.concatenate([*starts, offsets[-1:]]).astype(np.int64)
+    return Border(**columns)
+
+
+def _rows_of(area: Area) -> Border:
+    """Return the border of one area."""
+    points, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts(area)), return_index=True)
+    same = ring[:-1] == ring[1:]
+    edges = np.stack([points[:-1][same], points[1:][same]], axis=1)
+    falling = edges[:, 0, 1] > edges[:, 1, 1]
+    edges[falling] = edges[falling, ::-1]
+    bottom, top = float(points[:, 1].min()), float(points[:, 1].max())
+    rows = min(max(len(edges), _FEWEST_ROWS), _MOST_ROWS)
+    per_height = rows / (top - bottom)
+    start, edge = _by_row(edges, bottom, per_height, rows)
+    clear = [_clear(edges[edge[start[r] : start[r + 1]]], bottom, per_height, r) for r in range(rows)]
+    upright = edges[edges[:, 0, 1] < edges[:, 1, 1]]  # a ray to the right crosses no other
+    start, edge = _by_row(upright, bottom, per_height, rows)
+    low, high = upright[edge, 0], upright[edge, 1]
+    return Border(
+        bottom=np.array([bottom]),
+        per_height=np.array([per_height]),
+        row_start=np.zeros(0, dtype=np.int64),
+        edge_start=start,
+        low=low[:, 1].copy(),
+        high=high[:, 1].copy(),
+        x=low[:, 0].copy(),
+        slope=(high[:, 0] - low[:, 0]) / (high[:, 1] - low[:, 1]),
+        clear=np.array(clear),
+    )
+
+
+def _by_row(edges: Floats, bottom: float, per_height: float, rows: int) -> tuple[Ints, Ints]:
+    """Return, as compressed rows (R+1,) and (M,), the edges that come into each row."""
+    first, last = (_row(edges[:, k, 1], bottom, per_height, rows) for k in (0, 1))
+    count = last - first + 1
+    edge = np.repeat(np.arange(len(edges)), count)
+    row = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + first[edge]
+    start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=rows))])
+    return start.astype(np.int64), edge[np.argsort(row, kind="stable")]
+
+
+def _row(y: Floats, bottom: float, per_height: float, rows: int) -> NDArray[np.int64]:
+    """Return the rows of the heights ``y``: the same expression as in `mark_outside`."""
+    return np.minimum(((y - bottom) * per_height).astype(np.int64), rows - 1)
+
+
+def _clear(edges: Floats, bottom: float, per_height: float, row: int) -> tuple[float, float]:
+    """Return the widest stretch of a row that no edge comes into and that is inside; empty if there is none."""
+    below, above = (bottom + (row + k) / per_height for k in (0, 1))
+    a, b = edges[:, 0], edges[:, 1]
+    comes_in = (b[:, 1] > below + _ROUNDING) & (
+        a[:, 1] < above - _ROUNDING
+    )  # not one that lies along the end of the row
+    a, b = a[comes_in], b[comes_in]
+    rise = np.maximum(b[:, 1] - a[:, 1], 1e-300)  # of a level edge both ends count as they are
+    ends = [
+        np.where(
+            b[:, 1] > a[:, 1], a[:, 0] + (np.clip(y, a[:, 1], b[:, 1]) - a[:, 1]) / rise * (b[:, 0] - a[:, 0]), end
+        )
+        for y, end in ((below, a[:, 0]), (above, b[:, 0]))
+    ]
+    left, right = np.minimum(*ends), np.maximum(*ends)
+    order = np.argsort(left)
+    start, stop = np.maximum.accumulate(right[order])[:-1] + _ROUNDING, left[order][1:] - _ROUNDING
+    height, middle = 0.5 * (below + above), 0.5 * (start + stop)
+    at_height = (a[:, 1] <= height) & (height < b[:, 1])
+    x = a[:, 0] + (height - a[:, 1]) / rise * (b[:, 0] - a[:, 0])
+    beyond = (at_height & (middle[:, None] < x)).sum(axis=1)
+    width = np.where(beyond % 2 == 1, stop - start, -1.0)
+    if not len(width) or width.max() <= 0.0:
+        return 0.0, 0.0
+    k = int(np.argmax(width))
+    return float(start[k]), float(stop[k])
+
+
+@kernel
+def mark_outside(
+    border: Border, geometry_of_env: Ints, env_start: Ints, active: Bools, position: Floats, outside: Bools
+) -> None:
+    """Set ``outside`` (P,) of whoever is active and not in the walkable area; nobody's is cleared."""
+    low, high, x_low, slope = border.low, border.high, border.x, border.slope
+    edge_start, clear = border.edge_start, border.clear
+    for e in range(len(geometry_of_env)):
+        g = geometry_of_env[e]
+        bottom, per_height = border.bottom[g], border.per_height[g]
+        first_row, rows = border.row_start[g], border.row_start[g + 1] - border.row_start[g]
+        for i in range(index(env_start[e]), index(env_start[e + 1])):
+            if not active[i]:
+                continue
+            x, y, crossings = position[i, 0], position[i, 1], 0
+            part = (y - bottom) * per_height
+            if part >= 0.0 and part <= rows:  # false for nan
+                row = first_row + min(int(part), rows - 1)
+                if clear[row, 0] < x < clear[row, 1]:
+                    continue
+                for m in range(index(edge_start[row]), index(edge_start[row + 1])):
+                    crossings += (low[m] <= y) & (y < high[m]) & (x < x_low[m] + (y - low[m]) * slope[m])
+            if crossings & 1 == 0:
+                outside[i] = True

@@ -1,0 +1,221 @@
+"""What a user may write for a place, read into valid shapely shapes or refused in one sentence.
+
+Areas are polygons with holes, several of them, well-known text (WKT) or corner coordinates; exits are lines or polygons.
+"""
+
+import re
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry import LineString, MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from crowd_env.files.foreign import foreign_kind
+
+Area: TypeAlias = Polygon | MultiPolygon
+Shape: TypeAlias = BaseGeometry | str | ArrayLike
+"""A shapely geometry, its WKT, or (K, 2) coordinates [m]."""
+
+_MIN_AREA = 1e-9  # m^2
+_MIN_EXIT = 0.02  # m; below this an exit is a slip of the pen (and could not be told from the snap tolerance)
+_LINES = ("LineString", "LinearRing", "MultiLineString")
+_POLYGONS = ("Polygon", "MultiPolygon")
+_NOT_FINITE = " has a coordinate that is not finite; all must be numbers in metres"
+_SRID = re.compile(r"(?:SRID\s*=\s*(\d+)\s*;\s*)?(.*)", re.IGNORECASE | re.DOTALL)
+_CURVED = re.compile(r"\b(CURVEPOLYGON|COMPOUNDCURVE|CIRCULARSTRING|MULTISURFACE|MULTICURVE)\b", re.IGNORECASE)
+_EXIT_FORMS = "'x1,y1,x2,y2' in metres, 'LINESTRING (x1 y1, x2 y2)' or 'POLYGON ((...))'"
+
+
+def place(point: ArrayLike) -> str:
+    """Return ``point`` (2,) as text for messages."""
+    x, y = np.asarray(point, dtype=float)
+    return f"({x:.6g}, {y:.6g})"
+
+
+def from_wkt(text: str, what: str) -> BaseGeometry:
+    """Return the shape written in ``text``; ``what`` names it in errors.
+
+    Raises
+    ------
+    ValueError
+        If the text is not well-known text.
+    """
+    srid, body = _SRID.match(text.lstrip("\ufeff \t\r\n")).groups()  # type: ignore[union-attr]  # matches anything
+    if srid in ("4326", "4258"):
+        raise ValueError(f"{what} is in degrees (SRID {srid}); project it to metres first")
+    curved = _CURVED.search(body)
+    if curved:
+        raise ValueError(
+            f"{what} is a {curved[0].upper()}; curves are not read, write them as many short straight lines"
+        )
+    kind = foreign_kind(body[:4096].encode())
+    form = "well-known text (WKT), e.g. 'POLYGON ((0 0, 5 0, 5 5, 0 5, 0 0))'"
+    if kind is not None:
+        raise ValueError(f"{what} is {kind}, not {form}")
+    try:
+        with np.errstate(invalid="ignore"):  # what is not finite is named by those who read the shape
+            return shapely.from_wkt(body)
+    except (shapely.errors.ShapelyError, NotImplementedError) as error:
+        raise ValueError(
+            f"{what} is not {form}: {' '.join(str(error).split()) or 'of a kind that is not read'}"
+        ) from None
+
+
+def read_area(thing: Shape | Sequence[Shape], what: str) -> Area:
+    """Return ``thing`` as one valid polygon or several; touching and overlapping parts are united.
+
+    Raises
+    ------
+    ValueError
+        If it is no area, encloses nothing, crosses itself or holds a coordinate that is not finite.
+    """
+    shape = _shape(thing, what, Polygon)
+    parts = _polygon_parts(shape, what)
+    for part in parts:
+        _require_finite(part, what)
+        if not part.is_valid and shapely.convex_hull(part).area > _MIN_AREA:
+            problem, _, at = shapely.is_valid_reason(part).partition("[")
+            spot = place([float(c) for c in at.rstrip("]").split()[:2]])
+            raise ValueError(f"{what} is not a valid polygon: {problem.lower()} at {spot}; its rings may not cross")
+    parts = [part for part in parts if part.is_valid and part.area > _MIN_AREA]
+    if not parts:
+        raise ValueError(f"{what} encloses no area; it needs a polygon of at least three corners not in one line")
+    united = shapely.union_all(parts)
+    assert isinstance(united, Polygon | MultiPolygon)  # a union of areas
+    return united
+
+
+def read_areas(things: Iterable[Shape] | BaseGeometry, what: str) -> list[Area]:
+    """Return every one of ``things`` (or the one shape) as an area."""
+    return [read_area(thing, f"{what} {number}") for number, thing in enumerate(as_list(things, f"{what}s"))]
+
+
+def read_lines(things: Iterable[Shape] | BaseGeometry, what: str) -> list[NDArray[np.float64]]:
+    """Return the (K, 2) coordinates of every line of ``things`` (or of the one shape)."""
+    lines = []
+    for number, thing in enumerate(as_list(things, f"{what}s")):
+        name = f"{what} {number}"
+        shape = _shape(thing, name, LineString)
+        if shape.geom_type not in _LINES:
+            raise ValueError(f"{name} is a {shape.geom_type}; it must be a LineString or (K, 2) coordinates")
+        _require_finite(shape, name)
+        lines += [shapely.get_coordinates(part) for part in shapely.get_parts(shape)]
+    return lines
+
+
+def as_list(things: Any, what: str) -> list[Any]:
+    """Return ``things`` as a list; a single shape, text or (K, 2) array of coordinates counts as one thing."""
+    if isinstance(things, BaseGeometry | str) or _is_coordinates(things):
+        return [things]
+    if not isinstance(things, Iterable):
+        raise ValueError(f"{what} must be a list of shapes, not a {type(things).__name__}")
+    return list(things)
+
+
+def read_exits(exits: Mapping[str, Shape] | Iterable[Shape] | Shape) -> dict[str, BaseGeometry]:
+    """Return name -> line or polygon; exits without names are called ``exit-0``, ``exit-1`` ...
+
+    Raises
+    ------
+    ValueError
+        If an exit is neither a line nor a polygon, is shorter than 2 cm or holds a coordinate that is not finite.
+    """
+    if isinstance(exits, Mapping):
+        named = exits
+    else:
+        named = {f"exit-{number}": thing for number, thing in enumerate(as_list(exits, "exits"))}
+    shapes = {}
+    for name, thing in named.items():
+        what = f"exit {name!r}"
+        shape = parse_exit(thing) if isinstance(thing, str) else _shape(thing, what, LineString)
+        _require_finite(shape, what)
+        if shape.geom_type in _POLYGONS:
+            shape = read_area(shape, what)
+        elif shape.geom_type not in _LINES:
+            raise ValueError(f"{what} is a {shape.geom_type}; it must be a line on the boundary or a polygon")
+        elif shape.length < _MIN_EXIT:
+            at = place(shapely.get_coordinates(shape)[0])
+            raise ValueError(f"{what} at {at} has length {shape.length:.3g} m; it must be at least {_MIN_EXIT} m long")
+        shapes[str(name)] = shape
+    return shapes
+
+
+def parse_exit(text: str) -> BaseGeometry:
+    """Return the exit written in ``text``: ``x1,y1,x2,y2`` [m], ``LINESTRING (...)`` or ``POLYGON (...)``.
+
+    Raises
+    ------
+    ValueError
+        If the text has none of these forms.
+    """
+    if text.strip()[:1].isalpha():
+        shape = from_wkt(text, f"exit {text!r}")
+        if shape.geom_type not in _LINES + _POLYGONS:
+            raise ValueError(f"exit {text!r} is a {shape.geom_type}; it must be {_EXIT_FORMS}")
+        return shapely.force_2d(shape)
+    try:
+        x1, y1, x2, y2 = (float(number) for number in text.split(","))
+    except ValueError:
+        raise ValueError(f"exit {text!r} is not understood; it must be {_EXIT_FORMS}") from None
+    return LineString([(x1, y1), (x2, y2)])
+
+
+def _require_finite(shape: BaseGeometry, what: str) -> None:
+    if not np.isfinite(shapely.get_coordinates(shape)).all():
+        raise ValueError(f"{what}{_NOT_FINITE}")
+
+
+def _is_coordinates(thing: Any) -> bool:
+    try:
+        return np.asarray(thing, dtype=float).ndim == 2
+    except (TypeError, ValueError):
+        return False
+
+
+def _shape(thing: Any, what: str, kind: type[Polygon] | type[LineString]) -> BaseGeometry:
+    """Return ``thing`` as a flat shapely geometry; coordinates become a ``kind``."""
+    if isinstance(thing, BaseGeometry):
+        return shapely.force_2d(thing)
+    if isinstance(thing, str):
+        return shapely.force_2d(from_wkt(thing, what))
+    if _is_coordinates(thing):
+        coordinates = np.asarray(thing, dtype=float)
+        least = 3 if kind is Polygon else 2
+        if coordinates.shape[1] != 2 or len(coordinates) < least:
+            raise ValueError(
+                f"{what} has coordinates of shape {coordinates.shape}; they must be (K, 2) with K >= {least}"
+            )
+        if not np.isfinite(coordinates).all():
+            raise ValueError(f"{what}{_NOT_FINITE}")
+        return kind(coordinates)
+    if kind is Polygon and isinstance(thing, Sequence | np.ndarray):
+        return shapely.GeometryCollection([_shape(part, f"part {i} of {what}", kind) for i, part in enumerate(thing)])
+    raise ValueError(f"{what} is a {type(thing).__name__}; it must be a shapely geometry, WKT or (K, 2) coordinates")
+
+
+def _polygon_parts(shape: BaseGeometry, what: str) -> list[Polygon]:
+    """Return the polygons of a shape; points and lines that stand beside polygons in a collection are left out."""
+    allowed = "a POLYGON, a MULTIPOLYGON or a GEOMETRYCOLLECTION of them"
+    parts = _flat(shape)
+    polygons = [part for part in parts if part.geom_type == "Polygon"]
+    if parts and not polygons:
+        within, kind = (
+            ("a part of ", parts[0].geom_type) if shape.geom_type == "GeometryCollection" else ("", shape.geom_type)
+        )
+        raise ValueError(f"{within}{what} is a {kind}; it must be {allowed}")
+    if len(polygons) < len(parts):
+        kinds = sorted({part.geom_type for part in parts if part.geom_type != "Polygon"})
+        left_out = len(parts) - len(polygons)
+        warnings.warn(f"{what}: {left_out} parts that enclose nothing are left out ({', '.join(kinds)})", stacklevel=4)
+    return polygons
+
+
+def _flat(shape: BaseGeometry) -> list[BaseGeometry]:
+    """Return the parts of a shape, and their parts."""
+    if shape.geom_type != "GeometryCollection" and not shape.geom_type.startswith("Multi"):
+        return [shape]
+    return [one for part in shapely.get_parts(shape) for one in _flat(part)]

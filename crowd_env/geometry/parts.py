@@ -1,0 +1,107 @@
+"""The parts of an area: those that were meant to touch are joined, those that no exit reaches are left out.
+
+A note (a warning) says so each time: nothing that is drawn disappears without a word.
+"""
+
+import warnings
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon, Polygon
+
+from crowd_env.geometry.parsing import Area, place
+
+GAP = 0.01  # m; parts nearer to each other than this were meant to touch
+_INTO = 1e-6  # m; how far a corner is moved into the other part, so that the two overlap
+
+
+def join_near_parts(area: Area, what: str) -> Area:
+    """Return ``area`` with parts joined that lie less than 1 cm apart: their corners there are moved onto the other part."""
+    parts = list(shapely.get_parts(area))
+    if len(parts) < 2:
+        return area
+    tree = shapely.STRtree(parts)
+    first, second = tree.query(parts, predicate="dwithin", distance=GAP)
+    near = [(int(i), int(j)) for i, j in zip(first, second, strict=True) if i != j]
+    moved = list(parts)
+    for i, j in near:
+        closer = _onto(moved[i], parts[j])
+        if closer.is_valid and closer.area > 0:
+            moved[i] = closer
+    joined = shapely.union_all(moved) if near else area
+    assert isinstance(joined, Polygon | MultiPolygon)
+    missing = len(parts) - len(shapely.get_parts(joined))
+    if missing <= 0:
+        return area
+    i, j = near[0]
+    gap = 1000 * shapely.distance(parts[i], parts[j])
+    at = place(shapely.get_coordinates(shapely.shortest_line(parts[i], parts[j]))[0])
+    warnings.warn(f"{what}: parts that lie less than 1 cm apart are joined, such as {gap:.2g} mm at {at}", stacklevel=4)
+    return joined
+
+
+def _onto(part: Polygon, other: Polygon) -> Polygon:
+    """Return ``part`` with its corners that lie near to ``other`` moved just into it."""
+
+    def move(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        away = shapely.distance(other, shapely.points(points))
+        points = points.copy()
+        for k in np.flatnonzero((away > 0) & (away <= GAP)):
+            target = shapely.get_coordinates(shapely.shortest_line(shapely.Point(points[k]), other))[1]
+            points[k] = target + _INTO * (target - points[k]) / away[k]
+        return points
+
+    return shapely.transform(part, move)
+
+
+def split_by_exits(area: Area, openings: NDArray[np.float64]) -> tuple[Area, list[Polygon]]:
+    """Return the parts of ``area`` that have an exit among ``openings`` (X, 2, 2), and those that have none."""
+    parts = list(shapely.get_parts(area))
+    if len(parts) < 2 or not len(openings):
+        return area, []
+    middles = shapely.points(openings.mean(axis=1))
+    reached = np.zeros(len(parts), dtype=bool)
+    reached[shapely.STRtree(parts).query_nearest(middles, all_matches=True)[1]] = True
+    kept = [part for part, has in zip(parts, reached, strict=True) if has]
+    if len(kept) == len(parts):
+        return area, []
+    return (kept[0] if len(kept) == 1 else MultiPolygon(kept)), [
+        part for part, has in zip(parts, reached, strict=True) if not has
+    ]
+
+
+def closed_off(area: Area, openings: NDArray[np.float64], radius: float) -> list[Polygon]:
+    """Return the parts of ``area`` from which a disc of ``radius`` [m] gets to none of the exits ``openings`` (X, 2, 2).
+
+    Only passages clearly too narrow count, by a tenth; what is in between is left to the grid of ways.
+    """
+    narrow = 0.9 * radius
+    centres = list(shapely.get_parts(shapely.buffer(area, -narrow)))
+    if len(centres) < 2:
+        return []
+    near = shapely.STRtree(centres).query(
+        shapely.linestrings(openings), predicate="dwithin", distance=narrow * (1.0 + 1e-6) + GAP
+    )[1]
+    lost = [centre for k, centre in enumerate(centres) if k not in set(near.tolist())]
+    if not lost or len(lost) == len(centres):
+        return []
+    around = shapely.intersection(shapely.buffer(shapely.union_all(lost), narrow), area)
+    return [part for part in shapely.get_parts(around) if part.geom_type == "Polygon" and part.area > np.pi * radius**2]
+
+
+def say_left_out(parts: Sequence[Polygon]) -> None:
+    """Warn that no exit can be reached from these parts."""
+    largest = max(parts, key=lambda part: part.area)
+    total = sum(part.area for part in parts)
+    where = place(shapely.get_coordinates(largest.representative_point())[0])
+    what = "a part" if len(parts) == 1 else f"{len(parts)} parts"
+    around = f"{'' if len(parts) == 1 else 'in all, the largest '}around {where}"
+    text = f"no exit can be reached from {what} of {total:.3g} m2 {around}: left out"
+    warnings.warn(text, stacklevel=4)
+
+
+def is_within(shape: Area, parts: Iterable[Polygon]) -> bool:
+    """Return whether a shape lies in one of these parts, at least with a piece of it."""
+    return any(shapely.intersection(shape, part).area > 0 for part in parts)

@@ -1,0 +1,1 @@
+"""Lists of neighbors: what they hold, and when they are made anew."""

@@ -1,0 +1,210 @@
+"""Social force: people keep their distance before they touch; available to every scheme.
+
+    f_i = A exp(-D / B) (1 + phi cos beta_i) n        on i, along n away from the other
+    cos beta_i                                         between the desired direction of i and the direction to the other
+
+Lin, Ma, Lo (eq 2) write it so: phi > 0 makes whoever stands in front count for more.  Helbing's form, eq 12 of
+Pécol et al. 2011,
+    f_i = A exp(-D / B) (Lambda + (1 - Lambda) (1 + cos beta_i) / 2) n
+is the same with strength A (1 + Lambda) / 2 and phi = (1 - Lambda) / (1 + Lambda).  (The paper prints the unit vector that
+attracts; here it pushes apart.)
+
+The two of a pair look different ways, so the force of the one on the other is NOT minus the force of the other on the one.
+It acts in contact too, for any overlap.  Someone who wants to go nowhere has no front: cos beta is 0.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_table, known, number, refuse
+from crowd_env.physics.contacts import gap_to_feature
+from crowd_env.physics.workspace import Batch
+from crowd_env.state import Floats
+
+
+class SocialLaw(NamedTuple):
+    """A social force as kernels read it."""
+
+    strength: float
+    length: float
+    anisotropy: float
+    wall_strength: float
+    cutoff: float
+
+
+@dataclass(frozen=True)
+class SocialForce:
+    """Anisotropic, non-reciprocal repulsion at a distance.
+
+    Parameters
+    ----------
+    strength : N, ``A``: the force at zero distance from someone at the side.
+    length : m, ``B``: the distance over which it falls to 1/e.
+    anisotropy : ``phi``; at zero distance the force is A (1 + phi) from someone in front and A (1 - phi) from someone behind.
+    wall_strength : N, the same for walls; neither paper gives walls a social force, so 0 is the literal reading.
+    cutoff : m, distance beyond which nobody is noticed; at 8 lengths the force has fallen to 1/3000.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range.
+    """
+
+    strength: float = 300.0
+    length: float = 0.05
+    anisotropy: float = 0.3
+    wall_strength: float = 0.0
+    cutoff: float = 0.4
+
+    def __post_init__(self) -> None:
+        number("social force: anisotropy", self.anisotropy, Range(-1.0, 1.0), why="outside, the force would attract")
+        sizes = {"strength": NOT_NEGATIVE, "wall_strength": NOT_NEGATIVE, "length": POSITIVE, "cutoff": POSITIVE}
+        check_fields("social force", self, **sizes)
+
+    @staticmethod
+    def helbing(strength: float = 2000.0, length: float = 0.08, behind: float = 0.0) -> "SocialForce":
+        """Return Helbing's force, eq 12 and Table 6 of Pécol et al. 2011.
+
+        Parameters
+        ----------
+        strength : N, ``A_i``: the force at zero distance from someone straight ahead.
+        length : m, ``B_i``.
+        behind : ``Lambda_i``: share of it from someone straight behind, 0 to 1.
+        """
+        number("social force: length", length, POSITIVE)
+        number("social force: strength", strength, NOT_NEGATIVE)
+        number("social force: behind (Lambda)", behind, SHARE)
+        half = 0.5 * (1.0 + behind)
+        return SocialForce(strength * half, length, (1.0 - behind) / (1.0 + behind), cutoff=8.0 * length)
+
+    def law(self) -> SocialLaw:
+        """Return the force as kernels read it."""
+        return SocialLaw(self.strength, self.length, self.anisotropy, self.wall_strength, self.cutoff)
+
+
+# Name -> social force; what the command line knows.
+SOCIAL_FORCES: dict[str, SocialForce | None] = {
+    "none": None,
+    "helbing": SocialForce.helbing(),
+    "lin": SocialForce(),
+}
+
+
+def make_social(social: str | Mapping[str, Any] | SocialForce | None) -> SocialForce | None:
+    """Return a social force, one by its name, or the one of plain data such as ``{"strength": 300.0, "length": 0.05}``.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a name is unknown.
+    """
+    if isinstance(social, str):
+        return SOCIAL_FORCES[known("social force", social, SOCIAL_FORCES)]
+    if isinstance(social, Mapping):
+        return from_table("social force", SocialForce, social)
+    if social is not None and not isinstance(social, SocialForce):
+        refuse("social", social, f"a SocialForce, a table of its parameters, None or one of {', '.join(SOCIAL_FORCES)}")
+    return social
+
+
+_POWERS = 2.0 ** np.arange(-160.0, 161.0)
+
+
+@inner_kernel
+def _exp(x: float) -> float:
+    """Return exp(x) to a relative 1e-10, for |x| < 110; half the time of the library's, which is half of the whole force.
+
+    2^k times the Taylor series of what is left, at most ln 2 / 2, paired up so that the processor need not wait for each term.
+    """
+    x = min(max(x, -110.0), 110.0)
+    k = np.floor(x * 1.4426950408889634 + 0.5)
+    y = x - k * 0.6931471805599453
+    y2 = y * y
+    y4 = y2 * y2
+    low = (1.0 + y) + y2 * (0.5 + y * (1.0 / 6.0))
+    high = (1.0 / 24.0 + y * (1.0 / 120.0)) + y2 * (1.0 / 720.0 + y * (1.0 / 5040.0))
+    return _POWERS[index(k + 160.0)] * (low + y4 * (high + y4 * (1.0 / 40320.0 + y * (1.0 / 362880.0))))
+
+
+@inner_kernel
+def add_social_forces(e: int, last: int, batch: Batch, law: SocialLaw) -> None:
+    """Add the social forces [N] on those inside, whom `Memory.inside` lists up to place ``last``, to `Memory.force`.
+
+    The neighbour list must be complete up to the cut-off.  Distance and size are found for all pairs first, eight in one
+    instruction; then what they do to whom is added up in the order of the list.
+    """
+    near, inside, position, force = batch.memory.near, batch.memory.inside, batch.state.position, batch.memory.force
+    desired, heading = batch.memory.desired, batch.memory.heading
+    begin = batch.bodies.env_start[e]
+    for place in range(index(begin), index(last)):
+        i = inside[place]
+        x, y = desired[i, 0], desired[i, 1]
+        if heading[i, 2] != x or heading[i, 3] != y:  # seldom: a root and a division are dear
+            speed = np.sqrt(x * x + y * y)
+            share = law.anisotropy / speed if speed > 0.0 else 0.0
+            heading[i, 0], heading[i, 1], heading[i, 2], heading[i, 3] = share * x, share * y, x, y
+    noticed, hit, owner, partner = batch.memory.noticed, batch.memory.contacts.hit, near.owner, near.partner
+    sizes, normal_x, normal_y = noticed.size, noticed.x, noticed.y
+    pair, hits = index(near.entry_start[e]), _notice(e, batch, law.cutoff)
+    _repel(pair, hits, normal_x, normal_y, sizes, law.strength, law.cutoff, 1.0 / law.length)
+    wall, wall_end = index(near.pair_end[e]), index(near.wall_end[e])
+    for place in range(index(begin), index(last)):
+        i = inside[place]
+        ahead_x, ahead_y, total_x, total_y = heading[i, 0], heading[i, 1], 0.0, 0.0
+        while pair < hits and owner[hit[pair]] == i:
+            j, nx, ny, size = partner[hit[pair]], normal_x[pair], normal_y[pair], sizes[pair]
+            pair += index(1)
+            mine = size * (1.0 - (ahead_x * nx + ahead_y * ny))
+            other = size * (1.0 + (heading[j, 0] * nx + heading[j, 1] * ny))
+            total_x += mine * nx
+            total_y += mine * ny
+            force[j, 0] -= other * nx
+            force[j, 1] -= other * ny
+        while law.wall_strength > 0.0 and wall < wall_end and owner[wall] <= i:
+            if owner[wall] == i:
+                boundary, g, radius = batch.world.boundary, batch.world.geometry_of_env[e], batch.bodies.radius[i]
+                feature = np.int64(partner[wall])
+                gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius, boundary, g, feature)
+                if gap < law.cutoff:
+                    size = law.wall_strength * _exp(-gap * (1.0 / law.length)) * (1.0 - (ahead_x * nx + ahead_y * ny))
+                    total_x += size * nx
+                    total_y += size * ny
+            wall += index(1)
+        force[i, 0] += total_x
+        force[i, 1] += total_y
+
+
+@inner_kernel
+def _notice(e: int, batch: Batch, cutoff: float) -> Any:
+    """Write down the pairs nearer than ``cutoff``, without a branch; returns one past the last place.
+
+    The entries go to `Contacts.hit`, the way from the one to the other [m] to `Memory.noticed`, and to its ``size`` how far
+    apart their centres are at the cut-off.
+    """
+    near, hit, position, active = batch.memory.near, batch.memory.contacts.hit, batch.state.position, batch.state.active
+    owner, partner, touch, hits = near.owner, near.partner, near.touch, index(near.entry_start[e])
+    x, y, size = batch.memory.noticed.x, batch.memory.noticed.y, batch.memory.noticed.size
+    for entry in range(index(near.entry_start[e]), index(near.pair_end[e])):
+        i, j = owner[entry], partner[entry]
+        dx, dy, reach = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry] + cutoff
+        hit[hits], x[hits], y[hits], size[hits] = entry, dx, dy, reach
+        hits += index((dx * dx + dy * dy < reach * reach) & active[i] & active[j])
+    return hits
+
+
+@inner_kernel
+def _repel(
+    first: int, last: int, x: Floats, y: Floats, size: Floats, strength: float, cutoff: float, per_length: float
+) -> None:
+    """Make of ways and reaches unit vectors and the sizes [N] of isotropic forces."""
+    for pair in range(first, last):
+        dx, dy = x[pair], y[pair]
+        distance = np.sqrt(dx * dx + dy * dy)
+        per_distance = 1.0 / distance
+        size[pair] = strength * _exp((size[pair] - cutoff - distance) * per_length)
+        x[pair] = per_distance * dx if distance > 0.0 else 1.0
+        y[pair] = per_distance * dy if distance > 0.0 else 0.0

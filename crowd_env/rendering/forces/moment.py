@@ -1,0 +1,50 @@
+"""The contact forces of an evacuation at the moment that tells most, or at a given one."""
+
+import numpy as np
+
+from crowd_env.analysis.pressure import ContactForces, contact_forces, mean_contact_forces
+from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.physics import ContactScheme
+from crowd_env.scenarios.scenario import Scenario
+
+
+def forces_of_run(
+    scenario: Scenario, scheme: str | ContactScheme, *, seed: int = 0, dt: float | None = None, at: float | None = None
+) -> ContactForces:
+    """Return the mean contact forces of the last 0.1 s before ``at`` in the evacuation of one seed, all on the shortest path.
+
+    Parameters
+    ----------
+    at : s; default the end if the exits blocked, else the moment when people bear the largest forces in all.
+
+    Raises
+    ------
+    ValueError
+        If ``at`` is not positive or after the end of the evacuation.
+    """
+    if at is not None and not (np.isfinite(at) and at > 0):
+        raise ValueError(f"the moment of the forces is {at!r} s; it must be > 0 and finite")
+    env = CrowdEnv(scenario, scheme=scheme, dt=dt)
+    decisions = _most_telling(env, seed) if at is None else max(int(np.ceil(at / env.decision_dt - 1e-9)), 1)
+    env.reset([seed])
+    for _ in range(decisions - 1):
+        env.step(None)
+        if env.finished.all():
+            end = float(env.simulation.state.time[0])
+            raise ValueError(f"the evacuation was over after {end:.1f} s; there are no forces at {at:g} s")
+    samples = []
+    for _ in range(env.n_substeps):  # not by way of the environment, which takes people out when it is over
+        env.simulation.advance()
+        if env.simulation.inside[0] > 0:
+            samples.append(contact_forces(env.simulation))
+    return mean_contact_forces(samples or [contact_forces(env.simulation)])
+
+
+def _most_telling(env: CrowdEnv, seed: int) -> int:
+    """Return the number of decisions after which the forces are looked at."""
+    env.reset([seed])
+    borne = []
+    while not env.finished.all():
+        env.step(None)
+        borne.append(float(env.simulation.memory.crush.sum()))
+    return len(borne) if np.isfinite(env.metrics(0).blocked_since) else int(np.argmax(borne)) + 1

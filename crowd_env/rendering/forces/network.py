@@ -1,0 +1,235 @@
+"""The contact forces in a crowd as lines from body to body, as wide as the force is large: chains and arches come to light."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from crowd_env.analysis.pressure import ContactForces, contact_forces
+from crowd_env.files.atomic import check_suffix, written
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.rendering.canvas import hex_of
+from crowd_env.rendering.discs import put_discs
+from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, QUIET, RAMP, Colour
+from crowd_env.rendering.plan import Layout, draw_plan
+from crowd_env.rendering.text import Image
+from crowd_env.simulation.simulation import Simulation
+from crowd_env.state import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_DPI = 160
+_BIG = 9.0  # m, of a longer place only the surroundings of an exit are shown
+_AROUND = 3.5  # m
+_MARGIN = 0.35  # m, seen of the outside
+_WIDTH = 1280  # px, of the longer side of the picture
+_WALL = 0.12  # m, as drawn
+_HEADER, _FOOTER = 60, 84  # px
+_PERSON: Colour = (241, 244, 246)
+_RIM: Colour = (200, 206, 213)
+_RIM_WIDTH = 1.6  # px
+_WIDEST = 0.45  # of the width of the bodies: the line of the largest force
+
+
+def write_force_network(
+    path: str | Path,
+    crowd: Simulation | ContactForces,
+    *,
+    e: int = 0,
+    around: float | None = None,
+    full_force: float | None = None,
+    colour: bool = True,
+    title: str = "",
+) -> Path:
+    """Draw the normal contact forces as lines between the centres of touching people, and to walls; return the path.
+
+    The width of a line is proportional to the force.  `mean_contact_forces` shows the mean over several steps.
+
+    Parameters
+    ----------
+    path : ends in .png.
+    crowd : a simulation, after a step, or forces kept from one.
+    e : environment of the simulation.
+    around : m, how far around the exit at which people press most is shown; inf for the whole place.  Default 3.5 m, or the
+        whole place if its longer side is at most 9 m.
+    full_force : N, the force of the widest line; default the largest seen.  Give the same to pictures to be compared.
+    colour : give lines the colours of pressure too, from blue-grey (none) to red (``full_force``); else they are dark.
+    title : what is seen.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another, or ``around`` or ``full_force`` is not positive.
+    """
+    path = check_suffix(path, (".png",))
+    forces = contact_forces(crowd, e) if isinstance(crowd, Simulation) else crowd
+    figure = force_network_figure(forces, around=around, full_force=full_force, colour=colour, title=title)
+    with written(path) as part:
+        figure.savefig(part, format="png", dpi=_DPI)
+    return path
+
+
+def force_network_figure(
+    forces: ContactForces,
+    *,
+    around: float | None = None,
+    full_force: float | None = None,
+    colour: bool = True,
+    title: str = "",
+) -> "Figure":
+    """Return the figure of `write_force_network`; its one line collection is named "forces"."""
+    for name, value in (("around", around), ("full_force", full_force)):
+        if value is not None and not value > 0:
+            raise ValueError(f"{name} is {value!r}; it must be > 0")
+    with drawing_library():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.collections import LineCollection
+        from matplotlib.figure import Figure
+    layout = _layout(forces.geometry, _window(forces, around))
+    plan = draw_plan(forces.geometry, layout, 2)
+    size = (layout.width, _HEADER + layout.height + _FOOTER)
+    figure = Figure(figsize=(size[0] / _DPI, size[1] / _DPI), dpi=_DPI, facecolor=hex_of(BACKGROUND))
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.0, _FOOTER / size[1], 1.0, layout.height / size[1]))
+    extent = (0, layout.width, layout.height, 0)
+    axes.imshow(_with_people(plan, forces, layout), extent=extent, interpolation="none")
+    axes.imshow(_walls_only(plan), extent=extent, interpolation="none", zorder=4)  # lines end where the wall begins
+    axes.set_axis_off()
+    pressing = np.flatnonzero(forces.force > 0.0)
+    pressing = pressing[np.argsort(forces.force[pressing])]  # the largest on top
+    force = forces.force[pressing]
+    full = full_force or float(force.max(initial=0.0)) or 1.0
+    width = 72.0 / _DPI * layout.scale * _WIDEST * 2.0 * _typical_radius(forces)  # pt, of the line of `full`
+    ends = np.stack([layout.pixels(forces.position[forces.i[pressing]]), layout.pixels(forces.at[pressing])], axis=1)
+    lines = LineCollection(
+        list(ends),
+        linewidths=width * force / full,
+        colors=_colours(force / full, colour),
+        capstyle="round",
+        label="forces",
+        zorder=3,
+    )
+    axes.add_collection(lines, autolim=False)
+    axes.set_xlim(0, layout.width)
+    axes.set_ylim(layout.height, 0)
+    _write_text(figure, forces, size, title)
+    _draw_legend(figure, size, layout, full, width, colour, len(force) > 0)
+    return figure
+
+
+def _window(forces: ContactForces, around: float | None) -> tuple[float, float, float, float]:
+    """Return the part of the place that is shown (min x, min y, max x, max y) [m]."""
+    geometry = forces.geometry
+    min_x, min_y, max_x, max_y = geometry.bounds
+    if around is None:
+        around = np.inf if max(max_x - min_x, max_y - min_y) <= _BIG else _AROUND
+    if np.isinf(around):
+        x, y = 0.5 * (min_x + max_x), 0.5 * (min_y + max_y)
+    else:
+        x, y = _busiest_place(forces, around)
+    (left, right), (low, high) = _span(x, around, min_x, max_x), _span(y, around, min_y, max_y)
+    return left, low, right, high
+
+
+def _span(middle: float, around: float, low: float, high: float) -> tuple[float, float]:
+    """Return 2 ``around`` about ``middle``, moved inwards where it reaches beyond the place and cut where that is smaller."""
+    low, high = low - _MARGIN, high + _MARGIN
+    if high - low <= 2.0 * around:
+        return low, high
+    begin = min(max(middle - around, low), high - 2.0 * around)
+    return begin, begin + 2.0 * around
+
+
+def _busiest_place(forces: ContactForces, around: float) -> tuple[float, float]:
+    """Return the middle of the exit with the largest forces around it; without exits, the middle of all forces."""
+    pressed, force = forces.position[forces.i], forces.force.clip(0.0)
+    if not len(forces.geometry.exits):
+        weights = force if force.any() else None
+        x, y = np.average(pressed, axis=0, weights=weights) if len(pressed) else forces.geometry.walls.mean(axis=(0, 1))
+        return float(x), float(y)
+    middles = forces.geometry.exits.mean(axis=1)
+    near = np.linalg.norm(pressed[None] - middles[:, None], axis=2) < around
+    x, y = middles[int(np.argmax((near * force).sum(axis=1)))]
+    return float(x), float(y)
+
+
+def _layout(geometry: Geometry, window: tuple[float, float, float, float]) -> Layout:
+    min_x, min_y, max_x, max_y = window
+    scale = _WIDTH / max(max_x - min_x, max_y - min_y)
+    width, height = (max(round(scale * span), 480) for span in (max_x - min_x, max_y - min_y))
+    origin = (
+        0.5 * (width - scale * (max_x - min_x)) - scale * min_x,
+        0.5 * (height - scale * (max_y - min_y)) + scale * max_y,
+    )
+    return Layout(width, height, scale, origin, max(_WALL * scale, 3.0), 20.0, round(0.04 * width), 0, 0)
+
+
+def _with_people(plan: Image, forces: ContactForces, layout: Layout) -> Image:
+    """Return the image of the place with the people drawn lightly."""
+    image, inside = plan.copy(), forces.active
+    centre, radius = layout.pixels(forces.position[inside]), layout.scale * forces.radius[inside]
+    for colour, smaller in ((_RIM, 0.0), (_PERSON, _RIM_WIDTH)):
+        put_discs(
+            image, centre, radius - smaller, np.tile(np.array(colour, dtype=np.uint8), (len(radius), 1)), rim=False
+        )
+    return image
+
+
+def _walls_only(plan: Image) -> Image:
+    """Return the image (H, W, 4) of a place that is transparent where people can be."""
+    floor = np.zeros(plan.shape[:2], dtype=bool)
+    for colour in (FLOOR, EXIT, EXIT_MAT):
+        floor |= (plan == colour).all(axis=2)
+    return np.dstack([plan, np.where(floor, 0, 255).astype(np.uint8)])
+
+
+def _typical_radius(forces: ContactForces) -> float:
+    return float(np.median(forces.radius)) if len(forces.radius) else 0.25
+
+
+def _colours(level: Floats, colour: bool) -> Floats:
+    """Return a colour (K, 4) for each force: the ramp of pressures without its palest part, or ink."""
+    if not colour:
+        return np.tile([*(np.array(INK) / 255.0), 0.85], (len(level), 1))
+    rows = np.rint((0.1 + 0.9 * np.clip(level, 0.0, 1.0)) * (len(RAMP) - 1)).astype(np.int64)
+    return np.column_stack([RAMP[rows] / 255.0, np.ones(len(level))])
+
+
+def _write_text(figure: "Figure", forces: ContactForces, size: tuple[int, int], title: str) -> None:
+    y = 1.0 - 0.5 * _HEADER / size[1]
+    figure.text(0.03, y, title, color=hex_of(INK), fontsize=12, fontweight="bold", va="center")
+    figure.text(
+        0.97, y, f"{forces.time:.1f} s", color=hex_of(INK), fontsize=12, fontweight="bold", va="center", ha="right"
+    )
+
+
+def _draw_legend(
+    figure: "Figure", size: tuple[int, int], layout: Layout, full: float, width: float, colour: bool, any_force: bool
+) -> None:
+    """Draw lines of round forces, as wide as in the picture, with their newtons."""
+    axes = figure.add_axes((0.0, 0.0, 1.0, _FOOTER / size[1]))
+    axes.set_xlim(0, size[0])
+    axes.set_ylim(_FOOTER, 0)
+    axes.set_axis_off()
+    text: dict[str, Any] = {"color": hex_of(QUIET), "fontsize": 10, "va": "center"}
+    x, y = 0.03 * size[0], 0.5 * _FOOTER
+    if not any_force:
+        axes.text(x, y, "nobody presses on anybody", **text)
+        return
+    axes.text(x, y, "normal force", **text)
+    x += 172
+    for force in _round_forces(full):
+        (shade,) = _colours(np.array([force / full]), colour)
+        said = f"{force:g} N" if full < 1e4 else f"{force / 1e3:g} kN"
+        axes.plot([x, x + 70], [y, y], color=shade, linewidth=width * force / full, solid_capstyle="butt")
+        axes.text(x + 84, y, said, **text)
+        x += 124 + 12 * len(said)
+
+
+def _round_forces(full: float) -> list[float]:
+    """Return three forces of 1, 2 or 5 times a power of ten, the largest at most ``full``."""
+    power = 10.0 ** np.floor(np.log10(full))
+    steps = [step * power * scale for scale in (0.01, 0.1, 1.0) for step in (1.0, 2.0, 5.0)]
+    return [step for step in steps if step <= full * (1.0 + 1e-9)][-3:]

@@ -1,0 +1,1 @@
+"""The figures of Lin, Ma, Lo 2016."""

@@ -1,0 +1,115 @@
+"""Figure 9 of Lin, Ma, Lo: the flow through the exit in windows of 10 s, 100 and 300 people."""
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from crowd_env.reproduce.lin2016.run import Record, Run
+from crowd_env.reproduce.lin2016.sample import Records, Sample, sample, unfinished_remarks
+from crowd_env.reproduce.lin2016.settings import LinSettings
+from crowd_env.reproduce.result import RawTable, Result, Row
+from crowd_env.state import Floats
+
+TITLE = "Lin, Ma, Lo, Figure 9: flow through the exit in windows of 10 s, people/s"
+
+WINDOW = 10.0  # s
+CROWDS = (100, 300)  # people, panels a and b
+SPEEDS = (0.6, 1.0, 1.2, 1.6, 2.0)  # m/s
+# Speeds that the paper puts together, and the lowest and highest flow that it prints for them.
+STATES = {
+    "0.6 m/s": ((0.6,), "0.4", "0.6"),
+    "1-1.2 m/s": ((1.0, 1.2), "0.3", "1.3"),
+    "≥ 1.6 m/s": ((1.6, 2.0), "0", "1.6"),
+}
+
+_CLOSE = 0.2  # 1/s
+
+Found = Mapping[tuple[int, float], Sample]
+
+
+def runs(settings: LinSettings) -> list[Run]:
+    """Return the runs that the figure needs."""
+    return [run for people in CROWDS for speed in SPEEDS for run in settings.draws(people, speed)]
+
+
+def window_flow(exits: Floats, until: float, window: float = WINDOW) -> Floats:
+    """Return the flow [1/s] in each window of ``window`` seconds from t = 0 on that has begun before ``until`` [s]."""
+    edges = window * np.arange(int(np.ceil(until / window)) + 1)
+    return np.histogram(exits, edges)[0] / window
+
+
+def inner_flow(record: Record, window: float = WINDOW) -> Floats:
+    """Return the flow [1/s] in the windows that lie wholly between the first and the last exit."""
+    exits = np.array(record.exit_times)
+    if len(exits) == 0:
+        return np.empty(0)
+    first, last = int(np.ceil(exits[0] / window)), int(exits[-1] // window)
+    return window_flow(exits, exits[-1], window)[first:last]
+
+
+def tell(settings: LinSettings, records: Records) -> Result:
+    """Return the figure, from what came of its runs."""
+    found = {(n, v): sample(records, settings.draws(n, v)) for n in CROWDS for v in SPEEDS}
+    rows = [row for people in CROWDS for state in STATES for row in _rows(found, people, state)]
+    remarks = [
+        "A window of 10 s with k exits has the flow k/10: a single window is uncertain by about 0.2 to 0.3 /s. The lowest and "
+        "highest are percentiles over the windows that lie wholly between the first and the last exit of a run.",
+        *_verdict(rows),
+        *unfinished_remarks(found.values()),
+        *settings.remarks(),
+    ]
+    raw = RawTable(
+        ("people", "desired_speed_mps", "seed", "window_start_s", "flow_per_s"),
+        [
+            (n, v, run.seed, f"{WINDOW * k:g}", f"{flow:.3f}")
+            for (n, v), draws in found.items()
+            for run, record in zip(draws.runs, draws.records, strict=True)
+            for k, flow in enumerate(_shown(record))
+        ],
+    )
+    draw = partial(_draw, settings, found)
+    return Result("lin-fig9", TITLE, rows, {"windows": raw}, draw, remarks, settings.changed(), "1/s")
+
+
+def _rows(found: Found, people: int, state: str) -> list[Row]:
+    speeds, low, high = STATES[state]
+    draws = [found[people, speed] for speed in speeds]
+    flows = np.concatenate([inner_flow(record) for each in draws for record in each.records])
+    lost, of = sum(each.blocked for each in draws), sum(len(each.records) for each in draws)
+    counted = f"{lost or 'none'} of {of} runs blocked"
+    values = [None] * 3 if len(flows) == 0 else [*np.percentile(flows, [5, 95]), flows.mean()]
+    label = f"{people} at {state}"
+    extreme = ("", "") if len(flows) == 0 else (f"; least {flows.min():.1f}", f"; most {flows.max():.1f}")
+    return [
+        Row(f"lowest, {label}", low, values[0], "1/s", len(flows), f"5th percentile{extreme[0]}; {counted}"),
+        Row(f"highest, {label}", high, values[1], "1/s", len(flows), f"95th percentile{extreme[1]}; {counted}"),
+        Row(f"mean, {label}", None, values[2], "1/s", len(flows), f"of the windows; {counted}", closes=True),
+    ]
+
+
+def _verdict(rows: list[Row]) -> list[str]:
+    """Return how far the ends of the ranges are from the printed ones."""
+    apart = [(row, row.here - float(row.paper)) for row in rows if row.paper is not None and row.here is not None]
+    if not apart:
+        return ["No run had a window between its first and its last exit."]
+    far = [f"{row.quantity} ({value:+.2f})" for row, value in apart if abs(value) > _CLOSE + 1e-9]
+    text = f"Of the {len(apart)} ends of a range, {len(apart) - len(far)} are within {_CLOSE:g} /s of the printed ones"
+    return [text + (f"; NOT: {', '.join(far)}." if far else ".")]
+
+
+def _shown(record: Record) -> Floats:
+    """Return the flow in all windows until the last one got out, or until the exit was given up as blocked."""
+    exits = np.array(record.exit_times)
+    since = record.blocked_since
+    return window_flow(exits, exits[-1] if since is None and len(exits) else (since or 0.0) + 120.0)
+
+
+def _draw(settings: LinSettings, found: Found, path: Path) -> Path:
+    from crowd_env.reproduce.lin2016.figures.flow import window_flows
+
+    flows = {n: {v: [_shown(record) for record in found[n, v].records] for v in SPEEDS} for n in CROWDS}
+    blocked = {key: draws.blocked for key, draws in found.items()}
+    paper = {speed: (float(low), float(high)) for speeds, low, high in STATES.values() for speed in speeds}
+    return window_flows(path, flows, blocked, paper, WINDOW, settings.readings())

@@ -1,0 +1,1 @@
+"""How the figures of Lin, Ma, Lo 2016 are drawn."""

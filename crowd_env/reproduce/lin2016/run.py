@@ -1,0 +1,180 @@
+"""One evacuation of the room of Lin, Ma, Lo: the unit of work of all their figures."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from crowd_env.navigation.field import NavigationField
+from crowd_env.physics import Hertz, SocialForce
+from crowd_env.physics.hertz import DampingUnit
+from crowd_env.reproduce.sound import require_nobody_outside
+from crowd_env.routing.route_set import Target
+from crowd_env.scenarios import make_scenario
+from crowd_env.scenarios.groups import extreme_bodies
+from crowd_env.scenarios.scenario import Scenario
+from crowd_env.simulation.arguments import check_step
+from crowd_env.simulation.simulation import Simulation
+from crowd_env.state import Floats, make_state
+
+_LOOK = 1.0  # s, how often we look whether it is over; the result does not depend on it
+
+
+@dataclass(frozen=True)
+class Run:
+    """Everything that decides what happens in one evacuation; the defaults are the preset "calibrated".
+
+    Two runs are equal if they are the same evacuation, whatever ``moments`` are kept of it.
+
+    Raises
+    ------
+    ValueError
+        From `check`, if the room, the people or the scheme cannot be made, or the step is too long.
+    """
+
+    count: int  # people
+    desired_speed: float  # m/s
+    seed: int = 0  # the draw of `crowd-env run` with this seed
+    strength: float = 300.0  # N    A of the social force
+    rotation: bool = True
+    wall_friction: float = 0.1
+    wall_social: float = 300.0  # N    A of the social force of walls
+    anisotropy: float = 0.3  # phi
+    damping: DampingUnit = "rate per length"  # reading of gamma
+    cutoff: float = 0.4  # m    beyond it there is no social force
+    target: Target = "centre"
+    exit_depth: float = 0.0  # m    how far behind the wall people count as out
+    dt: float = 1e-3  # s
+    time_limit: float = 1000.0  # s
+    blocked_after: float = 120.0  # s    without anyone getting out
+    moments: tuple[float, ...] = field(default=(), compare=False)  # s    when everyone's place is kept
+
+    def scenario(self) -> Scenario:
+        """Return the room and its people."""
+        return make_scenario(
+            "lin-room-v0",
+            count=self.count,
+            desired_speed=self.desired_speed,
+            exit_depth=self.exit_depth,
+            target=self.target,
+            time_limit=self.time_limit,
+            blocked_after=self.blocked_after,
+        )
+
+    def scheme(self) -> Hertz:
+        """Return how people touch."""
+        social = SocialForce(
+            strength=self.strength,
+            anisotropy=self.anisotropy,
+            wall_strength=self.wall_social,
+            cutoff=self.cutoff,
+        )
+        return Hertz(wall_friction=self.wall_friction, rotation=self.rotation, damping_unit=self.damping, social=social)
+
+    def check(self) -> None:
+        """Raise ValueError if this run, or another draw of it, cannot be made."""
+        scenario, scheme = self.scenario(), self.scheme()
+        people = scenario.population
+        people.draw(np.random.default_rng([self.seed, 0]), scenario.geometry)
+        check_step(scheme, extreme_bodies(people), self.dt)
+
+
+class Snapshot(NamedTuple):
+    """Where those who are inside are at one moment; K people."""
+
+    time: float  # s
+    x: tuple[float, ...]  # (K,) m
+    y: tuple[float, ...]  # (K,) m
+    radius: tuple[float, ...]  # (K,) m
+    angle: tuple[float, ...]  # (K,) rad    turned since the start
+
+
+@dataclass(frozen=True)
+class Record:
+    """What came of a run."""
+
+    exit_times: tuple[float, ...]  # s    ascending, of those who got out before the exit blocked
+    left: int  # people inside at the end
+    blocked_since: float | None = None  # s    when the last one got out before the exit blocked; 0 if nobody did
+    snapshots: tuple[Snapshot, ...] = ()
+
+    @property
+    def clearance_time(self) -> float | None:
+        """When the last one got out [s]; None if someone did not, blocked or not."""
+        return self.exit_times[-1] if self.left == 0 else None
+
+
+class Stopped(Exception):
+    """A run was given up half way."""
+
+
+def simulate(run: Run, stopped: Callable[[], bool] | None = None) -> Record:
+    """Return what comes of a run: it ends when all are out, the exit has blocked, or the time is over.
+
+    Parameters
+    ----------
+    stopped : asked after every simulated second whether to give up.
+
+    Raises
+    ------
+    Stopped
+        If ``stopped`` says so.
+    FloatingPointError
+        If someone goes too far in a step or is found outside of the room.
+    """
+    scenario = run.scenario()
+    bodies, position = scenario.population.draw(np.random.default_rng([run.seed, 0]), scenario.geometry)
+    simulation = Simulation(
+        scenario.geometry,
+        bodies,
+        make_state(position),
+        scheme=run.scheme(),
+        dt=run.dt,
+        fields=[_field(run.target, run.exit_depth)],
+    )
+    kept = sorted({round(moment / run.dt) for moment in run.moments})
+    limit, look = round(run.time_limit / run.dt), max(1, round(_LOOK / run.dt))
+    done, snapshots = 0, []
+    while True:
+        if kept and done == kept[0]:
+            snapshots.append(_snapshot(simulation, kept.pop(0) * run.dt))
+        exits = np.sort(simulation.state.exit_time[~simulation.state.active])
+        exits, blocked_since = until_blocked(exits, done * run.dt, run.count, run.blocked_after)
+        left = run.count - len(exits)
+        if not kept and (left == 0 or blocked_since is not None or done >= limit):
+            return Record(tuple(exits.tolist()), left, blocked_since, tuple(snapshots))
+        if stopped is not None and stopped():
+            raise Stopped
+        ahead = min([look - done % look, *(step - done for step in kept[:1])])
+        simulation.advance(n_substeps=ahead)
+        require_nobody_outside(simulation)
+        done += ahead
+
+
+def until_blocked(exits: Floats, now: float, count: int, patience: float) -> tuple[Floats, float | None]:
+    """Return the exit times (K,) up to the first pause longer than ``patience`` [s], and when that began; None if never.
+
+    ``exits`` are ascending, of ``count`` people; the time before the first exit is a pause, that since the last one until
+    ``now`` too if someone is inside.
+    """
+    marks = np.concatenate([[0.0], exits, [now] if len(exits) < count else []])
+    long = np.flatnonzero(np.diff(marks) > patience)
+    if len(long) == 0:
+        return exits, None
+    return exits[: long[0]], float(marks[long[0]])
+
+
+def _snapshot(simulation: Simulation, time: float) -> Snapshot:
+    inside = simulation.state.active
+    place, radius = simulation.state.position[inside], simulation.bodies.radius[inside]
+    columns = (place[:, 0], place[:, 1], radius, simulation.state.angle[inside])
+    x, y, radii, angle = (tuple(column.tolist()) for column in columns)
+    return Snapshot(time, x, y, radii, angle)
+
+
+@lru_cache(maxsize=8)
+def _field(target: Target, exit_depth: float) -> NavigationField:
+    """Return the way to the exit, which is the same for all sizes of the crowd."""
+    return Run(1, 1.0, target=target, exit_depth=exit_depth).scenario().field()

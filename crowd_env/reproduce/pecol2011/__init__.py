@@ -1,0 +1,1 @@
+"""The tables and figures of Pécol et al. 2011."""

@@ -1,0 +1,68 @@
+"""Figure 6: egress curves of the movie theatre, on a synthetic plan; of the exercise's only what Table 7 tells."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.pecol2011.theatre import (
+    IMPLIED,
+    PRINTED,
+    ROUTES,
+    SYNTHETIC,
+    Egress,
+    draws_remark,
+    evacuate,
+    mean_row,
+    raw_times,
+    rows_with_rules,
+    unfinished_row,
+)
+from crowd_env.reproduce.result import Progress, Result, Row
+
+TITLE = "Figure 6: people out of a movie theatre (synthetic plan) against time, in s"
+
+_SHARES = (0.1, 0.5, 0.9)
+
+
+def steps(settings: Settings) -> int:
+    """Return how much there is to do, in what ``progress`` counts."""
+    return settings.runs
+
+
+def reproduce(settings: Settings, progress: Progress) -> Result:
+    """Return Figure 6."""
+    done = evacuate(settings, True, progress)
+    rows = [*rows_with_rules(done), unfinished_row("left inside", done), *_share_rows(done)]
+    remarks = [
+        SYNTHETIC,
+        "The exercise's curve is not printed. Drawn of it is what Table 7 tells: when the last person was out, and the mean "
+        "time; how many took which route is implied by the three means.",
+        draws_remark(settings),
+    ]
+    raw = {"exit-times": raw_times(settings, [("yes", done)])}
+    return Result("fig6", TITLE, rows, raw, partial(_draw, done), remarks, {}, "s")
+
+
+def _share_rows(done: Egress) -> list[Row]:
+    """Return when the first is out, and when some shares of all are."""
+    ordered, people = np.sort(done.time, axis=1), done.time.shape[1]
+    rows = [mean_row("first person out", ordered[:, 0], "s", "mean of the runs")]
+    for share in _SHARES:
+        number = int(np.ceil(share * people))
+        rows.append(mean_row(f"{number} people out", ordered[:, number - 1], "s", f"{100 * share:.0f} % of all"))
+    return rows
+
+
+def _draw(done: Egress, path: Path) -> Path:
+    from crowd_env.reproduce.pecol2011.figures.theatre import EgressPanel, egress_panels
+
+    panels = []
+    for name, times in (("all", done.time), *((route, done.by(route)) for route in ROUTES)):
+        people = (times.shape[1],) * 2 if name == "all" else IMPLIED[f"people by {name}"]
+        last, mean = PRINTED[f"last, {name}"], PRINTED[f"mean, {name}"]
+        marks = [(float(last[k]), float(mean[k]), float(people[k])) for k in range(2)]
+        title = "Both routes" if name == "all" else f"Route {name} (the paper implies how many people)"
+        panels.append(EgressPanel(title, times, (marks[0], marks[1])))
+    return egress_panels(path, panels)

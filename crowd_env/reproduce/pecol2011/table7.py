@@ -1,0 +1,135 @@
+"""Table 7: a movie theatre is evacuated, by two routes; on a synthetic plan, with and without the control rules."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.pecol2011.theatre import (
+    IMPLIED,
+    PRINTED,
+    SYNTHETIC,
+    Egress,
+    draws_remark,
+    evacuate,
+    mean_row,
+    place,
+    raw_times,
+    rows_with_rules,
+    unfinished_row,
+)
+from crowd_env.reproduce.result import Progress, Result, Row
+from crowd_env.state import Floats
+
+TITLE = "Table 7: evacuation of a movie theatre (synthetic plan), times in s"
+
+_CLOSE = 0.10
+_NAMES = (*PRINTED, *IMPLIED)
+
+
+def steps(settings: Settings) -> int:
+    """Return how much there is to do, in what ``progress`` counts."""
+    return 2 * settings.runs
+
+
+def reproduce(settings: Settings, progress: Progress) -> Result:
+    """Return Table 7, and what the control rules change in it."""
+    ruled, free = (evacuate(settings, rules, progress) for rules in (True, False))
+    rows = [*rows_with_rules(ruled), unfinished_row("left inside", ruled)]
+    rows += [_without(name, free.quantities[name]) for name in _NAMES]
+    rows.append(unfinished_row("left inside, no rules", free))
+    changes = [_change(name, ruled, free) for name in _NAMES]
+    sent = (ruled.route != free.route).sum(axis=1).astype(np.float64)
+    rows += [*changes, mean_row("other route than without rules", sent, "people", "in the same draw")]
+    rows[-1] = replace(rows[-1], closes=True)
+    turned = ruled.turned.astype(np.float64)
+    rows.append(
+        mean_row("turned away for a while", turned, "people", "at any moment; most come back when the rule is off")
+    )
+    rows += [mean_row(f"rule {k + 1} is on", ruled.ruled[:, k], "s", _RULES[k]) for k in range(3)]
+    remarks = [SYNTHETIC, *_levels(ruled), *_effect(changes), draws_remark(settings)]
+    raw = {"exit-times": raw_times(settings, [("yes", ruled), ("no", free)])}
+    return Result("table7", TITLE, rows, raw, partial(_draw, ruled, free), remarks, {}, "s")
+
+
+_RULES = (
+    "5 or more in rectangle 1: from A to B",
+    "5 or more in rectangle 2: from A to B",
+    "15 or more in rectangle 3: from B to A",
+)
+
+
+def _unit(name: str) -> str:
+    return "s" if name in PRINTED else "people"
+
+
+def _without(name: str, values: Floats) -> Row:
+    return mean_row(f"{name}, no rules", values, _unit(name), "the same draws without control rules")
+
+
+def _change(name: str, ruled: Egress, free: Egress) -> Row:
+    """Return by how much the rules raise a quantity, draw by draw."""
+    apart = ruled.quantities[name] - free.quantities[name]
+    return mean_row(f"{name}: rules change it by", apart, _unit(name), "paired by draw")
+
+
+def _levels(ruled: Egress) -> list[str]:
+    """Return which times of the exercise are met, here and by the paper's own simulation."""
+    runs = {name: ruled.quantities[name][np.isfinite(ruled.quantities[name])] for name in PRINTED}
+    if any(len(values) == 0 for values in runs.values()):
+        return ["Not everything of Table 7 is there: nobody took one of the routes, or somebody never got out."]
+    exercise = {name: float(values[0]) for name, values in PRINTED.items()}
+    paper = {name: float(values[1]) for name, values in PRINTED.items()}
+    here = {name: float(values.mean()) for name, values in runs.items()}
+    inside = [name for name, values in runs.items() if values.min() <= exercise[name] <= values.max()]
+
+    def met(values: Mapping[str, float]) -> str:
+        close = [name for name, value in values.items() if abs(value / exercise[name] - 1.0) <= _CLOSE]
+        worst = max(values, key=lambda name: abs(values[name] / exercise[name] - 1.0))
+        return f"{len(close)} of {len(values)} (the worst: {worst}, {100 * (values[worst] / exercise[worst] - 1.0):+.1f} %)"
+
+    return [
+        f"Within 10 % of the exercise: here {met(here)}; the paper's own simulation {met(paper)}. The exercise is a single "
+        f"run; between the least and the largest of the runs here lie of its times: {'; '.join(inside) or 'none'}. With "
+        "another plan all numbers would be others."
+    ]
+
+
+def _effect(changes: Sequence[Row]) -> list[str]:
+    """Return what the rules change, and what they do not."""
+    if any(row.ci95 is None for row in changes):
+        return ["One draw says nothing about what the control rules change."]
+    moved: list[str] = []
+    still: list[str] = []
+    for row in changes:
+        assert row.ci95 is not None and row.here is not None
+        name, (low, high) = row.quantity.partition(":")[0], row.ci95
+        told = f"{name} {row.here:+.2f} {row.unit} ({low:+.2f} to {high:+.2f})"
+        (still if low <= 0.0 <= high else moved).append(told)
+    text = "The control rules change (mean of the draws, 95 % interval): " + ("; ".join(moved) or "nothing") + "."
+    if still:
+        text += " No difference is told from zero in " + "; ".join(still) + "."
+    by_name = {row.quantity.partition(":")[0]: row for row in changes}
+    last = by_name["last, all"].ci95
+    assert last is not None
+    if last[1] < 0.0:
+        verdict = "shorten the evacuation here."
+    else:
+        longer = "lengthen" if last[0] > 0.0 else "do not shorten"
+        verdict = f"{longer} the evacuation here: whoever is turned away walks further, and the crowd passes anyway."
+    return [text, f'The paper says that they "prevent the emergence of useless congested areas"; they {verdict}']
+
+
+def _draw(ruled: Egress, free: Egress, path: Path) -> Path:
+    from crowd_env.reproduce.pecol2011.figures.theatre import Series, theatre_table
+
+    series = [
+        Series("here, with rules", {name: ruled.quantities[name] for name in PRINTED}),
+        Series("here, without rules", {name: free.quantities[name] for name in PRINTED}),
+    ]
+    exercise = {name: float(values[0]) for name, values in PRINTED.items()}
+    paper = {name: float(values[1]) for name, values in PRINTED.items()}
+    return theatre_table(path, place(), series, exercise, paper)

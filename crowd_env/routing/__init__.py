@@ -1,0 +1,1 @@
+"""Who takes which route, and when: strategies, control rules, doors, replanning."""

@@ -1,0 +1,110 @@
+"""When doors open and close, environment by environment."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.routing.spec import DoorEvent
+from crowd_env.state import Bodies, CrowdState, Floats, Ints
+
+CHECK_EVERY = 0.1  # s
+
+
+class DoorsThen(NamedTuple):
+    """What a checkpoint keeps of a `Doorkeeper`, for every environment."""
+
+    closed: tuple[frozenset[str], ...]
+    happened: tuple[frozenset[int], ...]  # events
+    due: Floats  # (E,)  s
+
+
+class Doorkeeper:
+    """Watches for the events that open and close doors; each happens once an episode.
+
+    Parameters
+    ----------
+    geometries, closed_at_start, events : of every place; ``closed_at_start`` names the doors that are closed at first.
+    geometry_of_env : (E,)
+    """
+
+    def __init__(
+        self,
+        geometries: Sequence[Geometry],
+        closed_at_start: Sequence[Sequence[str]],
+        events: Sequence[Sequence[DoorEvent]],
+        geometry_of_env: Ints,
+    ) -> None:
+        self._geometries = [geometries[g] for g in geometry_of_env]
+        self._closed_at_start = [frozenset(closed_at_start[g]) for g in geometry_of_env]
+        self._events = [list(events[g]) for g in geometry_of_env]
+        self.closed: list[frozenset[str]] = [frozenset() for _ in geometry_of_env]
+        self._happened: list[set[int]] = [set() for _ in geometry_of_env]
+        self._due = np.zeros(len(self._events))
+        self._watched = [e for e, events in enumerate(self._events) if events]
+
+    def restart(self, e: int) -> frozenset[str]:
+        """Begin environment ``e`` anew; returns the doors that are closed."""
+        self.closed[e] = self._closed_at_start[e]
+        self._happened[e] = set()
+        self._due[e] = 0.0
+        return self.closed[e]
+
+    def moment(self) -> DoorsThen:
+        """Return a copy of how things stand."""
+        return DoorsThen(tuple(self.closed), tuple(map(frozenset, self._happened)), self._due.copy())
+
+    def restore(self, then: DoorsThen) -> None:
+        """Let things stand as they did."""
+        self.closed = list(then.closed)
+        self._happened = [set(events) for events in then.happened]
+        self._due[:] = then.due
+
+    def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
+        """Return after how many steps the next environment must be looked at; None if no door moves any more."""
+        waits = [
+            max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9))
+            for e in self._watched
+            if inside[e] > 0
+            and len(self._happened[e]) < len(self._events[e])  # the clock of an empty place stands still
+        ]
+        return min(waits, default=None)
+
+    def _next_look(self, e: int, now: float) -> float:
+        """Return when to look next: at the time of an event, or every `CHECK_EVERY` of the episode while people are counted."""
+        pending = [event for k, event in enumerate(self._events[e]) if k not in self._happened[e]]
+        times = [event.at for event in pending if event.at is not None]
+        if any(event.at is None for event in pending):
+            times.append((math.floor(now / CHECK_EVERY + 1e-6) + 1) * CHECK_EVERY)
+        return min(times, default=math.inf)
+
+    def update(self, bodies: Bodies, state: CrowdState) -> list[int]:
+        """Let what is due happen; returns the environments in which a door moved."""
+        moved = []
+        for e in self._watched:
+            events = self._events[e]
+            if len(self._happened[e]) == len(events) or state.time[e] < self._due[e] - 1e-9:
+                continue
+            people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
+            before = self.closed[e]
+            for k, event in enumerate(events):
+                if k not in self._happened[e] and self._is_due(e, event, state, people):
+                    self._happened[e].add(k)
+                    self.closed[e] = self.closed[e] - {event.door} if event.opens else self.closed[e] | {event.door}
+            self._due[e] = self._next_look(e, float(state.time[e]))
+            if self.closed[e] != before:
+                moved.append(e)
+        return moved
+
+    def _is_due(self, e: int, event: DoorEvent, state: CrowdState, people: slice) -> bool:
+        if event.at is not None:
+            return bool(state.time[e] >= event.at - 1e-9)
+        geometry = self._geometries[e]
+        assert event.at_least is not None
+        if event.region is not None:
+            position = state.position[people][state.active[people]]
+            return int(geometry.contains(position, event.region).sum()) >= event.at_least
+        rows = [k for k, name in enumerate(geometry.exit_names) if name == event.exit]
+        return int(np.isin(state.exit_index[people], rows).sum()) >= event.at_least

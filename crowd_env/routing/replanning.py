@@ -1,0 +1,202 @@
+"""Which field leads whom, environment by environment: fastest ways follow the crowd, all ways follow the doors."""
+
+import math
+import time as clock
+import warnings
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from crowd_env.geometry.geometry import Boundary
+from crowd_env.navigation.congestion import write_field
+from crowd_env.navigation.field import FieldArrays, NavigationField, join_fields, regions_along
+from crowd_env.routing.route_set import Ways, add_fields, join_ways, region_masks_of
+from crowd_env.state import Bodies, CrowdState, Floats, Ints
+
+Place = Ways | NavigationField | None
+
+
+_Key = tuple[int, frozenset[str]]  # whose ways, see `Wayfinder._key`, and which doors are closed
+
+
+class WaysThen(NamedTuple):
+    """What a checkpoint keeps of a `Wayfinder`."""
+
+    known: tuple[_Key, ...]  # whose fields have been made, in their order
+    closed: tuple[frozenset[str], ...]  # doors that the ways of each environment are made for
+    field_of_route: Ints  # (E, R)
+    found: dict[
+        int, tuple[Floats, Floats, Ints]
+    ]  # travel times, directions and regions of the fields that follow a crowd
+    due: Floats  # (E,)  s
+
+
+class Wayfinder:
+    """The travel-time fields of a batch.
+
+    Parameters
+    ----------
+    places : the ways, or the one field, of every geometry.
+    geometry_of_env : (E,)
+    boundary : of all geometries.
+    interval : s, how often a fastest way is found anew, counted from the start of each environment.
+
+    Attributes
+    ----------
+    field, guidance : what kernels read.
+    potential_of_route : (E, R) rows of the fields by which progress is counted, see
+        `crowd_env.routing.route_set.Way.potential`.
+    seconds : processor time spent on new fields so far.
+    marches : fields found anew so far.
+    """
+
+    def __init__(
+        self, places: Sequence[Place], geometry_of_env: Ints, boundary: Boundary, interval: float = 1.0
+    ) -> None:
+        if not 0 < interval < np.inf:
+            raise ValueError(f"replan_every is {interval!r} s; it must be > 0 and finite")
+        self.places, self.interval = list(places), interval
+        self.seconds, self.marches = 0.0, 0
+        self._geometry_of_env, self._boundary = geometry_of_env, boundary
+        joined = join_ways(self.places, geometry_of_env)
+        self._fields, self._geometry_of_field, self.guidance, self.potential_of_route = joined
+        self.field: FieldArrays = join_fields(self._fields, boundary, self._geometry_of_field)
+        self._current: list[Place] = [self.places[g] for g in geometry_of_env]
+        self._closed: list[frozenset[str]] = [frozenset() for _ in self._current]
+        self._rows: dict[_Key, list[int]] = {}
+        self._potentials: dict[_Key, list[int]] = {}
+        for e, place in enumerate(self._current):
+            if isinstance(place, Ways):
+                rows = self.guidance.field_of_route[e, : len(place.ways)]
+                self._rows.setdefault(self._key(e, frozenset()), rows.tolist())
+                potentials = self.potential_of_route[e, : len(place.ways)]
+                self._potentials.setdefault(self._key(e, frozenset()), potentials.tolist())
+        self._first_rows, self._first_fields = dict(self._rows), len(self._fields)
+        self._due = np.zeros(len(geometry_of_env))
+        self._dynamic = self._find_dynamic()
+
+    def _find_dynamic(self) -> list[tuple[int, Ways]]:
+        """Return the environments whose ways follow the crowd: mostly none, and then nobody has to ask them all."""
+        return [(e, place) for e, place in enumerate(self._current) if isinstance(place, Ways) and place.is_dynamic]
+
+    def ways(self, e: int) -> Ways | None:
+        """Return the ways of environment ``e`` as its doors stand now."""
+        place = self._current[e]
+        return place if isinstance(place, Ways) else None
+
+    def restart(self, e: int) -> None:
+        """Begin environment ``e`` anew: all its doors stand open, and its fastest ways are due."""
+        if self._closed[e]:
+            self.close(e, frozenset())
+        self._due[e] = 0.0
+
+    def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
+        """Return after how many steps the next environment is due; None if there is nothing to plan."""
+        waits = [max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9)) for e, _ in self._dynamic if inside[e] > 0]
+        return min(waits, default=None)
+
+    def update(self, bodies: Bodies, state: CrowdState, only: int | None = None) -> None:
+        """Find the fastest ways of the environments that are due anew, or of ``only`` one of them, in place."""
+        if not self._dynamic:
+            return
+        begin = clock.process_time()
+        for e, place in self._dynamic:
+            if state.time[e] < self._due[e] - 1e-9 or only not in (None, e):
+                continue
+            people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
+            position = state.position[people][state.active[people]]
+            if not len(position):
+                continue
+            for r, way in enumerate(place.ways):
+                if way.remarcher is not None:
+                    self._write(e, r, way.remarcher.march(position), place)
+            self._due[e] = state.time[e] + self.interval
+        self.seconds += clock.process_time() - begin
+
+    def _write(self, e: int, r: int, field: NavigationField, place: Ways) -> None:
+        first = int(self.field.node_start[self.guidance.field_of_route[e, r]])
+        write_field(field, self.field.travel_time, self.field.direction, first)
+        if place.rules:
+            through = regions_along(field, region_masks_of(field, place.geometry))
+            self.field.through[first : first + through.size] = through.ravel()
+        self.marches += 1
+
+    def close(self, e: int, closed: frozenset[str]) -> None:
+        """Let the ways of environment ``e`` be those while these doors are closed.
+
+        If that locks somebody in, the ways stay as they were, with a warning: people wait at the door.
+        """
+        place = self.places[self._geometry_of_env[e]]
+        if not isinstance(place, Ways):
+            return
+        try:
+            ways = place.when(closed)
+        except ValueError as error:
+            warnings.warn(f"with {', '.join(sorted(closed))} closed people wait there: {error}", stacklevel=3)
+            return
+        key = self._key(e, closed)
+        if key not in self._rows:
+            self._add(key, ways, int(self._geometry_of_env[e]))
+            before = self.field
+            self.field = join_fields(self._fields, self._boundary, self._geometry_of_field)
+            for name in ("travel_time", "direction", "through"):  # as they were: some follow their crowd
+                known = getattr(before, name)
+                getattr(self.field, name)[: len(known)] = known
+        self.guidance.field_of_route[e, : len(ways.ways)] = self._rows[key]
+        self.potential_of_route[e, : len(ways.ways)] = self._potentials[key]
+        self._current[e], self._closed[e] = ways, closed
+        self._dynamic = self._find_dynamic()
+        self._due[e] = 0.0
+
+    def _add(self, key: _Key, ways: Ways, geometry: int) -> None:
+        self._rows[key], self._potentials[key] = add_fields(ways, self._fields)
+        self._geometry_of_field += [geometry] * (len(self._fields) - len(self._geometry_of_field))
+
+    def moment(self) -> WaysThen:
+        """Return a copy of the ways as they are."""
+        found = {row: _copied(self.field, row) for (owner, _), rows in self._rows.items() if owner >= 0 for row in rows}
+        return WaysThen(
+            tuple(self._rows), tuple(self._closed), self.guidance.field_of_route.copy(), found, self._due.copy()
+        )
+
+    def restore(self, then: WaysThen) -> None:
+        """Let the ways be as they were, and every field where it was."""
+        if tuple(self._rows) != then.known:
+            self._rows = dict(self._first_rows)
+            del self._fields[self._first_fields :], self._geometry_of_field[self._first_fields :]
+            for owner, closed in then.known[len(self._rows) :]:
+                g = int(self._geometry_of_env[owner]) if owner >= 0 else -1 - owner
+                place = self.places[g]
+                assert isinstance(place, Ways)  # others have no doors
+                self._add((owner, closed), place.when(closed), g)
+            self.field = join_fields(self._fields, self._boundary, self._geometry_of_field)
+        for row, values in then.found.items():
+            for array, known in zip(_of_field(self.field, row), values, strict=True):
+                array[:] = known
+        self.guidance.field_of_route[:] = then.field_of_route
+        for e, closed in enumerate(then.closed):
+            place = self.places[self._geometry_of_env[e]]
+            self._closed[e] = closed
+            self._current[e] = ways = place.when(closed) if isinstance(place, Ways) else place
+            if isinstance(ways, Ways):
+                self.potential_of_route[e, : len(ways.ways)] = self._potentials[self._key(e, closed)]
+        self._dynamic = self._find_dynamic()
+        self._due[:] = then.due
+
+    def _key(self, e: int, closed: frozenset[str]) -> _Key:
+        """Fields are shared by the environments of a place, unless they follow the crowd of one."""
+        place = self.places[self._geometry_of_env[e]]
+        own = isinstance(place, Ways) and place.is_dynamic
+        return (e if own else -1 - int(self._geometry_of_env[e])), closed
+
+
+def _of_field(field: FieldArrays, row: int) -> tuple[Floats, Floats, Ints]:
+    """Return what changes of a field when its ways are found anew, as views."""
+    nodes = slice(int(field.node_start[row]), int(field.node_start[row + 1]))
+    return field.travel_time[nodes], field.direction[nodes], field.through[nodes]
+
+
+def _copied(field: FieldArrays, row: int) -> tuple[Floats, Floats, Ints]:
+    travel_time, direction, through = _of_field(field, row)
+    return travel_time.copy(), direction.copy(), through.copy()

@@ -1,0 +1,145 @@
+"""Who follows which way, and how fast: routes, control rules and regions, as the compiled step evaluates them.
+
+A route is a row of travel-time fields that an environment may offer; everyone has one (`CrowdState.route`).  A control rule
+counts the people in a region; while it is on, whoever is elsewhere and would come through that region follows another
+route (Pécol et al. 2011, section 4.3).  A region may set or scale the desired speed: stairs.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crowd_env._kernels.jit import inner_kernel
+from crowd_env.navigation.lookup import FieldArrays
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+
+MOST_REGIONS = 62  # bits of a mask
+
+
+class RegionArrays(NamedTuple):
+    """Named regions of G geometries on a fine grid, one behind the other; geometry ``g`` without any has the shape (0, 0)."""
+
+    node_start: Ints  # (G+1,)
+    shape: Ints  # (G, 2)  rows (y), columns (x)
+    origin: Floats  # (G, 2)  m   lower left corner of cell [0, 0]
+    spacing: Floats  # (G,)    m
+    mask: Ints  # (M,)    bit k: the middle of the cell lies in region k
+    fixed: Floats  # (G, 62)  m/s  desired speed there; nan = one's own
+    factor: Floats  # (G, 62)  multiple of one's own
+
+
+class RuleArrays(NamedTuple):
+    """Control rules of G geometries, one behind the other."""
+
+    start: Ints  # (G+1,)
+    region: Ints  # (K,)  where people are counted
+    at_least: Ints  # (K,)  switched on by so many
+    below: Ints  # (K,)  switched off by fewer than so many
+    hold: Floats  # (K,)  s   stays on for so long at least
+    route: Ints  # (K,)  what others follow meanwhile
+    commits: Bools  # (K,)  whoever has been sent there keeps to it
+
+
+class Guidance(NamedTuple):
+    """All that steers people but their own decisions."""
+
+    field_of_route: Ints  # (E, R)  row of `FieldArrays`; -1 = no such route
+    goal: Ints  # (E, R)  region that a route leads to; -1 = exits
+    following: Ints  # (E, R)  route that takes over there; -1 = none
+    region: RegionArrays
+    rule: RuleArrays
+
+
+@inner_kernel
+def notice_regions(
+    e: int, g: int, region: RegionArrays, bodies: Bodies, state: CrowdState, here: Ints, pace: Floats
+) -> None:
+    """Write the regions that everyone stands in (bits) and the desired speed there [m/s]."""
+    rows, cols, mask, fixed, factor = region.shape[g, 0], region.shape[g, 1], region.mask, region.fixed, region.factor
+    start, left, bottom, spacing = region.node_start[g], region.origin[g, 0], region.origin[g, 1], region.spacing[g]
+    active, position, desired_speed = state.active, state.position, bodies.desired_speed
+    for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
+        pace[i] = desired_speed[i]
+        here[i] = 0
+        if cols == 0 or not active[i]:
+            continue
+        column = int(np.floor((position[i, 0] - left) / spacing))
+        row = int(np.floor((position[i, 1] - bottom) / spacing))
+        bits = mask[start + min(max(row, 0), rows - 1) * cols + min(max(column, 0), cols - 1)]
+        here[i] = bits
+        k = 0
+        while bits:
+            if bits & 1:
+                if fixed[g, k] >= 0.0:  # false for nan
+                    pace[i] = fixed[g, k]
+                pace[i] *= factor[g, k]
+            bits >>= 1
+            k += 1
+
+
+@inner_kernel
+def apply_rules(
+    e: int,
+    g: int,
+    field: FieldArrays,
+    guidance: Guidance,
+    bodies: Bodies,
+    state: CrowdState,
+    here: Ints,
+    followed: Ints,
+    rule_on: Bools,
+    rule_since: Floats,
+) -> None:
+    """Switch the rules of environment ``e`` on and off, and write the route that everyone follows now."""
+    rule, begin, end, time = guidance.rule, bodies.env_start[e], bodies.env_start[e + 1], state.time[e]
+    active, position, own, field_of_route = state.active, state.position, state.route, guidance.field_of_route
+    first, stop = rule.start[g], rule.start[g + 1]
+    any_on = False
+    for k in range(first, stop):
+        count = 0
+        for i in range(begin, end):
+            if active[i]:
+                count += (here[i] >> rule.region[k]) & 1
+        on = rule_on[e, k - first]
+        if not on and count >= rule.at_least[k]:
+            rule_on[e, k - first], rule_since[e, k - first] = True, time
+        elif on and count < rule.below[k] and time - rule_since[e, k - first] >= rule.hold[k]:
+            rule_on[e, k - first] = False
+        any_on |= rule_on[e, k - first]
+    for i in range(begin, end):
+        if not active[i]:
+            continue
+        route = _after_goals(e, guidance, own[i], here[i])
+        own[i] = route
+        if any_on:
+            through = regions_ahead(field, field_of_route[e, route], position[i, 0], position[i, 1])
+            for k in range(first, stop):
+                bit = 1 << rule.region[k]
+                if rule_on[e, k - first] and through & bit and not here[i] & bit:
+                    route = _after_goals(e, guidance, rule.route[k], here[i])
+                    if rule.commits[k]:
+                        own[i] = route
+                    break
+        followed[i] = route
+
+
+@inner_kernel
+def _after_goals(e: int, guidance: Guidance, route: int, here: int) -> int:
+    """Return the route to follow where ``here`` says one stands: the next one, if the goal of this one is reached."""
+    for _ in range(guidance.goal.shape[1]):
+        goal = guidance.goal[e, route]
+        if goal < 0 or not (here >> goal) & 1 or guidance.following[e, route] < 0:
+            break
+        route = guidance.following[e, route]
+    return route
+
+
+@inner_kernel
+def regions_ahead(field: FieldArrays, f: int, x: float, y: float) -> int:
+    """Return the regions (bits) that the way from (x, y) by field ``f`` leads through."""
+    if f < 0 or field.shape[f, 1] == 0:
+        return 0
+    rows, cols = field.shape[f, 0], field.shape[f, 1]
+    column = int(np.floor((x - field.origin[f, 0]) / field.spacing[f] + 0.5))
+    row = int(np.floor((y - field.origin[f, 1]) / field.spacing[f] + 0.5))
+    return field.through[field.node_start[f] + min(max(row, 0), rows - 1) * cols + min(max(column, 0), cols - 1)]

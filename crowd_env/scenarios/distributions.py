@@ -1,0 +1,163 @@
+"""What body parameters are drawn from; every distribution has bounds, so that what can happen is known beforehand."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from numbers import Real
+from typing import Any, Protocol
+
+import numpy as np
+
+from crowd_env.checks import check_fields, number, refuse
+from crowd_env.scenarios.file.entry import Entry
+from crowd_env.state import Floats
+
+_LEAST_SHARE = 0.01  # of what is drawn has to lie within the bounds: what lies outside is drawn again
+
+
+class Distribution(Protocol):
+    """Something to draw a body parameter from; ``low`` and ``high`` bound every draw."""
+
+    @property
+    def low(self) -> float:
+        """Smallest possible value."""
+        ...
+
+    @property
+    def high(self) -> float:
+        """Largest possible value."""
+        ...
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw ``count`` values."""
+        ...
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Uniform on [low, high]; equal bounds give a constant."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        check_fields("uniform distribution", self)
+        if not self.low <= self.high:
+            raise ValueError(f"uniform distribution from {self.low:g} to {self.high:g}: the first must not be larger")
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw ``count`` values."""
+        return rng.uniform(self.low, self.high, count)
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal with ``mean`` and ``sd``, drawn again wherever it falls outside [low, high]."""
+
+    mean: float
+    sd: float
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        check_fields("normal distribution", self)
+        if not (self.sd >= 0 and self.low <= self.mean <= self.high and self.low < self.high):
+            raise ValueError(
+                f"normal distribution with mean {self.mean:g}, sd {self.sd:g}: the mean must lie in "
+                f"[{self.low:g}, {self.high:g}] and the sd must be >= 0"
+            )
+        if self.sd > 0:
+            _require_share("normal", self.low, self.high, *((x - self.mean) / self.sd for x in (self.low, self.high)))
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw ``count`` values."""
+        values = rng.normal(self.mean, self.sd, count)
+        while (bad := (values < self.low) | (values > self.high)).any():
+            values[bad] = rng.normal(self.mean, self.sd, int(bad.sum()))
+        return values
+
+
+@dataclass(frozen=True)
+class LogNormal:
+    """Log-normal, drawn again wherever it falls outside [low, high]: the usual one for response times.
+
+    Half of all draws (before they are cut) lie below ``median``; ``sigma`` is the standard deviation of the logarithm, so
+    that about two thirds lie between ``median / exp(sigma)`` and ``median * exp(sigma)``.
+    """
+
+    median: float
+    sigma: float
+    high: float
+    low: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields("log-normal distribution", self)
+        what = f"log-normal distribution with median {self.median:g}, sigma {self.sigma:g}"
+        if not (
+            self.median > 0 and self.sigma >= 0 and 0 <= self.low <= self.median <= self.high and self.low < self.high
+        ):
+            raise ValueError(
+                f"{what}: the median must be > 0 and lie in [{self.low:g}, {self.high:g}], the sigma must be >= 0, and "
+                "the lower bound >= 0"
+            )
+        if self.sigma > 0:
+            ends = (-math.inf if x == 0 else math.log(x / self.median) / self.sigma for x in (self.low, self.high))
+            _require_share("log-normal", self.low, self.high, *ends)
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw ``count`` values."""
+        values = self.median * np.exp(self.sigma * rng.standard_normal(count))
+        while (bad := (values < self.low) | (values > self.high)).any():
+            values[bad] = self.median * np.exp(self.sigma * rng.standard_normal(int(bad.sum())))
+        return values
+
+
+def _require_share(kind: str, low: float, high: float, from_sd: float, to_sd: float) -> None:
+    """Raise ValueError if hardly anything lies between two bounds, given in standard deviations from the mean."""
+    share = 0.5 * (math.erf(to_sd / math.sqrt(2.0)) - math.erf(from_sd / math.sqrt(2.0)))
+    if share < _LEAST_SHARE:
+        raise ValueError(f"{kind} distribution: only {share:.2g} of it lies in [{low:g}, {high:g}]; set wider bounds")
+
+
+# Name in plain data -> distribution.
+KINDS: dict[str, type[Uniform | Normal | LogNormal]] = {"uniform": Uniform, "normal": Normal, "lognormal": LogNormal}
+
+
+def read_distribution(entry: Entry) -> Distribution:
+    """Read a distribution: a number, ``[low, high]`` (uniform), or a table that says which."""
+    if isinstance(entry.value, list):
+        low, high = (number.number() for number in entry.entries(2))
+        with entry.named():
+            return Uniform(low, high)
+    if not isinstance(entry.value, Mapping):
+        constant = entry.number()
+        return Uniform(constant, constant)
+    first = entry.table(needed=("distribution",))
+    make = KINDS[first["distribution"].one_of(KINDS)]
+    keys = [field.name for field in fields(make)]
+    needed = [name for name in keys if not (make is LogNormal and name == "low")]
+    table = entry.table(("distribution", *keys), needed=needed)
+    with entry.named():
+        return make(**{name: table[name].number() for name in keys if name in table})
+
+
+def as_distribution(where: str, name: str, value: Any) -> Distribution:
+    """Return a distribution, or the one that plain data says, as in a scenario file; a pair may be a tuple.
+
+    Raises
+    ------
+    ValueError
+        If it is neither, or a bound is not finite.
+    """
+    if isinstance(value, Real | list | tuple | Mapping):
+        return read_distribution(Entry(list(value) if isinstance(value, tuple) else value, where, name))
+    what = f"{where}: {name}"
+    if isinstance(value, type) or not all(hasattr(value, part) for part in ("low", "high", "sample")):
+        refuse(
+            what,
+            value,
+            "a number, a pair (low, high), a table of a scenario file or a distribution: Uniform(low, high)",
+        )
+    for bound in ("low", "high"):
+        number(f"{what}.{bound}", getattr(value, bound))
+    return value

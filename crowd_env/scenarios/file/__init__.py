@@ -1,0 +1,1 @@
+"""Scenarios in TOML and JSON files."""

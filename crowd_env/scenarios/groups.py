@@ -1,0 +1,191 @@
+"""A crowd of several kinds of people: each with its own bodies, its own place to start from and its own way out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from crowd_env.checks import check_fields, from_table, refuse
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.scenarios.population import Population, check_count, check_starts, place
+from crowd_env.state import Bodies, Floats, make_bodies
+
+_BOUNDED = ("radius", "mass", "desired_speed", "relaxation_time", "response_time")
+
+
+class Bounds(NamedTuple):
+    """Smallest and largest value that any of the people can have."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Several populations in one place; the people of the first come first, and so on.
+
+    It offers what a `Population` does.  Those who start anywhere in the same region are placed together, so that they are
+    mixed; recorded starts are taken first.
+
+    Raises
+    ------
+    ValueError
+        If there is no part, two have the same name, or they are too many.
+
+    Examples
+    --------
+    >>> people = Groups((Population(30, start_region="west", route="east"), Population(30, start_region="east", route="west")))
+    >>> people.count
+    60
+    """
+
+    parts: tuple[Population, ...]
+
+    def __post_init__(self) -> None:
+        check_fields("groups", self)
+        if not self.parts:
+            raise ValueError("a crowd needs at least one group")
+        names = [part.name for part in self.parts if part.name]
+        twice = [name for k, name in enumerate(names) if name in names[:k]]
+        if twice:
+            raise ValueError(f"two groups have the name {twice[0]!r}")
+        check_count("groups: count of all", self.count)
+
+    @property
+    def count(self) -> int:
+        """Number of people."""
+        return sum(part.count for part in self.parts)
+
+    @property
+    def radius(self) -> Bounds:
+        """Of all bodies [m]."""
+        return self._bounds("radius")
+
+    @property
+    def mass(self) -> Bounds:
+        """Of all bodies [kg]."""
+        return self._bounds("mass")
+
+    @property
+    def desired_speed(self) -> Bounds:
+        """Of all people [m/s]."""
+        return self._bounds("desired_speed")
+
+    @property
+    def relaxation_time(self) -> Bounds:
+        """Of all people [s]."""
+        return self._bounds("relaxation_time")
+
+    @property
+    def response_time(self) -> Bounds:
+        """Of all people [s]."""
+        return self._bounds("response_time")
+
+    def _bounds(self, name: str) -> Bounds:
+        of_parts = [getattr(part, name) for part in self.parts]
+        return Bounds(min(one.low for one in of_parts), max(one.high for one in of_parts))
+
+    def changed(self, *, count: int | None = None, **options: Any) -> "Groups":
+        """Return the groups with other distributions in each, and another number of people, shared out in proportion.
+
+        Raises
+        ------
+        ValueError
+            If something else than a distribution or the number is given, or there are fewer people than groups.
+        """
+        other = [name for name, value in options.items() if name not in _BOUNDED and value is not None]
+        if other:
+            raise ValueError(f"groups cannot share {other[0]!r}; give them a count or one of {', '.join(_BOUNDED)}")
+        everyone = None if count is None else check_count("groups: count", count)
+        counts = [part.count for part in self.parts] if everyone is None else self._shares(everyone)
+        shared = {name: value for name, value in options.items() if name in _BOUNDED}
+        return Groups(tuple(part.changed(count=n, **shared) for part, n in zip(self.parts, counts, strict=True)))
+
+    def _shares(self, count: int) -> list[int]:
+        """Share people out by the largest remainders, at least one a group."""
+        if count < len(self.parts):
+            people = f"{count} {'person' if count == 1 else 'people'}"
+            raise ValueError(f"{people} for {len(self.parts)} groups; each needs at least 1")
+        exact = np.array([part.count for part in self.parts]) * (count / self.count)
+        shares = np.maximum(np.floor(exact + 1e-9), 1).astype(int)
+        while shares.sum() < count:
+            shares[np.argmax(exact - shares)] += 1
+        while shares.sum() > count:  # small groups took what they need
+            shares[np.argmax(np.where(shares > 1, shares - exact, -np.inf))] -= 1
+        return [int(n) for n in shares]
+
+    def draw(self, rng: np.random.Generator, geometry: Geometry) -> tuple[Bodies, Floats]:
+        """Draw one crowd: its bodies, and positions (count, 2) without overlap.
+
+        Raises
+        ------
+        ValueError
+            If the people do not fit.
+        """
+        drawn = [part.draw_bodies(rng) for part in self.parts]
+        columns = [np.concatenate(column) for column in zip(*(bodies[:-1] for bodies in drawn), strict=True)]
+        bodies = Bodies._make([*columns, np.array([0, self.count])])
+        owner = np.repeat(np.arange(len(self.parts)), [part.count for part in self.parts])
+        position = np.zeros((self.count, 2))
+        stands = np.zeros(self.count, dtype=np.bool_)
+        for k, part in enumerate(self.parts):
+            if part.starts is not None:
+                position[owner == k] = part.draw_starts(rng, geometry, bodies.radius[owner == k])
+                stands |= owner == k
+        if stands.any():
+            check_starts(geometry, position[stands], bodies.radius[stands])
+        for region in self._regions():
+            here = [k for k, part in enumerate(self.parts) if part.starts is None and part.start_region == region]
+            people = np.flatnonzero(np.isin(owner, here))
+            if len(here) > 1:
+                people = rng.permutation(people)
+            already = (position[stands], bodies.radius[stands]) if stands.any() else None
+            position[people] = place(geometry, bodies.radius[people], rng, region, already)
+            stands[people] = True
+        return bodies, position
+
+    def _regions(self) -> list[str | None]:
+        """Where people start: the named regions in the order of the groups, then anywhere."""
+        of_parts = dict.fromkeys(part.start_region for part in self.parts if part.starts is None)
+        return sorted(of_parts, key=lambda name: name is None)
+
+
+class Parts(Protocol):
+    """What is made of populations: `Groups`, or one `Population`."""
+
+    @property
+    def parts(self) -> tuple[Population, ...]:
+        """Its parts, one kind of people each."""
+        ...
+
+
+def extreme_bodies(people: Parts) -> Bodies:
+    """Return bodies whose stable step is no longer than that of any draw.
+
+    Of each part all are as heavy, thick, quick and eager as they can be, and one more is as light and thin as he can be.
+    """
+    parts = people.parts
+    counts = [part.count + 1 for part in parts]
+    first = np.cumsum([0, *counts[:-1]])
+    radius = np.repeat([part.radius.high for part in parts], counts)
+    mass = np.repeat([part.mass.high for part in parts], counts)
+    radius[first], mass[first] = [part.radius.low for part in parts], [part.mass.low for part in parts]
+    speed = np.repeat([part.desired_speed.high for part in parts], counts)
+    tau = np.repeat([part.relaxation_time.low for part in parts], counts)
+    return make_bodies(radius, mass, desired_speed=speed, relaxation_time=tau)
+
+
+def as_people(population: Population | Groups | Mapping[str, Any] | None) -> Population | Groups | None:
+    """Return a population, or the one of plain data such as ``{"count": 30, "radius": 0.2}``; None stays.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a key is unknown.
+    """
+    if isinstance(population, Mapping):
+        return from_table("population", Population, population)
+    if population is not None and not isinstance(population, Population | Groups):
+        refuse("population", population, "a Population, Groups, or a table of the fields of a Population")
+    return population

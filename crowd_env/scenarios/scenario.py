@@ -1,0 +1,158 @@
+"""A scenario is pure data: a plan, a population, a time limit and where the numbers come from."""
+
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+
+from crowd_env.checks import POSITIVE, Range, check_fields, flag, shown
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.navigation.domain import require_grid
+from crowd_env.navigation.field import NavigationField, OneWay
+from crowd_env.routing.route_set import Target, Ways, find_ways
+from crowd_env.routing.spec import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
+from crowd_env.scenarios.groups import Groups, as_people
+from crowd_env.scenarios.population import Population, require_names, require_room
+from crowd_env.state import Floats, Ints
+
+Strategy = Literal["shortest", "nearest", "fastest", "comfortable"]
+People: TypeAlias = Population | Groups
+
+_PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """What is evacuated; knows neither physics nor rewards.
+
+    ``target`` says what people walk to: "path", the shortest path of a disc (the way to go); or straight to the nearest exit,
+    whatever stands between: to the "nearest" point that keeps the body off the jambs, to the "centre" of the door, or to the
+    nearest point of its whole "width".  The straight ones are for comparison with models that have no path planning.
+
+    An episode ends when everyone is out, at the time limit, or when nobody has got out for ``blocked_after`` seconds.
+
+    Raises
+    ------
+    ValueError
+        If the geometry has no exit, a time is not positive, people start or go somewhere that does not exist, there are
+        more of them than there can be room for, or the plan is too large for bodies so small.
+    """
+
+    name: str
+    geometry: Geometry
+    population: People
+    time_limit: float  # s
+    title: str = ""  # a line for people
+    reference: str = ""  # where the numbers come from
+    target: Target = "path"
+    blocked_after: float = np.inf  # s without anyone getting out, after which the exits count as blocked
+    routes: tuple[Route, ...] = ()  # ways that rules and controllers can send people on, beside every exit by its name
+    zones: tuple[SpeedZone, ...] = ()
+    rules: tuple[ControlRule, ...] = ()
+    closed_doors: tuple[str, ...] = ()  # at the start
+    door_events: tuple[DoorEvent, ...] = ()
+    one_way: tuple[OneWay, ...] = ()
+    comfort: Comfort = field(default_factory=Comfort)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "population", as_people(self.population))
+        check_fields(f"scenario {shown(self.name)}", self, time_limit=POSITIVE, blocked_after=_PERHAPS_NEVER)
+        if len(self.geometry.exits) == 0:
+            raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
+        require_grid(self.geometry, self.population.radius.low)
+        for part in self.population.parts:
+            require_names("start region", [part.start_region], self.geometry.regions)
+            require_names("exit", part.exits, self._exits)
+            require_names("route", [part.route], [*(route.name for route in self.routes), *self._exits])
+        require_room(self.geometry, self.population.parts)
+
+    @property
+    def _exits(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(self.geometry.exit_names))
+
+    def field(self) -> NavigationField:
+        """Return the travel-time field of the shortest way out, for the largest body of the population."""
+        return self.ways(rules=False).ways[0].field
+
+    def ways(self, strategy: str = "shortest", *, rules: bool = True) -> Ways:
+        """Return all ways out that people of this strategy, groups, rules and controllers may take; way 0 leads to any exit.
+
+        Parameters
+        ----------
+        strategy : "shortest"; "fastest", by the time it takes through the crowd as it is; "comfortable", which avoids stairs
+            and turns; "nearest": the exit that is nearest at the start, once and for all; or the name of a route.
+        rules : whether the control rules are in force.
+
+        Raises
+        ------
+        ValueError
+            If the strategy is unknown or a way leads nowhere.
+        """
+        flag("rules", rules)
+        routes = list(self.routes)
+        known = (*get_args(Strategy), *(route.name for route in routes), *self._exits)
+        if not isinstance(strategy, str) or strategy not in known:
+            raise ValueError(f"{self.name}: unknown strategy {shown(strategy)}; known: {', '.join(known)}")
+        for part in self.population.parts:
+            names = [OUT, *(route.name for route in routes)]
+            routes += [route for route in self._taken(part, strategy) if route.name not in names]
+        radius = self.population.radius
+        return find_ways(
+            self.geometry,
+            radius.high,
+            min_radius=radius.low,
+            routes=routes,
+            zones=self.zones,
+            rules=self.rules if rules else (),
+            target=self.target,
+            comfort=self.comfort,
+            closed_at_start=self.closed_doors,
+            events=self.door_events,
+            one_way=self.one_way,
+            walking_speed=0.5 * (self.population.desired_speed.low + self.population.desired_speed.high) or 1.0,
+        )
+
+    def _taken(self, part: Population, strategy: str) -> list[Route]:
+        """Return the routes that a group takes if this is the strategy of the run; of several, the nearest."""
+        own = {route.name: route for route in self.routes}
+        if part.route is not None:
+            return [own.get(part.route, Route(part.route, (part.route,)))]
+        if strategy in own or strategy in self._exits:
+            if not part.exits or strategy in part.exits:
+                return [own.get(strategy, Route(strategy, (strategy,)))]
+            return [_best_of(part.exits, "shortest")]
+        if strategy == "nearest":
+            return [own.get(name, Route(name, (name,))) for name in part.exits or self._exits]
+        return [_best_of(part.exits, strategy)]
+
+    def depends_on_place(self, strategy: str) -> bool:
+        """Return whether it depends on where people start which way they mean to take."""
+        return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
+
+    def choose(self, ways: Ways, strategy: str, position: Floats) -> Ints:
+        """Return the number of the way (K,) that people mean to take who start at ``position`` (K, 2).
+
+        Raises
+        ------
+        ValueError
+            If the groups have ways of their own, and there are not as many people as in all of them.
+        """
+        parts = self.population.parts
+        if len(parts) > 1 and len(position) != self.population.count:
+            raise ValueError(f"{len(position)} positions for groups of {self.population.count} people")
+        chosen = np.zeros(len(position), dtype=np.int64)
+        end = 0
+        for part in parts:
+            begin, end = end, len(position) if len(parts) == 1 else end + part.count
+            names = [route.name for route in self._taken(part, strategy)]
+            one = len(names) == 1
+            chosen[begin:end] = ways.number(names[0]) if one else ways.nearest(names, position[begin:end])
+        return chosen
+
+
+def _best_of(exits: tuple[str, ...], strategy: str) -> Route:
+    """Return the route to the best of these exits; () = all."""
+    name = " or ".join(exits)
+    if strategy == "shortest":
+        return Route(name or OUT, exits)
+    return Route(f"{strategy} to {name}" if name else strategy, exits, strategy=strategy)  # type: ignore[arg-type]  # one of two

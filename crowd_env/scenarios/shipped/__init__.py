@@ -1,0 +1,1 @@
+"""The scenarios with code of their own."""

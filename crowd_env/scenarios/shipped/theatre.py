@@ -1,0 +1,161 @@
+"""A movie theatre in the manner of Pécol et al. 2011, section 4.3: 174 seats, 101 people, routes A and B, control rules.
+
+The plan is SYNTHETIC.  The paper draws its theatre in a figure that is in no printed text, and no other plan was found; what
+is known of it are the numbers of seats and people, two routes (A above, B below), three rectangles where people are counted,
+and the parameters of Table 6.  All else is assumed here, once and for all, from what is usual in cinemas; so results can be
+compared with those of the paper in their order of magnitude only.
+
+Seen from above, the screen is at x = 0, on the left, and the floor rises to the right:
+
+* Seats: 15 rows of 12, every 1.05 m, seats 0.55 m wide.  A row is 0.45 m deep (backs, seats tipped up) and nobody climbs over
+  it; before it 0.60 m are free, where its people sit and walk.  In half of the last row two wheelchairs have their place, so
+  that it has 6 seats: 174 in all.  4 m of level floor before the first row, 1.2 m behind the last: 9.0 by 20.95 m, 1.1 m2 a
+  seat.
+* Stairs: the floor rises between the seats, so that the aisles on both sides (1.2 m wide, the least that German rules allow)
+  are stairs as far as there are rows; rows themselves are level.
+* Route A: the usual way in, a door of 1.2 m in the middle of the back wall; behind it a level corridor 1.8 m wide that turns
+  round the corner of the hall and along it to the foyer; A is where the foyer begins.
+* Route B: the emergency exit, a door of 1.2 m beside the screen; behind it a landing and a straight flight of stairs 1.8 m
+  wide, 12 m long seen from above, down to the open; B is its foot.  In the exercise nobody came out at B before about 40 s
+  (inferred from the mean and the last time): that needs a way of 10 to 15 m on stairs behind the front rows.
+* People: the first four rows are empty, those behind are filled evenly: 101 of 126 seats, every fifth is free.
+* The corridor of A ends where it does, in whole metres, so that the shortest ways part the audience about as Table 7 implies
+  (42 by A, 59 by B; here 44 and 57): that split is put in, not found.
+* Rectangles: 1 and 2 are the ends of both aisles towards A, two rows long; 3 is the floor before the door to B, 3.0 by 2.5 m.
+  Their thresholds 5, 5 and 15 are about 2 people per square metre in each.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, flag, number, refuse, whole
+from crowd_env.geometry.geometry import Geometry, box
+from crowd_env.routing.spec import ControlRule, SpeedZone
+from crowd_env.scenarios.groups import as_people
+from crowd_env.scenarios.population import Population, Uniform
+from crowd_env.scenarios.scenario import People, Scenario
+from crowd_env.state import Floats
+
+REFERENCE = "synthetic plan; people and rules of Pécol, Dal Pont, Erlicher, Argoul 2011, section 4.3 and Table 6"
+
+ROWS, SEATS_A_ROW, SEATS_IN_LAST = 15, 12, 6
+EMPTY_ROWS = 4  # at the front
+_PITCH, _DEPTH, _SEAT = 1.05, 0.45, 0.55  # m    from row to row; backs and seats; width of a seat
+_FRONT, _AISLE, _BACK = 4.0, 1.2, 1.2  # m    free before the first row, on both sides, behind the last row
+_LENGTH = _FRONT + ROWS * _PITCH + _BACK  # m    of the hall, along x
+_WIDTH = 2 * _AISLE + SEATS_A_ROW * _SEAT  # m
+_DOOR, _PASSAGE, _WALL = 1.2, 1.8, 0.2  # m
+_DOOR_B = 0.6  # m    where the door to B begins
+_FLIGHT = 2.0, 14.0  # m    where the stairs behind it begin and end
+_FOYER = 8.0  # m    where the corridor of A ends
+_REAR = _FRONT + ROWS * _PITCH  # m    where the last row ends
+
+
+def theatre(
+    *,
+    count: int = 101,
+    crowded: tuple[int, int, int] = (5, 5, 15),
+    hold: float = 0.0,
+    commits: bool = False,
+    stair_speed: float = 0.5,
+    time_limit: float = 180.0,
+    population: People | Mapping[str, Any] | None = None,
+) -> Scenario:
+    """Return the theatre; people walk the shortest way, unless a control rule sends them the other.
+
+    Parameters
+    ----------
+    count : number of people, on seats that are always the same; ignored if a ``population`` is given.
+    crowded : so many people in rectangle 1, 2 or 3 turn the others away: from A to B (1 and 2), or from B to A (3).
+    hold : s, a rule stays on for so long at least; 0 is the literal reading of the paper.
+    commits : whoever has been turned away does not come back when the rule is off.  In an aisle those meet the others
+        head-on, and two who do may stop each other for good: people here do not step aside.
+    stair_speed : m/s, of everybody on stairs.
+    time_limit : s.
+
+    Raises
+    ------
+    ValueError
+        If there are more people than seats, or a number is out of range.
+    """
+    if isinstance(crowded, str) or not isinstance(crowded, Sequence) or len(crowded) != 3:
+        refuse("theatre: crowded", crowded, "three numbers of people, one for each rectangle")
+    most = [whole(f"theatre: crowded[{k}]", people) for k, people in enumerate(crowded)]
+    hold, commits = number("theatre: hold", hold, NOT_NEGATIVE, "s"), flag("theatre: commits", commits)
+    stair_speed = number("theatre: stair_speed", stair_speed, POSITIVE, "m/s")
+    people = as_people(population) or Population(
+        count,
+        radius=Uniform(0.2, 0.25),
+        mass=Uniform(60.0, 100.0),
+        desired_speed=Uniform(1.2, 2.0),
+        relaxation_time=Uniform(0.1, 0.5),
+        response_time=Uniform(0.0, 4.0),
+        starts=seats()[taken_seats(count)],
+    )
+    ways = zip(("1", "2", "3"), most, ("B", "B", "A"), strict=True)
+    return Scenario(
+        "theatre-v0",
+        plan(),
+        people,
+        time_limit,
+        f"movie theatre (synthetic), {len(seats())} seats, {people.count} people, routes A and B",
+        REFERENCE,
+        zones=tuple(SpeedZone(stairs, stair_speed) for stairs in ("upper aisle", "lower aisle", "flight")),
+        rules=tuple(ControlRule(where, many, way, hold=hold, commits=commits) for where, many, way in ways),
+    )
+
+
+def seats() -> Floats:
+    """Return where one sits or stands before each seat (174, 2) [m], row by row from the screen."""
+    row, number = np.divmod(np.arange((ROWS - 1) * SEATS_A_ROW + SEATS_IN_LAST), SEATS_A_ROW)
+    return np.column_stack([_FRONT + row * _PITCH + 0.5 * (_PITCH - _DEPTH), _AISLE + (number + 0.5) * _SEAT])
+
+
+def taken_seats(count: int) -> list[int]:
+    """Return which seats are taken: evenly spread behind the empty rows or, if there are too few, over all rows.
+
+    Raises
+    ------
+    ValueError
+        If there are more people than seats.
+    """
+    everything = len(seats())
+    count = whole("theatre: count", count, Range(1, everything), why="the number of seats")
+    first = EMPTY_ROWS * SEATS_A_ROW
+    first = first if count <= everything - first else 0
+    there = everything - first
+    return [first + n for n in range(there) if (n + 1) * count // there > n * count // there]
+
+
+def plan() -> Geometry:
+    """Return walls, rows of seats, exits A and B, rectangles 1 to 3 and stairs."""
+    middle, outer = 0.5 * _WIDTH, _WIDTH + _WALL
+    corner, below = _LENGTH + _WALL + _PASSAGE, -_WALL - _PASSAGE
+    widths = [SEATS_A_ROW * _SEAT] * (ROWS - 1) + [SEATS_IN_LAST * _SEAT]
+    backs = [(_FRONT + (k + 1) * _PITCH, width) for k, width in enumerate(widths)]
+    area = [
+        box(0.0, 0.0, _LENGTH, _WIDTH),
+        box(_LENGTH, middle - 0.5 * _DOOR, _LENGTH + _WALL, middle + 0.5 * _DOOR),
+        box(_LENGTH + _WALL, middle - 0.5 * _PASSAGE, corner, outer + _PASSAGE),
+        box(_FOYER, outer, corner, outer + _PASSAGE),
+        box(_DOOR_B, -_WALL, _DOOR_B + _DOOR, 0.0),
+        box(0.0, below, _FLIGHT[1], -_WALL),
+    ]
+    return Geometry.from_polygon(
+        area,
+        obstacles=[box(end - _DEPTH, _AISLE, end, _AISLE + width) for end, width in backs],
+        exits={
+            "A": [(_FOYER, outer), (_FOYER, outer + _PASSAGE)],
+            "B": [(_FLIGHT[1], below), (_FLIGHT[1], -_WALL)],
+        },
+        regions={
+            "1": box(_REAR - 2 * _PITCH, _WIDTH - _AISLE, _REAR, _WIDTH),
+            "2": box(_REAR - 2 * _PITCH, 0.0, _REAR, _AISLE),
+            "3": box(0.0, 0.0, 3.0, 2.5),
+            "upper aisle": box(_FRONT, _WIDTH - _AISLE, _REAR, _WIDTH),
+            "lower aisle": box(_FRONT, 0.0, _REAR, _AISLE),
+            "flight": box(_FLIGHT[0], below, _FLIGHT[1], -_WALL),
+        },
+    )

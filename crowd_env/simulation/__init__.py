@@ -1,0 +1,1 @@
+"""A batch of crowds that walk, touch and leave; no rewards, no agents."""

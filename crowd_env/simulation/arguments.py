@@ -1,0 +1,127 @@
+"""What a `Simulation` is given and asked for, checked before anything moves: kernels look at nothing."""
+
+import operator
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.navigation.field import travel_time_field
+from crowd_env.physics.scheme import ContactScheme
+from crowd_env.routing.replanning import Place
+from crowd_env.simulation.limits import check_stride
+from crowd_env.state import Bodies, Bools, Floats, Ints
+
+
+def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable: bool = False) -> None:
+    """Raise ValueError unless ``dt`` is positive, at most the scheme's stable step, and no stride too long."""
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"dt is {dt!r} s; it must be finite and > 0")
+    limit = scheme.stable_dt(bodies)
+    if dt > limit and not allow_unstable:
+        raise ValueError(
+            f"dt = {dt:g} s is above the stable step of {scheme.info.name}, {limit:.4g} s for these people: "
+            f"{scheme.info.stable_step}"
+        )
+    if not allow_unstable:
+        check_stride(bodies, dt)
+
+
+def check_threads(threads: Any) -> int:
+    """Return the number of threads; raise ValueError unless it is a whole number of at least 1."""
+    try:
+        number = operator.index(threads)
+    except TypeError:
+        raise ValueError(f"threads is {threads!r}; it must be a whole number") from None
+    if number < 1:
+        raise ValueError(f"threads is {threads}; it must be at least 1")
+    return number
+
+
+def routes_of(route: Any, known: Ints) -> Ints:
+    """Return the route of each of some people, who know ``known`` (N,) routes each: one for all, or one each.
+
+    Raises
+    ------
+    ValueError
+        If these are not so many whole numbers, or someone does not know his.
+    """
+    routes = np.full(known.shape, route) if isinstance(route, int) else np.asarray(route)
+    if routes.dtype.kind not in "iu" or routes.shape not in ((), known.shape):
+        raise ValueError(
+            f"route must be one whole number, or {len(known)}, not {routes.dtype} of the shape {routes.shape}"
+        )
+    if routes.shape != known.shape or routes.dtype != np.int64:
+        routes = np.array(np.broadcast_to(routes, known.shape), dtype=np.int64)
+    check_routes(routes, known)
+    return routes
+
+
+def check_routes(route: Ints, known: Ints) -> None:
+    """Raise ValueError unless everyone's route is one of those that are known to him: kernels look it up unseen."""
+    if ((route < 0) | (route >= known)).any():
+        bad = np.flatnonzero((route < 0) | (route >= known))
+        raise ValueError(f"route of pedestrian {bad[0]} is {route[bad[0]]}; it must be from 0 to {known[bad[0]] - 1}")
+
+
+def fields_of(geometries: Sequence[Geometry], fields: Sequence[Place] | None, bodies: Bodies) -> list[Place]:
+    """Return the ways or the field of each geometry; made for those with exits if none are given.
+
+    Raises
+    ------
+    ValueError
+        If there is not one (or None) for each geometry.
+    """
+    if fields is None:
+        widest, thinnest = float(bodies.radius.max()), float(bodies.radius.min())
+        return [travel_time_field(g, widest, min_radius=thinnest) if len(g.exits) else None for g in geometries]
+    if len(fields) != len(geometries):
+        raise ValueError(f"{len(fields)} fields for {len(geometries)} geometries; give one (or None) for each")
+    return list(fields)
+
+
+def which_geometry(geometry_of_env: Any, environments: int, geometries: int) -> Ints:
+    """Return the geometry of each environment (E,), the first one if nothing is said.
+
+    Raises
+    ------
+    ValueError
+        If it is not one number for each, or there is no such geometry.
+    """
+    which = np.zeros(environments, dtype=np.int64) if geometry_of_env is None else np.asarray(geometry_of_env)
+    if which.shape != (environments,) or which.dtype.kind not in "iu" or which.min() < 0 or which.max() >= geometries:
+        raise ValueError(
+            f"geometry_of_env must name, for each of {environments} environments, "
+            f"one of {geometries} geometries, 0 to {geometries - 1}"
+        )
+    return np.array(which, dtype=np.int64)
+
+
+def vectors(name: str, values: Floats | None, people: int) -> Floats | None:
+    """Return ``values`` (P, 2) as kernels want them, or None.
+
+    Raises
+    ------
+    ValueError
+        If they have another shape or are not finite.
+    """
+    if values is None:
+        return None
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.shape != (people, 2):
+        raise ValueError(f"{name} must have the shape {(people, 2)}, not {array.shape}")
+    if not np.isfinite(array).all():
+        bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
+        raise ValueError(f"{name} of pedestrian {bad[0]} is {array[bad[0]].tolist()}; it must be finite")
+    return array
+
+
+def flags(name: str, values: Bools | None, people: int) -> Bools | None:
+    """Return ``values`` (P,) as kernels want them, or None; ValueError if they have another shape."""
+    if values is None:
+        return None
+    array = np.ascontiguousarray(values, dtype=np.bool_)
+    if array.shape != (people,):
+        raise ValueError(f"{name} must have the shape ({people},), not {array.shape}")
+    return array

@@ -1,0 +1,135 @@
+"""All that the future of a simulation depends on, copied: to go back to, or to go on from in another process."""
+
+import hashlib
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowd_env.physics.contacts import Contacts
+from crowd_env.physics.scheme import ContactScheme
+from crowd_env.physics.spatial_order import Order
+from crowd_env.physics.workspace import Diagnostics, Memory, World
+from crowd_env.routing.door_schedule import DoorsThen
+from crowd_env.routing.replanning import WaysThen
+from crowd_env.state import Bodies, CrowdState, Ints
+
+Arrays = dict[str, np.ndarray]
+
+# What contacts are and remember; the rest of `Contacts` is scratch.
+_OF_CONTACTS = ("i", "j", "gap", "normal", "impulse", "memory")
+
+
+class Remembered(NamedTuple):
+    """What a checkpoint keeps of a `Memory`: all but the lists of neighbours, which are made anew, and scratch."""
+
+    arrays: Arrays  # by name
+    diagnostics: Diagnostics  # of the last call
+    contacts: Ints  # (E,)  how many in each environment
+    of_contacts: Arrays  # by name, those of all environments one behind the other
+
+
+class Checkpoint(NamedTuple):
+    """A moment of a `Simulation`; made by `Simulation.checkpoint`, taken up by `Simulation.restore`.  It can be pickled."""
+
+    made_by: dict[str, Any]  # what a simulation must have in common with the one that it was taken from
+    bodies: Bodies
+    state: CrowdState
+    memory: Remembered
+    diagnostics: Diagnostics  # of the episodes so far
+    doors: DoorsThen
+    ways: WaysThen
+    order: Order | None  # None = no crowd is large
+    escaped: np.ndarray  # (P,)  who was found outside of the walkable area
+
+
+class EnvCheckpoint(NamedTuple):
+    """A moment of a `CrowdEnv`; made by `CrowdEnv.checkpoint`, taken up by `CrowdEnv.restore`.  It can be pickled."""
+
+    simulation: Checkpoint
+    books: Arrays
+    step: Arrays
+    seen: tuple[np.ndarray, ...]
+    generators: tuple[Any, ...]  # states
+    started: bool
+    unsettled: bool
+
+
+def copy_arrays(fields: Any) -> Arrays:
+    """Return copies of the arrays of a NamedTuple, by name."""
+    return {name: array.copy() for name, array in zip(fields._fields, fields, strict=True) if _is_array(array)}
+
+
+def write_arrays(fields: Any, arrays: Arrays) -> None:
+    """Write them back in place: whoever holds the arrays sees what they were."""
+    for name, array in arrays.items():
+        getattr(fields, name)[...] = array
+
+
+def _is_array(value: Any) -> bool:
+    return isinstance(value, np.ndarray)
+
+
+def remember(memory: Memory) -> Remembered:
+    """Return a copy of what the future depends on."""
+    contacts, rows = memory.contacts, _rows_of_contacts(memory.contacts, memory.near.entry_start)
+    of_contacts = {name: getattr(contacts, name)[rows] for name in _OF_CONTACTS}
+    diagnostics = Diagnostics._make(array.copy() for array in memory.diagnostics)
+    return Remembered(copy_arrays(memory), diagnostics, contacts.number.copy(), of_contacts)
+
+
+def has_room(memory: Memory, then: Remembered) -> bool:
+    """Whether the contacts of then fit."""
+    return bool((then.contacts <= np.diff(memory.near.entry_start)).all())
+
+
+def recall(memory: Memory, then: Remembered) -> None:
+    """Write it back in place; the lists of neighbours are made anew at the next step."""
+    write_arrays(memory, then.arrays)
+    write_arrays(memory.diagnostics, then.diagnostics._asdict())
+    memory.contacts.number[:] = then.contacts
+    rows = _rows_of_contacts(memory.contacts, memory.near.entry_start)
+    for name, array in then.of_contacts.items():
+        getattr(memory.contacts, name)[rows] = array
+    memory.near.reach[:] = -1.0
+
+
+def _rows_of_contacts(contacts: Contacts, start: Ints) -> Ints:
+    """Return where the contacts of all environments are."""
+    rows = [np.arange(first, first + number) for first, number in zip(start[:-1], contacts.number, strict=True)]
+    return np.concatenate(rows)
+
+
+def made_by(
+    scheme: ContactScheme, dt: float, driving: bool, replan_every: float, bodies: Bodies, is_sorted: bool, world: World
+) -> dict[str, Any]:
+    """Return what a simulation must have in common with another to take up a checkpoint of it."""
+    return {
+        "scheme": scheme,
+        "dt": dt,
+        "driving": driving,
+        "replan_every": replan_every,
+        "env_start": bodies.env_start.tolist(),
+        "sorting": is_sorted,
+        "place": _fingerprint(world),
+    }
+
+
+def _fingerprint(world: World) -> str:
+    """Return a digest of the places that a batch is in, and of how many ways there are."""
+    digest = hashlib.sha256()
+    for array in (*world.boundary, world.geometry_of_env, world.guidance.goal, world.guidance.following):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def require_same(now: dict[str, Any], then: dict[str, Any]) -> None:
+    """Raise ValueError, naming it, if two simulations differ in what they must have in common."""
+    for name, value in now.items():
+        if value != then[name]:
+            says = "" if name == "place" else f": {_short(then[name])}, here {_short(value)}"
+            raise ValueError(f"the checkpoint is of another simulation: its {name} is another{says}")
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,38 @@
+"""The contacts of one environment, for those who ask."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crowd_env.physics.spatial_order import SortedCrowd
+from crowd_env.physics.workspace import Memory
+from crowd_env.state import Floats, Ints
+
+
+class ContactList(NamedTuple):
+    """Contacts of one environment at the start of its last physics step (hertz: at its end), and the impulses of that step."""
+
+    i: Ints  # (C,)    person, counted within the environment
+    j: Ints  # (C,)    other person > i, or -1 - k: wall feature k
+    gap: Floats  # (C,)    m, < 0 is overlap
+    normal: Floats  # (C, 2)  unit vector from j to i
+    impulse: Floats  # (C, 2)  N s, normal and tangential
+    converged: bool  # whether every solve of the episode so far met its tolerance
+
+
+def list_contacts(e: int, first: int, memory: Memory, order: SortedCrowd | None, converged: bool) -> ContactList:
+    """Return a copy of the contacts of environment ``e``, whose first person is ``first``."""
+    contacts, begin = memory.contacts, int(memory.near.entry_start[e])
+    rows = slice(begin, begin + int(contacts.number[e]))
+    i, j, normal = contacts.i[rows], contacts.j[rows], contacts.normal[rows]
+    places = np.arange(len(i))
+    if order is not None:
+        i, j, normal, places = order.by_slot(i, j, normal)
+    return ContactList(
+        i - first,
+        np.where(j >= 0, j - first, j),
+        contacts.gap[rows][places].copy(),
+        normal.copy(),
+        contacts.impulse[rows][places].copy(),
+        converged,
+    )

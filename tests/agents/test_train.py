@@ -1,0 +1,264 @@
+"""The main job: what a training run leaves behind, and that it can be stopped and gone on with."""
+
+import json
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+from repository import ROOT
+from stable_baselines3 import PPO
+from training_runs import call, checkpoint, curve, tiny
+
+import train
+from agents import make_policy
+from agents.evaluation.comparison import last_times, minus_first
+from agents.evaluation.evaluation import evaluate
+from agents.learned.rate import FallingRate
+from agents.learned.training import CURVE_COLUMNS, Companion
+from agents.network import read_network
+from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
+from crowd_env.adapters.sb3 import CrowdVecEnv
+
+# ------------------------------------------------------------------------------------------------------ the whole job
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory):
+    """A whole run from the command line, as small as can be."""
+    root = tmp_path_factory.mktemp("runs")
+    options = ("--minutes", 0.2, "--steps", 3000, "--envs", 2, "--runs", 2, "--seed", 7)
+    result = call(*options, "--root", root, "--name", "tiny")
+    assert result.exit_code == 0, result.output
+    return root, result
+
+
+def test_a_run_leaves_model_config_results_curves_and_film(job):
+    root, _ = job
+    folder = root / "tiny"
+    left = {path.name for path in folder.iterdir()}
+    pictures = {"learning_curve.png", "egress_curves.png", "evacuation.gif"}
+    assert {"best.npz", "checkpoint.pt", "config.json", "results.json", "learning_curve.csv"} | pictures <= left
+    assert not [name for name in left if "part" in name]
+    assert list((folder / "tensorboard").glob("events*"))
+    assert (folder / "evacuation.gif").read_bytes()[:3] == b"GIF"
+    assert all((folder / name).read_bytes()[:4] == b"\x89PNG" for name in pictures if name.endswith("png"))
+    _, facts = read_network(folder / "best.npz")
+    assert {"scenario": "room-v0", "scheme": "nsm2", "dt": 0.01, "seed": 7}.items() <= facts["trained"].items()
+
+
+def test_the_config_holds_every_parameter(job):
+    config = json.loads((job[0] / "tiny" / "config.json").read_text())
+    assert (
+        config["seed"] == 7 and config["envs"] == 2 and config["scenario"] == "room-v0" and config["scheme"] == "nsm2"
+    )
+    assert {"dt", "decision_dt", "frame", "action", "observation", "reward", "ppo", "versions", "steps"} <= set(config)
+    assert {"learning_rate", "gamma", "gae_lambda", "n_steps", "batch_size"} <= set(config["ppo"])
+
+
+def test_the_results_compare_all_policies_on_the_same_held_out_draws(job):
+    root, result = job
+    told = json.loads((root / "tiny" / "results.json").read_text())
+    rows = {row["policy"]: row for row in told["rows"]}
+    assert set(rows) == {"random", "stand-still", "shortest", "learned"}
+    assert rows["stand-still"]["unfinished"] == 40
+    assert rows["shortest"] == evaluate(make_policy("shortest"), runs=2).row()
+    learned, shortest = (evaluate(make_policy(name), runs=2) for name in (str(root / "tiny" / "best.npz"), "shortest"))
+    assert rows["learned"] == learned.row()
+    assert told["learned_minus_shortest"] == json.loads(json.dumps(minus_first(learned, shortest)))
+    assert told["learned_over_shortest"] == pytest.approx(last_times(learned).mean() / last_times(shortest).mean())
+    assert all(name in result.stdout for name in rows)
+
+
+def test_the_learning_curve_has_a_row_before_and_after(job):
+    rows = curve(job[0] / "tiny")
+    assert tuple(rows[0]) == CURVE_COLUMNS
+    assert rows[0]["steps"] == 0 and rows[-1]["steps"] >= 3000
+    assert (np.diff([row["steps"] for row in rows]) > 0).all()
+
+
+def test_the_learning_curve_says_how_sure_it_is(job):
+    row = curve(job[0] / "tiny")[0]
+    best = make_policy(str(job[0] / "tiny" / "best.npz"))
+    config = json.loads((job[0] / "tiny" / "config.json").read_text())
+    assert config["eval_runs"] == 500 and config["validation_seed"] == 2_000_000
+    times = last_times(evaluate(best, runs=500, first_seed=2_000_000))
+    assert min(row["evacuation_time"] for row in curve(job[0] / "tiny")) == pytest.approx(times.mean())
+    assert row["standard_error"] == pytest.approx(times.std(ddof=1) / np.sqrt(500), rel=0.5)
+
+
+def test_the_same_name_twice_overwrites_nothing(job, monkeypatch):
+    root, _ = job
+    monkeypatch.setattr(train, "train", lambda folder, config: False)  # as if interrupted at once
+    before = {path: path.stat().st_mtime_ns for path in (root / "tiny").rglob("*")}
+    result = call("--root", root, "--name", "tiny")
+    assert result.exit_code == 130
+    assert (root / "tiny-2" / "config.json").exists()
+    assert {path: path.stat().st_mtime_ns for path in (root / "tiny").rglob("*")} == before
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_the_physics_step_is_that_of_the_scheme(scheme):
+    assert train.default_config("room-v0", scheme, 0, 2, 100, 1.0)["dt"] == make_scheme(scheme).info.default_dt
+    assert train.default_config("room-v0", scheme, 0, 2, 100, 1.0, dt=0.005)["dt"] == 0.005
+
+
+@pytest.mark.parametrize(("asked", "dt"), [(("--scheme", "dem", "--dt", 0.005), 0.005), (("--scheme", "hertz"), 0.001)])
+def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monkeypatch, asked, dt):
+    seen, init = set(), Simulation.__init__
+    default = train.default_config
+
+    def watched(self, *args, dt, **options):
+        seen.add(dt)
+        init(self, *args, dt=dt, **options)
+
+    def smaller(*args):
+        config = default(*args)
+        config["ppo"] |= {"n_steps": 4}
+        return config | {"eval_runs": 1, "scenario": "small-room"}
+
+    monkeypatch.setitem(SCENARIOS, "small-room", lambda: make_scenario("room-v0", count=3, time_limit=6.0))
+    monkeypatch.setattr(Simulation, "__init__", watched)
+    monkeypatch.setattr(train, "default_config", smaller)
+    monkeypatch.setattr("agents.training_config.default_config", smaller)
+    result = call(*asked, "--steps", 20, "--envs", 1, "--runs", 1, "--root", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert seen == {dt}
+
+
+def test_the_reward_of_the_curve_is_the_mean_return_of_all_episodes(tmp_path, monkeypatch):
+    returns, step = [], CrowdVecEnv.step_wait
+
+    def watched(self):
+        answer = step(self)
+        returns.extend(info["episode"]["r"] for info in answer[3] if "episode" in info)
+        return answer
+
+    monkeypatch.setattr(CrowdVecEnv, "step_wait", watched)
+    folder = tmp_path / "run"
+    assert train.train(folder, tiny(folder, steps=7680, eval_every=10**9))
+    rows = curve(folder)
+    assert len(rows) == 2 and rows[-1]["episodes"] == len(returns) > 20
+    assert rows[-1]["reward"] == pytest.approx(np.mean(returns))
+
+
+def test_a_finished_run_can_be_judged_again(job):
+    root, _ = job
+    before = (root / "tiny" / "learning_curve.csv").read_bytes()
+    result = call("--root", root, "--resume", "tiny", "--runs", 1)
+    assert result.exit_code == 0, result.output
+    assert (root / "tiny" / "learning_curve.csv").read_bytes() == before
+    assert json.loads((root / "tiny" / "results.json").read_text())["rows"][0]["runs"] == 1
+
+
+def test_training_stops_when_its_time_is_up(tmp_path):
+    folder = tmp_path / "run"
+    config = tiny(folder, minutes=0.02, steps=10**9, eval_every=10**9)
+    begin = time.monotonic()
+    assert train.train(folder, config)
+    assert time.monotonic() - begin < 15
+    assert 0 < curve(folder)[-1]["steps"] < 10**9
+
+
+def test_no_point_of_the_curve_is_measured_twice(tmp_path):
+    folder = tmp_path / "run"
+    assert train.train(folder, tiny(folder, eval_every=1280))  # a point at every rollout, and one at the end
+    assert [row["steps"] for row in curve(folder)] == [0, 1280, 2560, 3840, 5120]
+
+
+def test_the_same_seed_trains_the_same_policy(tmp_path):
+    for name in ("one", "two"):
+        train.train(tmp_path / name, tiny(tmp_path / name))
+    one, two = (checkpoint(tmp_path / name)["policy"] for name in ("one", "two"))
+    assert all((one[key] == two[key]).all() for key in one)
+
+
+# ----------------------------------------------------------------------------------------------------------- mistakes
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (("--scenario", "hall"), "hall room-v0"),
+        (("--scheme", "glue"), "glue nsm2"),
+        (("--seed", -1), "seed -1"),
+        (("--seed", 1_000_000), "seed 999999"),
+        (("--minutes", 0), "--minutes > 0"),
+        (("--minutes", "nan"), "--minutes > 0"),
+        (("--minutes", "inf"), "--minutes finite"),
+        (("--steps", 0), "--steps > 0"),
+        (("--envs", -2), "--envs > 0"),
+        (("--runs", 0), "--runs 0 999999"),
+        (("--resume", "nothing"), "nothing config.json"),
+        (("--resume", ""), "cannot name a run"),
+        (("--runs", 1_000_000), "--runs 999999"),
+        (("--dt", 1e-9), "--dt 1e-09 1e-05"),
+        (("--dt", "nan"), "--dt nan"),
+        (("--resume", "../x"), "../x cannot name a run"),
+        (("--name", "../x"), "../x cannot name a run"),
+        (("--dt", 0), "--dt 0.0 1e-05"),
+        (("--dt", 0.03), "0.03 0.1"),
+        (("--envs", 10_000_000), "--envs 200000000 at most 200000 --envs 10000"),
+    ],
+)
+def test_a_mistake_is_answered_plainly_before_anything_is_written(tmp_path, args, words):
+    result = call("--root", tmp_path / "runs", *args)
+    assert result.exit_code == 2, result.output
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    for word in words.split():
+        assert word in result.stderr.replace("\n", "")
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_root_that_cannot_hold_folders_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    result = call("--root", tmp_path / "file", "--envs", 1)
+    assert result.exit_code == 2 and "cannot make the folder" in result.stderr and "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("library", ["stable_baselines3", "torch", "matplotlib"])
+def test_a_library_that_is_missing_is_named_before_anything_is_written(tmp_path, library):
+    program = f"import sys; sys.modules['{library}'] = None; sys.argv[1:] = ['--root', {str(tmp_path / 'runs')!r}]; "
+    program += "import typer, train; typer.run(train.main)"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and not (tmp_path / "runs").exists()
+    assert f"needs {library}" in done.stderr and "pip install" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_the_run_of_a_scenario_file_is_named_after_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(train, "train", lambda folder, config: False)  # as if interrupted at once
+    file = tmp_path / "plans" / "hut.toml"
+    file.parent.mkdir()
+    file.write_text((ROOT / "crowd_env/scenarios/data/bottleneck-v0.toml").read_text())
+    assert call("--root", tmp_path / "runs", "--scenario", file, "--envs", 1).exit_code == 130
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["hut-nsm2-seed0"]
+    assert [path.name for path in file.parent.iterdir()] == ["hut.toml"]
+
+
+def test_the_learning_rate_never_falls_below_zero_and_follows_the_larger_spent_share():
+    rate = FallingRate(1e-3)
+    assert [rate(left) for left in (1.0, 0.25, 0.0, -0.01)] == pytest.approx([1e-3, 2.5e-4, 0.0, 0.0])
+    rate.time_spent = 0.6
+    assert rate(0.9) == pytest.approx(4e-4) and rate(0.1) == pytest.approx(1e-4)
+    rate.time_spent = 1.2
+    assert rate(0.9) == 0.0
+
+
+def test_the_learning_rate_falls_with_the_time_where_that_runs_out_first(tmp_path, monkeypatch):
+    rates, update = [], PPO._update_learning_rate
+
+    def watched(self, optimizers):
+        update(self, optimizers)
+        rates.append(optimizers.param_groups[0]["lr"])
+
+    monkeypatch.setattr(PPO, "_update_learning_rate", watched)
+    monkeypatch.setattr(Companion, "seconds", property(lambda self: self.model.num_timesteps / 100.0))
+    folder = tmp_path / "run"
+    config = tiny(folder, steps=10**6, minutes=1.0, eval_every=10**9)  # 60 s are over after 6000 of the steps
+    assert train.train(folder, config)
+    full, rollout = config["ppo"]["learning_rate"], 32 * 40
+    assert rates == pytest.approx([full * (1.0 - k * rollout / 6000) for k in range(1, 5)])

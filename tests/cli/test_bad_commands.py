@@ -1,0 +1,304 @@
+"""Mistakes at the command line, one table: each is one sentence with exit code 2, prints no result and writes nothing."""
+
+import shlex
+
+import pytest
+from command_files import BAD, BINARY, GOOD
+from typer.testing import CliRunner
+
+from crowd_env.cli.main import app
+
+DOOR = "--exit 6,2,6,3"
+
+CASES = [
+    # names, numbers and options
+    ("run moon-v0", "unknown scenario 'moon-v0' room-v0 .wkt"),
+    ("run --scheme glue", "glue nsm2"),
+    ("run --social glue", "glue"),
+    ("run --strategy glue", "glue shortest"),
+    ("run --runs 0", "runs 0 at least 1"),
+    ("run --runs -3", "runs -3 at least 1"),
+    ("run --n 900", "900 people do not fit"),
+    ("run --n 400000", "400000 people do not fit at most"),
+    ("run lin-room-v0 --n 1000000000", "1000000000 people do not fit"),
+    ("run theatre-v0 --n 1000000000", "1000000000"),
+    ("run floor-v0 --n 400000", "people do not fit 'south-offices'"),
+    ("run floor-v0 --n 1", "1 person for groups at least 1"),
+    ("run --radius wide", "--radius wide 0.2,0.25"),
+    ("run --radius 0.1,0.2,0.3", "--radius 0.2,0.25"),
+    ("run --radius 0.3,0.2", "0.3 0.2 not be larger"),
+    ("run --radius 0", "radius > 0"),
+    ("run --radius -0.2", "radius > 0"),
+    ("run --radius nan", "nan"),
+    ("run --radius inf", "inf finite"),
+    ("run --radius 1e-9", "radius 1e-09 larger bodies"),
+    ("run --radius 9", "do not fit"),
+    ("run --radius 0.6 --n 3", "door 0.82 m narrower 1.20 m"),
+    ("run --speed -1", "speed >= 0"),
+    ("run --speed inf", "inf finite"),
+    ("run --speed ,", "--speed ,"),
+    ("run --dt 0", "dt > 0"),
+    ("run --dt -1", "dt > 0"),
+    ("run --dt nan", "dt > 0"),
+    ("run --dt 0.03", "0.03 whole number"),
+    ("run --dt 0.1 --scheme dem", "dem stable step"),
+    ("run --time-limit 0", "time limit > 0"),
+    ("run --time-limit nan", "time limit > 0"),
+    ("run --time-limit inf", "time limit finite"),
+    ("run --exit 5,2,5,3", "room-v0 --exit"),
+    ("run --unit cm", "room-v0 metres --unit"),
+    ("run good.toml --unit mm", "good.toml metres --unit"),
+    ("run good.toml --exit 6,2,6,3", "good.toml --exit"),
+    ("warmup --scheme glue", "glue nsm2"),
+    # plans
+    ("run none.wkt --exit 6,2,6,3", "none.wkt No such file"),
+    (f"run . {DOOR}", "cannot read"),
+    ("run plan.wkt", "plan.wkt at least one exit"),
+    ("run plan.wkt --exit 5,2,5,3", "plan.wkt exit boundary 1 m"),
+    ("run plan.wkt --exit 6,2,6", "plan.wkt 6,2,6 x1,y1,x2,y2"),
+    ("run plan.wkt --exit 6,2,6,x", "plan.wkt x1,y1,x2,y2"),
+    ("run plan.wkt --exit 6,2,6,nan", "exit finite"),
+    ("run plan.wkt --exit 6,2,6,2", "length 0 m 0.02"),
+    ("run plan.wkt --exit 6,2,6,2.3", "0.30 m narrower 0.40 m"),
+    ("run plan.wkt --exit door", "plan.wkt door"),
+    ("run plan.wkt --exit 'POINT (6 2)'", "Point LINESTRING"),
+    ("run plan.wkt --exit 'POLYGON ((8 0, 9 0, 9 1, 8 1, 8 0))'", "does not touch 2 m"),
+    ("run plan.wkt --exit 'POLYGON ((-1 -1, 9 -1, 9 9, -1 9, -1 -1))'", "exits leave no walkable area"),
+    ("run plan.wkt --exit 6,2,6,3 --exit 6,2.5,6,4", "overlap"),
+    (f"run plan.wkt {DOOR} --n 900", "900 people do not fit"),
+    (f"run plan.wkt {DOOR} --unit inch", "inch m, cm, mm"),
+    (f"run plan.wkt {DOOR} --unit mm", "length 0.001 m"),
+    ("run mm.wkt --exit 6000,2000,6000,3000", "6000 m x 5000 m mm --unit"),
+    ("run mm.wkt --exit 6000,2000,6000,3000 --n 500000", "mm --unit"),
+    ("run huge.wkt --exit 600000,0,600000,100", "--unit mm"),
+    ("run huge.wkt --exit 600000,0,600000,100 --unit m", "nodes metres"),
+    ("run km.wkt --exit 0.006,0.002,0.006,0.004", "km degrees --unit"),
+    (f"run nan.wkt {DOOR}", "nan.wkt finite"),
+    (f"run inf.wkt {DOOR}", "inf.wkt finite"),
+    (f"run empty.wkt {DOOR}", "empty.wkt WKT"),
+    (f"run nothing.wkt {DOOR}", "no area"),
+    (f"run point.wkt {DOOR}", "Point POLYGON"),
+    (f"run points.wkt {DOOR}", "Point POLYGON"),
+    (f"run bow.wkt {DOOR}", "self-intersection (2.5, 2.5)"),
+    (f"run curve.wkt {DOOR}", "CURVEPOLYGON straight"),
+    (f"run degrees.wkt {DOOR}", "degrees 4326 metres"),
+    (f"run geo.wkt {DOOR}", "GeoJSON well-known text scenario"),
+    (f"run geo.geojson {DOOR}", "GeoJSON well-known text"),
+    (f"run plan.dxf {DOOR}", "DXF well-known text"),
+    (f"run notes.dxf {DOOR}", "DXF well-known text"),
+    (f"run plan.xml {DOOR}", "XML well-known text"),
+    (f"run plan.svg {DOOR}", "XML well-known text"),
+    (f"run sqlite.wkt {DOOR}", "SQLite well-known text"),
+    (f"run zip.wkt {DOOR}", "zip well-known text"),
+    (f"run image.wkt {DOOR}", "PNG well-known text"),
+    (f"run pdf.wkt {DOOR}", "PDF well-known text"),
+    (f"run dwg.wkt {DOOR}", "DWG well-known text"),
+    (f"run noise.wkt {DOOR}", "noise.wkt no text"),
+    ("run many.wkt --exit 0,0.2,0,0.8 --n 20", "do not fit"),
+    # recorded starts
+    ("run --starts none.csv", "none.csv No such file"),
+    ("run --starts .", "cannot read"),
+    ("run --starts no_y.csv", "column 'y' missing 'z'"),
+    ("run --starts twice.csv", "column 'x' twice"),
+    ("run --starts headless.csv", "column 'x' missing '1'"),
+    ("run --starts comma.csv", "row 1 4 cells 2 columns decimal comma"),
+    ("run --starts thousand.csv", "person 1 1.000,5"),
+    ("run --starts word.csv", "word.csv person 1 one"),
+    ("run --starts under.csv", "person 1 1_0"),
+    ("run --starts infinite.csv", "person 1 finite"),
+    ("run --starts blank.csv", "no starting positions x,y"),
+    ("run --starts header.csv", "no starting positions"),
+    ("run --starts trajectory.csv", "trajectory frame one line"),
+    ("run --starts far.csv", "start 1 (70, 1) outside"),
+    ("run --starts near.csv", "starts 0 and 1 overlap smaller bodies"),
+    ("run --starts wall.csv", "start 1 wall does not fit"),
+    ("run --starts excel.csv", "zip Excel CSV"),
+    ("run --starts old.csv", "Excel CSV"),
+    ("run --starts latin.csv", "UTF-8"),
+    ("run --starts near.csv --n 5", "--n 5 near.csv 2"),
+    (f"run two.wkt {DOOR} --starts lost.csv", "start 0 (8.5, 1) part that no exit reaches"),
+    # exit times
+    ("clogging --times none.csv", "none.csv No such file"),
+    ("clogging --times early.csv", "row 2 -0.5 >= 0"),
+    ("clogging --times notime.csv", "column 'time' missing"),
+    ("clogging --times never.csv", "row 1 finite"),
+    ("clogging --times late.csv", "run '1' after the last exit"),
+    ("clogging --times json.csv", "JSON CSV"),
+    ("clogging moon-v0", "moon-v0 room-v0"),
+    ("clogging room-v0 --runs 0", "runs 0 at least 1"),
+    ("clogging room-v0 --n 1000000000", "1000000000 people do not fit"),
+    ("clogging room-v0 --speed -1", "speed >= 0"),
+    ("clogging room-v0 --pause 0", "pause > 0"),
+    ("clogging room-v0 --out good.toml", "good.toml not a folder"),
+    ("clogging room-v0 --scheme glue", "glue nsm2"),
+    ("clogging floor-v0 --n 1", "1 person for groups"),
+    # scenario files
+    ("run none.toml", "none.toml at least 1"),
+    ("run missing.toml", "missing.toml No such file"),
+    ("run crowd.toml", "crowd.toml 1000000000 people do not fit"),
+    ("run digits.toml", "count 1e+15"),
+    ("run half.toml", "count 2.5 whole"),
+    ("run true.toml", "count true or false number"),
+    ("run nobody.toml", "population count"),
+    ("run columns.toml", "300000 columns 100000"),
+    ("run seats.toml", "900000 columns 100000"),
+    ("run walls.toml", "99999999 columns 100000"),
+    ("run power.toml", "no value 1e+15"),
+    ("run lengthy.toml", "longer than 1000"),
+    ("run large.toml", "no value 1e+15"),
+    ("run words.toml", "not an expression"),
+    ("run import.toml", "not an expression"),
+    ("run zero.toml", "no value division"),
+    ("run brace.toml", "brace partner"),
+    ("run deep.json", "nested too deeply"),
+    ("run deeper.json", "nested too deeply"),
+    ("run deep.toml", "nested too deeply"),
+    ("run outside.toml", "../secret.csv outside of the folder"),
+    ("run absolute.toml", "/etc/passwd outside of the folder"),
+    ("run rules.toml", "rules text list"),
+    ("run exits.toml", "exits text list"),
+    ("run route.toml", "window door"),
+    ("run zone.toml", "zone 'mat' changes nothing"),
+    ("run door.toml", "door 'gate' touches no wall"),
+    ("run short_door.toml", "gate 0.1 m"),
+    ("run kilometres.toml", "200000 m nodes metres"),
+    ("run closed.toml", "closed_doors text list"),
+    ("run key.toml", "raduis radius"),
+    ("run radius.toml", "radius 1e-09 larger bodies"),
+    ("run time.toml", "time_limit finite"),
+    ("run again.json", "geometry twice"),
+    ("run list.json", "table"),
+    ("run broken.toml", "broken.toml"),
+    ("run broken.json", "broken.json"),
+    ("run plan.toml", "plan.toml"),
+    ("run noise.toml", "noise.toml"),
+    ("run groups.toml --n 1", "1 person for 2 groups"),
+    ("run start.toml", "region 'far' outside"),
+    ("run cut.toml", "region 'cell' part that no exit reaches"),
+    # pictures and folders
+    ("run --film out.avi", "out.avi .gif .mp4"),
+    ("run --film out", "out .gif .mp4"),
+    ("run --film none/out.gif", "--film no folder"),
+    ("run --film folder.gif", "--film folder.gif folder"),
+    ("run --film good.toml/out.gif", "--film not a folder"),
+    ("run --force-network out.svg", "out.svg .png"),
+    ("run --force-network none/out.png", "--force-network no folder"),
+    ("run --force-network folder.png", "folder.png folder"),
+    ("run --force-network out.png --around 1e-9", "--around 1e-09 0.5"),
+    ("run --force-network out.png --around nan", "--around 0.5"),
+    ("run --force-network out.png --at 0", "--at > 0"),
+    ("run --force-network out.png --at 1e9", "--at ends after"),
+    ("run --at 2", "--at --force-network"),
+    ("plan room-v0 --out out.pdf", "out.pdf .png"),
+    ("plan room-v0 --out folder.png", "folder.png folder"),
+    ("plan room-v0 --out good.toml/out.png", "--out not a folder"),
+    ("plan moon-v0", "moon-v0 room-v0"),
+    ("plan crowd.toml", "1000000000 people do not fit"),
+    ("plan columns.toml", "300000 columns"),
+    ("plan outside.toml", "outside of the folder"),
+    # papers
+    ("reproduce table9", "table9"),
+    ("reproduce table5 --runs 0", "--runs 0 at least 1"),
+    ("reproduce table5 --n 1", "--n 1 at least 3"),
+    ("reproduce table5 --n 1000000000", "1000000000 people do not fit"),
+    ("reproduce table5 --dt nan", "--dt finite"),
+    ("reproduce table3 --n 9", "--n belongs to"),
+    ("reproduce table5 --out good.toml", "good.toml not a folder"),
+    ("reproduce lin-fig6 --workers 0", "--workers 0 at least 1"),
+    ("reproduce table5 --side 1e9", "nodes"),
+]
+
+USAGE = ["run --n 0", "run --n 2.5", "run --seed -1", "run --runs many", "run --dt", "fly", "run a b", "run --fly"]
+USAGE += ["clogging --n 0", "reproduce", "plan", "warmup --scheme", "run --unit"]
+
+NOTES = [
+    ("run long.wkt --exit 320,0,320,2 --time-limit 1 --scheme dem", "320 m x 2 m cm --unit cm"),
+    ("run wide.wkt --exit 25,0,25,22 --time-limit 1 --scheme dem", "exit 22 m wide cm --unit cm"),
+    ("run two.wkt --exit 6,2,6,3", "no exit can be reached from a part of 10 m2 left out"),
+    ("run shaft.wkt --exit 6,2,6,3", "no exit can be reached from a part of left out"),
+    ("run gap.wkt --exit 8,2,8,3", "less than 1 cm apart are joined 1 mm"),
+    ("run plan.wkt --exit 6.1,2,6.1,3", "0.10 m off the boundary moved"),
+    ("run plan.wkt --exit 5.98,2,5.98,3", "0.02 m off the boundary moved"),
+    ("run plan.wkt --exit 'POLYGON ((6.2 2, 7 2, 7 3, 6.2 3, 6.2 2))'", "0.20 m off the boundary moved"),
+    ("run line.wkt --exit 6,2,6,3", "left out LineString"),
+    ("clogging --times mixed.csv", "run '1' not in the order of time"),
+]
+QUIET = [
+    "run bom.wkt --exit 6,2,6,3",
+    "run srid.wkt --exit 6,2,6,3",
+    "run cm.wkt --exit 600,200,600,300 --unit cm",
+    "run mm.wkt --exit 6000,2000,6000,3000 --unit mm",
+    "run --starts excel_de.csv",
+    "run --starts capitals.csv",
+    "run --starts tabs.csv",
+    "run long.wkt --exit 320,0,320,2 --time-limit 1 --scheme dem --unit m",
+    "clogging floor-v0 --n 4 --speed 1.5 --scheme dem",
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    root = tmp_path_factory.mktemp("commands")
+    (root / "secret.csv").write_text("password,x\nhush,1\n")
+    place = root / "here"
+    place.mkdir()
+    for name, text in {**BAD, **GOOD}.items():
+        (place / name).write_text(text, encoding="utf-8", newline="")
+    for name, data in BINARY.items():
+        (place / name).write_bytes(data)
+    for name in ("folder.gif", "folder.png"):
+        (place / name).mkdir()
+    return place
+
+
+def call(line, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    return CliRunner().invoke(app, shlex.split(line))
+
+
+def tree(folder):
+    return sorted((path, path.stat().st_size) for path in folder.parent.rglob("*"))
+
+
+def test_the_table_is_large():
+    assert len({line for line, _ in CASES}) == len(CASES) >= 170
+
+
+@pytest.mark.parametrize(("line", "words"), CASES, ids=[line for line, _ in CASES])
+def test_a_mistake_is_one_sentence_before_anything_is_written(line, words, folder, monkeypatch):
+    before = tree(folder)
+    result = call(line, folder, monkeypatch)
+    assert result.exit_code == 2, f"{result.output} {result.exception!r}"
+    assert isinstance(result.exception, SystemExit)
+    assert result.stdout == "" and "hush" not in result.stderr
+    said = result.stderr.splitlines()
+    assert said[-1].startswith("error: ") and all(note.startswith("note: ") for note in said[:-1]), result.stderr
+    assert len(said[-1]) < 600
+    for word in words.split():
+        assert word in said[-1], f"{word!r} is not in {said[-1]!r}"
+    assert tree(folder) == before
+
+
+@pytest.mark.parametrize("line", USAGE)
+def test_a_malformed_command_is_a_usage_error(line, folder, monkeypatch):
+    result = call(line, folder, monkeypatch)
+    assert result.exit_code == 2 and result.stdout == "" and "Traceback" not in result.output
+    assert "Error" in result.stderr
+
+
+@pytest.mark.parametrize(("line", "words"), NOTES, ids=[line for line, _ in NOTES])
+def test_what_is_mended_is_said(line, words, folder, monkeypatch):
+    runs = "" if "--times" in line else " --runs 1 --n 3"
+    result = call(f"{line}{runs} --json", folder, monkeypatch)
+    assert result.exit_code == 0, result.output
+    (note,) = result.stderr.splitlines()
+    assert note.startswith("note: ")
+    for word in words.split():
+        assert word in note, f"{word!r} is not in {note!r}"
+
+
+@pytest.mark.parametrize("line", QUIET)
+def test_what_people_have_is_understood(line, folder, monkeypatch):
+    count = "" if "--starts" in line or "--n" in line else " --n 3"
+    result = call(f"{line} --runs 1{count} --json", folder, monkeypatch)
+    assert result.exit_code == 0 and result.stderr == "", result.output

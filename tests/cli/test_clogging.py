@@ -1,0 +1,183 @@
+"""The files and the command of clogging."""
+
+import json
+
+import numpy as np
+import pytest
+from clogging_samples import needs_powerlaw, pareto
+from typer.testing import CliRunner
+
+from crowd_env.analysis.clogging import (
+    exits_of_run,
+)
+from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
+from crowd_env.cli.main import app
+
+# ------------------------------------------------------------------------------------------------------------- files
+
+
+def test_what_is_written_is_read_again(tmp_path):
+    runs = [
+        exits_of_run([1.25, 0.1 + 0.2, np.nan], 130.0, ["east", "west", ""]),
+        exits_of_run([4.0, 5.0], exit=["west", "west"]),
+        exits_of_run([np.nan], 7.0),
+    ]
+    again = read_exits(write_exits(tmp_path / "new" / "exits.csv", runs, range(3)))
+    assert len(again) == 3
+    for one, other in zip(runs, again, strict=True):
+        assert one.time.tolist() == other.time.tolist()
+        assert one.until == other.until or np.isnan([one.until, other.until]).all()
+        assert [str(name) for name in one.exit] == list(other.exit)
+    lines = write_gaps(tmp_path / "gaps.csv", {"sheep, 2014": runs}).read_text().splitlines()
+    assert lines == [
+        "data,run,gap,open",
+        '"sheep, 2014",0,0.950000,0',
+        '"sheep, 2014",0,128.750000,1',
+        '"sheep, 2014",1,1.000000,0',
+    ]
+
+
+@pytest.mark.filterwarnings("ignore:.*not in the order of time")
+def test_two_columns_are_enough(tmp_path):
+    (tmp_path / "a.csv").write_text("# door 0.7 m\nrun,time\nb,3\na,1\nb,2.5\n")
+    runs = read_exits(tmp_path / "a.csv")
+    assert [run.time.tolist() for run in runs] == [[2.5, 3.0], [1.0]]
+    assert all(np.isnan(run.until) for run in runs)
+
+
+def test_exits_out_of_order_are_taken_in_order_with_a_note(tmp_path):
+    (tmp_path / "a.csv").write_text("run,time\nb,3\na,1\nb,2.5\n")
+    with pytest.warns(UserWarning, match="run 'b' are not in the order of time"):
+        runs = read_exits(tmp_path / "a.csv")
+    assert runs[0].time.tolist() == [2.5, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "no exit times"),
+        ("run,time\n", "no exit times"),
+        ("run,t\n1,2\n", "'time' is missing"),
+        ("run,time\n1,two\n", "row 1 'two'"),
+        ("run,time\n1,2\n1,nan\n", "row 2 nan finite"),
+        ("run,time\n1\n", "row 1 '' number"),
+        ("run,time\n1,2\n1,-3\n", "row 2 -3 >= 0"),
+        ("run,time\n1,1,5\n", "row 1 3 cells 2 columns decimal comma"),
+        ("run,time,out\n1,2,yes\n", "out is 'yes'"),
+        ("run,time,out\n1,2,0\n1,3,0\n", "row 2 second"),
+        ("run,time,out\n1,5,1\n1,3,0\n", "run '1' after the last exit"),
+    ],
+)
+def test_a_malformed_file_is_one_plain_line(text, words, tmp_path):
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    result = CliRunner().invoke(app, ["clogging", "--times", str(path)])
+    assert result.exit_code == 2 and result.stdout == "" and result.stderr.count("\n") == 1
+    assert result.stderr.startswith(f"error: {path}")
+    for word in words.split():
+        assert word in result.stderr
+
+
+# ----------------------------------------------------------------------------------------------------------- command
+
+KEYS = {
+    "name": None,
+    "runs": None,
+    "exits": None,
+    "unfinished_runs": None,
+    "blocked_runs": None,
+    "gaps": {"count", "mean", "cv", "q90", "max", "open", "longest_open"},
+    "bursts": {"pause", "count", "mean_size", "max_size", "sizes"},
+    "tail": {"alpha", "error", "x_min", "n", "distance", "rate", "ratio", "p", "alpha_open"},
+    "no_tail": None,
+    "clogged": None,
+    "statement": None,
+}
+ROOM = ["clogging", "room-v0", "--scheme", "dem", "--runs", "4", "--seed", "3"]
+
+
+@needs_powerlaw
+def test_the_command_prints_one_json_object_and_writes_what_it_saw(tmp_path):
+    result = CliRunner().invoke(app, [*ROOM, "--json", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.count("\n") == 1
+    (told,) = json.loads(result.stdout)["sets"]
+    assert set(told) == set(KEYS)
+    for name, parts in KEYS.items():
+        assert parts is None or set(told[name]) == parts
+    assert told["runs"] == 4 and told["exits"] == 80 and told["gaps"]["count"] == 76
+    assert (tmp_path / "survival.png").read_bytes()[:4] == b"\x89PNG"
+    assert len((tmp_path / "gaps.csv").read_text().splitlines()) == 1 + 76
+    again = CliRunner().invoke(app, ["clogging", "--times", str(tmp_path / "exits.csv"), "--json"])
+    (read,) = json.loads(again.stdout)["sets"]
+    assert {**read, "name": None} == {**told, "name": None}
+
+
+@needs_powerlaw
+def test_the_command_simulates_the_evacuations_of_run():
+    from crowd_env.cli.clogging import evacuate
+    from crowd_env.envs.rollout import run_rule
+    from crowd_env.physics import make_scheme
+    from crowd_env.scenarios import make_scenario
+
+    place = make_scenario("room-v0", time_limit=6.0)
+    ended = []
+    runs = evacuate(place, make_scheme("dem"), 3, seed=5, progress=ended.append)
+    episodes = run_rule(place, "dem", 3, seed=5)
+    assert sum(ended) == 3
+    for run, episode in zip(runs, episodes, strict=True):
+        assert len(run.time) == 20 - episode.unfinished
+        assert run.time.mean() == pytest.approx(episode.mean_exit_time, rel=1e-12)
+        assert np.isnan(run.until) if episode.unfinished == 0 else run.until == pytest.approx(6.0)
+    assert any(np.isfinite(run.until) for run in runs)
+
+
+@needs_powerlaw
+def test_the_command_prints_a_table_and_sets_side_by_side(tmp_path):
+    (tmp_path / "sheep.csv").write_text("run,time\n" + "\n".join(f"0,{t}" for t in np.cumsum(pareto(1.7, 200, 3))))
+    result = CliRunner().invoke(app, [*ROOM, "--n", "3", "--speed", "1.5", "--times", str(tmp_path / "sheep.csv")])
+    assert result.exit_code == 0, result.stderr
+    for words in ("room-v0, dem, 3 people, 1.5 m/s", "sheep.csv", "± ", "no exponent: 8 gaps", "diverges", "bursts"):
+        assert words in " ".join(result.stdout.split()), words
+    assert "nan" not in result.stdout
+
+
+@needs_powerlaw
+def test_files_of_one_name_do_not_hide_each_other(tmp_path):
+    lines = ["clogging", "--json"]
+    for name, count in (("a", 3), ("b", 5)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "exits.csv").write_text("run,time\n" + "".join(f"0,{t}\n" for t in range(count)))
+        lines += ["--times", str(tmp_path / name / "exits.csv")]
+    told = json.loads(CliRunner().invoke(app, lines).stdout)["sets"]
+    assert [one["exits"] for one in told] == [3, 5]
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("clogging rooom", "rooom room-v0"),
+        ("clogging --scheme glue", "glue hertz"),
+        ("clogging --runs 0", "runs 0"),
+        ("clogging --speed -1", "speed"),
+        ("clogging --speed nan", "nan"),
+        ("clogging room-v0 --n 900", "900"),
+        ("clogging --dt 0", "dt"),
+        ("clogging --pause 0", "pause"),
+        ("clogging --times none.csv", "none.csv"),
+    ],
+)
+@needs_powerlaw
+def test_a_mistake_is_one_plain_line(line, words):
+    result = CliRunner().invoke(app, line.split())
+    assert result.exit_code == 2 and result.stdout == "", result.output
+    assert result.stderr.startswith("error: ") and result.stderr.count("\n") == 1
+    for word in words.split():
+        assert word in result.stderr
+
+
+@needs_powerlaw
+def test_a_folder_that_cannot_be_written_is_said_before_the_work(tmp_path):
+    (tmp_path / "file").write_text("")
+    result = CliRunner().invoke(app, ["clogging", "--out", str(tmp_path / "file")])
+    assert result.exit_code == 2 and "not a folder" in result.stderr

@@ -1,0 +1,59 @@
+"""What tests of recordings, films and figures share."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pygame")
+PIL_Image = pytest.importorskip("PIL.Image")
+imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+pytest.importorskip("matplotlib")
+
+
+from crowd_env.geometry.geometry import Geometry  # noqa: E402
+from crowd_env.rendering import (  # noqa: E402
+    FULL_PRESSURE,
+    Recording,
+)
+
+ROOM = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)], exits={"door": [(5, 2.09), (5, 2.91)]})
+
+
+PILLAR = [(2, 2), (3, 2), (3, 3), (2, 3)]
+
+
+PLANS = {
+    "room": ROOM,
+    "two exits and a pillar": Geometry.from_polygon(
+        [(0, 0), (8, 0), (8, 5), (0, 5)], exits=[[(0, 1), (0, 2)], [(8, 3), (8, 4)]], obstacles=[PILLAR]
+    ),
+    "away from the origin": Geometry.from_polygon(
+        [(-40, 100), (-36, 100), (-36, 104), (-40, 104)], exits={"north": [(-39, 104), (-38, 104)]}
+    ),
+    "corridor": Geometry.from_polygon([(0, 0), (40, 0), (40, 3), (0, 3)], exits={"end": [(40, 0), (40, 3)]}),
+    "tall": Geometry.from_polygon([(0, 0), (3, 0), (3, 40), (0, 40)], exits={"end": [(0, 40), (3, 40)]}),
+    "courtyard": Geometry.from_polygon(
+        [[(0, 0), (9, 0), (9, 9), (0, 9)]],
+        exits={"out": [(9, 4), (9, 5)]},
+        obstacles=[[(3, 3), (6, 3), (6, 6), (3, 6)]],
+    ),
+}
+
+
+def recording(end=4.0, people=20, title="", *, finish=True, geometry=ROOM):
+    """People who cross the room to the door one after the other."""
+    time = np.arange(0.0, end + 1e-9, 0.1)
+    rng = np.random.default_rng(3)
+    start = rng.uniform(0.5, 4.0, (people, 2))
+    leaves = np.linspace(0.3, 1.0, people) * end if finish else np.full(people, np.inf)
+    part = np.clip(time[:, None] / np.minimum(leaves, end), 0.0, 1.0)[..., None]
+    position = (1.0 - part) * start + part * (5.0, 2.5)
+    return Recording(
+        time=time,
+        position=position,
+        velocity=np.broadcast_to((5.0, 2.5) - start, position.shape) / end,
+        active=time[:, None] < leaves,
+        pressure=rng.uniform(0.0, FULL_PRESSURE, (len(time), people)) * (time > 1.0)[:, None],
+        radius=np.full(people, 0.22),
+        geometry=geometry,
+        title=title,
+    )

@@ -1,0 +1,218 @@
+"""Progress is the loss of a potential: over an episode it sums to the travel time at the start less that at the end."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from shapely.geometry import box
+
+from crowd_env import (
+    ControlRule,
+    CrowdEnv,
+    DoorEvent,
+    Geometry,
+    Population,
+    Route,
+    Scenario,
+    Uniform,
+    make_scenario,
+)
+from crowd_env.navigation.extension import carried_along
+from crowd_env.navigation.field import join_fields, travel_time_at, travel_time_field
+
+EXITS = {"west": [(0, 1), (0, 3)], "east": [(12, 1), (12, 3)]}
+DOORS = {"west door": "west", "east door": "east"}
+REGIONS = {"left": box(0, 0, 4, 4), "spot": box(8, 0, 9, 1)}
+SAME = Uniform(0.2, 0.2)
+
+
+@cache
+def hall():
+    """Return a hall with an exit at each end that can be closed."""
+    return Geometry.from_polygon(box(0, 0, 12, 4), exits=EXITS, doors=DOORS, regions=REGIONS)
+
+
+def evacuation(count=4, starts=None, **options):
+    speed = Uniform(1.5, 1.5) if starts is not None else Uniform(1.2, 1.8)
+    people = Population(count, radius=SAME, desired_speed=speed, relaxation_time=Uniform(0.1, 0.1), starts=starts)
+    return Scenario("hall", hall(), people, 60.0, **options)
+
+
+def seen_time(env, observation):
+    """Return the travel time that everyone sees [s]."""
+    seen = observation[:, env.layout["travel_time"]][:, 0].astype(float)
+    return 5.0 * seen / (1.0 - seen)
+
+
+def play(env, steps=10_000, act=lambda k: None, seed=0):
+    """Play to the end; returns the travel times seen at the start (P,) and the progress of every step (T, P)."""
+    first, paid = seen_time(env, env.reset([seed])[0]), []
+    while not env.finished.all() and len(paid) < steps:
+        paid.append(env.step(act(len(paid))).info["reward/progress"])
+    return first, np.array(paid)
+
+
+def test_a_control_rule_cannot_be_farmed():
+    """One steps in and out of the region of a rule every 3 s and sends the other to and fro."""
+    place = Geometry.from_polygon(
+        box(0, 0, 20, 4),
+        exits={"west": [(0, 1.5), (0, 2.5)], "east": [(20, 1.5), (20, 2.5)]},
+        regions={"w": box(0, 0, 6, 4)},
+    )
+    people = Population(
+        2,
+        radius=SAME,
+        desired_speed=Uniform(1.5, 1.5),
+        relaxation_time=Uniform(0.1, 0.1),
+        starts=np.array([[5.0, 3.5], [9.0, 2.0]]),
+    )
+    farm = Scenario("farm", place, people, 600.0, rules=(ControlRule("w", 1, "east"),))
+    env = CrowdEnv(farm, frame="world", scheme="nsm1", strategy="west")
+    first = seen_time(env, env.reset(seed=0)[0])
+    total, sent = 0.0, 0
+    for k in range(300):
+        x = env.simulation.state.position
+        goal = 5.3 if (k // 30) % 2 == 0 else 6.7
+        action = np.zeros((2, 2))
+        action[0] = np.clip([goal - x[0, 0], 3.5 - x[0, 1]], -1, 1)
+        step = env.step(action, rule=np.array([False, True]))
+        total += step.info["reward/progress"][1]
+        sent += abs(step.info["reward/progress"][1]) > 0.3
+        assert total <= first[1] + 1e-9
+    assert env.active[1] and sent >= 4  # the rule switched to and fro
+    assert total == pytest.approx(first[1] - seen_time(env, step.observation)[1], abs=1e-4)
+
+
+@pytest.mark.parametrize("strategy", ["shortest", "nearest", "west"])
+def test_a_door_that_closes_and_opens_again_pays_what_the_way_gets_longer(strategy):
+    events = (DoorEvent("west door", opens=False, at=0.8), DoorEvent("west door", opens=True, at=2.0))
+    env = CrowdEnv(evacuation(8, door_events=events), scheme="dem", strategy=strategy)
+    first, paid = play(env)
+    assert not env.active.any()
+    np.testing.assert_allclose(paid.sum(axis=0), first, rtol=1e-5)
+    if strategy == "shortest":  # at the switch the potential jumps by what the other way takes longer, and back
+        assert paid.min() < -1.0 and paid.max() > 1.0
+    else:  # who is told to take a closed exit waits there: his way is the same
+        assert np.abs(paid).max() < 0.2
+
+
+def test_a_switch_pays_the_difference_of_the_ways_at_that_place():
+    """West to east from x = 4 m at 1.5 m/s: 4 m turn into 8 m, so that 2.67 s are paid, and the same back."""
+    starts = np.array([[4.0, 2.0], [9.0, 2.0]])
+    env = CrowdEnv(
+        evacuation(2, starts, routes=(Route("east", ("east",)),)), scheme="nsm1", strategy="west", num_envs=2
+    )
+    env.reset(seed=0)
+    still = np.zeros((4, 2))
+    env.step(still)
+    ways = env.simulation.wayfinder.ways(0)
+    env.simulation.send(0, ways.number("east"))
+    env.reset(mask=[False, True])  # looking once more does not make the switch forgotten
+    there = env.step(still).info["reward/progress"]
+    env.simulation.send(0, ways.number("west"))
+    back = env.step(still).info["reward/progress"]
+    np.testing.assert_allclose(there, [-4 / 1.5, 6 / 1.5, 0.0, 0.0], atol=0.02)
+    np.testing.assert_allclose(back, -there, atol=1e-9)
+
+
+def test_replanning_the_fastest_way_pays_nothing():
+    """The ways follow the crowd, but progress is counted on those of the empty place: no step pays more than is walked."""
+    env = CrowdEnv("two-exit-hall-v0", count=60, strategy="fastest", scheme="nsm1")
+    env.reset([5])
+    speed, steps = env.simulation.bodies.desired_speed, []
+    for _ in range(60):
+        before, inside = env.simulation.state.position.copy(), env.active.copy()
+        paid = env.step(None).info["reward/progress"]
+        walked = np.hypot(*(env.simulation.state.position - before).T)
+        stayed = inside & env.active
+        assert (np.abs(paid[stayed]) <= (walked[stayed] + 0.15) / speed[stayed]).all()
+        steps.append(paid[inside].std())
+    replanned = np.array(steps)[::10]
+    assert env.simulation.wayfinder.marches >= 6
+    assert replanned.max() < 0.25 and replanned.mean() < 2.0 * np.mean(steps)
+
+
+def test_a_way_via_a_region_leads_on_to_the_exit():
+    """Progress counts the whole way, so that reaching the region pays no more and no less than any other step."""
+    routes = (Route("detour", exits=("west",), via="spot"),)
+    env = CrowdEnv(evacuation(6, routes=routes), scheme="nsm1", strategy="detour")
+    env.reset([0])
+    place, speed = env.simulation.state.position.copy(), env.simulation.bodies.desired_speed
+    radius = env.simulation.bodies.radius
+    paid = []
+    while env.active.any():
+        before = env.simulation.state.position.copy()
+        step = env.step(None)
+        paid.append(step.info["reward/progress"])
+        walked = np.hypot(*(env.simulation.state.position - before).T)
+        assert (np.abs(paid[-1][env.active]) <= (walked[env.active] + 0.1) / speed[env.active]).all()
+    to_spot = join_fields([travel_time_field(hall(), 0.2, goal="spot")], hall().boundary)
+    to_west = join_fields([travel_time_field(hall(), 0.2, exits=["west"])], hall().boundary)
+    for i, total in enumerate(np.sum(paid, axis=0)):
+        x, y = place[i]
+        there = travel_time_at(to_spot, hall().boundary, 0, x, y, radius[i])
+        # The nearest place of the spot, and the way from there; who starts in it has only that.
+        entry = np.clip(x, 8.0, 9.0), np.clip(y, 0.2, 1.0)
+        rest = travel_time_at(to_west, hall().boundary, 0, *entry, radius[i])
+        assert total * speed[i] == pytest.approx(there + rest, abs=0.15)
+
+
+def test_whatever_happens_the_sum_is_that_of_the_ends():
+    """Ways, doors and resets of others at random: what is paid so far is always the travel time at the start less that now."""
+    routes = (Route("detour", via="spot"), Route("quick", strategy="fastest"))
+    env = CrowdEnv(
+        evacuation(5, routes=routes), scheme="nsm1", num_envs=3, strategy="fastest", autoreset=True, time_limit=3.0
+    )
+    rng = np.random.default_rng(4)
+    env.reset(seed=1)
+    simulation, boundary = env.simulation, env.simulation.world.boundary
+    potential = env._observer.potential
+
+    def now():
+        """Return the travel time of everyone by the potential of the way that he follows, looked up from outside."""
+        rows = simulation.wayfinder.potential_of_route[env.env_of_person, simulation.memory.followed]
+        time = [
+            travel_time_at(simulation.world.field, boundary, f, x, y, r)
+            for f, (x, y), r in zip(rows, simulation.state.position, simulation.bodies.radius, strict=True)
+        ]
+        return np.where(env.active, time / simulation.bodies.desired_speed, 0.0)
+
+    first, total, episodes = now(), np.zeros(15), 0
+    for k in range(100):
+        e = int(rng.integers(3))
+        if rng.random() < 0.3:
+            simulation.send(e, rng.integers(len(env.ways[0].ways), size=5))
+        if rng.random() < 0.2:
+            simulation.close_doors(e, [[], ["west door"], ["east door"]][rng.integers(3)])
+        if k == 50:
+            env.reset(mask=np.arange(3) == e)
+            again = env.env_of_person == e
+            first[again], total[again] = now()[again], 0.0
+        step = env.step(rng.uniform(-1.0, 1.0, (15, 2)))
+        total += step.info["reward/progress"]
+        over = step.info["finished"][env.env_of_person]
+        np.testing.assert_allclose((first - total)[~over], now()[~over], atol=1e-9)
+        first[over], total[over] = now()[over], 0.0
+        np.testing.assert_allclose(potential, now(), atol=1e-9)
+        episodes += int(step.info["finished"].sum())
+    assert episodes >= 6
+
+
+def test_what_is_carried_along_ways_is_that_of_their_ends():
+    """Ways that run straight to the left, where the value is the height: the value of every node is its height."""
+    y, x = np.mgrid[0:20, 0:30].astype(float)
+    value = carried_along(x, y)
+    np.testing.assert_allclose(value, y, atol=1e-12)
+    # ... and straight to one point, from both sides of a gap: that of the point, whatever stood there before.
+    time = np.hypot(x - 7, y - 9)
+    time[:, 15] = np.nan
+    far = carried_along(time, np.where(time == 0, 3.0, 99.0))
+    np.testing.assert_allclose(far[:, :15], 3.0)
+
+
+def test_groups_with_ways_of_their_own_keep_todays_numbers():
+    """On one fixed way progress is what it was: the length of that way over the own speed."""
+    env = CrowdEnv(make_scenario("room-v0", count=6), scheme="dem")
+    first, paid = play(env, seed=3)
+    np.testing.assert_allclose(paid.sum(axis=0), first, rtol=1e-5)
+    assert np.abs(paid).max() < 0.2

@@ -1,0 +1,209 @@
+"""One controller for everybody: Gymnasium's Env, and many rooms as its VectorEnv."""
+
+import subprocess
+import sys
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from repository import ROOT
+
+import crowd_env
+from crowd_env import CrowdEnv, CrowdGymEnv, CrowdVectorEnv, make_scenario, make_vec
+from crowd_env.envs.reward import REWARDS
+
+SMALL = {"count": 6, "time_limit": 4.0}
+
+
+# ---------------------------------------------------------------------------------------------------------- one room
+
+
+@pytest.mark.parametrize("options", [{}, {"action": "discrete"}, {"frame": "world"}, {"scheme": "dem"}])
+def test_gymnasium_accepts_it(options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*render.*|.*unwrapped.*|.*spec.*")
+        check_env(gymnasium.make("crowd_env/room-v0", **SMALL, **options).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("options", [{}, {"action": "discrete"}])
+def test_stable_baselines3_accepts_it(options):
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(CrowdGymEnv("room-v0", **SMALL, **options))
+
+
+def test_its_rows_are_those_of_the_batch_environment_and_its_reward_their_mean():
+    env, batch = CrowdGymEnv("room-v0", **SMALL), CrowdEnv("room-v0", **SMALL)
+    observation, info = env.reset(seed=3)
+    np.testing.assert_array_equal(observation, batch.reset([3])[0])
+    rng = np.random.default_rng(0)
+    done = False
+    while not done:
+        action = rng.uniform((0, -0.5), (1, 0.5), (6, 2)).astype(np.float32)
+        observation, reward, terminated, truncated, info = env.step(action)
+        step = batch.step(action)
+        np.testing.assert_array_equal(observation, step.observation)
+        np.testing.assert_array_equal(info["active"], batch.active)
+        assert reward == pytest.approx(step.reward.mean())
+        assert terminated == (step.info["finished"][0] and not step.truncated.any())
+        assert truncated == step.truncated.any()
+        done = terminated or truncated
+    assert type(reward) is float and type(terminated) is type(truncated) is bool
+
+
+def test_it_ends_terminated_when_all_are_out_and_truncated_at_the_limit():
+    def end(action, **options):
+        env = CrowdGymEnv("room-v0", **options)
+        env.reset(seed=0)
+        while True:
+            _, _, terminated, truncated, info = env.step(action)
+            if terminated or truncated:
+                assert not info["active"].any()
+                return terminated, truncated
+
+    assert end(None, count=4) == (True, False)
+    assert end(np.zeros((4, 2)), count=4, time_limit=1.0) == (False, True)
+
+
+def test_infos_are_rows_of_the_people_and_numbers():
+    env = CrowdGymEnv("room-v0", **SMALL)
+    _, info = env.reset(seed=1)
+    assert set(info) == {"active"} and info["active"].all()
+    over = False
+    while not over:
+        terms = {f"reward/{name}" for name in REWARDS}
+        _, _, terminated, truncated, info = env.step(None)
+        over = terminated or truncated
+        assert set(info) == {*terms, "active", "diagnostics", *(["metrics"] if over else [])}
+        assert all(info[name].shape == (6,) for name in (*terms, "active"))
+        assert {type(value) for value in info["diagnostics"].values()} == {int, float}
+    assert repr(info["metrics"]) == repr(env.env.metrics(0)._asdict())
+
+
+def test_one_seed_fixes_a_whole_series_of_episodes():
+    def series(seed):
+        env = CrowdGymEnv("room-v0", **SMALL)
+        return [env.reset(seed=seed)[0], env.reset()[0], env.reset()[0]]
+
+    first = series(5)
+    np.testing.assert_array_equal(first, series(5))
+    assert not np.array_equal(first[0], first[1]) and not np.array_equal(first[1], first[2])
+    assert not np.array_equal(first[1], series(6)[1])
+
+
+def test_it_is_registered():
+    env = gymnasium.make("crowd_env/room-v0", count=4)
+    assert env.observation_space.shape == (4, env.unwrapped.env.layout.size)
+    np.testing.assert_array_equal(env.reset(seed=0)[0], CrowdGymEnv("room-v0", count=4).reset(seed=0)[0])
+
+
+def test_gymnasium_finds_it_by_itself_from_the_name_of_the_package():
+    code = "import gymnasium; print(gymnasium.make('crowd_env:crowd_env/room-v0').reset(seed=0)[0].shape)"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert told.stdout.strip() == "(20, 48)"
+
+
+def test_registering_twice_changes_nothing():
+    before = dict(gymnasium.registry)
+    crowd_env.register()
+    assert dict(gymnasium.registry) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"render_mode": "human"}, "human.*rgb_array"),
+        ({"autoreset": True}, "autoreset"),
+        ({"num_envs": 3}, "num_envs"),
+    ],
+)
+def test_what_belongs_to_a_batch_is_refused(options, words):
+    with pytest.raises(ValueError, match=words):
+        CrowdGymEnv("room-v0", **options)
+
+
+# --------------------------------------------------------------------------------------------------------- many rooms
+
+
+def test_make_vec_gives_the_native_batch():
+    env = gymnasium.make_vec("crowd_env/room-v0", num_envs=3, **SMALL)
+    assert isinstance(env.unwrapped, CrowdVectorEnv)
+    assert isinstance(make_vec("room-v0", 2), CrowdVectorEnv)
+    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert env.observation_space.shape == (3, 6, 48) and env.action_space.shape == (3, 6, 2)
+    observation, info = env.reset(seed=1)
+    assert env.observation_space.contains(observation) and info["active"].all()
+    np.testing.assert_array_equal(observation.reshape(18, -1), CrowdEnv("room-v0", num_envs=3, **SMALL).reset(1)[0])
+
+
+def test_a_room_of_the_batch_is_the_room_alone_and_shows_its_end_in_final_obs():
+    seeds = [4, 5, 6]
+    env = make_vec("room-v0", 3, **SMALL)
+    singles = [CrowdGymEnv("room-v0", **SMALL) for _ in seeds]
+    observation, _ = env.reset(seed=seeds)
+    for row, single, seed in zip(observation, singles, seeds, strict=True):
+        np.testing.assert_array_equal(row, single.reset(seed=seed)[0])
+    rng, playing, ends = np.random.default_rng(0), np.ones(3, bool), []
+    while playing.any():
+        action = rng.uniform((0, -0.5), (1, 0.5), (3, 6, 2)).astype(np.float32)
+        observation, reward, terminated, truncated, info = env.step(action)
+        assert observation.shape == (3, 6, 48) and reward.shape == terminated.shape == truncated.shape == (3,)
+        assert not (terminated & truncated).any()
+        over = terminated | truncated
+        assert ("final_obs" in info) == over.any()
+        for e in np.flatnonzero(playing):
+            row, one_reward, one_terminated, one_truncated, _ = singles[e].step(action[e])
+            assert (reward[e], terminated[e], truncated[e]) == (one_reward, one_terminated, one_truncated)
+            if over[e]:
+                assert info["_final_obs"][e]
+                np.testing.assert_array_equal(info["final_obs"][e], row)
+                assert info["active"][e].all()  # the next episode has begun
+                assert not np.array_equal(observation[e], row)
+                ends.append((bool(terminated[e]), bool(truncated[e])))
+            else:
+                np.testing.assert_array_equal(observation[e], row)
+                assert not over.any() or not info["_final_obs"][e]
+        playing &= ~over
+    assert len(ends) == 3
+
+
+def test_gymnasiums_own_episode_statistics_work_on_it():
+    env = gymnasium.wrappers.vector.RecordEpisodeStatistics(make_vec("room-v0", 2, count=3, time_limit=3.0))
+    env.reset(seed=0)
+    lengths = []
+    for _ in range(70):
+        *_, info = env.step(np.zeros((2, 3, 2), dtype=np.float32))
+        if "episode" in info:
+            lengths += info["episode"]["l"][info["_episode"]].tolist()
+    assert lengths == [30, 30, 30, 30]
+
+
+def test_discrete_actions_come_in_rows_as_well():
+    env = make_vec("room-v0", 2, action="discrete", count=3)
+    assert env.action_space.shape == (2, 3)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+
+
+def test_rooms_of_different_sizes_do_not_make_a_batch_here():
+    with pytest.raises(ValueError, match="same number of people"):
+        make_vec([make_scenario("room-v0"), make_scenario("room-v0", count=3)], 2)
+    with pytest.raises(ValueError, match="not rendered"):
+        make_vec("room-v0", 2, render_mode="rgb_array")
+
+
+# --------------------------------------------------------------------------------------------------------- rendering
+
+
+def test_a_frame_shows_the_room():
+    env = gymnasium.make("crowd_env/room-v0", count=3, render_mode="rgb_array")
+    env.reset(seed=0)
+    frame = env.render()
+    assert frame.ndim == 3 and frame.shape[2] == 3 and frame.dtype == np.uint8
+    for _ in range(10):
+        env.step(np.tile(np.float32([1, 0]), (3, 1)))
+    assert not np.array_equal(env.render(), frame)
+    env.close()

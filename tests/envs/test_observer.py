@@ -1,0 +1,128 @@
+"""Observations as laws: the same bits whichever way they are computed, and terms of one's own beside the compiled ones."""
+
+import numpy as np
+import pytest
+from crowds import cluttered
+
+from crowd_env import CrowdEnv, ObservationLayout, Population, RewardWeights, Scenario, make_scenario
+from crowd_env._kernels.struct_ref import refer
+from crowd_env.envs.buffers import Recycled
+from crowd_env.envs.observation.layout import TERMS
+from crowd_env.envs.reward import REWARDS
+
+CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
+HALL = make_scenario("room-v0", count=300, side=16.0)
+
+
+@pytest.mark.parametrize("neighbours", [1, 6, 7, 32])
+@pytest.mark.parametrize("terms", [tuple(TERMS), ("density",), ("neighbours",)])
+def test_all_pairs_and_cells_show_the_same_to_the_last_bit(terms, neighbours):
+    env = CrowdEnv([HALL, CLUTTERED], num_envs=3, observation=ObservationLayout(terms, neighbours=neighbours))
+    env.reset(seed=1)
+    rng = np.random.default_rng(0)
+    observer, shows = env._observer, []
+    for _ in range(25):
+        env.step(rng.uniform((0.2, -0.4), (1.0, 0.4), (env.num_people, 2)))
+    for most in (0, 20, 10_000):
+        observer._plans = [refer(env.layout.plan(env.num_people, all_pairs=most))]
+        shows.append(observer.observe(env.active))
+    assert shows[0].any() and not env.active.all()
+    np.testing.assert_array_equal(shows[0], shows[1])
+    np.testing.assert_array_equal(shows[0], shows[2])
+
+
+def test_observations_and_rewards_are_the_same_for_any_number_of_threads():
+    places = ["room-v0", CLUTTERED, make_scenario("room-v0", count=120, side=9.0)]
+    options = {"num_envs": 24, "time_limit": 3.0, "autoreset": True}
+    alone, *beside = (CrowdEnv(places, threads=threads, **options) for threads in (1, 2, 5))
+    assert alone.num_people > 1000  # fewer are observed by one thread
+    first = alone.reset(seed=3)[0]
+    for env in beside:
+        np.testing.assert_array_equal(env.reset(seed=3)[0], first)
+    for _ in range(35):
+        one = alone.step(None)
+        for env in beside:
+            other = env.step(None)
+            np.testing.assert_array_equal(other.observation, one.observation)
+            np.testing.assert_array_equal(other.reward, one.reward)
+            np.testing.assert_array_equal(other.terminated | other.truncated, one.terminated | one.truncated)
+    assert one.observation.any()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_who_has_just_restarted_sees_what_a_fresh_environment_shows(seed):
+    """The second episode of each environment, restarted by itself amid others, against one that is reset twice."""
+    env = CrowdEnv("room-v0", num_envs=5, count=8, autoreset=True)
+    env.reset(seed=seed)
+    waiting = set(range(5))
+    while waiting:
+        step = env.step(None)
+        for e in np.flatnonzero(step.info["finished"]):
+            if e in waiting:
+                fresh = CrowdEnv("room-v0", num_envs=5, count=8)
+                fresh.reset(seed=seed)
+                expected, _ = fresh.reset(mask=np.arange(5) == e)
+                np.testing.assert_array_equal(step.observation[env.people(e)], expected[env.people(e)])
+                waiting.discard(e)
+
+
+def test_what_was_shown_stays_as_it_was():
+    env = CrowdEnv("room-v0", num_envs=2, count=6, autoreset=True)
+    kept = [env.reset(seed=0)[0]]
+    copies = [kept[0].copy()]
+    for _ in range(120):
+        step = env.step(None)
+        for shown in (step.observation, step.info.get("final_observation"), step.observation[3:5]):
+            if shown is not None:
+                kept.append(shown)
+                copies.append(shown.copy())
+    for shown, copy in zip(kept, copies, strict=True):
+        np.testing.assert_array_equal(shown, copy)
+
+
+def test_memory_is_used_again_when_nobody_holds_it_nor_a_view_of_it():
+    arrays = Recycled((3, 2))
+    first = arrays.take()
+    address = first.ctypes.data
+    row = first[1]
+    assert arrays.take().ctypes.data != address
+    del first
+    held = arrays.take()
+    assert held.ctypes.data != address
+    del row, held
+    assert arrays.take().ctypes.data == address
+
+
+def test_a_term_of_ones_own_stands_beside_the_compiled_ones(monkeypatch):
+    def speed(view, out):
+        """Own speed / 1 m/s."""
+        out[:, 0] = np.hypot(*view.state.velocity.T)
+
+    monkeypatch.setitem(TERMS, "speed", (speed, 1))
+    layout = ObservationLayout(terms=("velocity", "speed", "crush"))
+    env = CrowdEnv("room-v0", num_envs=3, count=8, autoreset=True, observation=layout)
+    env.reset(seed=0)
+    restarted = 0
+    for _ in range(120):
+        inside = env.active.copy()
+        step = env.step(None)
+        shown = step.info.get("final_observation", step.observation)
+        expected = np.hypot(*shown[:, :2].T) * 2.0
+        np.testing.assert_allclose(shown[:, 2], np.minimum(expected, 1.0), atol=0.02)  # who is faster is clipped
+        assert not shown[~inside].any()
+        fresh = step.info["finished"][env.env_of_person]
+        assert not step.observation[fresh, 2].any()  # at rest
+        restarted += fresh.sum()
+    assert restarted > 0
+
+
+def test_a_reward_of_ones_own_stands_beside_the_compiled_ones(monkeypatch):
+    monkeypatch.setitem(REWARDS, "heavy", lambda step: step.mass / 100.0)
+    env = CrowdEnv("room-v0", reward=RewardWeights({"heavy": 2.0, "exit": 1.0}))
+    env.reset(seed=0)
+    for _ in range(50):
+        inside = env.active.copy()
+        step = env.step(None)
+        expected = np.where(inside, env.simulation.bodies.mass / 100.0, 0.0)
+        np.testing.assert_array_equal(step.info["reward/heavy"], expected)
+        np.testing.assert_allclose(step.reward, 2.0 * expected + step.terminated, atol=1e-12)

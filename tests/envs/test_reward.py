@@ -1,0 +1,267 @@
+"""Rewards as laws over whole episodes, and what an evacuation is judged by."""
+
+import numpy as np
+import pytest
+
+from crowd_env import CrowdEnv, EpisodeMetrics, RewardWeights, make_scenario
+from crowd_env._kernels.struct_ref import refer
+from crowd_env.envs.metrics import flow_slope, summarise
+from crowd_env.envs.reward import REWARDS, RewardFunction, Transition
+
+TERMS = tuple(REWARDS)
+
+
+def episodes(policy, reward=None, *, num_envs=4, **options):
+    """Play to the end with actions ``policy(rng, P)``; returns the environment, the steps, and all rewards (T, P)."""
+    env = CrowdEnv("room-v0", num_envs=num_envs, reward=reward, **{"time_limit": 12.0, **options})
+    env.reset(seed=2)
+    rng = np.random.default_rng(0)
+    first = env._observer.travel_time.copy()
+    steps = []
+    while not env.finished.all():
+        inside = env.active.copy()
+        step = env.step(policy(rng, env.num_people))
+        steps.append((inside, step, env.simulation.memory.crush.copy()))
+    return env, first, steps
+
+
+def reset(env):
+    env.reset(seed=0)
+    return env
+
+
+def drunk(rng, people):
+    return rng.uniform((-0.3, -0.9), (1.0, 0.9), (people, 2))
+
+
+def rule(rng, people):
+    return None
+
+
+def backwards(rng, people):
+    return np.tile([-0.5, 0.2], (people, 1))
+
+
+def total(steps, term):
+    return sum(step.info[f"reward/{term}"] for _, step, _ in steps)
+
+
+# ------------------------------------------------------------------------------------------------------------- terms
+
+
+@pytest.mark.parametrize("scheme", ["dem", "nsm2"])
+@pytest.mark.parametrize("policy", [rule, drunk])
+def test_progress_sums_to_the_travel_time_from_the_start_whatever_the_way(policy, scheme):
+    env, first, steps = episodes(policy, scheme=scheme)
+    out = np.isfinite(env.simulation.state.exit_time)
+    assert out.sum() > 5 and (policy is rule or not out.all())
+    np.testing.assert_allclose(total(steps, "progress")[out], first[out], atol=1e-9)
+    left = env._observer.travel_time[~out]
+    np.testing.assert_allclose(total(steps, "progress")[~out], first[~out] - left, atol=1e-9)
+
+
+def test_the_first_travel_time_is_the_length_of_the_way_over_the_own_speed():
+    env = CrowdEnv("room-v0", frame="world")
+    observation, _ = env.reset(seed=0)
+    seen = observation[:, env.layout["travel_time"]][:, 0].astype(float)
+    time = 5.0 * seen / (1.0 - seen)
+    distance = np.hypot(5.0 - env.simulation.state.position[:, 0], 0.0)
+    assert (time * env.simulation.bodies.desired_speed > distance - 0.05).all()
+    np.testing.assert_allclose(time, env._observer.travel_time, rtol=1e-5)
+
+
+def test_walking_away_costs_progress():
+    _, _, steps = episodes(backwards, time_limit=1.0)
+    assert (total(steps, "progress") < 0.1).all() and total(steps, "progress").mean() < -0.1
+
+
+@pytest.mark.parametrize("policy", [rule, drunk])
+def test_time_sums_to_minus_the_time_inside(policy):
+    env, _, steps = episodes(policy)
+    exit_time = env.simulation.state.exit_time
+    np.testing.assert_allclose(total(steps, "time"), -np.where(np.isfinite(exit_time), exit_time, 12.0), atol=1e-9)
+
+
+def test_the_exit_pays_once_and_only_those_who_get_out():
+    env, _, steps = episodes(drunk)
+    np.testing.assert_array_equal(total(steps, "exit"), np.isfinite(env.simulation.state.exit_time).astype(float))
+    for _, step, _ in steps:
+        np.testing.assert_array_equal(step.info["reward/exit"] == 1.0, step.terminated)
+
+
+def test_contact_is_minus_the_contact_impulse_over_the_mass():
+    env, _, steps = episodes(rule)
+    for inside, step, crush in steps:
+        expected = np.where(inside, -crush / env.simulation.bodies.mass, 0.0)
+        np.testing.assert_array_equal(step.info["reward/contact"], expected)
+    assert (total(steps, "contact") < -0.5).any()
+
+
+# ------------------------------------------------------------------------------------------------------ weighted sum
+
+
+def test_the_reward_is_the_weighted_sum_of_the_terms_reported():
+    weights = {"progress": 0.7, "exit": 3.0, "time": 0.2, "contact": 0.01}
+    _, _, steps = episodes(drunk, RewardWeights(weights))
+    for inside, step, _ in steps:
+        expected = sum(weight * step.info[f"reward/{name}"] for name, weight in weights.items())
+        np.testing.assert_allclose(step.reward, expected, atol=1e-12)
+        assert not step.reward[~inside].any()
+        assert {name for name in step.info if name.startswith("reward/")} == {f"reward/{name}" for name in TERMS}
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_a_term_alone_is_the_reward_and_the_others_are_still_reported(term):
+    _, _, steps = episodes(drunk, RewardWeights({term: 1.0}), num_envs=1, time_limit=5.0)
+    for _, step, _ in steps:
+        np.testing.assert_array_equal(step.reward, step.info[f"reward/{term}"])
+        assert all(f"reward/{name}" in step.info for name in TERMS)
+
+
+def test_sharing_moves_reward_within_the_room_and_makes_none():
+    """Everyone, those who have left too, gets their share of the mean over all N."""
+    weights = {"progress": 1.0, "exit": 1.0, "time": 0.5, "contact": 0.01}
+    (env, _, selfish), *shared = (episodes(drunk, RewardWeights(weights, share)) for share in (0.0, 0.3, 1.0))
+    for share, (_, _, steps) in zip((0.3, 1.0), shared, strict=True):
+        for (inside, own, _), (also_inside, step, _) in zip(selfish, steps, strict=True):
+            np.testing.assert_array_equal(inside, also_inside)
+            assert not own.reward[~inside].any()
+            for e in range(env.num_envs):
+                rows = env.people(e)
+                expected = (1 - share) * own.reward[rows] + share * own.reward[rows].mean()
+                np.testing.assert_allclose(step.reward[rows], expected, atol=1e-12)
+                assert step.reward[rows].sum() == pytest.approx(own.reward[rows].sum(), abs=1e-9)
+
+
+def test_time_is_shared_with_those_who_have_left():
+    """The return of everyone who shares all is minus the mean exit time, whoever is out first."""
+    for share in (0.0, 0.25, 1.0):
+        env, _, steps = episodes(rule, RewardWeights({"time": 1.0}, share), num_envs=2, count=5, time_limit=30.0)
+        exit_time = env.simulation.state.exit_time
+        paid = sum(step.reward for _, step, _ in steps)
+        mean = exit_time.reshape(2, 5).mean(axis=1)[env.env_of_person]
+        np.testing.assert_allclose(paid, -(1 - share) * exit_time - share * mean, atol=1e-9)
+
+
+def test_one_step_by_hand():
+    """Two rooms of four and one: 0.1 s, one has left before, one leaves now; half of everything is shared."""
+    step = Transition(
+        inside=np.array([True, True, True, False, True]),
+        left=np.array([False, True, False, False, False]),
+        travel_time_before=np.array([3.0, 0.1, 2.0, 0.0, 1.0]),
+        travel_time_after=np.array([2.8, 0.0, 2.1, 0.0, 0.9]),
+        duration=np.array([0.1, 0.06, 0.1, 0.1, 0.1]),
+        crush=np.array([8.0, 0.0, 0.0, 0.0, 0.0]),
+        mass=np.full(5, 80.0),
+        env_start=np.array([0, 4, 5]),
+    )
+    weights = RewardWeights({"progress": 1.0, "exit": 2.0, "time": 5.0, "contact": 1.0}, team_share=0.5)
+    reward, terms = RewardFunction(weights, 5)(refer(step))
+    own = [0.2 - 0.5 - 0.1, 0.1 + 2.0 - 0.3, -0.1 - 0.5, 0.0, 0.1 - 0.5]  # -0.4, 1.8, -0.6, 0, -0.4
+    np.testing.assert_allclose(terms["reward/progress"], [0.2, 0.1, -0.1, 0.0, 0.1], atol=1e-12)
+    np.testing.assert_allclose(terms["reward/time"], [-0.1, -0.06, -0.1, 0.0, -0.1], atol=1e-12)
+    mean = 0.2  # of the first room: 0.8 / 4
+    np.testing.assert_allclose(reward, [0.5 * r + 0.5 * mean for r in own[:4]] + [-0.4], atol=1e-12)
+
+
+# ---------------------------------------------------------------------------------------------------------- registry
+
+
+def test_a_term_registered_later_reaches_later_environments_alone(monkeypatch):
+    env = CrowdEnv("room-v0", count=3)
+    env.reset(seed=0)
+    monkeypatch.setitem(REWARDS, "late", lambda step: step.mass)
+    assert "reward/late" not in env.step(None).info
+    assert "reward/late" in reset(CrowdEnv("room-v0", count=3)).step(None).info
+
+
+def test_a_term_that_is_removed_stays_with_those_who_have_it(monkeypatch):
+    monkeypatch.setitem(REWARDS, "heavy", lambda step: step.mass / 100.0)
+    weights = RewardWeights({"heavy": 2.0})
+    env = reset(CrowdEnv("room-v0", count=3, reward=weights))
+    monkeypatch.delitem(REWARDS, "heavy")
+    for _ in range(3):
+        step = env.step(None)
+        np.testing.assert_array_equal(step.info["reward/heavy"], env.simulation.bodies.mass / 100.0)
+        np.testing.assert_array_equal(step.reward, 2.0 * step.info["reward/heavy"])
+    with pytest.raises(ValueError, match="unknown reward term 'heavy'; known: progress"):
+        CrowdEnv("room-v0", count=3, reward=weights)
+
+
+def test_weights_changed_after_they_were_checked_change_nothing():
+    weights = {"progress": 1.0}
+    made = RewardWeights(weights)
+    weights["nonsense"] = float("nan")
+    assert made == RewardWeights({"progress": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("weights", "share", "words"),
+    [
+        ({"speed": 1.0}, 0.0, "speed.*progress, exit, time, contact"),
+        ({"exit": float("nan")}, 0.0, "exit.*finite"),
+        ({"exit": float("inf")}, 0.0, "exit.*finite"),
+        ({"exit": 1.0}, -0.1, r"team_share.*\[0, 1\]"),
+        ({"exit": 1.0}, 1.1, r"team_share.*\[0, 1\]"),
+        ({"exit": 1.0}, float("nan"), r"team_share.*\[0, 1\]"),
+    ],
+)
+def test_impossible_weights_are_refused(weights, share, words):
+    with pytest.raises(ValueError, match=words):
+        RewardWeights(weights, share)
+
+
+# ----------------------------------------------------------------------------------------------------------- metrics
+
+
+def test_the_flow_is_the_slope_of_the_count_against_time():
+    assert flow_slope(np.arange(10) / 2.5 + 3.0) == pytest.approx(2.5)
+    times = np.array([1.0, 2.0, 4.0])  # by hand: sum (t - 7/3)(n - 2) / sum (t - 7/3)^2 = 3 / (14/3)
+    assert flow_slope(times) == pytest.approx(9.0 / 14.0)
+    assert flow_slope(np.array([4.0, np.nan, 1.0, 2.0, np.nan])) == pytest.approx(9.0 / 14.0)
+    rng = np.random.default_rng(0)
+    times = np.sort(rng.uniform(0, 10, 30))
+    assert flow_slope(rng.permutation(times)) == pytest.approx(np.polyfit(times, np.arange(30), 1)[0])
+
+
+@pytest.mark.parametrize("times", [[], [1.0, 2.0], [1.0, 2.0, np.nan, np.nan], [2.0, 2.0, 2.0]])
+def test_there_is_no_flow_of_fewer_than_three_or_all_at_once(times):
+    assert np.isnan(flow_slope(np.array(times)))
+
+
+def test_a_summary_is_mean_and_sample_sd_of_what_is_finite():
+    summary = summarise([1.0, 2.0, np.nan, 6.0])
+    assert summary.mean == pytest.approx(3.0)
+    assert summary.sd == pytest.approx(np.sqrt((4 + 1 + 9) / 2))
+    assert summary.ci95[0] < 3.0 < summary.ci95[1]
+    assert summarise([1.0, 2.0, np.nan, 6.0]) == summary  # no chance in it
+    assert np.isnan([*summarise([])[:2], *summarise([]).ci95]).all()
+    assert summarise([4.0]).mean == 4.0 and np.isnan(summarise([4.0]).sd)
+
+
+def test_who_does_not_get_out_is_counted_and_no_evacuation_time_is_made_up():
+    env = CrowdEnv("room-v0", num_envs=2, time_limit=5.0)
+    env.reset(seed=0)
+    while not env.finished.all():
+        env.step(np.where(np.arange(40)[:, None] % 20 < 5, 0.0, (1.0, 0.0)))
+    for e in range(2):
+        metrics = env.metrics(e)
+        left = np.isnan(env.simulation.state.exit_time[env.people(e)])
+        assert isinstance(metrics, EpisodeMetrics)
+        assert metrics.unfinished == left.sum() >= 4
+        assert np.isnan(metrics.evacuation_time) and np.isfinite(metrics.mean_exit_time)
+
+
+def test_metrics_start_anew_with_every_episode():
+    env = CrowdEnv(make_scenario("room-v0"))
+    env.reset([1])
+    while not env.finished.all():
+        env.step(None)
+    once = env.metrics(0)
+    assert once.contact_impulse > 0 and once.max_overlap > 0 and once.mean_overlap > 0
+    env.reset([5])
+    assert env.metrics(0).contact_impulse == 0 == env.metrics(0).max_overlap and env.metrics(0).unfinished == 20
+    env.reset([1])
+    while not env.finished.all():
+        env.step(None)
+    np.testing.assert_equal(env.metrics(0), once)  # knows that nan is nan

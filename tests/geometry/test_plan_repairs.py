@@ -1,0 +1,176 @@
+"""What a plan may have wrong and is used all the same, each time with a note: gaps, closed-off parts, exits in the wall."""
+
+import warnings
+
+import numpy as np
+import pytest
+import shapely
+
+from crowd_env import Geometry, Population, Scenario
+from crowd_env.scenarios.floor_plan import scenario_from_wkt
+
+ROOM = shapely.box(0, 0, 6, 5)
+DOOR = [(6, 2), (6, 3)]
+
+
+def quietly(*args, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return Geometry.from_polygon(*args, **options)
+
+
+def written(path, shape):
+    path.write_text(shape.wkt)
+    return path
+
+
+# ------------------------------------------------------------------------------------------------------------ parts
+
+
+@pytest.mark.parametrize("gap", [1e-4, 1e-3, 0.009])
+@pytest.mark.parametrize("angle", [0.0, 33.0])
+def test_parts_that_were_meant_to_touch_are_joined(gap, angle):
+    door = shapely.box(6 + gap, 2, 8, 3)
+    other = shapely.box(-4, -3, -gap, 2)  # beside a part of the edge only
+    shapes = [shapely.affinity.rotate(part, angle, origin=(0, 0)) for part in (ROOM, door, other)]
+    exit_line = shapely.affinity.rotate(shapely.LineString([(8, 2), (8, 3)]), angle, origin=(0, 0))
+    with pytest.warns(UserWarning, match="parts that lie less than 1 cm apart are joined"):
+        geometry = Geometry.from_polygon(shapely.MultiPolygon(shapes), exits=[exit_line])
+    assert geometry.walkable.geom_type == "Polygon" and not geometry.left_out
+    assert geometry.area == pytest.approx(ROOM.area + 2 + 20, abs=0.1)
+    assert Scenario("joined", geometry, Population(3), 60.0).field().travel_time.size  # every place has a way out
+    # The passages are as wide as they were drawn: no thread of wall is left in them.
+    for inside in ([(5.5, 2.5), (7, 2.5)], [(0.5, 1), (-1, 1)], [(0.5, 0.2), (-1, 0.2)]):
+        line = shapely.affinity.rotate(shapely.LineString(inside), angle, origin=(0, 0))
+        assert geometry.walkable.contains(line)
+
+
+def test_parts_further_apart_stay_apart():
+    with pytest.warns(UserWarning, match=r"no exit can be reached from a part of 4 m2 around \(7\.0\d*, 2\): left out"):
+        geometry = Geometry.from_polygon(
+            shapely.MultiPolygon([ROOM, shapely.box(6.02, 1, 8.02, 3)]), exits=[[(0, 2), (0, 3)]]
+        )
+    assert geometry.area == ROOM.area and len(geometry.left_out) == 1
+
+
+def test_touching_parts_and_good_plans_are_left_alone():
+    geometry = quietly([ROOM, shapely.box(6, 2, 8, 3)], exits=[[(8, 2), (8, 3)]])
+    assert geometry.area == ROOM.area + 2 and geometry.left_out == ()
+    assert quietly(shapely.MultiPolygon([ROOM, shapely.box(7, 0, 9, 5)]), exits=[DOOR, [(9, 2), (9, 3)]]).area == 40
+
+
+def test_parts_without_an_exit_are_left_out():
+    shafts = [shapely.box(20 + 5 * k, 0, 22 + 5 * k, 2) for k in range(3)]
+    walls = [[(1, 1), (1, 2)], [(20.5, 0.5), (20.5, 1.5)]]
+    with pytest.warns(UserWarning, match=r"from 3 parts of 12 m2 in all, the largest around .*: left out"):
+        geometry = Geometry.from_polygon(shapely.MultiPolygon([ROOM, *shafts]), exits=[DOOR], thin_walls=walls)
+    assert geometry.bounds == (0, 0, 6, 5) and geometry.two_sided.sum() == 1
+    assert geometry.is_left_out((21, 1)) and not geometry.is_left_out((1, 1)) and not geometry.is_left_out((50, 50))
+
+
+def test_who_starts_in_a_part_without_an_exit_is_told_so():
+    both = shapely.MultiPolygon([ROOM, shapely.box(7, 0, 9, 5)])
+    with (
+        pytest.warns(UserWarning, match="left out"),
+        pytest.raises(ValueError, match=r"region 'cell' around .* no exit reaches"),
+    ):
+        Geometry.from_polygon(both, exits=[DOOR], regions={"cell": shapely.box(7, 0, 9, 2)})
+    with pytest.warns(UserWarning, match="left out"):
+        geometry = Geometry.from_polygon(both, exits=[DOOR], regions={"wide": shapely.box(5, 0, 9, 2)})
+    people = Population(1, starts=np.array([[8.0, 1.0]]))
+    with pytest.raises(ValueError, match=r"start 0 at \(8, 1\) is in a part that no exit reaches"):
+        people.draw(np.random.default_rng(0), geometry)
+    _, position = Population(5, start_region="wide").draw(np.random.default_rng(0), geometry)
+    assert (position[:, 0] < 6).all()
+
+
+def test_a_shaft_behind_a_crack_is_left_out_of_a_floor_plan(tmp_path):
+    crack = shapely.union_all([ROOM, shapely.box(-1, 2, 0, 2.1), shapely.box(-3, 1, -1, 4)])
+    with pytest.warns(UserWarning, match=r"no exit can be reached from a part of 5\.97 m2 around .*: left out"):
+        place = scenario_from_wkt(written(tmp_path / "a.wkt", crack), ["6,2,6,3"], Population(20))
+    assert place.geometry.area == pytest.approx(ROOM.area, abs=0.2) and place.geometry.is_left_out((-2, 3))
+    place.field()
+    _, position = place.population.draw(np.random.default_rng(0), place.geometry)
+    assert (position[:, 0] > 0).all()
+    wide = shapely.union_all([ROOM, shapely.box(-1, 2, 0, 2.6), shapely.box(-3, 1, -1, 4)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert scenario_from_wkt(written(tmp_path / "b.wkt", wide), ["6,2,6,3"], Population(3)).geometry.area > 36
+
+
+# ------------------------------------------------------------------------------------------------------------ exits
+
+
+@pytest.mark.parametrize("off", [0.02, 0.1, 0.29, -0.02, -0.1, -0.29])
+def test_exits_on_the_other_face_of_a_wall_are_moved_onto_the_boundary(off):
+    with pytest.warns(UserWarning, match=rf"exit 'a' is drawn {abs(off):.2f} m off the boundary .*: moved onto it"):
+        geometry = Geometry.from_polygon(ROOM, exits={"a": [(6 + off, 2), (6 + off, 3)]})
+    assert np.allclose(np.sort(geometry.exits[0], axis=0), DOOR)
+    if off > 0:
+        with pytest.warns(UserWarning, match="moved onto it"):
+            geometry = Geometry.from_polygon(ROOM, exits={"a": shapely.box(6 + off, 2, 7, 3)})
+        assert np.allclose(np.sort(geometry.exits[0], axis=0), DOOR) and len(geometry.exits) == 1
+
+
+def test_exits_in_corners_and_at_a_slant_are_moved_too():
+    with pytest.warns(UserWarning, match="moved"):  # from wall to wall, inside
+        corner = Geometry.from_polygon(ROOM, exits={"a": [(5.9, 0), (5.9, 1)]})
+    assert np.allclose(np.sort(corner.exits[0], axis=0), [(6, 0), (6, 1)])
+    with pytest.warns(UserWarning, match="0.20 m"):
+        slanted = Geometry.from_polygon(ROOM, exits={"a": [(6.05, 2), (6.2, 3)]})
+    assert np.allclose(np.sort(slanted.exits[0], axis=0), DOOR)
+
+
+@pytest.mark.parametrize(
+    "line", [[(6.4, 2), (6.4, 3)], [(5.6, 2), (5.6, 3)], [(5.9, 2), (4.9, 2)], [(6.1, 4.5), (6.1, 5.5)]]
+)
+def test_exits_that_are_nowhere_near_are_refused(line):
+    with pytest.raises(ValueError, match=r"exit 'a' is not on the boundary .* must lie within 0\.3 m"):
+        Geometry.from_polygon(ROOM, exits={"a": line})
+
+
+def test_an_exit_on_the_boundary_is_not_spoken_of():
+    assert len(quietly(ROOM, exits={"a": [(6.005, 2), (5.995, 3)], "b": shapely.box(-1, 1, 0, 2)}).exits) == 2
+
+
+# ------------------------------------------------------------------------------------------------------------ units
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("cm", 100.0), ("mm", 1000.0)])
+def test_units(unit, factor, tmp_path):
+    shape = shapely.affinity.scale(ROOM, factor, factor, origin=(0, 0))
+    exit_line = ",".join(str(factor * c) for point in DOOR for c in point)
+    place = scenario_from_wkt(written(tmp_path / "a.wkt", shape), [exit_line], Population(3), unit=unit)
+    assert np.allclose(place.geometry.bounds, (0, 0, 6, 5)) and np.allclose(
+        np.sort(place.geometry.exits[0], axis=0), DOOR
+    )
+
+
+def test_what_comes_first_is_the_unit_not_the_crowd(tmp_path):
+    shape = shapely.affinity.scale(ROOM, 1000, 1000, origin=(0, 0))
+    with pytest.raises(
+        ValueError, match=r"6000 m x 5000 m and an exit 1000 m wide: is it in mm or cm\? Then say --unit mm"
+    ):
+        scenario_from_wkt(written(tmp_path / "a.wkt", shape), ["6000,2000,6000,3000"], Population(400_000))
+
+
+# ----------------------------------------------------------------------------------------------------------- people
+
+
+@pytest.mark.parametrize("count", [2.5, True, float("nan"), "20", None, [3]])
+def test_a_number_of_people_is_whole(count):
+    with pytest.raises(ValueError, match=r"population: count is .*; it must be a whole number"):
+        Population(count)
+
+
+def test_exits_are_names_not_letters():
+    with pytest.raises(ValueError, match=r"exits is 'east'; it must be a tuple of names: \('east',\)"):
+        Population(3, exits="east")
+
+
+def test_more_people_than_there_is_room_for_are_refused_before_any_is_drawn():
+    with pytest.raises(ValueError, match=r"400000 people do not fit .* room for at most 21"):
+        Scenario("room", quietly(ROOM, exits=[DOOR]), Population(400_000), 60.0)
+    regions = {"west": shapely.box(0, 0, 2, 5)}
+    with pytest.raises(ValueError, match=r"100 people do not fit without overlap into 10\.0 m2 of 'west'"):
+        Scenario("room", quietly(ROOM, exits=[DOOR], regions=regions), Population(100, start_region="west"), 60.0)

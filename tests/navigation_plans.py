@@ -1,0 +1,50 @@
+"""What tests of passages, dead ends and fields that cannot be share."""
+
+import functools
+
+from shapely.geometry import Point, Polygon, box
+
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.navigation.field import join_fields, travel_time_field
+
+RADIUS = 0.25
+
+
+ROOM = box(0, 0, 5, 5)
+
+
+DOOR = [[5, 2.09], [5, 2.91]]
+
+
+C_SHAPE = Polygon([(3, 1), (5, 1), (5, 5), (3, 5), (3, 4.8), (4.8, 4.8), (4.8, 1.2), (3, 1.2)])
+
+
+PLANS = {
+    "room": lambda: Geometry.from_polygon(ROOM, exits=[DOOR]),
+    "corner": lambda: Geometry.from_polygon(
+        [(0, 0), (6, 0), (6, 6), (4.5, 6), (4.5, 1.5), (0, 1.5)], exits=[[[4.5, 6], [6, 6]]]
+    ),
+    "u-turn": lambda: Geometry.from_polygon(
+        [(0, 0), (5, 0), (5, 5), (0, 5), (0, 3.5), (3.5, 3.5), (3.5, 1.5), (0, 1.5)], exits=[[[0, 3.5], [0, 5]]]
+    ),
+    "column before the door": lambda: Geometry.from_polygon(ROOM, exits=[DOOR], obstacles=[Point(4, 2.5).buffer(0.3)]),
+    "block in the room": lambda: Geometry.from_polygon(ROOM, exits=[DOOR], obstacles=[box(2, 1.8, 2.8, 3.2)]),
+    "c-shaped obstacle": lambda: Geometry.from_polygon(
+        box(0, 0, 8, 6), exits=[[[8, 2.5], [8, 3.5]]], obstacles=[C_SHAPE]
+    ),
+    "thin wall": lambda: Geometry.from_polygon(ROOM, exits=[DOOR], thin_walls=[[(3.02, 0), (3.02, 4.03)]]),
+    "slanted": lambda: Geometry.from_polygon(
+        [(0, 0), (2, -2), (7, 3), (5, 5)], exits=[[[7, 3], [5, 5]]], thin_walls=[[(1.5, -0.2), (4.1, 2.8)]]
+    ),
+    "two exits": lambda: Geometry.from_polygon(
+        box(0, 0, 10, 4), exits={"west": [[0, 1], [0, 2]], "east": [[10, 1], [10, 2]]}
+    ),
+    "exit in the middle": lambda: Geometry.from_polygon(box(0, 0, 10, 8), exits=[box(4, 3, 6, 4)]),
+}
+
+
+@functools.cache
+def plan(name):
+    geometry = PLANS[name]()
+    field = travel_time_field(geometry, RADIUS)
+    return geometry, field, join_fields([field], geometry.boundary)

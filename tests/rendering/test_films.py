@@ -1,0 +1,217 @@
+"""Recordings, films and figures."""
+
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pygame")
+PIL_Image = pytest.importorskip("PIL.Image")
+imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+pytest.importorskip("matplotlib")
+
+from drawn_rooms import PLANS, recording  # noqa: E402
+
+from crowd_env.rendering import (  # noqa: E402
+    FULL_PRESSURE,
+    egress_comparison,
+    egress_curves,
+    learning_curve,
+    write_film,
+    write_still,
+    write_strip,
+)
+from crowd_env.rendering.palette import (  # noqa: E402
+    BACKGROUND,
+    EXIT_MAT,
+    FLOOR,
+    WALL,
+)
+
+# ---------------------------------------------------------------------------------------------------------- recordings
+
+
+def test_between_samples_people_are_between_their_places():
+    film = recording()
+    seen = film.at(1.25)
+    np.testing.assert_allclose(seen.position, 0.5 * (film.position[12] + film.position[13]))
+    np.testing.assert_array_equal(film.at(-1.0).position, film.position[0])
+    np.testing.assert_array_equal(film.at(99.0).position, film.position[-1])
+
+
+def test_pressure_shown_is_the_mean_over_a_while():
+    film = recording(people=3)
+    np.testing.assert_allclose(film.at(2.05, average=0.3).pressure, film.pressure[20:23].mean(axis=0))
+    np.testing.assert_allclose(film.at(4.0, average=0.2).pressure, film.pressure[-1])
+    assert not film.at(0.0).pressure.any()
+
+
+def test_people_leave_at_their_exit_time():
+    film = recording(people=4)
+    from dataclasses import replace
+
+    exact = replace(film, exit_time=np.array([1.23, 2.0, 3.0, 3.96]))
+    assert exact.at(1.22).active.all() and not exact.at(1.24).active[0]
+    assert exact.end == 3.96
+    assert [int(exact.inside(t)) for t in (0.0, 1.3, 3.5, 4.0)] == [4, 3, 1, 0]
+    assert recording(finish=False).end == 4.0
+
+
+def test_a_malformed_recording_is_refused():
+    from dataclasses import replace
+
+    film = recording()
+    with pytest.raises(ValueError, match="velocity has shape"):
+        replace(film, velocity=film.velocity[:-1])
+    with pytest.raises(ValueError, match="increase"):
+        replace(film, time=film.time[::-1])
+    with pytest.raises(ValueError, match="exit_time"):
+        replace(film, exit_time=np.zeros(3))
+
+
+# --------------------------------------------------------------------------------------------------------------- films
+
+
+def test_gif_lasts_as_long_as_the_evacuation_and_is_small(tmp_path):
+    path = write_film(tmp_path / "room.gif", recording(end=4.0), fps=20.0, hold=1.0)
+    assert path.stat().st_size < 1_500_000
+    with PIL_Image.open(path) as film:
+        assert film.n_frames <= 80 + 21
+        shown = 0
+        for k in range(film.n_frames):
+            film.seek(k)
+            shown += film.info["duration"]
+        assert shown == pytest.approx(1000 * (4.0 + 1.0 + 0.05))
+        assert film.size[0] == 480
+    assert [file.name for file in tmp_path.iterdir()] == ["room.gif"]  # no temporary file is left
+
+
+def test_gif_keeps_flat_colours(tmp_path):
+    film = recording(end=1.0, people=5)
+    with PIL_Image.open(write_film(tmp_path / "a.gif", film, fps=5.0, width=320)) as gif:
+        image = np.asarray(gif.convert("RGB")).astype(int)
+    for colour in (BACKGROUND, FLOOR, WALL, EXIT_MAT):
+        assert (image == colour).all(axis=-1).any(), colour
+
+
+def test_mp4_shows_the_evacuations_side_by_side_for_the_time_asked(tmp_path):
+    films = [recording(end=2.0, title="quick"), recording(end=3.0, title="slow")]
+    path = write_film(tmp_path / "two.mp4", films, fps=10.0, width=431, max_seconds=2.5, hold=0.5)
+    reader = imageio_ffmpeg.read_frames(str(path))
+    about = next(reader)
+    assert about["fps"] == 10.0
+    assert about["size"][0] == 428
+    assert len(list(reader)) == 25 + 1 + 5
+
+
+def test_an_evacuation_that_is_over_holds_its_last_frame(tmp_path):
+    films = [recording(end=1.0, title="quick"), recording(end=3.0, title="slow")]
+    left = [
+        np.asarray(PIL_Image.open(write_still(tmp_path / f"{t}.png", films, t, width=640)))[40:300, :320]
+        for t in (1.5, 2.5)
+    ]
+    np.testing.assert_array_equal(left[0], left[1])
+
+
+def test_places_of_different_height_share_a_film(tmp_path):
+    films = [recording(people=3), recording(people=3, geometry=PLANS["corridor"], finish=False)]
+    image = PIL_Image.open(write_film(tmp_path / "both.png", films, width=600))
+    assert image.size[0] == 600
+
+
+def test_a_still_shows_the_moment_of_most_pressure(tmp_path):
+    film = recording()
+    pressure = np.zeros_like(film.pressure)
+    pressure[18:23] = FULL_PRESSURE
+    from dataclasses import replace
+
+    assert replace(film, pressure=pressure).most_telling_time() == pytest.approx(2.0, abs=0.11)
+    assert 0.0 < replace(film, pressure=0 * pressure).most_telling_time() < 4.0
+
+
+def test_a_strip_shows_several_moments(tmp_path):
+    path = write_strip(tmp_path / "new" / "strip.png", recording(), [0.0, 1.0, 3.0], width=900)
+    assert PIL_Image.open(path).size[0] == 900
+    with pytest.raises(ValueError, match="at least one time"):
+        write_strip(tmp_path / "strip.png", recording(), [])
+
+
+@pytest.mark.parametrize("name", ["film.avi", "film"])
+def test_unknown_suffixes_are_refused_and_the_known_are_named(tmp_path, name):
+    with pytest.raises(ValueError, match=r"\.gif, \.mp4, \.png"):
+        write_film(tmp_path / name, recording())
+    with pytest.raises(ValueError, match=r"must end in \.png"):
+        write_still(tmp_path / name, recording())
+    with pytest.raises(ValueError, match=r"must end in \.png"):
+        egress_curves(tmp_path / name, {"a": [[1.0]]})
+
+
+def test_a_film_that_fails_leaves_the_old_one(tmp_path):
+    path = tmp_path / "film.gif"
+    path.write_text("the old one")
+
+    def broken():
+        yield np.zeros((20, 20, 3), dtype=np.uint8)
+        raise RuntimeError("no more frames")
+
+    from crowd_env.rendering.encoding import write_gif
+
+    with pytest.raises(RuntimeError, match="no more"):
+        write_gif(path, broken(), 0.1, [np.zeros((20, 20, 3), dtype=np.uint8)])
+    assert path.read_text() == "the old one"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_films_need_recordings_and_a_rate(tmp_path):
+    with pytest.raises(ValueError, match="at least one recording"):
+        write_film(tmp_path / "a.gif", [])
+    with pytest.raises(ValueError, match="fps"):
+        write_film(tmp_path / "a.gif", recording(), fps=0.0)
+
+
+# ------------------------------------------------------------------------------------------------------------- figures
+
+
+def test_figures_are_written_and_touch_no_global_setting(tmp_path):
+    import matplotlib
+
+    before = dict(matplotlib.rcParams)
+    rng = np.random.default_rng(0)
+    runs = [np.sort(rng.uniform(1.0, 8.0, 20)) for _ in range(4)]
+    unfinished = runs[0].copy()
+    unfinished[-2:] = np.nan
+    nobody = np.full(20, np.nan)
+    steps = np.arange(10)
+    paths = [
+        egress_curves(tmp_path / "egress.png", {"rule": runs, "learned": [unfinished]}, title="Room"),
+        egress_curves(tmp_path / "nobody.png", {"stuck": [nobody]}),
+        egress_comparison(tmp_path / "comparison.png", unfinished, runs, title="Bottleneck"),
+        learning_curve(
+            tmp_path / "a.png", steps, {"one": steps, "three": rng.random((3, 10))}, reference={"rule": 4.0}
+        ),
+        learning_curve(tmp_path / "b.png", steps, {"one": steps}, errors={"one": np.full(10, 0.5)}),
+    ]
+    assert paths[-1].read_bytes() != learning_curve(paths[-1], steps, {"one": steps}).read_bytes()  # the band is drawn
+    for path in paths:
+        with PIL_Image.open(path) as image:
+            assert image.size == (960, 600)
+    assert len(list(tmp_path.iterdir())) == len(paths)
+    assert dict(matplotlib.rcParams) == before
+    if "matplotlib.pyplot" in sys.modules:
+        assert not sys.modules["matplotlib.pyplot"].get_fignums()
+
+
+def test_figures_of_nothing_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="'rule' has no evacuation"):
+        egress_curves(tmp_path / "a.png", {"rule": []})
+    with pytest.raises(ValueError, match="at least one label"):
+        egress_curves(tmp_path / "a.png", {})
+    with pytest.raises(ValueError, match="no evacuation"):
+        egress_comparison(tmp_path / "a.png", [1.0], [])
+    with pytest.raises(ValueError, match="must have 3 values"):
+        learning_curve(tmp_path / "a.png", [1, 2, 3], {"a": [1.0, 2.0]})
+    for errors in ({"a": [1.0, 2.0]}, {"b": [1.0, 2.0, 3.0]}):
+        with pytest.raises(ValueError, match=r"errors of '.' have shape .* must be \(3,\) of a series"):
+            learning_curve(tmp_path / "a.png", [1, 2, 3], {"a": [1.0, 2.0, 3.0]}, errors=errors)
+    with pytest.raises(ValueError, match="at least one series"):
+        learning_curve(tmp_path / "a.png", [1, 2, 3], {})

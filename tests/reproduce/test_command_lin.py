@@ -1,0 +1,220 @@
+"""The command that reproduces the figures of Lin, Ma, Lo."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lin_runs import invented
+from typer.testing import CliRunner
+
+from crowd_env.cli.reproduce import app
+from crowd_env.reproduce import LIN, LinSettings, pool
+from crowd_env.reproduce.lin2016 import fig9
+from crowd_env.reproduce.lin2016.run import Record, Run
+from crowd_env.reproduce.lin2016.sample import clearance_rows, sample
+from crowd_env.reproduce.pool import distinct
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+KEYS = {"quantity", "paper", "here", "unit", "n", "reading", "closed_form", "sd", "ci95"}
+
+
+def call(line):
+    return CliRunner().invoke(app, line.split())
+
+
+def told(line):
+    result = call(line + " --json")
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.count("\n") == 1
+    return json.loads(result.stdout)
+
+
+def all_runs(settings):
+    return distinct(run for figure in LIN.values() for run in figure.runs(settings))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Write no files of results: drawing takes most of the time."""
+    monkeypatch.setattr("crowd_env.cli.reproduce._write", lambda result, out: [out / f"{result.name}.csv"])
+
+
+# ---------------------------------------------------------------------------------------------------- how it is told
+
+
+@pytest.mark.parametrize("name", list(LIN))
+def test_json_files_and_figure(name, folder, computed):
+    draws = "" if name == "lin-fig6" else "--runs 4 "
+    object = told(f"{name} {draws}--seed 2 --workers 1")
+    assert object["name"] == name and object["rows"] and object["options"] == {}
+    for row in object["rows"]:
+        assert set(row) == KEYS
+        assert row["paper"] is None or isinstance(row["paper"], float)
+        assert row["here"] is None or np.isfinite(row["here"])
+    quantities = [row["quantity"] for row in object["rows"]]
+    assert len(set(quantities)) == len(quantities)
+    assert "FITTED to Figure 7" in " ".join(object["remarks"])
+    assert (folder / "reproduce" / f"{name}.png").read_bytes()[:8] == PNG
+    with (folder / "reproduce" / f"{name}.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["quantity"] for row in rows] == quantities
+    assert [float(row["here"]) for row in rows if row["here"]] == [
+        row["here"] for row in object["rows"] if row["here"] is not None
+    ]
+    assert len(list((folder / "reproduce" / "runs").iterdir())) == len(computed)
+    assert {run.seed for run in computed} <= {2, 3, 4, 5}
+
+
+def test_all_figures_share_their_runs(folder, computed, undrawn):
+    object = told("lin --runs 2 --workers 1")
+    assert list(dict.fromkeys(row["of"] for row in object["rows"])) == list(LIN)
+    needed = all_runs(LinSettings(runs=2))
+    alone = sum(len(distinct(figure.runs(LinSettings(runs=2)))) for figure in LIN.values())
+    assert len(computed) == len(set(computed)) == len(needed) < alone
+    again = [told(f"{name}{'' if name == 'lin-fig6' else ' --runs 2'}") for name in LIN]
+    assert len(computed) == len(needed)  # all there
+    assert [row["here"] for each in again for row in each["rows"]] == [row["here"] for row in object["rows"]]
+    told("lin-fig4 --runs 2 --workers 1 --fresh")
+    assert len(computed) == len(needed) + 8
+
+
+def test_table_is_readable_and_fits(folder, computed, undrawn):
+    result = call("lin --runs 4 --workers 1 --no-rotation --preset literal")
+    assert result.exit_code == 0, result.output
+    assert max(len(line) for line in result.stdout.splitlines()) <= 100
+    for words in ("quantity", "difference", "A = 200 N", "2 of 4 blocked", "--no-rotation", "--preset literal"):
+        assert words in result.stdout
+    assert "nan" not in result.stdout and "--no-rotation True" not in result.stdout
+    assert "files: reproduce/lin-fig10.csv" in result.stderr
+
+
+def test_blocked_draws_are_counted_and_left_out_of_medians():
+    runs = tuple(Run(4, 1.8, seed) for seed in range(5))
+    ends = [(10.0, 20.0, 30.0, 40.0), (10.0, 20.0), (10.0, 20.0, 30.0, 50.0), (), (1.0, 2.0, 3.0, 90.0)]
+    since = [None, 20.0, None, 0.0, None]
+    records = {run: Record(e, 4 - len(e), s) for run, e, s in zip(runs, ends, since, strict=True)}
+    found = sample(records, runs)
+    clearance, blocked = clearance_rows("1.8 m/s", found, "45")
+    assert (clearance.here, clearance.n, clearance.difference()) == (50.0, 3, "+11.1 %")
+    assert "40 to 90" in clearance.reading and "2 of 5 blocked" in clearance.reading
+    assert (blocked.here, blocked.n, blocked.unit) == (2, 5, "runs")
+    assert blocked.reading == "since 0 to 20 s, 2 to 4 left"
+    stuck = sample(records, [runs[1], runs[3]])
+    clearance, blocked = clearance_rows("1.8 m/s", stuck, "45")
+    assert (clearance.here, clearance.shown(), clearance.difference(), clearance.n) == (None, "-", "-", 0)
+    assert stuck.mostly_blocked and stuck.times == [None, None] and len(stuck.mean_flows) == 0
+
+
+def test_everything_blocked_is_told_and_drawn(folder, monkeypatch):
+    monkeypatch.setattr(pool, "simulate", lambda run: Record((), run.count, 0.0, invented(run).snapshots))
+    object = told("lin --runs 2 --workers 1")
+    for row in object["rows"]:
+        if row["unit"] == "s":
+            assert row["here"] is None and row["n"] == 0
+    text = " ".join(object["remarks"])
+    assert "NOT reproduced: clearance, A = 200 N (- s, printed 170)" in text
+    assert all((folder / "reproduce" / f"{name}.png").exists() for name in LIN)
+
+
+def test_remarks_follow_the_figures(folder, computed, undrawn, monkeypatch):
+    text = " ".join(told("lin --runs 4 --workers 1")["remarks"])
+    assert "Within 10 %: clearance, A = 200 N (171.5 s, printed 170), clearance, A = 300 N" in text
+    assert "+42 % in the paper" in text and "(as the paper says: barely)" in text
+    assert "half of the draws or more block from 1.8 m/s on; the paper: from 1.8 m/s on" in text
+    assert "basically the same: reproduced" in text and "more likely without: NOT reproduced" in text
+    assert "100 people from 1.8 m/s on, 200 people from 1.8 m/s on, 300 people from 1.8 m/s on" in text
+
+    def faster(run, stopped=None):
+        if not run.rotation and run.desired_speed > 1.5:
+            return Record((1.0,), run.count - 1, 1.0)
+        record = invented(replace(run, seed=0))
+        slow = (run.strength == 500.0) + 1.0
+        return replace(record, exit_times=tuple(slow * t for t in record.exit_times)) if run.strength != 200 else record
+
+    monkeypatch.setattr(pool, "simulate", faster)
+    text = " ".join(told("lin --runs 4 --workers 1 --fresh --preset literal")["remarks"])
+    assert "NOT barely" in text and "At no speed do half of the draws block" in text
+    assert "more likely without: reproduced" in text
+    assert "FITTED" not in text and "the text as printed" in text
+    assert "as asked for" in " ".join(told("lin-fig4 --runs 1 --workers 1 --wall-social 100")["remarks"])
+
+
+def test_options_that_differ_are_told(folder, computed, undrawn):
+    line = (
+        "lin-fig4 --runs 1 --workers 1 --preset literal --wall-friction 0.2 --dt 0.002 --damping rate --target nearest"
+    )
+    object = told(line + " --exit-depth 0.1 --cutoff 0.3 --anisotropy 0.2 --no-rotation --wall-social 50")
+    assert object["options"] == {
+        "preset": "literal", "wall_friction": 0.2, "dt": 0.002, "damping": "rate", "target": "nearest", "exit_depth": 0.1,
+        "cutoff": 0.3, "anisotropy": 0.2, "no_rotation": True, "wall_social": 50.0,
+    }  # fmt: skip
+
+
+def test_windows_hold_every_exit():
+    exits = np.array([3.0, 9.99, 10.0, 25.0, 31.0, 47.0])
+    assert (fig9.window_flow(exits, 47.0) * 10).tolist() == [2, 1, 1, 1, 1]
+    assert fig9.inner_flow(Record(tuple(exits), 0)).tolist() == [0.1, 0.1, 0.1]  # 10 to 40 s
+    assert len(fig9.inner_flow(Record((), 5, 0.0))) == len(fig9.inner_flow(Record((3.0, 4.0), 0))) == 0
+
+
+def test_list_names_both_papers():
+    listed = told("list")
+    assert listed["groups"]["all"] == [*listed["groups"]["pecol"], *listed["groups"]["lin"]] == list(listed["names"])
+    assert listed["groups"]["lin"] == list(LIN)
+    shown = call("list").stdout
+    assert all(name in shown for name in (*listed["names"], *listed["groups"]))
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("lin-fig11", "lin-fig11 lin-fig4 lin-fig10 pecol lin all"),
+        ("table5 --preset literal", "--preset lin table5"),
+        ("pecol --no-rotation", "--no-rotation lin pecol"),
+        ("table3 --workers 2", "--workers lin table3"),
+        ("fig2 --fresh", "--fresh lin fig2"),
+        ("lin --door-width 1", "--door-width fig3 table5 lin"),
+        ("lin-fig7 --n 50", "--n fig3 table5 lin-fig7"),
+        ("lin-fig7 --scheme dem", "--scheme fig3 lin-fig7"),
+        ("lin-fig5 --no-rotation", "--no-rotation all but lin-fig5"),
+        ("lin-fig6 --runs 3", "--runs lin-fig6"),
+        ("lin-fig4 --preset guess", "--preset guess calibrated literal"),
+        ("lin-fig4 --damping much", "--damping much per-length rate critical"),
+        ("lin-fig4 --target up", "--target up path nearest centre width"),
+        ("lin-fig4 --runs 0", "--runs 0 at least 1"),
+        ("lin-fig4 --seed -1", "--seed -1 >= 0"),
+        ("lin-fig4 --workers 0", "--workers 0 at least 1"),
+        ("lin-fig4 --dt 0", "--dt > 0"),
+        ("lin-fig4 --dt nan", "--dt finite"),
+        ("lin-fig7 --dt 0.02", "dt 0.02 stable step"),
+        ("lin-fig4 --wall-friction -1", "wall_friction >= 0"),
+        ("lin-fig4 --wall-social -1", "wall_strength >= 0"),
+        ("lin-fig4 --anisotropy 2", "anisotropy [-1, 1]"),
+        ("lin-fig4 --cutoff 0", "cutoff > 0"),
+        ("lin-fig4 --cutoff inf", "--cutoff finite"),
+        ("lin-fig4 --exit-depth -1", "exit_depth >= 0"),
+        ("all --preset guess", "--preset guess"),
+        ("lin-fig4 --out taken", "--out taken not a folder"),
+    ],
+)
+def test_a_mistake_is_one_plain_line_before_anything_runs(line, words, folder, monkeypatch):
+    (folder / "taken").write_text("a file")
+    monkeypatch.setattr(pool, "simulate", lambda *_: pytest.fail("ran"))
+    monkeypatch.setattr("crowd_env.cli.reproduce._run", lambda *_: pytest.fail("ran"))
+    result = call(line)
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    assert result.stderr.startswith("error: ") and result.stderr.count("\n") == 1
+    for word in words.split():
+        assert word in result.stderr
+    assert [path.name for path in folder.iterdir()] == ["taken"]

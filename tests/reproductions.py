@@ -1,0 +1,22 @@
+"""What tests of the command that reproduces tables and figures share."""
+
+import json
+
+from typer.testing import CliRunner
+
+from crowd_env.cli.reproduce import app
+
+
+def nothing(count):
+    """Report progress to nobody."""
+
+
+def call(line):
+    return CliRunner().invoke(app, line.split())
+
+
+def told(line):
+    result = call(line + " --json")
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.count("\n") == 1
+    return json.loads(result.stdout)

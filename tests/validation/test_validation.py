@@ -1,0 +1,224 @@
+"""The gate experiment on made-up data in the format of the recordings: reading, geometry, counting, figures, export."""
+
+import gzip
+import json
+import shlex
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from crowd_env.cli.main import app as crowd_env_app
+from validation.cli import app
+from validation.gate import Counts, export, gate_geometry, gate_scenario, largest_radius, recorded, simulated
+from validation.halls import holds
+from validation.trajectories import find_recording, read_trajectories
+
+HEADER = "#made up\n# framerate: 10 fps\n# id frame x/m y/m z/m\n"
+# Three people walk straight down at 1 m/s and pass the end of the gate (y = -1.1) one after the other.
+STARTS = [(0.0, 0.4), (0.1, 2.05), (-0.6, 1.0)]
+
+
+def lines():
+    rows = []
+    for person, (x, y) in enumerate(STARTS, start=1):
+        rows += [f"{person}\t{frame}\t{x}\t{y - 0.1 * frame:.4f}\t1.7" for frame in range(50)]
+    return rows
+
+
+@pytest.fixture
+def data(tmp_path):
+    folder = tmp_path / "data"
+    folder.mkdir()
+    (folder / "run.txt").write_text(HEADER + "\n".join(lines()) + "\n")
+    (folder / "README.md").write_text("not a trajectory")
+    return folder
+
+
+def run(*words):
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+# ------------------------------------------------------------------------------------------------------------ reading
+
+
+def test_first_positions_and_times_at_the_line(data):
+    trajectories = read_trajectories(find_recording(data))
+    np.testing.assert_allclose(trajectories.starts, STARTS)
+    np.testing.assert_allclose(trajectories.crossing_times(-1.1), [1.5, 3.15, 2.1])
+    assert np.isnan(trajectories.crossing_times(-10.0)).all()
+    np.testing.assert_allclose(recorded(trajectories).times, [[1.5, 2.1, 3.15]])
+
+
+def test_rows_in_any_order_and_packed(data, tmp_path):
+    shuffled = np.random.default_rng(0).permutation(lines())
+    packed = tmp_path / "packed.txt.gz"
+    packed.write_bytes(gzip.compress((HEADER + "\n".join(shuffled) + "\n").encode()))
+    plain, other = read_trajectories(find_recording(data)), read_trajectories(find_recording(packed))
+    np.testing.assert_array_equal(plain.position, other.position)
+    np.testing.assert_array_equal(plain.time, other.time)
+
+
+def test_only_the_first_crossing_counts(tmp_path):
+    path = tmp_path / "back.txt"
+    path.write_text(HEADER + "\n".join(f"7 {k} 0 {y}" for k, y in enumerate([1, -1, 1, -3])) + "\n")
+    assert read_trajectories(path).crossing_times(0.0) == pytest.approx([0.05])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1 0 0.0 1.0\n", "framerate"),
+        (HEADER + "1 0 zero 1.0\n", "columns must be id, frame, x, y"),
+        (HEADER + "1 0 0.0\n", "four numbers"),
+        (HEADER + "1 0 nan 1.0\n", "four numbers"),
+        (HEADER, "four numbers"),
+    ],
+)
+def test_what_is_no_recording_is_refused(tmp_path, text, said):
+    path = tmp_path / "bad.txt"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=said):
+        read_trajectories(path)
+
+
+def test_the_folder_must_hold_one_recording(tmp_path, data):
+    with pytest.raises(ValueError, match="no such folder"):
+        find_recording(tmp_path / "nowhere")
+    (data / "second.txt").write_text(HEADER)
+    with pytest.raises(ValueError, match="2 files"):
+        find_recording(data)
+    result = run("gate", "--data", data)
+    assert result.exit_code == 2
+    assert "2 files" in result.output
+
+
+# ----------------------------------------------------------------------------------------------------- plan and people
+
+
+def test_the_plan_is_waiting_area_funnel_and_gate():
+    geometry = gate_geometry()
+    assert geometry.area == pytest.approx(5.6 * 6.7 + (0.8 + 0.5) / 2 * 0.15 + 0.5 * 0.95)
+    assert geometry.exit_names == ("gate",)
+    np.testing.assert_allclose(np.hypot(*(geometry.exits[0, 1] - geometry.exits[0, 0])), 0.5)
+    inside = geometry.contains([(0, 3), (0, -1), (0.3, -0.05), (0.3, -0.5), (2.9, 3), (0, -1.2)])
+    assert inside.tolist() == [True, True, True, False, False, False]
+
+
+def test_the_largest_radius_is_the_largest_that_is_accepted():
+    starts = np.array([(0.0, 1.0), (0.33, 1.2), (-2.0, 3.0)])
+    geometry = gate_geometry()
+    radius = largest_radius(geometry, starts)
+    gate_scenario(starts, radius).population.draw(np.random.default_rng(0), geometry)
+    with pytest.raises(ValueError, match="overlap"):
+        gate_scenario(starts, radius + 1e-3).population.draw(np.random.default_rng(0), geometry)
+    assert largest_radius(geometry, np.array([(0.0, 3.0), (0.2, 3.0)])) == pytest.approx(0.1)
+    with pytest.raises(ValueError, match="person 2"):
+        largest_radius(geometry, np.array([(0.0, 3.0), (4.0, 3.0)]))
+
+
+def test_people_start_where_they_were_seen_and_leave_by_the_gate():
+    counts = simulated(gate_scenario(np.array(STARTS)), "nsm2", runs=2)
+    assert counts.times.shape == (2, 3)
+    assert np.isfinite(counts.times).all()
+    # The one in front has 1.5 m to go, at 1.2 to 2 m/s after getting up speed.
+    assert (counts.times[:, 0] > 1.5 / 2.0).all() and (counts.times[:, 0] < 1.5 / 1.2 + 0.5).all()
+    assert not np.array_equal(counts.times[0], counts.times[1])  # other speeds and masses
+
+
+# ------------------------------------------------------------------------------------------------------------- figures
+
+
+def test_a_run_that_got_stuck_counts_as_stuck():
+    times = np.array([[1.0, 2.0, 3.0, 4.0], [1.0, 2.0, np.nan, np.nan]])
+    row = Counts("made up", times).row()
+    assert row["flow"] == {"mean": 1.0, "sd": None}  # of the run that finished
+    assert (row["unfinished"], row["unfinished_runs"]) == (2, 1)
+    assert row["time_of_person"] == {"4": {"mean": None, "sd": None}}
+
+
+def test_counted_persons():
+    times = np.arange(1.0, 76.0)[None]
+    assert list(Counts("made up", times).row()["time_of_person"]) == ["10", "20", "40", "60", "75"]
+    assert Counts("made up", times).row()["time_of_person"]["40"]["mean"] == 40.0
+
+
+def test_the_command_reports_draws_and_writes(data, tmp_path):
+    out = tmp_path / "out"
+    result = run("gate", "--data", data, "--scheme", "nsm1", "--scheme", "dem", "--runs", 2, "--json", "--out", out)
+    assert result.exit_code == 0, result.output
+    report = json.loads(result.stdout.splitlines()[-1])
+    assert [row["name"] for row in report["rows"]] == ["recorded", "nsm1", "dem"]
+    assert "10.34735/ped.2018.1" in report["reference"]
+    assert report["recorded_gate_speed"] == pytest.approx(1.0)
+    assert report["rows"][0]["time_of_person"]["3"]["mean"] == pytest.approx(3.15)
+    assert json.loads((out / "gate.json").read_text()) == report
+    assert (out / "gate.png").read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in out.iterdir()) == ["gate.json", "gate.png"]
+
+
+def test_the_command_prints_a_table(data):
+    result = run("gate", "--data", data, "--scheme", "nsm2", "--runs", 1, "--speed", "1")
+    assert result.exit_code == 0, result.output
+    assert "recorded" in result.stdout and "nsm2" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--scheme", "magic"], "unknown contact scheme"),
+        (["--radius", "0.4"], "narrower than"),
+        (["--speed", "fast"], "--speed"),
+        (["--time-limit", "0"], "time_limit"),
+    ],
+)
+def test_bad_input_is_said_plainly(data, words, said):
+    result = run("gate", "--data", data, "--runs", 1, *words)
+    assert result.exit_code == 2
+    assert said in result.output
+
+
+# ---------------------------------------------------------------------------------------------------------------- export
+
+
+def test_the_exported_files_run_and_give_the_same_evacuation(data, tmp_path):
+    result = run("gate", "--data", data, "--export", tmp_path / "plan")
+    assert result.exit_code == 0, result.output
+    words = shlex.split(result.stdout)
+    assert words[:2] == ["crowd-env", "run"]
+    words[words.index("--runs") + 1] = "1"
+    rerun = CliRunner().invoke(crowd_env_app, [*words[1:], "--json"])
+    assert rerun.exit_code == 0, rerun.output
+    starts = read_trajectories(find_recording(data)).starts
+    expected = simulated(gate_scenario(starts), "nsm2", runs=1).times.max()
+    assert json.loads(rerun.stdout)["evacuation_time"]["mean"] == pytest.approx(expected, abs=1e-9)
+
+
+def test_export_writes_the_plan_and_the_starts(tmp_path):
+    command = export(tmp_path, np.array(STARTS), 0.2)
+    assert (tmp_path / "gate.wkt").read_text().startswith("POLYGON ((-2.8 6.7, -2.8 0, ")
+    assert (tmp_path / "starts.csv").read_text().splitlines()[:2] == ["x,y", "0.0000,0.4000"]
+    assert "--exit -0.25,-1.1,0.25,-1.1" in command
+
+
+# ------------------------------------------------------------------------------------------------------------- halls
+
+
+def test_a_hall_is_emptied_with_nobody_outside():
+    result = CliRunner().invoke(app, ["halls", "--scheme", "dem", "--people", "500", "--time-limit", "3", "--json"])
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    assert told["holds"] and [row["people"] for row in told["rows"]] == [500, 500]
+    assert all(row["outside_at_once"] == row["escaped"] == 0 < row["max_speed"] <= row["bound"] for row in told["rows"])
+
+
+def test_halls_that_do_not_hold_are_said_to():
+    row = {"outside_at_once": 0, "escaped": 0, "stopped": None, "max_speed": 12.5, "bound": 12.5}
+    assert holds(row)
+    for bad in ({"outside_at_once": 1}, {"escaped": 1}, {"stopped": "went too far"}, {"max_speed": 12.6}):
+        assert not holds(row | bad)
+
+
+def test_there_are_no_other_halls():
+    result = CliRunner().invoke(app, ["halls", "--people", "7"])
+    assert result.exit_code == 2 and "500, 1000, 2000, 5000" in result.output
