@@ -40,7 +40,7 @@ class RandomController:
 
 @dataclass(frozen=True)
 class FixedSplit:
-    """Send the regions with their centre left of ``x`` [m] to the leftmost exit, the others to the rightmost; doors open."""
+    """Send the regions with their center left of ``x`` [m] to the leftmost exit, the others to the rightmost; doors open."""
 
     x: float
 
@@ -54,7 +54,7 @@ class FixedSplit:
         geometry, routes = batch.scenario.geometry, batch.layout.routes
         middle = geometry.exits.mean(axis=1)[:, 0]
         left, right = (routes.index(geometry.exit_names[k]) for k in (middle.argmin(), middle.argmax()))
-        of_region = np.where(batch.regions.centre[:, 0] < self.x, left, right)
+        of_region = np.where(batch.regions.center[:, 0] < self.x, left, right)
         row = np.concatenate([of_region, np.ones(len(batch.layout.doors), dtype=np.int64)])
         return np.tile(row, (len(observation), 1))
 

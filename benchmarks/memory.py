@@ -1,6 +1,6 @@
 """Bytes that a simulation keeps, by kind: the sum over all its arrays.
 
-People: one row a person.  Neighbours and contacts: lists of pairs, with what finds them, and what the solver needs for them.
+People: one row a person.  Neighbors and contacts: lists of pairs, with what finds them, and what the solver needs for them.
 Place: walls and travel-time fields, once whatever the crowd.  Of an environment of a batch: everything of the batch over its
 environments.
 """
@@ -14,7 +14,7 @@ from benchmarks.crowds import Crowd
 from benchmarks.measuring import Effort, Row, significant
 from benchmarks.scenes import jam
 from crowd_env import CrowdEnv, Simulation
-from crowd_env._kernels.struct_ref import Reference
+from crowd_env._kernels.struct_ref import StructRef
 
 SIZE = 10_000
 _SCHEMES = (("dem", 0.001), ("nsm1", 0.01), ("nsm2", 0.01), ("hertz", 0.001))
@@ -30,7 +30,7 @@ def rows(effort: Effort) -> list[Row]:
         effort.tell(f"{scheme}, {scene.people} people")
         crowd = Crowd(scene, scheme, dt, effort, field)
         sums = by_kind(crowd.simulation, scene.people)
-        for kind in ("people", "neighbours and contacts"):
+        for kind in ("people", "neighbors and contacts"):
             what = f"{scheme}, {scene.people} people: {kind}"
             found.append(Row(what, significant(sums[kind] / scene.people, 3), "bytes/person"))
         found.append(Row(f"{scheme}, {scene.people} people: place", significant(sums["place"] / 1e6, 3), "MB"))
@@ -44,16 +44,16 @@ def rows(effort: Effort) -> list[Row]:
 
 def by_kind(simulation: Simulation, people: int) -> dict[str, int]:
     """Return the bytes of people, of lists of pairs, and of the place."""
-    sums = {"people": 0, "neighbours and contacts": 0, "place": 0}
+    sums = {"people": 0, "neighbors and contacts": 0, "place": 0}
     for path, array in arrays(simulation):
         if ".near." in path:
-            sums["neighbours and contacts"] += array.nbytes
+            sums["neighbors and contacts"] += array.nbytes
         elif len(array) in (people, people + 1):
             sums["people"] += array.nbytes
         elif any(word in path for word in _PLACE) or len(array) < people:
             sums["place"] += array.nbytes
         else:
-            sums["neighbours and contacts"] += array.nbytes
+            sums["neighbors and contacts"] += array.nbytes
     return sums
 
 
@@ -75,7 +75,7 @@ def arrays(root: Any) -> Iterator[tuple[str, np.ndarray]]:
             waiting += [(f"{path}.{name}", part) for name, part in zip(thing._fields, thing, strict=True)]
         elif isinstance(thing, list | tuple):
             waiting += [(path, part) for part in thing]
-        elif isinstance(thing, Reference):
+        elif isinstance(thing, StructRef):
             waiting.append((path, thing.fields))  # named as what it refers to
         elif isinstance(thing, dict):
             waiting += [(f"{path}.{name}", part) for name, part in thing.items()]

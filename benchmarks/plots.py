@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Colours of Okabe and Ito that colour-blind people tell apart, with markers that say the same again.
+# Colors of Okabe and Ito that color-blind people tell apart, with markers that say the same again.
 _STYLES = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#CC79A7", "D"), ("#000000", "v"))
 
 
@@ -53,9 +53,9 @@ def _scaling(rows: list[dict[str, Any]], figure: "Figure") -> None:
         elif quantity == "exponent":
             exponents[who] = row["value"]
     axes = figure.subplots()
-    for (name, points), (colour, marker) in zip(lines.items(), _STYLES, strict=False):
+    for (name, points), (color, marker) in zip(lines.items(), _STYLES, strict=False):
         label = f"{name}: exponent {exponents[name]:.2f}" if name in exponents else name
-        axes.loglog(*zip(*points, strict=True), color=colour, marker=marker, label=label)
+        axes.loglog(*zip(*points, strict=True), color=color, marker=marker, label=label)
     axes.set_xlabel("people in the jam (6 per m²)")
     axes.set_ylabel("CPU time of a person-step, ns")
     axes.set_title("Cost of a person-step against the size of the crowd", fontsize=11)
@@ -88,9 +88,9 @@ def _roofline(rows: list[dict[str, Any]], figure: "Figure") -> None:
         f"multiply-add {roof:.0f} GF/s", (high, roof), xytext=(0, 4), textcoords="offset points", ha="right", fontsize=8
     )
     names = [what.removesuffix(": intensity") for what in value if what.endswith(": intensity")]
-    for name, (colour, marker) in zip(names, _STYLES, strict=False):
+    for name, (color, marker) in zip(names, _STYLES, strict=False):
         x, y = value[f"{name}: intensity"], value[f"{name}: arithmetic"]
-        axes.plot(x, y, color=colour, marker=marker, linestyle="none", markersize=8, label=name)
+        axes.plot(x, y, color=color, marker=marker, linestyle="none", markersize=8, label=name)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlim(low / 2.6, high)

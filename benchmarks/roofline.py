@@ -3,7 +3,7 @@
 Ceilings are measured by the kernels of `benchmarks/probes.py`.  Two bounds on person-steps per second:
 
 vector bound
-    An ideal vector kernel works on the pairs that a neighbour list with a skin of 0.08 m holds, each once, and moves everyone:
+    An ideal vector kernel works on the pairs that a neighbor list with a skin of 0.08 m holds, each once, and moves everyone:
     1 / (pairs per person x time of a pair + time of a person).
 bandwidth bound
     Everything a step must read and write once, at the bandwidth of the cache that the crowd fits in: 144 bytes a person (ten

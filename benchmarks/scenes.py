@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 JAM_DENSITY = 6.0  # 1/m2
 HALL_DENSITY = 1.33  # 1/m2
-_MARGIN = 0.2  # m between the walls and the centres of a jam
+_MARGIN = 0.2  # m between the walls and the centers of a jam
 _JITTER = 0.15  # m
 _CALM_STEPS = 250
 _MOMENTS = 4  # of a run at which overlaps are measured

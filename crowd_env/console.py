@@ -20,7 +20,7 @@ notes = Console(stderr=True, highlight=False)
 
 
 @contextmanager
-def said_plainly() -> Iterator[None]:
+def friendly_errors() -> Iterator[None]:
     """Turn what goes wrong into one line: exit code 2 for a mistake, a missing library or a full disk, 130 for Ctrl-C.
 
     Warnings are notes of one line each, and SIGTERM ends the block as Ctrl-C does.

@@ -39,7 +39,7 @@ class CrowdState(NamedTuple):
     angle: Floats  # (P,)    rad
     spin: Floats  # (P,)    rad/s
     active: Bools  # (P,)    still inside
-    exit_time: Floats  # (P,)    s        when the centre crossed an exit line, interpolated within the step; nan before
+    exit_time: Floats  # (P,)    s        when the center crossed an exit line, interpolated within the step; nan before
     exit_index: Ints  # (P,)    row of Geometry.exits that was crossed; -1 before
     route: Ints  # (P,)    way that one means to take: a number among those of the place
     time: Floats  # (E,)    s        clock of each environment

@@ -84,7 +84,7 @@ BAD = {
     "zone.toml": scenario("regions = { mat = { box = [1, 1, 2, 2] } }", rest='[[zones]]\nregion = "mat"'),
     "door.toml": scenario("doors = { gate = [[2, 2], [3, 2]] }"),
     "short_door.toml": scenario("doors = { gate = [[2, 0], [2, 0.05]] }"),
-    "kilometres.toml": scenario(walkable="{ box = [-100000, -100000, 6, 100000] }"),
+    "kilometers.toml": scenario(walkable="{ box = [-100000, -100000, 6, 100000] }"),
     "closed.toml": scenario(top='closed_doors = "door"'),
     "key.toml": scenario(people="count = 5\nraduis = 0.2"),
     "radius.toml": scenario(people="count = 5\nradius = 1e-9"),

@@ -24,7 +24,7 @@ HALL = Geometry.from_polygon(
 
 
 def clear(geometry, position, radius):
-    """Return the least gap [m] between any two bodies or of a body and a wall; -inf if a centre is outside."""
+    """Return the least gap [m] between any two bodies or of a body and a wall; -inf if a center is outside."""
     if not geometry.contains(position).all():
         return -np.inf
     gap = np.hypot(*(position[:, None] - position[None]).transpose(2, 0, 1)) - radius[:, None] - radius[None]
@@ -178,7 +178,7 @@ class Touch(NamedTuple):
 def touches(geometry: Geometry, bodies: Bodies, state: CrowdState, below: float) -> list[Touch]:
     """Return every touch with a gap under ``below``, found among all pairs and all walls.
 
-    A body touches a wall where the distance from its centre to the walls has a local minimum.  The nearest point of a
+    A body touches a wall where the distance from its center to the walls has a local minimum.  The nearest point of a
     segment is one, unless it is an end of the segment and another segment that ends there comes nearer still.
     """
     x, r, inside = state.position, bodies.radius, np.flatnonzero(state.active)
@@ -191,8 +191,8 @@ def touches(geometry: Geometry, bodies: Bodies, state: CrowdState, below: float)
                 found.append(Touch(int(i), int(j), gap, tuple(d / np.hypot(*d))))
     lines = shapely.linestrings(geometry.walls)
     for i in inside:
-        centre = shapely.Point(x[i])
-        near = shapely.get_coordinates(shapely.line_interpolate_point(lines, shapely.line_locate_point(lines, centre)))
+        center = shapely.Point(x[i])
+        near = shapely.get_coordinates(shapely.line_interpolate_point(lines, shapely.line_locate_point(lines, center)))
         for point in np.unique(near.round(9), axis=0):
             ending_here = np.hypot(*(geometry.walls - point).transpose(2, 0, 1)).min(axis=1) < 1e-6
             if not (np.hypot(*(near[ending_here] - point).T) < 1e-6).all():

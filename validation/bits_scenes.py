@@ -8,6 +8,7 @@ when a scene needs them: a name that a tree lacks fails the scenes that use it, 
 """
 
 import copy
+import dataclasses
 import functools
 import hashlib
 import json
@@ -215,7 +216,8 @@ def moment() -> Scene:
 
 def views() -> Scene:
     """Rays and many neighbors, in both frames, with each kind of action and reward."""
-    seen: dict[str, Any] = {"rays": 16, "neighbours": 8}
+    known = {field.name for field in dataclasses.fields(crowd_env.ObservationLayout)}
+    seen: dict[str, Any] = {"rays": 16, "neighbors" if "neighbors" in known else "neighbours": 8}
     yield from _episode(20, "pillar-v0", observation=seen, frame="world")
     yield from _episode(20, "pillar-v0", observation=seen, action="discrete", reward=_every_reward())
     yield from _episode(8, "stadium-sector-v0", observation=seen)

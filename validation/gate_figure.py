@@ -10,7 +10,7 @@ from matplotlib.patches import Circle
 
 from validation.gate import PLAN, Counts, Floats
 
-# Told apart in print and by colour-blind eyes; the recording is black.
+# Told apart in print and by color-blind eyes; the recording is black.
 _COLOURS = ("#0f7680", "#89478f", "#9e7a16", "#4a5ca0")
 _WALL, _QUIET = "#37414d", "#747b83"
 
@@ -23,10 +23,10 @@ def draw(path: Path, measured: Counts, results: list[Counts], starts: Floats, ra
     _draw_plan(left, starts, radius)
     people = measured.times.shape[1]
     end = 1.05 * float(np.nanmax(np.concatenate([measured.times, *(result.times for result in results)])))
-    for colour, result in zip(_COLOURS, results, strict=False):
+    for color, result in zip(_COLOURS, results, strict=False):
         for k, times in enumerate(result.times):
             right.step(
-                *_curve(times, end), where="post", color=colour, lw=0.9, alpha=0.6, label=None if k else _label(result)
+                *_curve(times, end), where="post", color=color, lw=0.9, alpha=0.6, label=None if k else _label(result)
             )
     right.step(*_curve(measured.times[0], end), where="post", color="black", lw=1.8, label=_label(measured))
     right.set(

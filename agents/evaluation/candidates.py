@@ -57,16 +57,16 @@ def make_candidates(names: Sequence[str], scenario: Scenario, *, trust_pickle: b
 
 def _make(name: str, scenario: Scenario, trust_pickle: bool) -> Candidate:
     own = [route.name for route in scenario.routes]
-    ways = tuple(dict.fromkeys([*get_args(Strategy), *own, *scenario.geometry.exit_names]))
+    route_set = tuple(dict.fromkeys([*get_args(Strategy), *own, *scenario.geometry.exit_names]))
     if name == RULES:
         return _of_policy(WayOut("shortest", rules=True, name=RULES))
-    if name in ways:
+    if name in route_set:
         return _of_policy(WayOut(name))
     if name in POLICIES:
         return _of_policy(make_policy(name))
     if name.endswith((".npz", ".zip")):
         return _learned(Path(name), scenario, trust_pickle)
-    known = ", ".join(dict.fromkeys([*ways[:4], RULES, *ways[4:], *POLICIES]))
+    known = ", ".join(dict.fromkeys([*route_set[:4], RULES, *route_set[4:], *POLICIES]))
     raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.npz)")
 
 

@@ -237,7 +237,7 @@ def evacuate(
             led = lead(len(seeds))
         env = led.env
         led.reset(seeds)
-        replanned = env.simulation.wayfinder.seconds
+        replanned = env.simulation.planner.seconds
         if recorder is not None:
             recorder.begin(env)
         while not env.finished.all():
@@ -248,7 +248,7 @@ def evacuate(
                 recorder.add(env, step)
             if progress is not None and step.info["finished"].any():
                 progress(int(step.info["finished"].sum()))
-        replanning += env.simulation.wayfinder.seconds - replanned
+        replanning += env.simulation.planner.seconds - replanned
         if recorder is not None:
             recorder.end(env)
         for e in range(len(seeds)):

@@ -25,7 +25,7 @@ from crowd_env.files.atomic import written
 _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"
 _SHOWN = {"density": ("Density", "people / m²", 1.0), "pressure": ("Contact pressure", "kN / m", 1e-3)}
-_CURVES = 5  # in one figure, as many as there are colours
+_CURVES = 5  # in one figure, as many as there are colors
 _ARRAYS = ("exit_index", "walked", "max_density", "max_pressure")
 _NUMBERS = ("simulated", "computing", "replanning")
 
@@ -156,7 +156,7 @@ class EvaluationFolder:
         return made
 
     def _draw_maps(self, result: Evaluation, beside: Sequence[Evaluation], scenario: Scenario) -> Path:
-        """Draw the maps of a policy with the colours of all that are to be compared with it."""
+        """Draw the maps of a policy with the colors of all that are to be compared with it."""
         from crowd_env.rendering.heat import HeatMap, heat_maps
 
         maps = []

@@ -10,7 +10,7 @@ from crowd_env.state import Bools, Floats, Ints, as_grid
 
 REACH = 1.0  # m  the density at a place: people within that, over the area of the disc
 CELL = 0.25  # m  of the maps
-_FELT = 0.25  # m  a body is felt at places as near as that to its centre
+_FELT = 0.25  # m  a body is felt at places as near as that to its center
 
 
 class Grid(NamedTuple):
@@ -68,7 +68,7 @@ class Recorder:
         cells = self.grid.shape[0] * self.grid.shape[1]
         self._spread = _disc(REACH, self.grid.shape[1])
         offset, cover = _disc(_FELT, self.grid.shape[1])
-        self._felt = offset[cover > 0.3]  # the cell and its four neighbours
+        self._felt = offset[cover > 0.3]  # the cell and its four neighbors
         self._sums, self._most = np.zeros((2, cells)), np.zeros((2, cells))
         self._samples = 0
         self._runs: list[tuple[Ints, Floats, Floats, Floats]] = []
@@ -138,7 +138,7 @@ class Recorder:
 def most_within(position: Floats, inside: Bools, reach: float) -> Ints:
     """Return the largest number (E,) of people ``inside`` (E, N) less than ``reach`` from one of them, oneself included.
 
-    ``position`` (E, N, 2) is of their centres.
+    ``position`` (E, N, 2) is of their centers.
     """
     most = int(inside.sum(axis=1).max(initial=0))
     if most == 0:

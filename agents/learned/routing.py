@@ -45,7 +45,7 @@ class RoutingSettings:
 
 
 def make_routing_ppo(env: RoutingVectorEnv, settings: RoutingSettings, seed: int) -> PPO:
-    """Return an untrained PPO model whose first choice in every region is the exit nearest to its centre."""
+    """Return an untrained PPO model whose first choice in every region is the exit nearest to its center."""
     torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
     model = PPO(
         "MlpPolicy",
@@ -66,9 +66,9 @@ def make_routing_ppo(env: RoutingVectorEnv, settings: RoutingSettings, seed: int
     names = [name for name in batch.layout.routes if name in batch.layout.exits]
     if names:
         routes = [batch.layout.routes.index(name) for name in names]
-        ways = batch.env.ways[0]
-        nearest = ways.nearest(names, batch.regions.centre)
-        numbers = [ways.number(name) for name in names]
+        route_set = batch.env.route_set[0]
+        nearest = route_set.nearest(names, batch.regions.center)
+        numbers = [route_set.number(name) for name in names]
         with torch.no_grad():
             bias = cast(torch.nn.Linear, model.policy.action_net).bias
             for region, way in enumerate(nearest):

@@ -178,7 +178,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
     Nothing may be allocated inside (use `allocating_kernel` for that): without numba's reference counting a physics step was
     measured to run three times as fast.  The global lock is released: ranges of environments run side by side in ordinary
-    threads.  Tuples of arrays are best handed over as a `crowd_env._kernels.struct_ref.Reference`.
+    threads.  Tuples of arrays are best handed over as a `crowd_env._kernels.struct_ref.StructRef`.
     """
     return _quiet(_compile(function, {"_nrt": False}))
 

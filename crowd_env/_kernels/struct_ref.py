@@ -1,7 +1,7 @@
 """How kernels see a NamedTuple of arrays: as the address of a table that says where the arrays lie.
 
 numba hands a NamedTuple over by value.  The tuples of a step hold 130 arrays of 7 to 9 words each: at every call a thousand
-words were copied, and every copy compiled.  A `Reference` is one word.  In a kernel its attributes are the arrays, numbers and
+words were copied, and every copy compiled.  A `StructRef` is one word.  In a kernel its attributes are the arrays, numbers and
 further references of the tuple, read where they are used::
 
     batch = refer(Batch(world, bodies, state, ...))      # once; whoever wants other arrays makes another reference
@@ -25,8 +25,8 @@ from numba.np import numpy_support
 from numba.np.arrayobj import populate_array
 
 
-class ReferenceType(types.Type):
-    """numba's type of a `Reference`: names and types of its fields, each at a fixed place of the table."""
+class StructRefType(types.Type):
+    """numba's type of a `StructRef`: names and types of its fields, each at a fixed place of the table."""
 
     def __init__(self, fields: tuple[tuple[str, types.Type], ...]) -> None:
         self.fields = fields
@@ -47,7 +47,7 @@ def _words(kind: types.Type) -> int:
     return 1 + kind.ndim if isinstance(kind, types.Array) else 1
 
 
-class Reference:
+class StructRef:
     """The table of a NamedTuple; it keeps the arrays alive.
 
     Attributes
@@ -61,7 +61,7 @@ class Reference:
         words: list[int] = []
         kept: list[Any] = []
         for name, value in zip(fields._fields, fields, strict=True):
-            value = refer(value) if hasattr(value, "_fields") else value
+            value = struct_ref(value) if hasattr(value, "_fields") else value
             kind, its_words = _describe(name, value)
             kinds.append((name, kind))
             words += its_words
@@ -71,7 +71,7 @@ class Reference:
         self._table.flags.writeable = False
         self.address = int(self._table.ctypes.data)
         self.fields = fields
-        self._numba_type_ = ReferenceType(tuple(kinds))
+        self._numba_type_ = StructRefType(tuple(kinds))
 
     def __getattr__(self, name: str) -> Any:
         """Return a field of the tuple: this is what a kernel reads when it runs as plain Python."""
@@ -83,10 +83,10 @@ class Reference:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles refer to arrays of their own: an address means nothing elsewhere."""
-        return refer, (self.fields,)
+        return struct_ref, (self.fields,)
 
 
-def refer(fields: Any) -> Reference:
+def struct_ref(fields: Any) -> StructRef:
     """Return a reference to a NamedTuple of C-contiguous arrays, floats, and NamedTuples or references of such.
 
     Raises
@@ -94,7 +94,7 @@ def refer(fields: Any) -> Reference:
     TypeError
         If a field is anything else.
     """
-    return fields if isinstance(fields, Reference) else Reference(fields)
+    return fields if isinstance(fields, StructRef) else StructRef(fields)
 
 
 def _describe(name: str, value: Any) -> tuple[types.Type, list[int]]:
@@ -102,7 +102,7 @@ def _describe(name: str, value: Any) -> tuple[types.Type, list[int]]:
     if isinstance(value, np.ndarray) and value.flags.c_contiguous:
         kind = types.Array(numpy_support.from_dtype(value.dtype), value.ndim, "C")
         return kind, [int(value.ctypes.data), *value.shape]
-    if isinstance(value, Reference):
+    if isinstance(value, StructRef):
         return value._numba_type_, [value.address]
     if isinstance(value, float):
         return types.float64, [int(np.float64(value).view(np.int64))]
@@ -111,21 +111,21 @@ def _describe(name: str, value: Any) -> tuple[types.Type, list[int]]:
     raise TypeError(f"{name} is {type(value).__name__}; kernels can be referred to C-contiguous arrays and numbers")
 
 
-@typeof_impl.register(Reference)
-def _typeof(reference: Reference, _: Any) -> types.Type:
+@typeof_impl.register(StructRef)
+def _typeof(reference: StructRef, _: Any) -> types.Type:
     return reference._numba_type_
 
 
-@register_model(ReferenceType)
+@register_model(StructRefType)
 class _Model(models.PrimitiveModel):
     """A pointer to the words."""
 
-    def __init__(self, manager: Any, kind: ReferenceType) -> None:
+    def __init__(self, manager: Any, kind: StructRefType) -> None:
         super().__init__(manager, kind, ir.IntType(64).as_pointer())
 
 
-@unbox(ReferenceType)
-def _unbox(kind: ReferenceType, thing: Any, c: Any) -> NativeValue:
+@unbox(StructRefType)
+def _unbox(kind: StructRefType, thing: Any, c: Any) -> NativeValue:
     number = c.pyapi.object_getattr_string(thing, "address")
     address = c.pyapi.long_as_longlong(number)
     c.pyapi.decref(number)
@@ -137,15 +137,15 @@ def _unbox(kind: ReferenceType, thing: Any, c: Any) -> NativeValue:
 
 @infer_getattr
 class _Attributes(AttributeTemplate):
-    key = ReferenceType
+    key = StructRefType
 
-    def generic_resolve(self, value: ReferenceType, attr: str) -> types.Type | None:  # type: ignore[override]
+    def generic_resolve(self, value: StructRefType, attr: str) -> types.Type | None:  # type: ignore[override]
         found = value.find(attr)
         return None if found is None else found[1]
 
 
-@lower_getattr_generic(ReferenceType)
-def _get(context: Any, builder: Any, reference: ReferenceType, table: Any, name: str) -> Any:
+@lower_getattr_generic(StructRefType)
+def _get(context: Any, builder: Any, reference: StructRefType, table: Any, name: str) -> Any:
     """Read a field where it is used; the compiler may do so once and early, since no table ever changes."""
     found = reference.find(name)
     assert found is not None  # or it would not have been typed
@@ -157,7 +157,7 @@ def _get(context: Any, builder: Any, reference: ReferenceType, table: Any, name:
         loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
         return loaded
 
-    if isinstance(kind, ReferenceType):
+    if isinstance(kind, StructRefType):
         return builder.inttoptr(word(0), context.get_value_type(kind))
     if isinstance(kind, types.Array):
         item = context.get_abi_sizeof(context.get_data_type(kind.dtype))

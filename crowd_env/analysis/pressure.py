@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from crowd_env._kernels.jit import kernel
 from crowd_env.checks import POSITIVE, array, number, require_all
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.physics.neighbors.lists import NeighbourList, sort_into_cells
+from crowd_env.physics.neighbors.lists import NeighborList, sort_into_cells
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import Bools, CrowdState, Floats, Ints
 
@@ -24,7 +24,7 @@ class ContactForces(NamedTuple):
     active: Bools  # (N,)    still inside
     i: Ints  # (C,)    person
     j: Ints  # (C,)    other person > i, or -1 - k: wall feature k
-    at: Floats  # (C, 2)  m, the centre of j, or where i touches the wall
+    at: Floats  # (C, 2)  m, the center of j, or where i touches the wall
     force: Floats  # (C,)    N, normal; > 0 pushes apart
 
 
@@ -122,9 +122,7 @@ def crowd_pressure(simulation: Simulation, radius: float = 1.0) -> Floats:
 
 
 @kernel
-def _density_times_variance(
-    env_start: Ints, state: CrowdState, near: NeighbourList, radius: float, out: Floats
-) -> None:
+def _density_times_variance(env_start: Ints, state: CrowdState, near: NeighborList, radius: float, out: Floats) -> None:
     position, velocity = state.position, state.velocity
     for e in range(len(state.time)):
         begin, end = env_start[e], env_start[e + 1]

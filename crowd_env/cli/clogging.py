@@ -14,7 +14,7 @@ from rich.table import Table
 
 from crowd_env.analysis.clogging import Clogging, Run, clogging, exits_of_run, powerlaw_library
 from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
-from crowd_env.console import check_folder, counted, interrupted, notes, progress_bar, said_plainly
+from crowd_env.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.rollout import RunsInterrupted, finished_runs
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
@@ -60,7 +60,7 @@ def clog(
 
     crowd-env clogging lin-room-v0 --speed 1.5 --times experiment.csv --out clogging
     """
-    with said_plainly():
+    with friendly_errors():
         if out is not None:
             check_folder("--out", out)
         _check_library()

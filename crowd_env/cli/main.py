@@ -12,11 +12,11 @@ from rich.table import Table
 
 from crowd_env.cli.clogging import clog
 from crowd_env.cli.reproduce import reproduce
-from crowd_env.console import check_picture, counted, interrupted, notes, progress_bar, said_plainly
+from crowd_env.console import check_picture, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.envs.rollout import RunsInterrupted, report, run_rule
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
 from crowd_env.scenarios import SCENARIOS, about, is_file, make_scenario
-from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt, unit_in_metres
+from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt, unit_in_meters
 from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import MAX_SPEED
@@ -54,8 +54,8 @@ def _read_scenario(
     unit: str | None = None,
 ) -> Scenario:
     """Return the scenario of the command line: a built-in name, or a floor plan in a file."""
-    metres = unit_in_metres(unit)
-    recorded = None if starts is None else metres * read_starts(starts)
+    meters = unit_in_meters(unit)
+    recorded = None if starts is None else meters * read_starts(starts)
     if recorded is not None and count not in (None, len(recorded)):
         raise ValueError(f"--n is {count}, but {starts} holds {len(recorded)} positions")
     people: dict[str, Any] = {} if recorded is None else {"starts": recorded, "start_region": None}
@@ -71,7 +71,7 @@ def _read_scenario(
         if exits:
             raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
         if unit is not None:
-            raise ValueError(f"{name} is in metres; --unit is for floor plans in files")
+            raise ValueError(f"{name} is in meters; --unit is for floor plans in files")
         if not people:
             return make_scenario(name, **timing)
         return make_scenario(name, population=make_scenario(name).population.changed(**people), **timing)
@@ -86,7 +86,7 @@ def _read_scenario(
 @app.command()
 def run(
     scenario: Annotated[
-        str, typer.Argument(help="Name of a scenario, a scenario file (.toml, .json), or a floor plan in WKT (metres).")
+        str, typer.Argument(help="Name of a scenario, a scenario file (.toml, .json), or a floor plan in WKT (meters).")
     ] = "room-v0",
     scheme: Annotated[str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".")] = "nsm2",
     runs: Annotated[int, typer.Option(help="Number of evacuations, each with other people in other places.")] = 50,
@@ -151,7 +151,7 @@ def run(
 
     crowd-env run my_room.wkt --exit 5,2,5,3 --n 40 --film out.gif
     """
-    with said_plainly():
+    with friendly_errors():
         if film is not None:
             check_picture("--film", film, (".gif", ".mp4", ".png"))
         _check_network(force_network, at, around)
@@ -182,7 +182,7 @@ def run(
         typer.echo(json.dumps(figures))
     else:
         Console().print(_table(place, figures, time.monotonic() - begin))
-    with said_plainly():
+    with friendly_errors():
         if stopped is not None:
             interrupted(f"{stopped}; the figures are of these, and lean to short evacuations")
         if film is not None:
@@ -312,8 +312,8 @@ def plan(
     out: Annotated[Path, typer.Option(help="Image to write, .png.")] = Path("plan.png"),
     seed: Annotated[int, typer.Option(help="Where people stand.", min=0)] = 0,
 ) -> None:
-    """Draw plans: walls, exits, regions and where people start, coloured by the group they belong to."""
-    with said_plainly():
+    """Draw plans: walls, exits, regions and where people start, colored by the group they belong to."""
+    with friendly_errors():
         check_picture("--out", out, (".png",), makes_folder=True)
         from crowd_env.rendering.sheet import draw_sheet
 
@@ -330,7 +330,7 @@ def warmup(
     from crowd_env.envs.crowd import CrowdEnv
 
     seconds = {}
-    with said_plainly():
+    with friendly_errors():
         chosen = scheme or list(SCHEMES)
         for name in chosen:
             make_scheme(name)

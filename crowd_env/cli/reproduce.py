@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from crowd_env.console import check_folder, counted, interrupted, notes, progress_bar, said_plainly
+from crowd_env.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.physics import SCHEMES
 from crowd_env.reproduce import LIN, PECOL, REPRODUCTIONS, LinSettings, Reproduction, Result, Settings, find
 from crowd_env.reproduce.lin2016.settings import check
@@ -49,7 +49,7 @@ def reproduce(
         str | None,
         typer.Option(
             help="What people walk to: path (shortest path of a disc, default of fig3 and table5), or straight to the "
-            "centre of the door (default of lin-*), its nearest point that keeps off the jambs (nearest), or the nearest "
+            "center of the door (default of lin-*), its nearest point that keeps off the jambs (nearest), or the nearest "
             "point of its whole width."
         ),
     ] = None,
@@ -143,11 +143,11 @@ def reproduce(
         return
     asked = locals()
     given = {key: asked[key] for key in _OPTIONS if asked[key] is not None and asked[key] is not False}
-    with said_plainly():
+    with friendly_errors():
         work = _plan(name, given, out)
     told: list[Result] = []
     stopped: str | None = None
-    with said_plainly():
+    with friendly_errors():
         try:
             for result in work.results():
                 paths = _write(result, out)

@@ -8,7 +8,7 @@ from numpy.typing import DTypeLike
 _KEPT = 6
 
 
-class Recycled:
+class BufferPool:
     """Hands out arrays of one shape that are the caller's for as long as he, or a view of his, holds them.
 
     The system gives fresh memory page by page as it is first written, which was measured to take longer than to compute what

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env._kernels.struct_ref import refer
+from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env.checks import COUNT, POSITIVE, Range, array, flag, number, refuse, text, whole
 from crowd_env.envs.action import ActionKind, Frame, action_space, check_frame, to_command
 from crowd_env.envs.episode import open_books, settle
@@ -54,7 +54,7 @@ class CrowdEnv:
         (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.  0 for those who are out, but for
         their ``team_share``.
     Termination
-        A pedestrian terminates when its centre crosses an exit line, and is truncated at the scenario's time limit.  An
+        A pedestrian terminates when its center crosses an exit line, and is truncated at the scenario's time limit.  An
         environment is finished when nobody is left inside, at its time limit, or when its exits are blocked (nobody has got
         out for ``Scenario.blocked_after``; the rest are truncated); ``info["finished"]`` (E,).
     Diagnostics
@@ -144,14 +144,14 @@ class CrowdEnv:
         self.env_start = np.concatenate([[0], np.cumsum([len(position) for _, position in draws])]).astype(np.int64)
         columns = [np.concatenate(column) for column in zip(*(bodies[:-1] for bodies, _ in draws), strict=True)]
         self.strategy = strategy
-        self.ways = [s.ways(strategy, rules=rules) for s in self.scenarios]
+        self.route_set = [s.route_set(strategy, rules=rules) for s in self.scenarios]
         self.simulation = Simulation(
             [s.geometry for s in self.scenarios],
             Bodies._make([*columns, self.env_start]),
             make_state(np.concatenate([position for _, position in draws]), environments=num_envs),
             scheme=scheme,
             dt=dt,
-            fields=self.ways,
+            fields=self.route_set,
             geometry_of_env=which,
             threads=threads,
         )
@@ -162,7 +162,7 @@ class CrowdEnv:
         self._route_of_all: list[Ints | None] = [None] * len(
             self.scenarios
         )  # known when it is the same in each episode
-        self._transition = refer(
+        self._transition = struct_ref(
             Transition(
                 inside=np.zeros(people, dtype=np.bool_),
                 left=np.zeros(people, dtype=np.bool_),
@@ -346,9 +346,9 @@ class CrowdEnv:
         route = self._route_of_all[kind]
         self.simulation.restart(e, bodies, position, route=0 if route is None else route)
         if route is None:
-            ways = self.simulation.wayfinder.ways(e)  # as the doors stand at the start
-            assert ways is not None
-            chosen = scenario.choose(ways, self.strategy, position)
+            route_set = self.simulation.planner.route_set(e)  # as the doors stand at the start
+            assert route_set is not None
+            chosen = scenario.choose(route_set, self.strategy, position)
             self.simulation.send(e, chosen)
             if not scenario.depends_on_place(self.strategy):
                 self._route_of_all[kind] = chosen

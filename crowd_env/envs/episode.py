@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env._kernels.jit import kernel
-from crowd_env._kernels.struct_ref import Reference, refer
+from crowd_env._kernels.struct_ref import StructRef, struct_ref
 from crowd_env.envs.reward import Transition
 from crowd_env.state import Bools, CrowdState, Floats
 
@@ -27,10 +27,10 @@ class Books(NamedTuple):
     ended: Bools  # (E,)   whose episode ended in this step
 
 
-def open_books(step: Any, state: CrowdState, time_limit: Floats, blocked_after: Floats) -> Reference:
+def open_books(step: Any, state: CrowdState, time_limit: Floats, blocked_after: Floats) -> StructRef:
     """Return empty `Books` for a reference ``step`` to a `Transition`; all episodes are finished, none has begun."""
     people, rooms = len(state.active), len(state.time)
-    return refer(
+    return struct_ref(
         Books(
             step=step,
             active=state.active,

@@ -115,13 +115,13 @@ class StateReader:
 
     def __init__(self, env: CrowdEnv) -> None:
         self.env = env
-        geometry, ways = env.scenarios[0].geometry, env.ways[0]
+        geometry, route_set = env.scenarios[0].geometry, env.route_set[0]
         self.layout = StateLayout(env.num_people, len(geometry.exits))
         self._corner = np.array(geometry.bounds[:2])
         self._lines = (geometry.exits - self._corner).reshape(-1, _LINE)
         names, doors = geometry.exit_names, geometry.exits_of_door
         # (ways, X) and (doors, X); of an exit of several lines all are meant
-        self._leads_to = np.array([[name in (way.exits or names) for name in names] for way in ways.ways])
+        self._leads_to = np.array([[name in (way.exits or names) for name in names] for way in route_set.route_set])
         self._barred_by = np.array([[name == barred for name in names] for barred in doors]).reshape(-1, len(names))
 
     def read(self) -> np.ndarray:

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env._kernels.jit import kernel
-from crowd_env._kernels.struct_ref import Reference, refer
+from crowd_env._kernels.struct_ref import StructRef, struct_ref
 from crowd_env.checks import SHARE, check_fields, from_table, known, number, refuse, table
-from crowd_env.envs.buffers import Recycled
+from crowd_env.envs.buffers import BufferPool
 from crowd_env.state import Bools, Floats, Ints
 
 
@@ -163,10 +163,10 @@ class RewardFunction:
                 row[law] = k
         order = np.array([names.index(name) for name in weights.weights], dtype=np.int64)
         weight = np.array(list(weights.weights.values()), dtype=np.float64)
-        self._weighing = refer(Weighing(row, order, weight, float(weights.team_share)))
-        self._terms = Recycled((len(names), people))
+        self._weighing = struct_ref(Weighing(row, order, weight, float(weights.team_share)))
+        self._terms = BufferPool((len(names), people))
 
-    def __call__(self, step: Reference) -> tuple[Floats, dict[str, Floats]]:
+    def __call__(self, step: StructRef) -> tuple[Floats, dict[str, Floats]]:
         """Return the reward (P,) of a `Transition`, and its terms (P,) each, unweighted; 0 for those who were not inside."""
         terms = self._terms.take()
         for k, law in self._own:

@@ -56,7 +56,7 @@ def read_table(path: str | Path, what: str, needed: Sequence[str], unit: str, ro
     Parameters
     ----------
     what : of what it is a table, for errors: "the starting positions".
-    unit : in which the numbers are: "metres".
+    unit : in which the numbers are: "meters".
     row_is : what a line stands for: "a person".
 
     Raises

@@ -178,7 +178,7 @@ def _cut(edges: Floats, openings: list[_Opening]) -> tuple[Floats, Floats, tuple
         length = float(np.hypot(*(b - a)))
 
         def at(s: float, a: Floats = a, b: Floats = b, length: float = length) -> Floats:
-            return b if s == length else a + (b - a) * (s / length)  # b itself, so that neighbouring edges share it
+            return b if s == length else a + (b - a) * (s / length)  # b itself, so that neighboring edges share it
 
         end = 0.0
         for _, low, high, name in _merged(sorted(o for o in openings if o.edge == row), at):

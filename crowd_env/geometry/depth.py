@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 def solid_depth(walls: Floats, area: Area, most: float = 0.25) -> Floats:
     """Return (W,) half the thickness [m] of what is solid behind (to the right of) each wall, ``most`` at the most.
 
-    A centre that was pressed into a wall belongs to the nearer face of it.
+    A center that was pressed into a wall belongs to the nearer face of it.
     """
     depth = np.full(len(walls), most)
     if not len(walls):

@@ -1,6 +1,6 @@
 """Doors: walls that come and go.
 
-The leaf of a door ends a millimetre short of the jambs, so that no corner belongs to it and to what stands for good.
+The leaf of a door ends a millimeter short of the jambs, so that no corner belongs to it and to what stands for good.
 """
 
 from collections.abc import Mapping

@@ -23,7 +23,7 @@ class Border(NamedTuple):
     """The border of G walkable areas as edges in rows, those of one area behind those of another."""
 
     bottom: Floats  # (G,)    m   where the first row begins
-    per_height: Floats  # (G,)    1/m rows a metre
+    per_height: Floats  # (G,)    1/m rows a meter
     row_start: Ints  # (G+1,)  first row of each area
     edge_start: Ints  # (R+1,)  first edge of each row
     low: Floats  # (M,)    m   lower and upper end of an edge

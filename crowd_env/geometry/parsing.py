@@ -24,10 +24,10 @@ _MIN_AREA = 1e-9  # m^2
 _MIN_EXIT = 0.02  # m; below this an exit is a slip of the pen (and could not be told from the snap tolerance)
 _LINES = ("LineString", "LinearRing", "MultiLineString")
 _POLYGONS = ("Polygon", "MultiPolygon")
-_NOT_FINITE = " has a coordinate that is not finite; all must be numbers in metres"
+_NOT_FINITE = " has a coordinate that is not finite; all must be numbers in meters"
 _SRID = re.compile(r"(?:SRID\s*=\s*(\d+)\s*;\s*)?(.*)", re.IGNORECASE | re.DOTALL)
 _CURVED = re.compile(r"\b(CURVEPOLYGON|COMPOUNDCURVE|CIRCULARSTRING|MULTISURFACE|MULTICURVE)\b", re.IGNORECASE)
-_EXIT_FORMS = "'x1,y1,x2,y2' in metres, 'LINESTRING (x1 y1, x2 y2)' or 'POLYGON ((...))'"
+_EXIT_FORMS = "'x1,y1,x2,y2' in meters, 'LINESTRING (x1 y1, x2 y2)' or 'POLYGON ((...))'"
 
 
 def place(point: ArrayLike) -> str:
@@ -46,7 +46,7 @@ def from_wkt(text: str, what: str) -> BaseGeometry:
     """
     srid, body = _SRID.match(text.lstrip("\ufeff \t\r\n")).groups()  # type: ignore[union-attr]  # matches anything
     if srid in ("4326", "4258"):
-        raise ValueError(f"{what} is in degrees (SRID {srid}); project it to metres first")
+        raise ValueError(f"{what} is in degrees (SRID {srid}); project it to meters first")
     curved = _CURVED.search(body)
     if curved:
         raise ValueError(

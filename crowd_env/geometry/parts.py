@@ -78,14 +78,14 @@ def closed_off(area: Area, openings: NDArray[np.float64], radius: float) -> list
     Only passages clearly too narrow count, by a tenth; what is in between is left to the grid of ways.
     """
     narrow = 0.9 * radius
-    centres = list(shapely.get_parts(shapely.buffer(area, -narrow)))
-    if len(centres) < 2:
+    centers = list(shapely.get_parts(shapely.buffer(area, -narrow)))
+    if len(centers) < 2:
         return []
-    near = shapely.STRtree(centres).query(
+    near = shapely.STRtree(centers).query(
         shapely.linestrings(openings), predicate="dwithin", distance=narrow * (1.0 + 1e-6) + GAP
     )[1]
-    lost = [centre for k, centre in enumerate(centres) if k not in set(near.tolist())]
-    if not lost or len(lost) == len(centres):
+    lost = [center for k, center in enumerate(centers) if k not in set(near.tolist())]
+    if not lost or len(lost) == len(centers):
         return []
     around = shapely.intersection(shapely.buffer(shapely.union_all(lost), narrow), area)
     return [part for part in shapely.get_parts(around) if part.geom_type == "Polygon" and part.area > np.pi * radius**2]

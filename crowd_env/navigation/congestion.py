@@ -18,7 +18,7 @@ from crowd_env.navigation.field import NavigationField
 from crowd_env.state import Bools, Floats
 
 SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
-SLOWEST = 0.08  # of the free speed: a jam of 5.4 /m2 passes 0.6 people per second and metre at 1.4 m/s
+SLOWEST = 0.08  # of the free speed: a jam of 5.4 /m2 passes 0.6 people per second and meter at 1.4 m/s
 _JAM = 5.4  # 1/m2
 _SMOOTHING = 0.5  # m, half width of the window that density is averaged over, twice
 
@@ -30,7 +30,7 @@ def weidmann(density: Floats) -> Floats:
     return np.clip(share, SLOWEST, 1.0)
 
 
-class Remarcher:
+class CongestionField:
     """Makes travel-time fields to the same exits again and again, on every few nodes of a fine one.
 
     Parameters
@@ -54,7 +54,7 @@ class Remarcher:
         )
         self._pace = pace(x, y)
         blocked = grid.blocked_lines(walls, rows, cols, self.origin, self.spacing)
-        # Within a metre of a door the straight line to it is the way, whatever the crowd.
+        # Within a meter of a door the straight line to it is the way, whatever the crowd.
         near_door = (fine.direct >= 0) & (fine.travel_time < 1.0)
         direct = np.where(near_door, fine.direct, -1)[::stride, ::stride]
         self._template = replace(
@@ -71,7 +71,7 @@ class Remarcher:
         self._level = np.ma.MaskedArray(np.where(np.isfinite(level), level, 1e3), ~self._free)
 
     def density(self, position: Floats) -> Floats:
-        """Return the density [1/m2] of people at ``position`` (K, 2) on the nodes (rows, cols), over about a metre."""
+        """Return the density [1/m2] of people at ``position`` (K, 2) on the nodes (rows, cols), over about a meter."""
         rows, cols = self._inside.shape
         j, i = np.rint((position - self.origin) / self.spacing).astype(np.int64).T
         count = np.zeros((rows, cols))

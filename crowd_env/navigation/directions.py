@@ -23,7 +23,7 @@ _KINK = 0.95  # a gradient shorter than this (1 = smooth) averages two ways of e
 def descend(time: Floats, spacing: float) -> Floats:
     """Return the unit vector (rows, cols, 2) of steepest descent of ``time`` at all known nodes; 0 elsewhere.
 
-    Known nodes lie at least two spacings from every wall, so neighbours are never on different sides of one.
+    Known nodes lie at least two spacings from every wall, so neighbors are never on different sides of one.
     """
     direction = np.zeros((*time.shape, 2))
     _descend(time, spacing, direction)
@@ -56,10 +56,10 @@ def _time_at(time: Floats, i: int, j: int) -> float:
 
 @inner_kernel
 def _slope(time: Floats, i: int, j: int, along_x: bool, spacing: float, upwind: bool) -> float:
-    """Return the derivative of ``time`` along one axis, over known nodes only; 0 if there is no neighbour.
+    """Return the derivative of ``time`` along one axis, over known nodes only; 0 if there is no neighbor.
 
-    Central if both neighbours are known, else one-sided of second order where there are two nodes, else of first.
-    ``upwind`` looks only to the side of the smaller neighbour (the upper one on a tie).
+    Central if both neighbors are known, else one-sided of second order where there are two nodes, else of first.
+    ``upwind`` looks only to the side of the smaller neighbor (the upper one on a tie).
     """
     di, dj = (0, 1) if along_x else (1, 0)
     here, low, high = time[i, j], _time_at(time, i - di, j - dj), _time_at(time, i + di, j + dj)
@@ -191,7 +191,7 @@ def regions_on_the_way(time: Floats, direction: Floats, region: Ints) -> Ints:
     """Return for every node the regions (bits of ``region``) that the way from it leads through, its own included.
 
     The way is walked for 16 spacings along the directions, then goes on as from the node it has come nearest to; where that
-    one is not reached sooner, as from the neighbour that is reached soonest.
+    one is not reached sooner, as from the neighbor that is reached soonest.
     """
     rows, cols = time.shape
     through = region.copy()

@@ -18,7 +18,7 @@ _SPACING = 0.05  # m
 _NODES = 4e5  # a big plan gets a coarser grid than _SPACING above this
 _FINEST = 0.01  # m; narrow passages are looked for down to this spacing ...
 _FINE_NODES = 1.6e6  # ... and up to this many nodes ...
-_SLACK = 0.75  # spacings; ... and half as wide as this too narrow, so that four neighbours connect in any direction
+_SLACK = 0.75  # spacings; ... and half as wide as this too narrow, so that four neighbors connect in any direction
 _MAX_NODES = 3e7
 _MOST_DILATION = 0.4  # m, half a door: in the largest places
 _SMALL_BODY = 0.1  # m; the grid of smaller ones is not made coarser: their passages would not be seen
@@ -134,7 +134,7 @@ def require_grid(geometry: Geometry, min_radius: float) -> None:
     if 2 * spacing > max(_MOST_DILATION, min_radius):
         raise ValueError(
             f"a plan of {x1 - x0:.0f} m x {y1 - y0:.0f} m needs more than {_MAX_NODES:.0e} nodes; check that its "
-            "coordinates are in metres, or take a part of it"
+            "coordinates are in meters, or take a part of it"
         )
     if spacing > min_radius / 2 and min_radius < _SMALL_BODY:
         raise ValueError(
@@ -193,7 +193,7 @@ def _make_grid(plan: Plan, spacing: float) -> Grid:
 
 def _attempts(plan: Plan, spacing: float) -> Iterator[tuple[float, float, float]]:
     """Yield (body radius, dilation, spacing) in the order of preference: the full radius, finer grids, smaller radii."""
-    least = max(plan.min_radius, 2 * spacing)  # nodes on both sides of a thin wall must be no neighbours
+    least = max(plan.min_radius, 2 * spacing)  # nodes on both sides of a thin wall must be no neighbors
     most = max(plan.radius, least)
     finer = [spacing]
     while finer[-1] / 2 >= _FINEST - 1e-9 and np.prod([1.0 * n for n in _nodes(plan.geometry, finer[-1] / 2)]) < min(

@@ -1,4 +1,4 @@
-"""The way out: travel-time fields by fast marching, made for the centre of a disc that keeps off the walls.
+"""The way out: travel-time fields by fast marching, made for the center of a disc that keeps off the walls.
 
 The walls are dilated by a body radius, so that the shortest path never leads into a concave corner or a gap that is too
 narrow; scikit-fmm solves ``|grad T| = 1`` on what is left.  People may still stand closer to a wall than that (they are
@@ -89,7 +89,7 @@ class NavigationField:
     Attributes
     ----------
     travel_time
-        (rows, cols) travel time at 1 m/s on plain floor [s], there the length of the path of the centre [m]; nan outside.
+        (rows, cols) travel time at 1 m/s on plain floor [s], there the length of the path of the center [m]; nan outside.
     direction
         (rows, cols, 2) unit vector along the shortest path; 0 outside.
     direct
@@ -108,7 +108,7 @@ class NavigationField:
     through
         (rows, cols) bit k: the way from the node leads through region k of the geometry; None = not known.
     free
-        (rows, cols) whether the centre of the disc can be there; None = not known.
+        (rows, cols) whether the center of the disc can be there; None = not known.
     """
 
     travel_time: Floats

@@ -75,7 +75,7 @@ def _block_lines(walls: Floats, origin: Floats, spacing: float, blocked: NDArray
                 x, y = origin[0] + j * spacing, origin[1] + i * spacing
                 if distance_to_segment(x, y, ax, ay, bx, by) > 2.0 * spacing:
                     continue
-                for line in range(4):  # from the node, or for the last one from its right neighbour
+                for line in range(4):  # from the node, or for the last one from its right neighbor
                     x0, x1 = (x + spacing if line == 3 else x), (x if line == 1 or line == 3 else x + spacing)
                     y1 = y if line == 0 else y + spacing
                     if crosses(ax, ay, bx, by, x0, y, x1, y1):
@@ -83,7 +83,7 @@ def _block_lines(walls: Floats, origin: Floats, spacing: float, blocked: NDArray
 
 
 def with_fringe(free: Bools, allowed: Bools) -> Bools:
-    """Return ``free`` and its side-by-side neighbours that are ``allowed``."""
+    """Return ``free`` and its side-by-side neighbors that are ``allowed``."""
     wider = free.copy()
     wider[1:] |= free[:-1]
     wider[:-1] |= free[1:]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-# A one-way door is a strip of nodes that the march does not enter: thick enough that side-by-side neighbours never skip it.
+# A one-way door is a strip of nodes that the march does not enter: thick enough that side-by-side neighbors never skip it.
 _STRIP = 1.5  # spacings, on either side of the line
 
 

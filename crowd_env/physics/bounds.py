@@ -1,14 +1,14 @@
 """What nobody exceeds: the speed of a person, a radius a step, and the walls.
 
 A contact law pushes back in proportion to how deep, or how fast, a body comes; it does not promise that a wall holds.  Under
-thousands of people a soft wall gives way by more than a radius, and whoever's centre is behind a wall is no longer touched by
+thousands of people a soft wall gives way by more than a radius, and whoever's center is behind a wall is no longer touched by
 it.  So every step ends with three bounds:
 
 * nobody is faster than `MAX_SPEED`: whoever is pushed harder keeps the direction and loses the rest;
 * nobody moves further than the own radius in a step: a step in which it happens is an error, since what lies between could
   be missed;
-* no centre crosses a wall: whoever's path does slides along the wall instead and loses the velocity into it, as against a
-  perfectly inelastic obstacle.  The centre stays `MARGIN` away from the wall.
+* no center crosses a wall: whoever's path does slides along the wall instead and loses the velocity into it, as against a
+  perfectly inelastic obstacle.  The center stays `MARGIN` away from the wall.
 
 The path of a step can reach a wall only if the wall lay within it at the start.  A wall so near is a contact, deeper than
 the radius less the path; where no contact of a step is so deep, there is nothing to look at.

@@ -8,7 +8,7 @@ w = B v + bias the speed at which it separates ((B v)_c = n_c . (v_i - v_j), a_c
     tangential          P_T = -K_T (w_T- + w_T) / 2                                  NSM2, if it approached
 
 Each law is a row that knows two bodies, a direction and what its reaction r = a P [m/s] should be, all else being as it is; a
-wall is a body that no reaction moves.  Rows of NSM1 are sorted by colour: no two of a colour share a body (but walls), so that
+wall is a body that no reaction moves.  Rows of NSM1 are sorted by color: no two of a color share a body (but walls), so that
 the processor need not wait for one row to start the next; a sweep was measured to take 1.5 times as long in the order of the
 contacts.
 """
@@ -42,7 +42,7 @@ class Problem(NamedTuple):
     reaction: Floats  # (M, 2)   m/s  r = a P of this sweep and of the one before
     velocity: Floats  # (P+E, 2) m/s
     v_last: Floats  # (P+E, 2) m/s  of the sweep before
-    colours: Indices  # (P+E, 2)      colours taken by each body (bits); where each colour starts
+    colors: Indices  # (P+E, 2)      colors taken by each body (bits); where each color starts
 
 
 def allocate_problem(people: int, entries: int, environments: int) -> Problem:
@@ -56,7 +56,7 @@ def allocate_problem(people: int, entries: int, environments: int) -> Problem:
         reaction=np.zeros((entries, 2)),
         velocity=np.zeros((bodies, 2)),
         v_last=np.zeros((bodies, 2)),
-        colours=np.zeros((bodies, 2), dtype=np.uint32),
+        colors=np.zeros((bodies, 2), dtype=np.uint32),
     )
 
 
@@ -165,39 +165,39 @@ def _place(t: int, c: int, first: int, last: int, contacts: Contacts, mass: Floa
 def _sort(
     begin: int, end: int, first: int, last: int, e: int, contacts: Contacts, v: Floats, problem: Problem, dt: float
 ) -> int:
-    """Sort the contacts by colour; returns how many come before those that neither pushed nor would close without pushes."""
-    source, pair, bodies = problem.source, problem.pair, problem.colours
+    """Sort the contacts by color; returns how many come before those that neither pushed nor would close without pushes."""
+    source, pair, bodies = problem.source, problem.pair, problem.colors
     contact_i, contact_j, normal, impulse, gap = contacts.i, contacts.j, contacts.normal, contacts.impulse, contacts.gap
     if end - begin <= _FEW:
         for c in range(begin, end):
             source[c] = c - begin
         return end - begin
     base = first + e
-    idle = min(_COLOURS, last - first)  # the colour of those
+    idle = min(_COLOURS, last - first)  # the color of those
     for i in range(base, last + e + 1):
         bodies[i, 0] = 0
         bodies[i, 1] = 0
     for c in range(begin, end):
         i, j = contact_i[c], contact_j[c]
-        colour = idle
+        color = idle
         nx, ny = normal[c, 0], normal[c, 1]
         w = v[i, 0] * nx + v[i, 1] * ny
         if j >= 0:
             w -= v[j, 0] * nx + v[j, 1] * ny
         if impulse[c, 0] != 0.0 or dt * w + gap[c] < 0.0:
             taken = bodies[i + e, 0] | bodies[j + e, 0] if j >= 0 else bodies[i + e, 0]
-            colour = 0
-            while colour < idle - 1 and (taken >> colour) & 1:
-                colour += 1
-            bodies[i + e, 0] |= 1 << colour
+            color = 0
+            while color < idle - 1 and (taken >> color) & 1:
+                color += 1
+            bodies[i + e, 0] |= 1 << color
             if j >= 0:
-                bodies[j + e, 0] |= 1 << colour
-        pair[c, 0] = colour
-        bodies[base + colour, 1] += 1
+                bodies[j + e, 0] |= 1 << color
+        pair[c, 0] = color
+        bodies[base + color, 1] += 1
     total = 0
-    for colour in range(idle + 1):
-        count = bodies[base + colour, 1]
-        bodies[base + colour, 1] = total
+    for color in range(idle + 1):
+        count = bodies[base + color, 1]
+        bodies[base + color, 1] = total
         total += count
     busy = bodies[base + idle, 1]
     for c in range(begin, end):

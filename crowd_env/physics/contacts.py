@@ -4,7 +4,7 @@ Sign conventions: ``gap`` is the distance between the surfaces (negative = overl
 ``i``, so a positive normal impulse pushes ``i`` along ``+normal`` and ``j`` along ``-normal``; the tangent is the normal turned
 left by 90 degrees.  ``j < 0`` is a wall feature: it does not move.
 
-A wall is a set of segments and of end points.  A disc touches the inside of a segment only where its centre projects on it,
+A wall is a set of segments and of end points.  A disc touches the inside of a segment only where its center projects on it,
 and an end point only where every segment that ends there projects beyond it: each touch is found exactly once, at a door
 jamb, around the corner of an obstacle, and along a straight wall made of pieces.
 """
@@ -15,12 +15,12 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.physics.neighbors.lists import NeighbourList, Places
+from crowd_env.physics.neighbors.lists import NeighborList, Places
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
 class Contacts(NamedTuple):
-    """Contacts of all environments; ``e`` owns ``NeighbourList.entry_start[e]`` onwards, ``number[e]`` of them."""
+    """Contacts of all environments; ``e`` owns ``NeighborList.entry_start[e]`` onwards, ``number[e]`` of them."""
 
     number: Ints  # (E,)
     i: Ints  # (M,)    global person
@@ -35,8 +35,8 @@ class Contacts(NamedTuple):
     hit: Places  # (M,)    scratch: entries of the list that are contacts
 
 
-def allocate_contacts(near: NeighbourList) -> Contacts:
-    """Return no contacts, with as much room as the neighbour list."""
+def allocate_contacts(near: NeighborList) -> Contacts:
+    """Return no contacts, with as much room as the neighbor list."""
     entries = len(near.touch)
     return Contacts(
         number=np.zeros(len(near.reach), dtype=np.int64),
@@ -80,7 +80,7 @@ def find_contacts(
     boundary: Boundary,
     bodies: Bodies,
     state: CrowdState,
-    near: NeighbourList,
+    near: NeighborList,
     contacts: Contacts,
     margin: float,
 ) -> None:
@@ -232,7 +232,7 @@ def _touch_all(
     radius: Floats,
     active: Bools,
     position: Floats,
-    near: NeighbourList,
+    near: NeighborList,
     contacts: Contacts,
     margin: float,
 ) -> int:
@@ -309,7 +309,7 @@ def gap_to_feature(
 def _disc_on_point(dx: float, dy: float, radius: float) -> tuple[float, float, float]:
     """Gap and normal between a disc and a point (dx, dy) away (or, with ``radius`` the sum of two, between two discs)."""
     distance = np.sqrt(dx * dx + dy * dy)
-    if distance == 0.0:  # coincident centres: any direction will do, but always the same
+    if distance == 0.0:  # coincident centers: any direction will do, but always the same
         return -radius, 1.0, 0.0
     return distance - radius, dx / distance, dy / distance
 
@@ -324,13 +324,13 @@ def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int)
     if along <= 0.0 or along >= square:
         return np.inf, 0.0, 0.0
     length = np.sqrt(square)
-    height = (tx * (y - ay) - ty * (x - ax)) / length  # > 0: the centre is left of the wall, on the walkable side
+    height = (tx * (y - ay) - ty * (x - ax)) / length  # > 0: the center is left of the wall, on the walkable side
     nx, ny = -ty / length, tx / length
     if height >= 0.0:
         return height - radius, nx, ny
     if boundary.two_sided[k]:
         return -height - radius, -nx, -ny
-    # A centre that was pressed a little into the wall is pushed back, not through: the gap stays continuous.  Further
+    # A center that was pressed a little into the wall is pushed back, not through: the gap stays continuous.  Further
     # behind it belongs to the other face, or stands on the other side of a slim partition.
     if -height < min(0.5 * radius, boundary.depth[k]):
         return height - radius, nx, ny

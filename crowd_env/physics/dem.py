@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd_env._kernels.jit import inner_kernel, kernel
-from crowd_env._kernels.struct_ref import Reference
+from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import check_fields, require_positive
 from crowd_env.physics.bounds import MARGIN, hold_lanes_at_walls, speed_limit
 from crowd_env.physics.contacts import find_contacts
@@ -47,8 +47,8 @@ from crowd_env.physics.dem_lanes.stages import (
     press,
     write_impulses,
 )
-from crowd_env.physics.driving_force import LOOK_EVERY, choose_turn, follow_rules, influences, look_around
-from crowd_env.physics.neighbors.update import OK, update_neighbours
+from crowd_env.physics.driving_force import LOOK_EVERY, choose_turn, follow_rules, influences, update_steering
+from crowd_env.physics.neighbors.update import OK, update_neighbors
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social_force import SocialForce, SocialLaw, add_social_forces
 from crowd_env.physics.step import tick
@@ -61,7 +61,7 @@ INFO = SchemeInfo(
     reference="Pécol, Dal Pont, Erlicher, Argoul 2011, eqs 3-5; stiffness of Helbing, Farkas, Vicsek 2000",
     order=1,
     conserves_energy_at_contact=True,
-    overlap="v / omega, some centimetres at k = 1.2e5 N/m; it is the softness, not an error of the time step",
+    overlap="v / omega, some centimeters at k = 1.2e5 N/m; it is the softness, not an error of the time step",
     stable_step="2 / sqrt(2 k / m_min), from h omega < 2 for two bodies of the smallest mass, and 2 tau_min",
     uses=("lanes",),
 )
@@ -114,7 +114,7 @@ class DEM:
         return 1 if self.social is not None and driving else int(slabs_of(people))
 
     def advance(
-        self, batch: Reference, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
         acting = influences(self.social, batch)
@@ -141,20 +141,20 @@ def _prepare(
     if cut.go[e] and cut.stray[e]:
         show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
         show_positions(begin, end, state.active, lanes.vx, lanes.vy, state.velocity)
-        memory.status[e] = update_neighbours(e, batch, reach)
+        memory.status[e] = update_neighbors(e, batch, reach)
         cut.go[e] = memory.status[e] == OK
         follow_list(e, slabs, batch)
     if not cut.go[e]:
         return
     cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
-    if memory.way_age[e] > LOOK_EVERY - 0.5 * dt:
+    if memory.direction_age[e] > LOOK_EVERY - 0.5 * dt:
         cut.turn[e] = choose_turn(e, batch, regions)
-        memory.way_age[e] = 0.0
+        memory.direction_age[e] = 0.0
         cut.look[e] = _LOOK
         if regions is not None:
             show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
             follow_rules(e, batch)
-    memory.way_age[e] += dt
+    memory.direction_age[e] += dt
     if memory.progress[e] == n_substeps - 1:
         show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
         find_contacts(e, g, world.boundary, bodies, state, near, contacts, 0.0)
@@ -179,7 +179,7 @@ def _push(
     if cut.look[e] > _NOTHING:
         if cut.look[e] == _LOOK:
             show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
-            look_around(e, first, last, batch, dt, cut.turn[e])
+            update_steering(e, first, last, batch, dt, cut.turn[e])
         aim(first, last, e, batch)
     if social is not None:
         show_positions(low, high, state.active, lanes.x, lanes.y, state.position)

@@ -6,10 +6,10 @@ Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a 
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env._kernels.struct_ref import Reference
+from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.navigation.lookup import BLEND, blended_direction, exit_frame, quick_cell, through_exit, way_at
 from crowd_env.physics.social_force import SocialForce, SocialLaw, add_social_forces
-from crowd_env.physics.workspace import SHIFTS, Batch
+from crowd_env.physics.workspace import LOOKUP_PERIOD, Batch
 from crowd_env.routing.rules import apply_rules, notice_regions
 from crowd_env.state import Floats
 
@@ -22,7 +22,7 @@ _MANY = 1000
 _STEADY = 0.05
 
 
-def influences(social: SocialForce | None, batch: Reference) -> tuple[SocialLaw | None, float, bool | None]:
+def influences(social: SocialForce | None, batch: StructRef) -> tuple[SocialLaw | None, float, bool | None]:
     """Return what there is besides contact and drive, as kernels take it: None is not even compiled.
 
     The social force (passive grains feel none), how far it reaches [m], and whether there are regions, and so perhaps rules.
@@ -39,15 +39,15 @@ def regular_forces(e: int, last: int, batch: Batch, dt: float, social: SocialLaw
     It is written for those inside, whom ``Memory.inside`` lists up to place ``last``; with it the desired velocity [m/s], into
     ``Memory.desired`` (P, 2).  A command is a multiple of the desired speed, which is one's own but for what a region says.  A
     relative one turns with the direction of the route one follows, looked up anew every 0.01 s: command (1, 0) is the rule
-    "walk the way out".  With a social force the neighbour list must be complete up to its cut-off.
+    "walk the way out".  With a social force the neighbor list must be complete up to its cut-off.
     """
-    begin, way_age = batch.bodies.env_start[e], batch.memory.way_age
-    if way_age[e] > LOOK_EVERY - 0.5 * dt:
+    begin, direction_age = batch.bodies.env_start[e], batch.memory.direction_age
+    if direction_age[e] > LOOK_EVERY - 0.5 * dt:
         if regions is not None:
             follow_rules(e, batch)
-        look_around(e, begin, last, batch, dt, choose_turn(e, batch, regions))
-        way_age[e] = 0.0
-    way_age[e] += dt
+        update_steering(e, begin, last, batch, dt, choose_turn(e, batch, regions))
+        direction_age[e] = 0.0
+    direction_age[e] += dt
     _drive(begin, last, batch.state.time[e], batch)
     if social is not None:
         add_social_forces(e, last, batch, social)
@@ -81,33 +81,33 @@ def follow_rules(e: int, batch: Batch) -> None:
 
 
 @inner_kernel
-def walk_freely(e: int, batch: Batch, regions: bool | None) -> None:
+def reset_routes(e: int, batch: Batch, regions: bool | None) -> None:
     """Where there are no regions everyone walks at the own speed on the own route: for the whole of a call."""
     if regions is not None and has_regions(e, batch):
         return
     desired_speed, route = batch.bodies.desired_speed, batch.state.route
-    pace, followed, way_age = batch.memory.pace, batch.memory.followed, batch.memory.way_age
+    pace, followed, direction_age = batch.memory.pace, batch.memory.followed, batch.memory.direction_age
     changed = False
     for i in range(index(batch.bodies.env_start[e]), index(batch.bodies.env_start[e + 1])):
         pace[i] = desired_speed[i]
         changed |= followed[i] != route[i]
         followed[i] = route[i]
     if changed:
-        way_age[e] = np.inf
+        direction_age[e] = np.inf
 
 
 @inner_kernel
 def choose_turn(e: int, batch: Batch, regions: bool | None) -> int:
     """Return whose turn it is to look, of those who need not look every time; -1 = everyone's."""
     turn, many = batch.memory.turn, batch.bodies.env_start[e + 1] - batch.bodies.env_start[e] >= _MANY
-    turn[e] = (turn[e] + 1) % SHIFTS
+    turn[e] = (turn[e] + 1) % LOOKUP_PERIOD
     if regions is not None and has_regions(e, batch):
         many = False  # rules send people elsewhere at any time
-    return turn[e] if many and batch.memory.way_age[e] < np.inf else -1
+    return turn[e] if many and batch.memory.direction_age[e] < np.inf else -1
 
 
 @inner_kernel
-def look_around(e: int, first: int, last: int, batch: Batch, dt: float, turn: int) -> None:
+def update_steering(e: int, first: int, last: int, batch: Batch, dt: float, turn: int) -> None:
     """Bring the way of the people in the places ``first:last`` of `Memory.inside` up to date.
 
     It is written for those whose command is relative to it, and for everyone if it will be good for more than one step; but

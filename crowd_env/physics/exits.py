@@ -1,18 +1,18 @@
-"""Who gets out: whoever's centre crosses an exit line outwards during a step, at the moment of the crossing."""
+"""Who gets out: whoever's center crosses an exit line outwards during a step, at the moment of the crossing."""
 
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.physics.dem_lanes.lanes import PARKED, Lanes, park
 from crowd_env.physics.neighbors.lists import Places
-from crowd_env.physics.step import muster
+from crowd_env.physics.step import list_active
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bools, Floats, Ints
 
 
 @inner_kernel
 def leave(e: int, last: int, batch: Batch, dt: float) -> int:
-    """Take out whoever's centre crossed an exit line outwards during this step.
+    """Take out whoever's center crossed an exit line outwards during this step.
 
     Those inside are listed up to place ``last`` of `Memory.inside`; returns how far they are now.  Of several exits
     that someone crosses in one step the first counts.
@@ -31,7 +31,7 @@ def leave(e: int, last: int, batch: Batch, dt: float) -> int:
                 active[i] = False
                 exit_time[i] = time + part * dt
                 exit_index[i] = k - exits
-    return muster(e, batch) if left else last
+    return list_active(e, batch) if left else last
 
 
 @inner_kernel

@@ -22,14 +22,14 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env._kernels.struct_ref import Reference
+from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import Range, check_fields, require_not_negative, require_positive
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
-from crowd_env.physics.driving_force import influences, regular_forces, walk_freely
+from crowd_env.physics.driving_force import influences, regular_forces, reset_routes
 from crowd_env.physics.exits import leave
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social_force import SocialForce, SocialLaw
-from crowd_env.physics.step import detect, muster, record_overlaps, record_pushes, tick
+from crowd_env.physics.step import detect, list_active, record_overlaps, record_pushes, tick
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
 
@@ -159,7 +159,7 @@ class Hertz:
         return 1
 
     def advance(
-        self, batch: Reference, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
         law = HertzLaw(
@@ -270,8 +270,8 @@ def _advance_range(
     env_start, memory, progress, phase = batch.bodies.env_start, batch.memory, batch.memory.progress, batch.memory.phase
     near, contacts, torque = memory.near, memory.contacts, memory.torque
     for e in range(first, stop):
-        begin, last, contact = env_start[e], muster(e, batch), near.entry_start[e]
-        walk_freely(e, batch, regions)
+        begin, last, contact = env_start[e], list_active(e, batch), near.entry_start[e]
+        reset_routes(e, batch, regions)
         limit, smallest = speed_limit(batch), least_radius(e, last, batch)
         deepest = np.inf  # with a wall, at the start of the step; not known before the first
         while progress[e] < n_substeps and last > begin:

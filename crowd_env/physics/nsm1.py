@@ -14,19 +14,19 @@ from typing import Literal
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env._kernels.struct_ref import Reference
+from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import POSITIVE, check_fields, require_positive
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.constraints import give_impulses, keep_impulses, pose_no_overlap, take_impulses
-from crowd_env.physics.driving_force import influences, regular_forces, walk_freely
+from crowd_env.physics.driving_force import influences, regular_forces, reset_routes
 from crowd_env.physics.exits import leave
-from crowd_env.physics.neighbors.update import FULL, OK, update_neighbours
+from crowd_env.physics.neighbors.update import FULL, OK, update_neighbors
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social_force import SocialForce, SocialLaw
 from crowd_env.physics.solvers import SolverName, Stopping, closing_speed, solve
 from crowd_env.physics.step import (
     detect,
-    muster,
+    list_active,
     record_overlaps,
     record_pushes,
     record_solver,
@@ -106,7 +106,7 @@ class NSM1:
         return 1
 
     def advance(
-        self, batch: Reference, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
         accelerated = self.solver != "gauss-seidel"
@@ -197,12 +197,12 @@ def _advance_range(
 ) -> None:
     env_start, memory, progress, phase = batch.bodies.env_start, batch.memory, batch.memory.progress, batch.memory.phase
     for e in range(first, stop):
-        begin, last = env_start[e], muster(e, batch)
-        walk_freely(e, batch, regions)
+        begin, last = env_start[e], list_active(e, batch)
+        reset_routes(e, batch, regions)
         limit, smallest = speed_limit(batch), least_radius(e, last, batch)
         while progress[e] < n_substeps and last > begin:
             if social is not None:
-                memory.status[e] = update_neighbours(e, batch, reach)
+                memory.status[e] = update_neighbors(e, batch, reach)
                 if memory.status[e] != OK:
                     break
             if phase[e] == _UNKNOWN:  # or the way would be looked up twice in one step

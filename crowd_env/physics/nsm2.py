@@ -17,11 +17,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env._kernels.struct_ref import Reference
+from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import POSITIVE, SHARE, Range, check_fields, require_not_negative, require_positive
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.constraints import give_impulses, pose_no_overlap, pose_percussions
-from crowd_env.physics.driving_force import influences, regular_forces, walk_freely
+from crowd_env.physics.driving_force import influences, regular_forces, reset_routes
 from crowd_env.physics.exits import leave
 from crowd_env.physics.neighbors.update import FULL
 from crowd_env.physics.scheme import SchemeInfo
@@ -29,7 +29,7 @@ from crowd_env.physics.social_force import SocialForce, SocialLaw
 from crowd_env.physics.solvers import SolverName, Stopping, solve
 from crowd_env.physics.step import (
     detect,
-    muster,
+    list_active,
     record_overlaps,
     record_pushes,
     record_solver,
@@ -140,7 +140,7 @@ class NSM2:
         return 1
 
     def advance(
-        self, batch: Reference, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
         accelerated = self.solver != "gauss-seidel"
@@ -252,8 +252,8 @@ def _advance_range(
 ) -> None:
     env_start, memory, progress = batch.bodies.env_start, batch.memory, batch.memory.progress
     for e in range(first, stop):
-        begin, last = env_start[e], muster(e, batch)
-        walk_freely(e, batch, regions)
+        begin, last = env_start[e], list_active(e, batch)
+        reset_routes(e, batch, regions)
         limit, smallest = speed_limit(batch), least_radius(e, last, batch)
         while progress[e] < n_substeps and last > begin:
             if not detect(e, batch, _TOUCHING, reach):

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from crowd_env._kernels.struct_ref import Reference
+from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.physics.social_force import SocialForce
 from crowd_env.state import Bodies
 
@@ -60,7 +60,7 @@ class ContactScheme(Protocol):
         ...
 
     def advance(
-        self, batch: Reference, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` of a `Batch` to step ``n_substeps`` of this call, in place.
 

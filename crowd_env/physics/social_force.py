@@ -134,7 +134,7 @@ def _exp(x: float) -> float:
 def add_social_forces(e: int, last: int, batch: Batch, law: SocialLaw) -> None:
     """Add the social forces [N] on those inside, whom `Memory.inside` lists up to place ``last``, to `Memory.force`.
 
-    The neighbour list must be complete up to the cut-off.  Distance and size are found for all pairs first, eight in one
+    The neighbor list must be complete up to the cut-off.  Distance and size are found for all pairs first, eight in one
     instruction; then what they do to whom is added up in the order of the list.
     """
     near, inside, position, force = batch.memory.near, batch.memory.inside, batch.state.position, batch.memory.force
@@ -183,7 +183,7 @@ def _notice(e: int, batch: Batch, cutoff: float) -> Any:
     """Write down the pairs nearer than ``cutoff``, without a branch; returns one past the last place.
 
     The entries go to `Contacts.hit`, the way from the one to the other [m] to `Memory.noticed`, and to its ``size`` how far
-    apart their centres are at the cut-off.
+    apart their centers are at the cut-off.
     """
     near, hit, position, active = batch.memory.near, batch.memory.contacts.hit, batch.state.position, batch.state.active
     owner, partner, touch, hits = near.owner, near.partner, near.touch, index(near.entry_start[e])

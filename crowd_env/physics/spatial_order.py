@@ -1,8 +1,8 @@
 """Large crowds in the order of space: who stands together lies together in memory.
 
 People keep their slots for whoever looks from outside.  The physics of an environment of many people works on copies, sorted by
-cells of half a metre, row after row of them, anew every half second: in a crowd of 100,000 in the order of their slots nearly
-every touch of a neighbour had to be fetched from beyond the processor's caches.  How people lie changes the order of sums and
+cells of half a meter, row after row of them, anew every half second: in a crowd of 100,000 in the order of their slots nearly
+every touch of a neighbor had to be fetched from beyond the processor's caches.  How people lie changes the order of sums and
 with it their last digits; it depends on nothing but the environment's own clock and positions.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, kernel
 from crowd_env.physics.contacts import contact_keys
-from crowd_env.physics.workspace import Asked, Batch, Control, Memory, ask
+from crowd_env.physics.workspace import Batch, Command, Control, Memory, set_command
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 MANY = 1000  # people from which on an environment is sorted: fewer lie in the caches anyhow
@@ -101,11 +101,11 @@ class SortedCrowd:
         rank[order] = np.arange(len(order))
         _renumber(e, people.start, rank, memory)
 
-    def stands_in(self, batch: Batch) -> Batch:
+    def view(self, batch: Batch) -> Batch:
         """Return the batch as the physics sees it: with the copies."""
         return batch._replace(bodies=self._bodies, state=self._state, memory=batch.memory._replace(**self._shown))
 
-    def take_in(self, bodies: Bodies, state: CrowdState, memory: Memory, control: Control, asked: Asked) -> None:
+    def gather(self, bodies: Bodies, state: CrowdState, memory: Memory, control: Control, asked: Command) -> None:
         """Read anew what others may have changed, and write what is asked for to ``control``."""
         for people in self._small:
             for own, values in zip(self._bodies[:-1], bodies[:-1], strict=True):
@@ -114,9 +114,9 @@ class SortedCrowd:
             _gather(self.slot, array, copy)
         for name in _SHOWN:
             _gather(self.slot, getattr(memory, name), self._shown[name])
-        ask(control, asked, lambda array, values: _gather(self.slot, values, array))
+        set_command(control, asked, lambda array, values: _gather(self.slot, values, array))
 
-    def give_back(self, state: CrowdState, memory: Memory) -> None:
+    def scatter(self, state: CrowdState, memory: Memory) -> None:
         """Write what the physics has done to where everyone looks for it."""
         for copy, array in zip(self._state[:-1], state[:-1], strict=True):
             _scatter(self.slot, copy, array)

@@ -4,12 +4,12 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.physics.contacts import find_contacts
-from crowd_env.physics.neighbors.update import OK, update_neighbours
+from crowd_env.physics.neighbors.update import OK, update_neighbors
 from crowd_env.physics.workspace import Batch, Diagnostics, Memory
 
 
 @inner_kernel
-def muster(e: int, batch: Batch) -> int:
+def list_active(e: int, batch: Batch) -> int:
     """List who is inside environment ``e`` in `Memory.inside`; returns one past the last place.
 
     Half of the slots of a room are empty on average, in no order: a loop over all of them that asks each is slowed down more
@@ -25,12 +25,12 @@ def muster(e: int, batch: Batch) -> int:
 
 @inner_kernel
 def detect(e: int, batch: Batch, margin: float, cutoff: float) -> bool:
-    """Bring neighbours and contacts of environment ``e`` up to date; False (with the reason in `status`) if it cannot.
+    """Bring neighbors and contacts of environment ``e`` up to date; False (with the reason in `status`) if it cannot.
 
-    Contacts have a gap below ``margin``; the neighbour list also holds whoever is nearer than ``cutoff``.
+    Contacts have a gap below ``margin``; the neighbor list also holds whoever is nearer than ``cutoff``.
     """
     world, memory = batch.world, batch.memory
-    memory.status[e] = update_neighbours(e, batch, max(margin, cutoff))
+    memory.status[e] = update_neighbors(e, batch, max(margin, cutoff))
     if memory.status[e] != OK:
         return False
     g = world.geometry_of_env[e]

@@ -12,11 +12,11 @@ from crowd_env.physics.constraints import Problem, allocate_problem
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.dem_lanes.lanes import Lanes, allocate_lanes
 from crowd_env.physics.dem_lanes.partition import Cut, allocate_cut
-from crowd_env.physics.neighbors.lists import NeighbourList, Places, allocate_neighbours
+from crowd_env.physics.neighbors.lists import NeighborList, Places, allocate_neighbors
 from crowd_env.routing.rules import Guidance
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
-SHIFTS = 4  # in which those look for their way who need not do so every time
+LOOKUP_PERIOD = 4  # in which those look for their way who need not do so every time
 
 
 class World(NamedTuple):
@@ -38,7 +38,7 @@ class Control(NamedTuple):
     bounded: bool  # nobody is too fast, goes too far in a step, or through a wall: see `crowd_env.physics.bounds`
 
 
-class Asked(NamedTuple):
+class Command(NamedTuple):
     """What a caller asks for; None: what everyone does unless told otherwise."""
 
     command: Floats | None  # (1, 0): straight along the way
@@ -70,14 +70,14 @@ class Noticed(NamedTuple):
 class Memory(NamedTuple):
     """Working memory of a batch, allocated once; nothing is allocated inside a step."""
 
-    near: NeighbourList
+    near: NeighborList
     contacts: Contacts
     problem: Problem
     lanes: Lanes
     cut: Cut
-    inside: Places  # (P,)   who is inside, environment e from env_start[e] on: see `step.muster`
+    inside: Places  # (P,)   who is inside, environment e from env_start[e] on: see `step.list_active`
     way: Floats  # (P, 2) direction of the shortest path when it was last looked up
-    way_age: Floats  # (E,)   s since then; infinite = it must be looked up for everyone
+    direction_age: Floats  # (E,)   s since then; infinite = it must be looked up for everyone
     steady: Bools  # (P,)   the way is nearly the same all around: one need not look every time
     shift: NDArray[np.uint8]  # (P,)   when it is one's turn, 0 to SHIFTS - 1
     turn: Ints  # (E,)   whose turn it was to look
@@ -117,7 +117,7 @@ def allocate_control(people: int, driving: bool, bounded: bool = True) -> Contro
     return Control(np.zeros((people, 2)), np.ones(people, dtype=np.bool_), np.zeros((people, 2)), driving, bounded)
 
 
-def ask(control: Control, asked: Asked, copy: Callable[[Any, Any], None] = np.copyto) -> None:
+def set_command(control: Control, asked: Command, copy: Callable[[Any, Any], None] = np.copyto) -> None:
     """Write what is asked for to where kernels read it; ``copy`` is given an array and what goes there."""
     defaults: tuple[Any, ...] = ((1.0, 0.0), True, 0.0)
     for array, values, default in zip(control[:3], asked, defaults, strict=True):
@@ -154,12 +154,12 @@ SCRATCH = ("problem", "lanes", "desired", "force", "previous", "before", "headin
 def allocate_memory(
     bodies: Bodies, per_person: int = 12, rules: int = 0, doors: int = 0, uses: Collection[str] = SCRATCH
 ) -> Memory:
-    """Return working memory with ``per_person`` neighbour entries a pedestrian and so many control rules and doors.
+    """Return working memory with ``per_person`` neighbor entries a pedestrian and so many control rules and doors.
 
     Of the `SCRATCH` only what is in ``uses`` gets any room.
     """
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
-    near = allocate_neighbours(bodies, per_person)
+    near = allocate_neighbors(bodies, per_person)
 
     def reals(*shape: int) -> Floats:
         return np.zeros(shape)
@@ -178,11 +178,11 @@ def allocate_memory(
         cut=allocate_cut(environments),
         inside=np.zeros(people, dtype=np.uint32),
         way=reals(people, 2),
-        way_age=np.full(environments, np.inf),
+        direction_age=np.full(environments, np.inf),
         steady=np.zeros(people, dtype=np.bool_),
-        shift=((np.arange(people) - np.repeat(bodies.env_start[:-1], np.diff(bodies.env_start))) % SHIFTS).astype(
-            np.uint8
-        ),
+        shift=(
+            (np.arange(people) - np.repeat(bodies.env_start[:-1], np.diff(bodies.env_start))) % LOOKUP_PERIOD
+        ).astype(np.uint8),
         turn=counts(),
         followed=np.zeros(people, dtype=np.int64),
         here=np.zeros(people, dtype=np.int64),
@@ -212,10 +212,10 @@ def allocate_noticed(entries: int) -> Noticed:
 
 
 def grow_memory(memory: Memory, bodies: Bodies, uses: Collection[str] = SCRATCH) -> Memory:
-    """Return the same memory with twice the room for neighbours; contacts are kept, the list is built at the next step."""
+    """Return the same memory with twice the room for neighbors; contacts are kept, the list is built at the next step."""
     people = len(bodies.radius)
     now = (int(memory.near.entry_start[-1]) - 16 * (len(bodies.env_start) - 1)) // max(people, 1)
-    near = allocate_neighbours(bodies, 2 * now)
+    near = allocate_neighbors(bodies, 2 * now)
     contacts = allocate_contacts(near)
     move_contacts(memory.contacts, memory.near.entry_start, contacts, near.entry_start)
     if "noticed" in uses:

@@ -7,7 +7,7 @@ import numpy as np
 
 from crowd_env.files.atomic import check_suffix, written
 from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.palette import INK, QUIET, Colour
+from crowd_env.rendering.palette import INK, QUIET, Color
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,12 +57,12 @@ def save_figure(figure: "Figure", path: str | Path) -> Path:
     return path
 
 
-def hex_of(colour: Colour) -> str:
-    """Return ``colour`` as matplotlib reads it."""
-    return "#{:02x}{:02x}{:02x}".format(*colour)
+def hex_of(color: Color) -> str:
+    """Return ``color`` as matplotlib reads it."""
+    return "#{:02x}{:02x}{:02x}".format(*color)
 
 
 def shade(level: float) -> str:
-    """Return a colour from light (0) to dark (1) teal."""
+    """Return a color from light (0) to dark (1) teal."""
     r, g, b = (round(float(v)) for v in _LIGHT + level * (_DARK - _LIGHT))
     return hex_of((r, g, b))

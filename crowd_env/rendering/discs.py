@@ -13,9 +13,9 @@ _CHUNK = 2_000_000  # pixels of patches worked on at once
 
 def put_discs(
     image: Image,
-    centre: Floats,
+    center: Floats,
     radius: Floats,
-    colour: NDArray[np.uint8],
+    color: NDArray[np.uint8],
     heading: Floats | None = None,
     *,
     rim: bool = True,
@@ -24,14 +24,14 @@ def put_discs(
 
     Parameters
     ----------
-    centre, radius : (K, 2), (K,) px; a pixel's middle lies at (column + 0.5, row + 0.5).
-    colour : (K, 3).
+    center, radius : (K, 2), (K,) px; a pixel's middle lies at (column + 0.5, row + 0.5).
+    color : (K, 3).
     heading : (K, 2), unit vectors on the image of a tick; zero for none.
     rim : draw rims, in a darker tone, around discs that are large enough.
     """
     height, width = image.shape[:2]
     half = np.ceil(radius) + 1
-    seen = (np.abs(centre - (0.5 * width, 0.5 * height)) < (0.5 * width, 0.5 * height) + half[:, None]).all(axis=1)
+    seen = (np.abs(center - (0.5 * width, 0.5 * height)) < (0.5 * width, 0.5 * height) + half[:, None]).all(axis=1)
     if not seen.any():
         return
     size = 2 * int(half[seen].max()) + 1
@@ -40,29 +40,29 @@ def put_discs(
     for start in range(0, len(rows), per_chunk):
         some = rows[start : start + per_chunk]
         ticks = None if heading is None else heading[some]
-        _put_some(image, centre[some], radius[some], colour[some], ticks, size, rim)
+        _put_some(image, center[some], radius[some], color[some], ticks, size, rim)
 
 
 def _put_some(
     image: Image,
-    centre: Floats,
+    center: Floats,
     radius: Floats,
-    colour: NDArray[np.uint8],
+    color: NDArray[np.uint8],
     heading: Floats | None,
     size: int,
     rim: bool,
 ) -> None:
-    corner = np.floor(centre).astype(np.int64) - size // 2  # (K, 2) px, of the patch around each
+    corner = np.floor(center).astype(np.int64) - size // 2  # (K, 2) px, of the patch around each
     middle = np.arange(size) + 0.5
-    dx = (corner[:, :1] + middle - centre[:, :1]).astype(np.float32)[:, None, :]  # (K, 1, size)
-    dy = (corner[:, 1:] + middle - centre[:, 1:]).astype(np.float32)[:, :, None]  # (K, size, 1)
+    dx = (corner[:, :1] + middle - center[:, :1]).astype(np.float32)[:, None, :]  # (K, 1, size)
+    dy = (corner[:, 1:] + middle - center[:, 1:]).astype(np.float32)[:, :, None]  # (K, size, 1)
     r = np.maximum(radius, 1.0).astype(np.float32)[:, None, None]
     distance = np.sqrt(dx * dx + dy * dy)
     cover = np.clip(r - distance + 0.5, 0.0, 1.0)
-    fill = colour.astype(np.float32)[:, None, None, :]
+    fill = color.astype(np.float32)[:, None, None, :]
     paint = np.broadcast_to(fill, (*cover.shape, 3))
     if rim and float(r.max()) >= _DOT:
-        dark = darker(colour).astype(np.float32)[:, None, None, :]
+        dark = darker(color).astype(np.float32)[:, None, None, :]
         edge = np.clip(0.075 * r, 0.8, 3.0) * (r >= _DOT)
         ink = np.clip(distance - (r - edge) + 0.5, 0.0, 1.0) * (r >= _DOT)
         if heading is not None:
@@ -86,7 +86,7 @@ def _tick(
     edge: NDArray[np.float32],
     heading: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Return the coverage of a stroke from near the centre of each disc to its rim."""
+    """Return the coverage of a stroke from near the center of each disc to its rim."""
     hx, hy = heading[:, 0, None, None], heading[:, 1, None, None]
     along = np.clip(dx * hx + dy * hy, 0.38 * r, r - edge)
     away = np.sqrt((dx - along * hx) ** 2 + (dy - along * hy) ** 2)

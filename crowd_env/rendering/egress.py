@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env.rendering.discs import put_discs
-from crowd_env.rendering.palette import BACKGROUND, FAINT, INK, QUIET, SERIES, Colour
+from crowd_env.rendering.palette import BACKGROUND, FAINT, INK, QUIET, SERIES, Color
 from crowd_env.rendering.recordings import Recording
 from crowd_env.rendering.text import Image, put_text, text_width
 
@@ -39,20 +39,20 @@ class EgressStrip:
         image = self._axes.copy()
         several = len(self.recordings) > 1
         for k, (recording, curve) in enumerate(zip(self.recordings, self._curves, strict=True)):
-            colour, until = SERIES[k % len(SERIES)], min(time, recording.end, self.end)
+            color, until = SERIES[k % len(SERIES)], min(time, recording.end, self.end)
             column = round(self._x(until)) - self.left + 1
-            image[:, self.left : self.left + column][curve[:, :column]] = colour
+            image[:, self.left : self.left + column][curve[:, :column]] = color
             x, y, count = self._x(until), self._y(int(recording.inside(until))), int(recording.inside(until))
-            self._dot(image, x, y, colour)
+            self._dot(image, x, y, color)
             # The upper right corner is free: curves fall.
             row = self.top + (1.0 + 1.5 * k) * self.size
             label = f"{count}" if time < recording.end or count else f"{recording.end:.1f} s"
             if several:
-                put_text(image, label, (self.right, row), self.size, colour, side="right", bold=True)
+                put_text(image, label, (self.right, row), self.size, color, side="right", bold=True)
                 end = self.right - text_width("00.0 s", self.size, bold=True) - 0.5 * self.size
-                put_text(image, recording.title, (end, row), self.size, colour, side="right", bold=True)
+                put_text(image, recording.title, (end, row), self.size, color, side="right", bold=True)
             elif count:
-                put_text(image, label, (x + 0.9 * self.size, y - 0.4 * self.size), self.size, colour, bold=True)
+                put_text(image, label, (x + 0.9 * self.size, y - 0.4 * self.size), self.size, color, bold=True)
         return image
 
     def _x(self, time: float) -> float:
@@ -61,10 +61,10 @@ class EgressStrip:
     def _y(self, count: float) -> float:
         return self.bottom - (self.bottom - self.top) * count / self.most
 
-    def _dot(self, image: Image, x: float, y: float, colour: Colour) -> None:
+    def _dot(self, image: Image, x: float, y: float, color: Color) -> None:
         radius = max(0.24 * self.size, 2.0)
         put_discs(
-            image, np.array([[x + 0.5, y + 0.5]]), np.array([radius]), np.array([colour], dtype=np.uint8), rim=False
+            image, np.array([[x + 0.5, y + 0.5]]), np.array([radius]), np.array([color], dtype=np.uint8), rim=False
         )
 
     def _draw_axes(self, width: int, margin: int) -> Image:
@@ -81,7 +81,7 @@ class EgressStrip:
             column = round(self._x(tick))
             image[base : base + 4, column] = FAINT
             text = f"{tick:g} s" if tick == ticks[-1] else f"{tick:g}"
-            put_text(image, text, (column, base + 1.0 * self.size + 4), self.size, QUIET, side="centre")
+            put_text(image, text, (column, base + 1.0 * self.size + 4), self.size, QUIET, side="center")
         return image
 
     def _draw_curve(self, recording: Recording) -> NDArray[np.bool_]:

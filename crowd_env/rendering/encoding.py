@@ -52,11 +52,11 @@ def write_gif(path: Path, frames: Iterable[Image], step: float, sample: Sequence
     with drawing_library():
         import PIL.Image
     palette, nearest = _palette(sample)
-    colours = palette.tobytes()
+    colors = palette.tobytes()
 
     def indexed(frame: Image) -> PIL.Image.Image:
         image = PIL.Image.fromarray(nearest[_reduced(frame)])
-        image.putpalette(colours)
+        image.putpalette(colors)
         return image
 
     frames = iter(frames)
@@ -78,33 +78,33 @@ def write_gif(path: Path, frames: Iterable[Image], step: float, sample: Sequence
 def _palette(
     sample: Sequence[Image], *, flat: int = 32, size: int = 192
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return colours (size, 3) for the images and, for every reduced colour, which of them is nearest.
+    """Return colors (size, 3) for the images and, for every reduced color, which of them is nearest.
 
-    The ``flat`` commonest colours and the ramp of pressures are kept as they are; the others, of edges and letters, are
+    The ``flat`` commonest colors and the ramp of pressures are kept as they are; the others, of edges and letters, are
     merged by median cut.
     """
     with drawing_library():
         import PIL.Image
     packed = np.concatenate([image.reshape(-1, 3).astype(np.int32) @ (65536, 256, 1) for image in sample])
     value, count = np.unique(packed, return_counts=True)
-    colour = np.stack([value >> 16, value >> 8 & 255, value & 255], axis=1).astype(np.uint8)
+    color = np.stack([value >> 16, value >> 8 & 255, value & 255], axis=1).astype(np.uint8)
     order = np.argsort(-count, kind="stable")
-    kept, rest = np.concatenate([colour[order[:flat]], RAMP[::8]]), order[flat:]
+    kept, rest = np.concatenate([color[order[:flat]], RAMP[::8]]), order[flat:]
     if len(rest):
-        weight = np.ceil(np.sqrt(count[rest])).astype(int)  # rare colours count too
-        line = PIL.Image.fromarray(np.repeat(colour[rest], weight, axis=0)[None])
+        weight = np.ceil(np.sqrt(count[rest])).astype(int)  # rare colors count too
+        line = PIL.Image.fromarray(np.repeat(color[rest], weight, axis=0)[None])
         merged = line.quantize(size - len(kept), method=PIL.Image.Quantize.MEDIANCUT).getpalette() or []
         kept = np.concatenate([kept, np.array(merged, dtype=np.uint8).reshape(-1, 3)[: size - len(kept)]])
     steps = np.arange(2**_BITS) * 2.0 ** (8 - _BITS) + 2.0 ** (7 - _BITS) - 0.5
     middle = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    middle[_reduced(colour[order[::-1]])] = colour[order[::-1]]  # the commonest colour stands for its neighbours
+    middle[_reduced(color[order[::-1]])] = color[order[::-1]]  # the commonest color stands for its neighbors
     apart = (
         (middle**2).sum(axis=1)[:, None] - 2.0 * middle @ kept.T.astype(float) + (kept.astype(float) ** 2).sum(axis=1)
     )
     return kept, np.argmin(apart, axis=1).astype(np.uint8)
 
 
-def _reduced(colours: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Return the number (...) that the upper bits of ``colours`` (..., 3) make."""
-    high = (colours >> (8 - _BITS)).astype(np.int32)
+def _reduced(colors: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Return the number (...) that the upper bits of ``colors`` (..., 3) make."""
+    high = (colors >> (8 - _BITS)).astype(np.int32)
     return np.asarray(high[..., 0] << 2 * _BITS | high[..., 1] << _BITS | high[..., 2])

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from crowd_env.files.atomic import check_suffix, written
 from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.palette import INK, QUIET, SERIES, Colour
+from crowd_env.rendering.palette import INK, QUIET, SERIES, Color
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:
@@ -119,20 +119,20 @@ def learning_curve(
         if label not in series or np.shape(error) != at.shape:
             raise ValueError(f"errors of {label!r} have shape {np.shape(error)}; they must be ({len(at)},) of a series")
     axes = _axes(title, xlabel, ylabel)
-    labels: list[tuple[float, str, Colour]] = []
+    labels: list[tuple[float, str, Color]] = []
     for k, (label, values) in enumerate(series.items()):
-        runs, colour = np.atleast_2d(np.asarray(values, dtype=np.float64)), SERIES[k % len(SERIES)]
+        runs, color = np.atleast_2d(np.asarray(values, dtype=np.float64)), SERIES[k % len(SERIES)]
         if runs.ndim != 2 or runs.shape[1] != len(at):
             raise ValueError(f"series {label!r} has shape {np.shape(values)}; its last axis must have {len(at)} values")
         mean = runs.mean(axis=0)
         if len(runs) > 1:
-            axes.fill_between(at, runs.min(axis=0), runs.max(axis=0), color=_hex(colour), alpha=0.15, linewidth=0)
+            axes.fill_between(at, runs.min(axis=0), runs.max(axis=0), color=_hex(color), alpha=0.15, linewidth=0)
         if errors and label in errors:
             error = np.asarray(errors[label], dtype=np.float64)
-            axes.fill_between(at, mean - error, mean + error, color=_hex(colour), alpha=0.25, linewidth=0)
-        axes.plot(at, mean, color=_hex(colour), linewidth=2.0, marker="o" if len(at) < 2 else None)
+            axes.fill_between(at, mean - error, mean + error, color=_hex(color), alpha=0.25, linewidth=0)
+        axes.plot(at, mean, color=_hex(color), linewidth=2.0, marker="o" if len(at) < 2 else None)
         known = mean[np.isfinite(mean)]
-        labels.append((float(known[-1]) if len(known) else np.nan, label, colour))
+        labels.append((float(known[-1]) if len(known) else np.nan, label, color))
     for label, value in (reference or {}).items():
         axes.axhline(value, color=_hex(QUIET), linewidth=1.2, dashes=(4, 3), zorder=1)
         labels.append((value, f"{label} {value:.3g}", QUIET))
@@ -161,16 +161,16 @@ def _steps(times: Floats, end: float) -> tuple[Floats, Floats]:
     return np.concatenate([[0.0], out, [end]]), np.concatenate([inside, inside[-1:]]).astype(np.float64)
 
 
-def _draw_egress(axes: "Axes", runs: Sequence[Floats], end: float, colour: Colour) -> None:
+def _draw_egress(axes: "Axes", runs: Sequence[Floats], end: float, color: Color) -> None:
     for times in runs:
         faint = float(np.clip(3.0 / len(runs), 0.08, 0.35))
-        axes.step(*_steps(times, end), where="post", color=_hex(colour), alpha=faint, linewidth=0.9)
+        axes.step(*_steps(times, end), where="post", color=_hex(color), alpha=faint, linewidth=0.9)
     if len(runs) > 1:
         grid = np.linspace(0.0, end, 600)
         mean = np.mean([len(times) - np.searchsorted(times, grid, side="right") for times in runs], axis=0)
-        axes.plot(grid, mean, color=_hex(colour), linewidth=2.2, zorder=3)
+        axes.plot(grid, mean, color=_hex(color), linewidth=2.2, zorder=3)
     else:
-        axes.step(*_steps(runs[0], end), where="post", color=_hex(colour), linewidth=2.2, zorder=3)
+        axes.step(*_steps(runs[0], end), where="post", color=_hex(color), linewidth=2.2, zorder=3)
 
 
 def _egress_label(label: str, runs: Sequence[Floats]) -> str:
@@ -213,14 +213,14 @@ def _axes(title: str, xlabel: str, ylabel: str) -> "Axes":
     return axes
 
 
-def _name_curve(axes: "Axes", row: int, text: str, colour: Colour) -> None:
+def _name_curve(axes: "Axes", row: int, text: str, color: Color) -> None:
     """Write ``text`` into the upper right corner, which falling curves leave free."""
     axes.text(
         0.99,
         0.95 - 0.068 * row,
         text,
         transform=axes.transAxes,
-        color=_hex(colour),
+        color=_hex(color),
         fontsize=9.5,
         fontweight="bold",
         ha="right",
@@ -230,12 +230,12 @@ def _name_curve(axes: "Axes", row: int, text: str, colour: Colour) -> None:
     )
 
 
-def _name_at_right(axes: "Axes", labels: Sequence[tuple[float, str, Colour]]) -> None:
+def _name_at_right(axes: "Axes", labels: Sequence[tuple[float, str, Color]]) -> None:
     """Write each label beside the end of its line, moved apart where two would overlap."""
     low, high = axes.get_ylim()
     gap = 0.055 * (high - low)
     place = -np.inf
-    for value, text, colour in sorted(labels):
+    for value, text, color in sorted(labels):
         place = max(value, place + gap)
         axes.annotate(
             text,
@@ -243,7 +243,7 @@ def _name_at_right(axes: "Axes", labels: Sequence[tuple[float, str, Colour]]) ->
             xycoords=("axes fraction", "data"),
             xytext=(6, 0),
             textcoords="offset points",
-            color=_hex(colour),
+            color=_hex(color),
             fontsize=9.5,
             fontweight="bold",
             va="center",
@@ -259,5 +259,5 @@ def _save(axes: "Axes", path: Path) -> Path:
     return path
 
 
-def _hex(colour: Colour) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*colour)
+def _hex(color: Color) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*color)

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.discs import put_discs
-from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, pressure_colour
+from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, pressure_color
 from crowd_env.rendering.plan import Layout, draw_plan, fit
 from crowd_env.rendering.text import Image, put_text, text_width
 from crowd_env.state import Floats
@@ -21,9 +21,9 @@ class Renderer:
     geometry : the place.
     width : px of a frame; the height follows from the place.
     supersample : edges of the place are sampled so many times a pixel; people are drawn exactly.
-    full_pressure : N/m, what the legend calls a colour value of 1.
+    full_pressure : N/m, what the legend calls a color value of 1.
     text : px, size of letters; default by the width.
-    scale_bar : show how long a metre is.
+    scale_bar : show how long a meter is.
 
     Raises
     ------
@@ -68,7 +68,7 @@ class Renderer:
         radius: ArrayLike,
         *,
         active: ArrayLike | None = None,
-        colour_value: ArrayLike | None = None,
+        color_value: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
         title: str = "",
         clock: float | None = None,
@@ -82,25 +82,25 @@ class Renderer:
         ----------
         position, radius : (N, 2), (N,) m.
         active : (N,), only these are drawn; default everyone.
-        colour_value : (N,), how hard everyone is pressed, 0..1; see `contact_pressure`.  Without it all are calm.
+        color_value : (N,), how hard everyone is pressed, 0..1; see `contact_pressure`.  Without it all are calm.
         velocity : (N, 2) m/s, gives everyone who moves a heading.
         title : what is seen.
         clock : s.
         inside : number of people inside; default the number of active ones.
         status : replaces "17 of 20 inside".
-        legend : explain the colours, if there are any.
+        legend : explain the colors, if there are any.
         """
         position = np.asarray(position, dtype=np.float64).reshape(-1, 2)
         count = len(position)
         shown = np.ones(count, dtype=bool) if active is None else np.asarray(active, dtype=bool)
         drawn = np.flatnonzero(shown & np.isfinite(position).all(axis=1))
-        value = np.zeros(count) if colour_value is None else np.asarray(colour_value, dtype=np.float64)
-        image = (self._empty if colour_value is None or not legend else self._with_legend).copy()
+        value = np.zeros(count) if color_value is None else np.asarray(color_value, dtype=np.float64)
+        image = (self._empty if color_value is None or not legend else self._with_legend).copy()
         put_discs(
             image,
             self.layout.pixels(position[drawn]),
             np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,))[drawn] * self.layout.scale,
-            pressure_colour(value[drawn]),
+            pressure_color(value[drawn]),
             None if velocity is None else _headings(np.asarray(velocity, dtype=np.float64)[drawn]),
         )
         left = int(shown.sum()) if inside is None else inside
@@ -152,16 +152,16 @@ def _put_legend(image: Image, layout: Layout, full_pressure: float) -> None:
 
 
 def _put_scale_bar(image: Image, layout: Layout) -> None:
-    """Draw a bar of 1, 2 or 5 times a power of ten metres, at most a fifth of the width."""
+    """Draw a bar of 1, 2 or 5 times a power of ten meters, at most a fifth of the width."""
     goal = 0.2 * layout.width / layout.scale
     power = 10.0 ** np.floor(np.log10(goal))
-    metres = power * max(step for step in (1, 2, 5) if step * power <= goal)
+    meters = power * max(step for step in (1, 2, 5) if step * power <= goal)
     size, y = 0.78 * layout.text, layout.height - 0.5 * layout.footer
-    text = f"{metres:g} m"
+    text = f"{meters:g} m"
     right = layout.width - layout.margin
     put_text(image, text, (right, y), size, QUIET, side="right")
     right -= round(text_width(text, size) + 0.6 * size)
-    left, thick, row = right - round(metres * layout.scale), max(round(0.09 * size), 1), round(y)
+    left, thick, row = right - round(meters * layout.scale), max(round(0.09 * size), 1), round(y)
     image[row : row + thick, left:right] = QUIET
     tall = round(0.3 * size)
     for column in (left, right - thick):

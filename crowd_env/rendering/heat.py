@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from crowd_env.files.atomic import check_suffix
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
-from crowd_env.rendering.palette import EXIT, FAINT, FLOOR, INK, OBSTACLE, QUIET, WALL, Colour, from_oklab, to_oklab
+from crowd_env.rendering.palette import EXIT, FAINT, FLOOR, INK, OBSTACLE, QUIET, WALL, Color, from_oklab, to_oklab
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDTH, _TALLEST = 10.6, 9.0  # inch
-_BAR = 0.72  # inch, of a colour bar with its numbers and the title above it
+_BAR = 0.72  # inch, of a color bar with its numbers and the title above it
 # From hardly there to much: teal, and the warm part of the ramp of pressures.
-_COLOURS: dict[str, tuple[Colour, ...]] = {
+_COLOURS: dict[str, tuple[Color, ...]] = {
     "density": ((235, 243, 244), (142, 203, 205), (15, 118, 128), (8, 42, 60)),
     "pressure": ((240, 242, 243), (238, 186, 92), (222, 96, 46), (160, 16, 30)),
 }
@@ -34,8 +34,8 @@ class HeatMap(NamedTuple):
     origin: tuple[float, float]  # m  lower left corner
     cell: float  # m
     unit: str
-    colours: Literal["density", "pressure"]
-    full: float | None = None  # value of the last colour; by default the largest
+    colors: Literal["density", "pressure"]
+    full: float | None = None  # value of the last color; by default the largest
 
 
 def heat_maps(
@@ -46,7 +46,7 @@ def heat_maps(
     Parameters
     ----------
     path : ends in .png.
-    maps : each with a colour bar of its own; give the same ``full`` to maps that are to be compared.
+    maps : each with a color bar of its own; give the same ``full`` to maps that are to be compared.
     note : a line below.
 
     Raises
@@ -98,7 +98,7 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
         np.ma.masked_less_equal(one.values, 0.0),
         origin="lower",
         extent=(left, left + cell * columns, low, low + cell * rows),
-        cmap=ListedColormap(_colours(one.colours) / 255.0),
+        cmap=ListedColormap(_colors(one.colors) / 255.0),
         vmin=0.0,
         vmax=full,
         interpolation="nearest",
@@ -126,8 +126,8 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
     bar.set_label(one.unit, color=hex_of(QUIET), fontsize=8.5)
 
 
-def _colours(kind: str) -> NDArray[np.uint8]:
-    """Return colours (256, 3) from little to much."""
+def _colors(kind: str) -> NDArray[np.uint8]:
+    """Return colors (256, 3) from little to much."""
     lab = to_oklab(_COLOURS[kind])
     at = np.linspace(0.0, len(lab) - 1.0, 256)
     return from_oklab(np.stack([np.interp(at, np.arange(len(lab)), lab[:, k]) for k in range(3)], axis=1))

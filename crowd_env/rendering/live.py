@@ -26,7 +26,7 @@ def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tup
         state.position[people],
         env.simulation.bodies.radius[people],
         active=state.active[people],
-        colour_value=np.clip(_pressure(env, e) / FULL_PRESSURE, 0.0, 1.0),
+        color_value=np.clip(_pressure(env, e) / FULL_PRESSURE, 0.0, 1.0),
         velocity=state.velocity[people],
         clock=float(state.time[e]),
     )

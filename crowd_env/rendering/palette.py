@@ -1,62 +1,62 @@
-"""The colours of frames, films and figures, and the ramp from walking freely to being crushed."""
+"""The colors of frames, films and figures, and the ramp from walking freely to being crushed."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowd_env.state import Floats
 
-Colour = tuple[int, int, int]
+Color = tuple[int, int, int]
 
-BACKGROUND: Colour = (246, 243, 237)
-FLOOR: Colour = (255, 255, 255)
-WALL: Colour = (55, 65, 77)
-OBSTACLE: Colour = (172, 180, 188)
-EXIT: Colour = (38, 148, 98)
-EXIT_MAT: Colour = (205, 233, 217)
-INK: Colour = (43, 51, 60)
-QUIET: Colour = (116, 123, 131)
-FAINT: Colour = (221, 217, 209)
+BACKGROUND: Color = (246, 243, 237)
+FLOOR: Color = (255, 255, 255)
+WALL: Color = (55, 65, 77)
+OBSTACLE: Color = (172, 180, 188)
+EXIT: Color = (38, 148, 98)
+EXIT_MAT: Color = (205, 233, 217)
+INK: Color = (43, 51, 60)
+QUIET: Color = (116, 123, 131)
+FAINT: Color = (221, 217, 209)
 
-# One colour a curve: told apart in print and with colour-blind eyes, and by none of them taken for a pressure.
-SERIES: tuple[Colour, ...] = ((15, 118, 128), (137, 71, 145), (158, 122, 22), (74, 92, 160), (112, 112, 112))
+# One color a curve: told apart in print and with color-blind eyes, and by none of them taken for a pressure.
+SERIES: tuple[Color, ...] = ((15, 118, 128), (137, 71, 145), (158, 122, 22), (74, 92, 160), (112, 112, 112))
 
 # "Pedestrians are injured if the sum of the magnitudes of the radial forces on them, divided by their circumference,
 # exceeds a pressure of 1600 N/m": Helbing, Farkas, Vicsek, Nature 407 (2000).  There the ramp ends.
 FULL_PRESSURE = 1600.0  # N/m
 
-_ANCHORS: tuple[Colour, ...] = ((168, 188, 205), (238, 186, 92), (222, 96, 46), (160, 16, 30))
+_ANCHORS: tuple[Color, ...] = ((168, 188, 205), (238, 186, 92), (222, 96, 46), (160, 16, 30))
 
 
-def to_oklab(colours: ArrayLike) -> Floats:
-    """Return sRGB ``colours`` (..., 3) in 0..255 as OKLab, where equal steps look equal (Ottosson 2020)."""
-    srgb = np.asarray(colours, dtype=np.float64) / 255.0
+def to_oklab(colors: ArrayLike) -> Floats:
+    """Return sRGB ``colors`` (..., 3) in 0..255 as OKLab, where equal steps look equal (Ottosson 2020)."""
+    srgb = np.asarray(colors, dtype=np.float64) / 255.0
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     return np.cbrt(linear @ _LMS_FROM_RGB.T) @ _LAB_FROM_LMS.T
 
 
 def from_oklab(lab: ArrayLike) -> NDArray[np.uint8]:
-    """Return OKLab colours (..., 3) as sRGB in 0..255."""
+    """Return OKLab colors (..., 3) as sRGB in 0..255."""
     linear = (np.asarray(lab, dtype=np.float64) @ np.linalg.inv(_LAB_FROM_LMS).T) ** 3 @ np.linalg.inv(_LMS_FROM_RGB).T
     linear = np.clip(linear, 0.0, 1.0)
     srgb = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.rint(srgb * 255.0).astype(np.uint8)
 
 
-def pressure_colour(value: ArrayLike) -> NDArray[np.uint8]:
-    """Return (..., 3) the colour of pressures in 0..1: blue-grey, amber, red; values beyond are clipped, nan is 0."""
+def pressure_color(value: ArrayLike) -> NDArray[np.uint8]:
+    """Return (..., 3) the color of pressures in 0..1: blue-grey, amber, red; values beyond are clipped, nan is 0."""
     level = np.clip(np.nan_to_num(np.asarray(value, dtype=np.float64)), 0.0, 1.0)
     return RAMP[np.rint(level * (len(RAMP) - 1)).astype(np.int64)]
 
 
-def darker(colours: ArrayLike, by: float = 0.22) -> NDArray[np.uint8]:
-    """Return ``colours`` (..., 3) with their perceived lightness lowered."""
-    lab = to_oklab(colours)
+def darker(colors: ArrayLike, by: float = 0.22) -> NDArray[np.uint8]:
+    """Return ``colors`` (..., 3) with their perceived lightness lowered."""
+    lab = to_oklab(colors)
     lab[..., 0] = np.maximum(lab[..., 0] - by, 0.0)
     return from_oklab(lab)
 
 
 def _ramp(size: int = 256) -> NDArray[np.uint8]:
-    """Return ``size`` colours along the anchors, at equal perceived distances."""
+    """Return ``size`` colors along the anchors, at equal perceived distances."""
     corners = to_oklab(_ANCHORS)
     at = np.linspace(0.0, len(corners) - 1.0, 1024)
     path = np.stack([np.interp(at, np.arange(len(corners)), corners[:, k]) for k in range(3)], axis=1)

@@ -1,4 +1,4 @@
-"""The still part of a frame: where metres lie on the image, and the floor, walls, obstacles and exits on it."""
+"""The still part of a frame: where meters lie on the image, and the floor, walls, obstacles and exits on it."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, OBSTACLE, WALL, Colour
+from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, OBSTACLE, WALL, Color
 from crowd_env.rendering.text import Image
 from crowd_env.state import Floats
 
@@ -17,7 +17,7 @@ _STEP = 0.3  # of the margin, how far the mat of an exit reaches beyond the wall
 
 
 class Layout(NamedTuple):
-    """Where things are on an image; y of metres points up, y of pixels down."""
+    """Where things are on an image; y of meters points up, y of pixels down."""
 
     width: int  # px   even, as video encoders want it
     height: int  # px   even
@@ -59,8 +59,8 @@ def draw_plan(geometry: Geometry, layout: Layout, supersample: int) -> Image:
     image = np.empty((layout.height, layout.width, 3), dtype=np.uint8)
     image[:] = BACKGROUND
 
-    def fill(rings: Iterable[ArrayLike], colour: Colour) -> None:
-        _fill(image, [layout.pixels(ring) for ring in rings], colour, supersample)
+    def fill(rings: Iterable[ArrayLike], color: Color) -> None:
+        _fill(image, [layout.pixels(ring) for ring in rings], color, supersample)
 
     pixel = 1.0 / layout.scale
     with_walls: Any = geometry.walkable.buffer(layout.wall * pixel, join_style="mitre")
@@ -81,7 +81,7 @@ def draw_plan(geometry: Geometry, layout: Layout, supersample: int) -> Image:
     return image
 
 
-def _fill(image: Image, rings: Sequence[Floats], colour: Colour, supersample: int) -> None:
+def _fill(image: Image, rings: Sequence[Floats], color: Color, supersample: int) -> None:
     """Fill what lies within an odd number of closed lines (K, 2) [px], each pixel as far as it is covered."""
     if not rings:
         return
@@ -103,7 +103,7 @@ def _fill(image: Image, rings: Sequence[Floats], colour: Colour, supersample: in
     inside = np.cumsum(crossings[:, :-1], axis=1) % 2
     cover = inside.reshape(bottom - top, supersample, right - left, supersample).mean(axis=(1, 3))[..., None]
     patch = image[top:bottom, left:right]
-    patch[:] = np.rint(patch + (np.asarray(colour) - patch) * cover).astype(np.uint8)
+    patch[:] = np.rint(patch + (np.asarray(color) - patch) * cover).astype(np.uint8)
 
 
 def _parts(area: Any) -> list[Any]:

@@ -108,7 +108,7 @@ class Recording:
     def most_telling_time(self) -> float:
         """Return when people press each other most [s]; if they never do, when half of them are out."""
         total = np.where(self.active, self.pressure, 0.0).sum(axis=1)
-        window = np.ones(5) / 5.0  # over neighbouring samples: a crowd, not a collision
+        window = np.ones(5) / 5.0  # over neighboring samples: a crowd, not a collision
         if len(total) >= len(window) and total.max() > 0:
             return float(self.time[np.argmax(np.convolve(total, window, mode="same"))])
         return float(np.sort(np.minimum(self.departure, self.time[-1]))[len(self.radius) // 2])

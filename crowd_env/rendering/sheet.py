@@ -9,7 +9,7 @@ import numpy as np
 
 from crowd_env.files.atomic import check_suffix, written
 from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.palette import BACKGROUND, EXIT, FLOOR, INK, OBSTACLE, QUIET, SERIES, WALL, Colour
+from crowd_env.rendering.palette import BACKGROUND, EXIT, FLOOR, INK, OBSTACLE, QUIET, SERIES, WALL, Color
 from crowd_env.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 _PANEL = (5.2, 4.3)  # inch
 _COLUMNS = 3
 _DPI = 110
-_DOOR: Colour = (196, 120, 32)
-_REGION: Colour = (74, 92, 160)
-_GROUPS: tuple[Colour, ...] = (SERIES[0], SERIES[1], SERIES[2], SERIES[4])
+_DOOR: Color = (196, 120, 32)
+_REGION: Color = (74, 92, 160)
+_GROUPS: tuple[Color, ...] = (SERIES[0], SERIES[1], SERIES[2], SERIES[4])
 
 
 def draw_sheet(path: str | Path, scenarios: Sequence[Scenario], *, seed: int = 0) -> Path:
@@ -110,7 +110,7 @@ def _draw_region(axes: "Axes", name: str, area: Any) -> None:
     axes.annotate(name, (left, top), color=_hex(_REGION), bbox=background, **near)
 
 
-def _fill(axes: "Axes", area: Any, colour: Colour, alpha: float, layer: float) -> None:
+def _fill(axes: "Axes", area: Any, color: Color, alpha: float, layer: float) -> None:
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
@@ -119,7 +119,7 @@ def _fill(axes: "Axes", area: Any, colour: Colour, alpha: float, layer: float) -
             continue
         rings = [np.asarray(ring.coords)[:, :2] for ring in (part.exterior, *part.interiors)]
         outline = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
-        axes.add_patch(PathPatch(outline, facecolor=_hex(colour), alpha=alpha, edgecolor="none", zorder=layer))
+        axes.add_patch(PathPatch(outline, facecolor=_hex(color), alpha=alpha, edgecolor="none", zorder=layer))
 
 
 def _name_exits(axes: "Axes", scenario: Scenario) -> None:
@@ -155,23 +155,23 @@ def _draw_people(axes: "Axes", scenario: Scenario, rng: np.random.Generator) -> 
     for k, part in enumerate(scenario.population.parts):
         rows = slice(begin, begin + part.count)
         begin += part.count
-        colour = _hex(_GROUPS[k % len(_GROUPS)])
+        color = _hex(_GROUPS[k % len(_GROUPS)])
         size = 2.0 * bodies.radius[rows]
         discs = EllipseCollection(
             size, size, np.zeros(part.count), units="xy", offsets=position[rows], offset_transform=axes.transData
         )
-        discs.set(facecolor=colour, edgecolor="white", linewidth=0.3, zorder=6)
+        discs.set(facecolor=color, edgecolor="white", linewidth=0.3, zorder=6)
         axes.add_collection(discs)
 
 
 def _scale_bar(axes: "Axes", corner: tuple[float, float], width: float) -> None:
     goal = 0.25 * width
     power = 10.0 ** np.floor(np.log10(goal))
-    metres = power * max(step for step in (1, 2, 5) if step * power <= goal)
+    meters = power * max(step for step in (1, 2, 5) if step * power <= goal)
     x, y = corner
-    axes.plot([x, x + metres], [y, y], color=_hex(QUIET), linewidth=1.5, solid_capstyle="butt")
-    axes.text(x + metres + 0.02 * width, y, f"{metres:g} m", color=_hex(QUIET), fontsize=7, va="center")
+    axes.plot([x, x + meters], [y, y], color=_hex(QUIET), linewidth=1.5, solid_capstyle="butt")
+    axes.text(x + meters + 0.02 * width, y, f"{meters:g} m", color=_hex(QUIET), fontsize=7, va="center")
 
 
-def _hex(colour: Colour) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*colour)
+def _hex(color: Color) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*color)

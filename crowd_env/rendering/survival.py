@@ -26,7 +26,7 @@ def survival_curves(path: str | Path, sets: Mapping[str, Clogging], *, title: st
     Parameters
     ----------
     path : ends in .png.
-    sets : label -> clogging statistics, one colour each.
+    sets : label -> clogging statistics, one color each.
 
     Raises
     ------
@@ -87,17 +87,17 @@ def _ends_open(found: Clogging) -> bool:
 
 
 def _draw_one(
-    axes: "Axes", label: str, found: Clogging, right: float, colour: tuple[int, int, int], *, ink: bool
+    axes: "Axes", label: str, found: Clogging, right: float, color: tuple[int, int, int], *, ink: bool
 ) -> None:
     gaps, tail = found.gaps, found.tail
     t, share = survival(gaps)
     shown = f"{label}: {len(gaps.closed)} gaps" + (f", {len(gaps.open)} open" if len(gaps.open) else "")
     seen = t > 0.0
-    axes.step(t[seen], share[seen], where="post", color=hex_of(colour), linewidth=2.0, label=shown, zorder=3)
+    axes.step(t[seen], share[seen], where="post", color=hex_of(color), linewidth=2.0, label=shown, zorder=3)
     if _ends_open(found):
         end = float(gaps.open.max())
-        axes.plot([t[-1], end], [share[-1]] * 2, color=hex_of(colour), linewidth=1.4, linestyle=(0, (1, 1.6)), zorder=3)
-        axes.plot(end, share[-1], ">", color=hex_of(colour), markersize=6, zorder=4)
+        axes.plot([t[-1], end], [share[-1]] * 2, color=hex_of(color), linewidth=1.4, linestyle=(0, (1, 1.6)), zorder=3)
+        axes.plot(end, share[-1], ">", color=hex_of(color), markersize=6, zorder=4)
     if tail is None:
         axes.plot([], [], " ", label="no exponent, too few gaps")
         return
@@ -107,7 +107,7 @@ def _draw_one(
     law = at_x_min * (x / tail.x_min) ** (1.0 - tail.alpha)
     other = at_x_min * np.exp(-tail.rate * (x - tail.x_min))
     named = rf"power law, $\alpha$ = {tail.alpha:.2f} ± {tail.error:.2f} from {tail.x_min:.3g} s"
-    line = INK if ink else colour
+    line = INK if ink else color
     axes.plot(x, law, color=hex_of(line), linewidth=1.3, zorder=5, label=named)
-    axes.plot(x, other, color=hex_of(QUIET if ink else colour), linewidth=1.2, dashes=(4, 3), zorder=2)
+    axes.plot(x, other, color=hex_of(QUIET if ink else color), linewidth=1.2, dashes=(4, 3), zorder=2)
     axes.plot(tail.x_min, at_x_min, "o", color="white", mec=hex_of(line), mew=1.3, markersize=5.5, zorder=6)

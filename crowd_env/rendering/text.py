@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.palette import Colour
+from crowd_env.rendering.palette import Color
 
 Image = NDArray[np.uint8]  # (H, W, 3)
-Side = Literal["left", "centre", "right"]
+Side = Literal["left", "center", "right"]
 
 _FINER = 3  # rendered so many times larger and averaged: letters keep their shape at small sizes
 
@@ -27,17 +27,17 @@ def put_text(
     text: str,
     at: tuple[float, float],
     size: float,
-    colour: Colour,
+    color: Color,
     *,
     side: Side = "left",
     bold: bool = False,
 ) -> None:
-    """Write ``text`` into ``image`` in place, centred vertically on ``at`` = (x, y) [px] and horizontally by ``side``."""
+    """Write ``text`` into ``image`` in place, centerd vertically on ``at`` = (x, y) [px] and horizontally by ``side``."""
     if not text:
         return
     mask = text_mask(text, size, bold)
     height, width = mask.shape
-    x = round(at[0] - {"left": 0.0, "centre": 0.5 * width, "right": width}[side])
+    x = round(at[0] - {"left": 0.0, "center": 0.5 * width, "right": width}[side])
     y = round(at[1] - 0.5 * height)
     left, top = max(x, 0), max(y, 0)
     right, bottom = min(x + width, image.shape[1]), min(y + height, image.shape[0])
@@ -45,7 +45,7 @@ def put_text(
         return
     cover = mask[top - y : bottom - y, left - x : right - x, None]
     patch = image[top:bottom, left:right]
-    patch[:] = np.rint(patch + (np.asarray(colour, dtype=np.float32) - patch) * cover).astype(np.uint8)
+    patch[:] = np.rint(patch + (np.asarray(color, dtype=np.float32) - patch) * cover).astype(np.uint8)
 
 
 @lru_cache(maxsize=1024)

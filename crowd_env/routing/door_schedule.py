@@ -14,14 +14,14 @@ CHECK_EVERY = 0.1  # s
 
 
 class DoorsThen(NamedTuple):
-    """What a checkpoint keeps of a `Doorkeeper`, for every environment."""
+    """What a checkpoint keeps of a `DoorSchedule`, for every environment."""
 
     closed: tuple[frozenset[str], ...]
     happened: tuple[frozenset[int], ...]  # events
     due: Floats  # (E,)  s
 
 
-class Doorkeeper:
+class DoorSchedule:
     """Watches for the events that open and close doors; each happens once an episode.
 
     Parameters

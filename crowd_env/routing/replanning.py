@@ -11,17 +11,17 @@ import numpy as np
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.navigation.congestion import write_field
 from crowd_env.navigation.field import FieldArrays, NavigationField, join_fields, regions_along
-from crowd_env.routing.route_set import Ways, add_fields, join_ways, region_masks_of
+from crowd_env.routing.route_set import RouteSet, add_fields, join_ways, region_masks_of
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
-Place = Ways | NavigationField | None
+Place = RouteSet | NavigationField | None
 
 
-_Key = tuple[int, frozenset[str]]  # whose ways, see `Wayfinder._key`, and which doors are closed
+_Key = tuple[int, frozenset[str]]  # whose ways, see `RoutePlanner._key`, and which doors are closed
 
 
 class WaysThen(NamedTuple):
-    """What a checkpoint keeps of a `Wayfinder`."""
+    """What a checkpoint keeps of a `RoutePlanner`."""
 
     known: tuple[_Key, ...]  # whose fields have been made, in their order
     closed: tuple[frozenset[str], ...]  # doors that the ways of each environment are made for
@@ -32,7 +32,7 @@ class WaysThen(NamedTuple):
     due: Floats  # (E,)  s
 
 
-class Wayfinder:
+class RoutePlanner:
     """The travel-time fields of a batch.
 
     Parameters
@@ -67,23 +67,23 @@ class Wayfinder:
         self._rows: dict[_Key, list[int]] = {}
         self._potentials: dict[_Key, list[int]] = {}
         for e, place in enumerate(self._current):
-            if isinstance(place, Ways):
-                rows = self.guidance.field_of_route[e, : len(place.ways)]
+            if isinstance(place, RouteSet):
+                rows = self.guidance.field_of_route[e, : len(place.route_set)]
                 self._rows.setdefault(self._key(e, frozenset()), rows.tolist())
-                potentials = self.potential_of_route[e, : len(place.ways)]
+                potentials = self.potential_of_route[e, : len(place.route_set)]
                 self._potentials.setdefault(self._key(e, frozenset()), potentials.tolist())
         self._first_rows, self._first_fields = dict(self._rows), len(self._fields)
         self._due = np.zeros(len(geometry_of_env))
         self._dynamic = self._find_dynamic()
 
-    def _find_dynamic(self) -> list[tuple[int, Ways]]:
+    def _find_dynamic(self) -> list[tuple[int, RouteSet]]:
         """Return the environments whose ways follow the crowd: mostly none, and then nobody has to ask them all."""
-        return [(e, place) for e, place in enumerate(self._current) if isinstance(place, Ways) and place.is_dynamic]
+        return [(e, place) for e, place in enumerate(self._current) if isinstance(place, RouteSet) and place.is_dynamic]
 
-    def ways(self, e: int) -> Ways | None:
+    def route_set(self, e: int) -> RouteSet | None:
         """Return the ways of environment ``e`` as its doors stand now."""
         place = self._current[e]
-        return place if isinstance(place, Ways) else None
+        return place if isinstance(place, RouteSet) else None
 
     def restart(self, e: int) -> None:
         """Begin environment ``e`` anew: all its doors stand open, and its fastest ways are due."""
@@ -108,13 +108,13 @@ class Wayfinder:
             position = state.position[people][state.active[people]]
             if not len(position):
                 continue
-            for r, way in enumerate(place.ways):
+            for r, way in enumerate(place.route_set):
                 if way.remarcher is not None:
                     self._write(e, r, way.remarcher.march(position), place)
             self._due[e] = state.time[e] + self.interval
         self.seconds += clock.process_time() - begin
 
-    def _write(self, e: int, r: int, field: NavigationField, place: Ways) -> None:
+    def _write(self, e: int, r: int, field: NavigationField, place: RouteSet) -> None:
         first = int(self.field.node_start[self.guidance.field_of_route[e, r]])
         write_field(field, self.field.travel_time, self.field.direction, first)
         if place.rules:
@@ -128,29 +128,29 @@ class Wayfinder:
         If that locks somebody in, the ways stay as they were, with a warning: people wait at the door.
         """
         place = self.places[self._geometry_of_env[e]]
-        if not isinstance(place, Ways):
+        if not isinstance(place, RouteSet):
             return
         try:
-            ways = place.when(closed)
+            route_set = place.when(closed)
         except ValueError as error:
             warnings.warn(f"with {', '.join(sorted(closed))} closed people wait there: {error}", stacklevel=3)
             return
         key = self._key(e, closed)
         if key not in self._rows:
-            self._add(key, ways, int(self._geometry_of_env[e]))
+            self._add(key, route_set, int(self._geometry_of_env[e]))
             before = self.field
             self.field = join_fields(self._fields, self._boundary, self._geometry_of_field)
             for name in ("travel_time", "direction", "through"):  # as they were: some follow their crowd
                 known = getattr(before, name)
                 getattr(self.field, name)[: len(known)] = known
-        self.guidance.field_of_route[e, : len(ways.ways)] = self._rows[key]
-        self.potential_of_route[e, : len(ways.ways)] = self._potentials[key]
-        self._current[e], self._closed[e] = ways, closed
+        self.guidance.field_of_route[e, : len(route_set.route_set)] = self._rows[key]
+        self.potential_of_route[e, : len(route_set.route_set)] = self._potentials[key]
+        self._current[e], self._closed[e] = route_set, closed
         self._dynamic = self._find_dynamic()
         self._due[e] = 0.0
 
-    def _add(self, key: _Key, ways: Ways, geometry: int) -> None:
-        self._rows[key], self._potentials[key] = add_fields(ways, self._fields)
+    def _add(self, key: _Key, route_set: RouteSet, geometry: int) -> None:
+        self._rows[key], self._potentials[key] = add_fields(route_set, self._fields)
         self._geometry_of_field += [geometry] * (len(self._fields) - len(self._geometry_of_field))
 
     def moment(self) -> WaysThen:
@@ -168,7 +168,7 @@ class Wayfinder:
             for owner, closed in then.known[len(self._rows) :]:
                 g = int(self._geometry_of_env[owner]) if owner >= 0 else -1 - owner
                 place = self.places[g]
-                assert isinstance(place, Ways)  # others have no doors
+                assert isinstance(place, RouteSet)  # others have no doors
                 self._add((owner, closed), place.when(closed), g)
             self.field = join_fields(self._fields, self._boundary, self._geometry_of_field)
         for row, values in then.found.items():
@@ -178,16 +178,16 @@ class Wayfinder:
         for e, closed in enumerate(then.closed):
             place = self.places[self._geometry_of_env[e]]
             self._closed[e] = closed
-            self._current[e] = ways = place.when(closed) if isinstance(place, Ways) else place
-            if isinstance(ways, Ways):
-                self.potential_of_route[e, : len(ways.ways)] = self._potentials[self._key(e, closed)]
+            self._current[e] = route_set = place.when(closed) if isinstance(place, RouteSet) else place
+            if isinstance(route_set, RouteSet):
+                self.potential_of_route[e, : len(route_set.route_set)] = self._potentials[self._key(e, closed)]
         self._dynamic = self._find_dynamic()
         self._due[:] = then.due
 
     def _key(self, e: int, closed: frozenset[str]) -> _Key:
         """Fields are shared by the environments of a place, unless they follow the crowd of one."""
         place = self.places[self._geometry_of_env[e]]
-        own = isinstance(place, Ways) and place.is_dynamic
+        own = isinstance(place, RouteSet) and place.is_dynamic
         return (e if own else -1 - int(self._geometry_of_env[e])), closed
 
 

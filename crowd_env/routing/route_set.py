@@ -8,12 +8,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.congestion import Remarcher
+from crowd_env.navigation.congestion import CongestionField
 from crowd_env.navigation.extension import carried_along
 from crowd_env.navigation.field import NavigationField, OneWay, regions_along, straight_field, travel_time_field
 from crowd_env.routing.rules import MOST_REGIONS, Guidance, RegionArrays, RuleArrays
 from crowd_env.routing.spec import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
-from crowd_env.routing.speed_map import Pace
+from crowd_env.routing.speed_map import SpeedMap
 from crowd_env.state import Floats, Ints
 
 Target = Literal["path", "nearest", "centre", "width"]
@@ -30,7 +30,9 @@ class Way(NamedTuple):
     goal: int  # region that it leads to; -1 = exits
     following: int  # way that takes over there; -1 = none
     shut: bool  # it leads to closed exits alone
-    remarcher: Remarcher | None  # makes the field anew from the crowd of each environment; None = it never changes
+    remarcher: (
+        CongestionField | None
+    )  # makes the field anew from the crowd of each environment; None = it never changes
     exits: tuple[str, ...]  # that it may lead to in the end; () = all
     rest: NavigationField | None = None  # of a way via a region: travel time to the exit, what follows included
 
@@ -41,25 +43,25 @@ class Way(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
-    """All routes of one place with its regions and rules; made by `find_ways`."""
+class RouteSet:
+    """All routes of one place with its regions and rules; made by `build_routes`."""
 
     geometry: Geometry
-    ways: tuple[Way, ...]
+    route_set: tuple[Way, ...]
     zones: tuple[SpeedZone, ...]
     rules: tuple[ControlRule, ...]
     radius: float  # m
     closed_at_start: tuple[str, ...]  # doors
     events: tuple[DoorEvent, ...]
-    again: Callable[..., "Ways"]  # makes the same ways while other doors are closed
-    _closed: dict[frozenset[str], "Ways | str"] = field(default_factory=dict)  # or why there are none
+    again: Callable[..., "RouteSet"]  # makes the same ways while other doors are closed
+    _closed: dict[frozenset[str], "RouteSet | str"] = field(default_factory=dict)  # or why there are none
 
     @property
     def is_dynamic(self) -> bool:
         """Whether some way follows the crowd."""
-        return any(way.remarcher is not None for way in self.ways)
+        return any(way.remarcher is not None for way in self.route_set)
 
-    def when(self, closed: frozenset[str]) -> "Ways":
+    def when(self, closed: frozenset[str]) -> "RouteSet":
         """Return the same ways while these doors are closed, made once.
 
         Raises
@@ -87,7 +89,7 @@ class Ways:
         ValueError
             If it is unknown.
         """
-        names = [way.name for way in self.ways]
+        names = [way.name for way in self.route_set]
         if name not in names:
             raise ValueError(f"unknown route {name!r}; known: {', '.join(n for n in names if '/' not in n)}")
         return names.index(name)
@@ -95,12 +97,12 @@ class Ways:
     def nearest(self, exits: Sequence[str], position: Floats) -> Ints:
         """Return for each position (K, 2) the number of the route, among those of open ``exits``, that is shortest there."""
         numbers = [self.number(name) for name in exits]
-        numbers = [k for k in numbers if not self.ways[k].shut] or numbers
-        times = np.stack([_travel_time(self.ways[k].field, position) for k in numbers])
+        numbers = [k for k in numbers if not self.route_set[k].shut] or numbers
+        times = np.stack([_travel_time(self.route_set[k].field, position) for k in numbers])
         return np.array(numbers, dtype=np.int64)[np.nanargmin(times, axis=0)]
 
 
-def find_ways(
+def build_routes(
     geometry: Geometry,
     radius: float,
     *,
@@ -115,7 +117,7 @@ def find_ways(
     closed_at_start: Sequence[str] = (),
     events: Sequence[DoorEvent] = (),
     one_way: Sequence[OneWay] = (),
-) -> Ways:
+) -> RouteSet:
     """Return the routes of a place: first "out", the shortest way to any exit; then ``routes``; then what rules need.
 
     The name of an exit is a route too: the shortest way to that exit.
@@ -140,7 +142,7 @@ def find_ways(
     for rule in rules:
         if rule.route not in wanted:
             wanted[rule.route] = Route(rule.route, (rule.route,))
-    pace = Pace(geometry, zones, walking_speed, comfort or Comfort())
+    pace = SpeedMap(geometry, zones, walking_speed, comfort or Comfort())
     behind = {e for door, e in zip(geometry.doors, geometry.exits_of_door, strict=True) if door in closed}
     made: list[Way] = []
     names = list(wanted)
@@ -159,7 +161,7 @@ def find_ways(
         if route.strategy == "fastest":
             if one_way:
                 raise ValueError(f"route {name!r}: the fastest way does not know one-way doors; take another strategy")
-            remarcher = Remarcher(found, geometry.walls_when(at_this)[0], pace)
+            remarcher = CongestionField(found, geometry.walls_when(at_this)[0], pace)
             return Way(name, remarcher.march(), goal, then, shut, remarcher, route.exits)
         if target != "path" and via is None and route.strategy == "shortest":
             found = straight_field(found, geometry, _MARGINS[target])
@@ -173,12 +175,12 @@ def find_ways(
             goal = list(geometry.regions).index(route.via)
             made.append(way(route.name, route, goal, following + len(second)))
             second.append(way(f"{route.name}/then", route, -1, -1))
-    ways = [_with_what_follows(found, second, following) for found in made] + second
+    route_set = [_with_what_follows(found, second, following) for found in made] + second
     if rules:
-        ways = [found._replace(field=_with_regions(found.field, geometry)) for found in ways]
-        ways = [_with_rest(found, ways, geometry) for found in ways]
+        route_set = [found._replace(field=_with_regions(found.field, geometry)) for found in route_set]
+        route_set = [_with_rest(found, route_set, geometry) for found in route_set]
     again = partial(
-        find_ways,
+        build_routes,
         geometry,
         radius,
         min_radius=min_radius,
@@ -193,7 +195,7 @@ def find_ways(
         one_way=tuple(one_way),
     )
     doors = (tuple(closed_at_start), tuple(events))
-    return Ways(geometry, tuple(ways), tuple(zones), tuple(rules), radius, *doors, again)
+    return RouteSet(geometry, tuple(route_set), tuple(zones), tuple(rules), radius, *doors, again)
 
 
 def _check_names(
@@ -274,11 +276,11 @@ def _with_what_follows(way: Way, second: Sequence[Way], first: int) -> Way:
     return way._replace(rest=replace(way.field, travel_time=time + carried_along(time, on_from)))
 
 
-def _with_rest(way: Way, ways: Sequence[Way], geometry: Geometry) -> Way:
+def _with_rest(way: Way, route_set: Sequence[Way], geometry: Geometry) -> Way:
     """Add to a way via a region the regions that lie on the rest of it."""
     if way.following < 0 or way.field.through is None:
         return way
-    rest, inside = ways[way.following].field, 1 << way.goal
+    rest, inside = route_set[way.following].field, 1 << way.goal
     assert rest.through is not None
     at_goal = (region_masks_of(rest, geometry) & inside) > 0
     beyond = int(np.bitwise_or.reduce(rest.through[at_goal], initial=0)) & ~inside
@@ -293,16 +295,16 @@ def _travel_time(field: NavigationField, position: Floats) -> Floats:
 
 
 def add_fields(
-    ways: Ways | NavigationField | None, fields: list[NavigationField | None]
+    route_set: RouteSet | NavigationField | None, fields: list[NavigationField | None]
 ) -> tuple[list[int], list[int]]:
     """Append the fields of a place to those of a batch; return for each route the row of its field and of its potential."""
-    if not isinstance(ways, Ways):
-        fields.append(ways)
+    if not isinstance(route_set, RouteSet):
+        fields.append(route_set)
         return [len(fields) - 1], [len(fields) - 1]
-    rows = [len(fields) + r for r in range(len(ways.ways))]
-    fields += [way.field for way in ways.ways]
+    rows = [len(fields) + r for r in range(len(route_set.route_set))]
+    fields += [way.field for way in route_set.route_set]
     potentials = list(rows)
-    for r, way in enumerate(ways.ways):
+    for r, way in enumerate(route_set.route_set):
         if way.remarcher is not None or way.rest is not None:  # the field changes in place, or ends at the region
             potentials[r] = len(fields)
             fields.append(way.potential)
@@ -310,11 +312,11 @@ def add_fields(
 
 
 def join_ways(
-    places: Sequence[Ways | NavigationField | None], geometry_of_env: Ints
+    places: Sequence[RouteSet | NavigationField | None], geometry_of_env: Ints
 ) -> tuple[list[NavigationField | None], list[int], Guidance, Ints]:
     """Return all fields of a batch, the geometry of each, the guidance that says which route is which, and the potentials.
 
-    Places without `Ways` have one route, their field.  A dynamic way has a field of its own in every environment.  The
+    Places without `RouteSet` have one route, their field.  A dynamic way has a field of its own in every environment.  The
     potentials (E, R) are rows of the fields by which progress on each route is counted, see `Way.potential`.
     """
     fields: list[NavigationField | None] = []
@@ -329,7 +331,7 @@ def join_ways(
         place = places[g]
         rows, potentials = rows_of_place[g]
         table[0, e, : len(rows)], table[3, e, : len(rows)] = rows, potentials
-        for r, way in enumerate(place.ways if isinstance(place, Ways) else ()):
+        for r, way in enumerate(place.route_set if isinstance(place, RouteSet) else ()):
             table[1:3, e, r] = way.goal, way.following
             if way.remarcher is not None:
                 table[0, e, r] = len(fields)
@@ -339,15 +341,17 @@ def join_ways(
     return fields, geometry_of_field, guidance, table[3].copy()
 
 
-def _join_regions(places: Sequence[Ways | NavigationField | None]) -> RegionArrays:
+def _join_regions(places: Sequence[RouteSet | NavigationField | None]) -> RegionArrays:
     count = len(places)
     shape, origin = np.zeros((count, 2), dtype=np.int64), np.zeros((count, 2))
     fixed, factor = np.full((count, MOST_REGIONS), np.nan), np.ones((count, MOST_REGIONS))
     spacing = np.full(count, _REGION_CELL)
     masks: list[Ints] = []
     for g, place in enumerate(places):
-        needed = isinstance(place, Ways) and (place.zones or place.rules or any(way.goal >= 0 for way in place.ways))
-        if not needed or not isinstance(place, Ways):
+        needed = isinstance(place, RouteSet) and (
+            place.zones or place.rules or any(way.goal >= 0 for way in place.route_set)
+        )
+        if not needed or not isinstance(place, RouteSet):
             masks.append(np.zeros(0, dtype=np.int64))
             continue
         geometry = place.geometry
@@ -366,11 +370,11 @@ def _join_regions(places: Sequence[Ways | NavigationField | None]) -> RegionArra
     return RegionArrays(start, shape, origin, spacing, np.concatenate(masks), fixed, factor)
 
 
-def _join_rules(places: Sequence[Ways | NavigationField | None]) -> RuleArrays:
+def _join_rules(places: Sequence[RouteSet | NavigationField | None]) -> RuleArrays:
     rows: list[tuple[int, int, int, float, int, bool]] = []
     start = [0]
     for place in places:
-        if isinstance(place, Ways):
+        if isinstance(place, RouteSet):
             names = list(place.geometry.regions)
             for rule in place.rules:
                 below = rule.at_least if rule.below is None else rule.below

@@ -93,12 +93,12 @@ class ControlRule:
 
 @dataclass(frozen=True)
 class Comfort:
-    """What the most comfortable way costs, in metres of plain floor.
+    """What the most comfortable way costs, in meters of plain floor.
 
     Parameters
     ----------
-    stairs : a metre in a slow zone counts as so many more.
-    turn : passing a corner that juts into the way counts as so many more metres.
+    stairs : a meter in a slow zone counts as so many more.
+    turn : passing a corner that juts into the way counts as so many more meters.
     reach : m, how near to a corner that cost is spread; it also keeps the way off corners.
     """
 

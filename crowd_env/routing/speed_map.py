@@ -1,4 +1,4 @@
-"""Speed maps of the floor: how fast it is walked, and how far a comfortable metre goes."""
+"""Speed maps of the floor: how fast it is walked, and how far a comfortable meter goes."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from crowd_env.routing.spec import Comfort, SpeedZone
 from crowd_env.state import Floats
 
 
-class Pace:
+class SpeedMap:
     """Speed maps: that of the zones, and that of comfort."""
 
     def __init__(self, geometry: Geometry, zones: Sequence[SpeedZone], walking_speed: float, comfort: Comfort) -> None:
@@ -28,7 +28,7 @@ class Pace:
         return pace
 
     def comfortable(self, x: Floats, y: Floats) -> Floats:
-        """Return 1 / (cost of a metre) on a grid: ``x`` (rows, cols) grows along columns only, ``y`` along rows."""
+        """Return 1 / (cost of a meter) on a grid: ``x`` (rows, cols) grows along columns only, ``y`` along rows."""
         slow = self(x, y) < 1.0
         cost = np.where(slow, 1.0 + self.comfort.stairs, 1.0)
         reach = self.comfort.reach

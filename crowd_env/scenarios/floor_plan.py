@@ -20,7 +20,7 @@ from crowd_env.state import Floats
 
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
-# A place larger than this is rare, and one in centimetres always is: it is asked about ...
+# A place larger than this is rare, and one in centimeters always is: it is asked about ...
 _WIDE_EXIT, _LARGE = 20.0, 300.0  # m
 # ... and beyond this there is none.
 _WIDEST_EXIT, _LARGEST = 200.0, 3000.0  # m
@@ -46,7 +46,7 @@ def scenario_from_wkt(
     ----------
     path : text file with a POLYGON, MULTIPOLYGON or GEOMETRYCOLLECTION.
     exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into.
-    unit : m, cm or mm, of the coordinates of plan and exits; None = metres, if they can be.
+    unit : m, cm or mm, of the coordinates of plan and exits; None = meters, if they can be.
 
     Raises
     ------
@@ -59,13 +59,13 @@ def scenario_from_wkt(
         If no unit is given and the plan is so large that it may be in another one.
     """
     path, exits = path_of("the file of the floor plan", path), texts("exits", exits)
-    metres = unit_in_metres(unit)
+    meters = unit_in_meters(unit)
     text = read_text(path, "the floor plan", _READ)
     if not exits:
         raise ValueError(f"{path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
     try:
-        area = _scaled(from_wkt(text, "walkable area"), metres)
-        doors = [_scaled(parse_exit(one), metres) for one in exits]
+        area = _scaled(from_wkt(text, "walkable area"), meters)
+        doors = [_scaled(parse_exit(one), meters) for one in exits]
         if unit is None:
             _ask_for_unit(area, doors)
         geometry = Geometry.from_polygon(area, exits=doors)
@@ -76,8 +76,8 @@ def scenario_from_wkt(
         raise ValueError(f"{path}: {error}") from None
 
 
-def unit_in_metres(unit: str | None) -> float:
-    """Return how many metres a unit of length is; None = the metre.
+def unit_in_meters(unit: str | None) -> float:
+    """Return how many meters a unit of length is; None = the meter.
 
     Raises
     ------
@@ -87,12 +87,12 @@ def unit_in_metres(unit: str | None) -> float:
     return 1.0 if unit is None else _METRES[known("unit", unit, _METRES)]
 
 
-def _scaled(shape: BaseGeometry, metres: float) -> BaseGeometry:
-    return shape if metres == 1.0 else shapely.transform(shape, lambda points: metres * points)
+def _scaled(shape: BaseGeometry, meters: float) -> BaseGeometry:
+    return shape if meters == 1.0 else shapely.transform(shape, lambda points: meters * points)
 
 
 def _ask_for_unit(area: BaseGeometry, exits: Sequence[BaseGeometry]) -> None:
-    """Warn if a plan taken as one in metres may be in centimetres, and refuse one that must be in another unit.
+    """Warn if a plan taken as one in meters may be in centimeters, and refuse one that must be in another unit.
 
     Raises
     ------
@@ -104,14 +104,14 @@ def _ask_for_unit(area: BaseGeometry, exits: Sequence[BaseGeometry]) -> None:
     x0, y0, x1, y1 = area.bounds
     across = max(x1 - x0, y1 - y0)
     widest = max((float(door.length) for door in exits if "Line" in door.geom_type), default=0.0)
-    seen = f"taken as metres, the plan is {x1 - x0:.4g} m x {y1 - y0:.4g} m"
+    seen = f"taken as meters, the plan is {x1 - x0:.4g} m x {y1 - y0:.4g} m"
     seen += f" and an exit {widest:.4g} m wide" if widest > _WIDE_EXIT else ""
     if across > _LARGEST or widest > _WIDEST_EXIT:
-        raise ValueError(f"{seen}: is it in mm or cm? Then say --unit mm or --unit cm; --unit m if it is in metres")
+        raise ValueError(f"{seen}: is it in mm or cm? Then say --unit mm or --unit cm; --unit m if it is in meters")
     if across < _SMALL:
-        raise ValueError(f"{seen}: is it in km or degrees? It must be in m, cm or mm; --unit m if it is in metres")
+        raise ValueError(f"{seen}: is it in km or degrees? It must be in m, cm or mm; --unit m if it is in meters")
     if across > _LARGE or widest > _WIDE_EXIT:
-        warnings.warn(f"{seen}: is it in cm? Then say --unit cm; --unit m if it is in metres", stacklevel=3)
+        warnings.warn(f"{seen}: is it in cm? Then say --unit cm; --unit m if it is in meters", stacklevel=3)
 
 
 def read_starts(path: str | Path) -> Floats:
@@ -122,7 +122,7 @@ def read_starts(path: str | Path) -> Floats:
     ValueError
         If the file cannot be read, lacks a column, or holds something that is not a number; file and line are named.
     """
-    table = read_table(path, "the starting positions", ("x", "y"), "metres", "a person")
+    table = read_table(path, "the starting positions", ("x", "y"), "meters", "a person")
     if "frame" in table.columns:
         raise ValueError(
             f"{table.path}: with a column 'frame' this is a trajectory; starting positions are one line a person: keep the "

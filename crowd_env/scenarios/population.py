@@ -34,7 +34,7 @@ _RANDOM_LIMIT = 0.45
 _ROUNDS = 400
 _MOST_CELLS = 4e6
 
-_MOST_PEOPLE = 500_000  # their neighbours are told apart by a number of 19 bits
+_MOST_PEOPLE = 500_000  # their neighbors are told apart by a number of 19 bits
 _ALLOWED = {
     "radius": POSITIVE,
     "mass": POSITIVE,

@@ -9,7 +9,7 @@ from crowd_env.checks import POSITIVE, Range, check_fields, flag, shown
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.domain import require_grid
 from crowd_env.navigation.field import NavigationField, OneWay
-from crowd_env.routing.route_set import Target, Ways, find_ways
+from crowd_env.routing.route_set import RouteSet, Target, build_routes
 from crowd_env.routing.spec import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
 from crowd_env.scenarios.groups import Groups, as_people
 from crowd_env.scenarios.population import Population, require_names, require_room
@@ -72,9 +72,9 @@ class Scenario:
 
     def field(self) -> NavigationField:
         """Return the travel-time field of the shortest way out, for the largest body of the population."""
-        return self.ways(rules=False).ways[0].field
+        return self.route_set(rules=False).route_set[0].field
 
-    def ways(self, strategy: str = "shortest", *, rules: bool = True) -> Ways:
+    def route_set(self, strategy: str = "shortest", *, rules: bool = True) -> RouteSet:
         """Return all ways out that people of this strategy, groups, rules and controllers may take; way 0 leads to any exit.
 
         Parameters
@@ -97,7 +97,7 @@ class Scenario:
             names = [OUT, *(route.name for route in routes)]
             routes += [route for route in self._taken(part, strategy) if route.name not in names]
         radius = self.population.radius
-        return find_ways(
+        return build_routes(
             self.geometry,
             radius.high,
             min_radius=radius.low,
@@ -129,7 +129,7 @@ class Scenario:
         """Return whether it depends on where people start which way they mean to take."""
         return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
 
-    def choose(self, ways: Ways, strategy: str, position: Floats) -> Ints:
+    def choose(self, route_set: RouteSet, strategy: str, position: Floats) -> Ints:
         """Return the number of the way (K,) that people mean to take who start at ``position`` (K, 2).
 
         Raises
@@ -146,7 +146,7 @@ class Scenario:
             begin, end = end, len(position) if len(parts) == 1 else end + part.count
             names = [route.name for route in self._taken(part, strategy)]
             one = len(names) == 1
-            chosen[begin:end] = ways.number(names[0]) if one else ways.nearest(names, position[begin:end])
+            chosen[begin:end] = route_set.number(names[0]) if one else route_set.nearest(names, position[begin:end])
         return chosen
 
 

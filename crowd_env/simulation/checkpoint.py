@@ -20,7 +20,7 @@ _OF_CONTACTS = ("i", "j", "gap", "normal", "impulse", "memory")
 
 
 class Remembered(NamedTuple):
-    """What a checkpoint keeps of a `Memory`: all but the lists of neighbours, which are made anew, and scratch."""
+    """What a checkpoint keeps of a `Memory`: all but the lists of neighbors, which are made anew, and scratch."""
 
     arrays: Arrays  # by name
     diagnostics: Diagnostics  # of the last call
@@ -37,7 +37,7 @@ class Checkpoint(NamedTuple):
     memory: Remembered
     diagnostics: Diagnostics  # of the episodes so far
     doors: DoorsThen
-    ways: WaysThen
+    route_set: WaysThen
     order: Order | None  # None = no crowd is large
     escaped: np.ndarray  # (P,)  who was found outside of the walkable area
 
@@ -83,7 +83,7 @@ def has_room(memory: Memory, then: Remembered) -> bool:
 
 
 def recall(memory: Memory, then: Remembered) -> None:
-    """Write it back in place; the lists of neighbours are made anew at the next step."""
+    """Write it back in place; the lists of neighbors are made anew at the next step."""
     write_arrays(memory, then.arrays)
     write_arrays(memory.diagnostics, then.diagnostics._asdict())
     memory.contacts.number[:] = then.contacts

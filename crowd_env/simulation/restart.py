@@ -30,7 +30,7 @@ def begin_memory(e: int, people: slice, memory: Memory, bodies: Bodies, route: I
     memory.door_open[e] = True
     memory.phase[e] = 0
     memory.turn[e] = 0
-    memory.way_age[e] = np.inf
+    memory.direction_age[e] = np.inf
     memory.near.reach[e] = -1.0
     memory.contacts.number[e] = 0
     memory.push[people] = 0.0

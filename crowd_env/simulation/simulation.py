@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env._kernels.struct_ref import Reference, refer
+from crowd_env._kernels.struct_ref import StructRef, struct_ref
 from crowd_env._kernels.threads import Workers
 from crowd_env.geometry.geometry import Geometry, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
@@ -16,20 +16,20 @@ from crowd_env.physics.neighbors.update import DIVERGED, FULL, OK, TOO_FAST
 from crowd_env.physics.scheme import scratch_of
 from crowd_env.physics.spatial_order import SortedCrowd
 from crowd_env.physics.workspace import (
-    Asked,
     Batch,
+    Command,
     Diagnostics,
     World,
     add_diagnostics,
     allocate_control,
     allocate_memory,
-    ask,
     grow_memory,
     no_diagnostics,
+    set_command,
 )
-from crowd_env.routing.door_schedule import Doorkeeper
-from crowd_env.routing.replanning import Wayfinder
-from crowd_env.routing.route_set import Ways
+from crowd_env.routing.door_schedule import DoorSchedule
+from crowd_env.routing.replanning import RoutePlanner
+from crowd_env.routing.route_set import RouteSet
 from crowd_env.simulation.arguments import (
     check_routes,
     check_step,
@@ -82,7 +82,7 @@ class Simulation:
         *,
         scheme: str | ContactScheme = "nsm2",
         dt: float | None = None,
-        fields: Sequence[Ways | NavigationField | None] | None = None,
+        fields: Sequence[RouteSet | NavigationField | None] | None = None,
         geometry_of_env: Ints | None = None,
         driving: bool = True,
         threads: int = 1,
@@ -103,11 +103,11 @@ class Simulation:
         boundary = join_boundaries(self.geometries)
         environments = len(state.time)
         which = which_geometry(geometry_of_env, environments, len(self.geometries))
-        self.wayfinder = Wayfinder(self.fields, which, boundary, replan_every)
-        guidance = self.wayfinder.guidance
-        self.world = World(boundary, self.wayfinder.field, which, guidance)
+        self.planner = RoutePlanner(self.fields, which, boundary, replan_every)
+        guidance = self.planner.guidance
+        self.world = World(boundary, self.planner.field, which, guidance)
         closed, events = ([getattr(place, name, ()) for place in self.fields] for name in ("closed_at_start", "events"))
-        self._doorkeeper = Doorkeeper(self.geometries, closed, events, which)
+        self._doorkeeper = DoorSchedule(self.geometries, closed, events, which)
         doors = max(len(place.doors) for place in self.geometries)
         rules = int(np.diff(guidance.rule.start).max(initial=0))
         self._scratch = scratch_of(self.scheme)
@@ -123,10 +123,10 @@ class Simulation:
         # (P,) who was found outside of the walkable area after any call since the start of the environment: by position
         # alone, whatever the contacts say.  Nobody should be.
         self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
-        self._border = refer(border_of([place.walkable for place in self.geometries]))
+        self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
         self._sorted = SortedCrowd(bodies, state, self.memory) if SortedCrowd.is_needed(bodies) else None
         self._control = allocate_control(len(bodies.radius), driving, bounded=not allow_unstable)
-        self._batch: Reference | None = None  # what kernels work on
+        self._batch: StructRef | None = None  # what kernels work on
         self._made_of: tuple[object, ...] = ()  # and the tuples that it refers to
         self._workers = Workers()
         self.times_restored = 0  # whoever keeps books beside the simulation sees that they are of another moment
@@ -175,7 +175,7 @@ class Simulation:
             If someone would move further in one step than the own radius, or a position is no longer finite.
         """
         people = len(self.bodies.radius)
-        asked = Asked(
+        asked = Command(
             vectors("command", command, people),
             flags("relative", relative, people),
             vectors("external_force", external_force, people),
@@ -188,18 +188,18 @@ class Simulation:
         for sums in (memory.push, memory.crush, memory.progress, memory.cut.gate, *memory.diagnostics):
             sums[:] = 0
         if self._sorted is None:
-            ask(self._control, asked)
+            set_command(self._control, asked)
         target = 0
         while target < n_substeps:
             for e in self._doorkeeper.update(self.bodies, self.state):
                 self.close_doors(e, self._doorkeeper.closed[e])
-            self.wayfinder.update(self.bodies, self.state)
+            self.planner.update(self.bodies, self.state)
             inside = self.inside
             if self._sorted is not None:
                 self._sorted.update(self.bodies, self.state, self.memory)
             waits = [
                 self._sorted.steps_until_due(self.state.time, self.dt, inside) if self._sorted is not None else None,
-                self.wayfinder.steps_until_due(self.state.time, self.dt, inside),
+                self.planner.steps_until_due(self.state.time, self.dt, inside),
                 self._doorkeeper.steps_until_due(self.state.time, self.dt, inside),
             ]
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
@@ -226,9 +226,9 @@ class Simulation:
         self._doorkeeper.closed[e] = shut
         self.memory.door_open[e, : len(names)] = stands_open
         self.memory.near.reach[e] = -1.0
-        self.memory.way_age[e] = np.inf
-        self.wayfinder.close(e, shut)
-        self.world = self.world._replace(field=self.wayfinder.field)
+        self.memory.direction_age[e] = np.inf
+        self.planner.close(e, shut)
+        self.world = self.world._replace(field=self.planner.field)
 
     def _people(self, e: int) -> slice:
         """Return whose slots are those of environment ``e``; ValueError if there is none of that number."""
@@ -236,25 +236,25 @@ class Simulation:
             raise ValueError(f"there is no environment {e!r}; they are numbered 0 to {len(self.state.time) - 1}")
         return slice(int(self.bodies.env_start[e]), int(self.bodies.env_start[e + 1]))
 
-    def _referred(self) -> Reference:
+    def _kernel_args(self) -> StructRef:
         """Return all that kernels work on, anew if something was replaced."""
         parts = (self.world, self.bodies, self.state, self._control, self.memory)
         if self._batch is None or any(now is not then for now, then in zip(parts, self._made_of, strict=True)):
             batch = Batch(*parts)
             self._made_of = parts
-            self._batch = refer(batch if self._sorted is None else self._sorted.stands_in(batch))
+            self._batch = struct_ref(batch if self._sorted is None else self._sorted.view(batch))
         return self._batch
 
-    def _run_until(self, n_substeps: int, asked: Asked) -> None:
+    def _run_until(self, n_substeps: int, asked: Command) -> None:
         """Advance every environment to step ``n_substeps`` of this call."""
         while True:
             if self._sorted is not None:
-                self._sorted.take_in(self.bodies, self.state, self.memory, self._control, asked)
+                self._sorted.gather(self.bodies, self.state, self.memory, self._control, asked)
             try:
-                self._run(self._referred(), n_substeps)
+                self._run(self._kernel_args(), n_substeps)
             finally:  # Ctrl-C too finds everyone where he has come to
                 if self._sorted is not None:
-                    self._sorted.give_back(self.state, self.memory)
+                    self._sorted.scatter(self.state, self.memory)
             status = self.memory.status
             stopped = np.flatnonzero((status == DIVERGED) | (status == TOO_FAST))
             if len(stopped):
@@ -265,10 +265,10 @@ class Simulation:
             self._grow()  # the environments that were full go on where they were
 
     def _grow(self) -> None:
-        """Make more room for neighbours; what others hold on to stays."""
+        """Make more room for neighbors; what others hold on to stays."""
         self.__dict__["memory"] = grow_memory(self.memory, self.bodies, self._scratch)
 
-    def _run(self, batch: Reference, n_substeps: int) -> None:
+    def _run(self, batch: StructRef, n_substeps: int) -> None:
         """Advance the batch on all threads: the kernels hold no lock.
 
         Either ranges of environments side by side, which share no memory; or, where a crowd is large and the scheme knows how,
@@ -315,10 +315,10 @@ class Simulation:
         begin_memory(e, people, self.memory, self.bodies, routes, self.diagnostics)
         if self._sorted is not None:
             self._sorted.restart(e, self.memory)
-        self.wayfinder.restart(e)
+        self.planner.restart(e)
         self.close_doors(e, self._doorkeeper.restart(e))
         self.escaped[people] = False
-        self.wayfinder.update(self.bodies, self.state, only=e)
+        self.planner.update(self.bodies, self.state, only=e)
 
     def checkpoint(self) -> Checkpoint:
         """Return a copy of all that the future depends on, to `restore` here, or in a simulation made like this one."""
@@ -329,7 +329,7 @@ class Simulation:
             remember(self.memory),
             Diagnostics._make(array.copy() for array in self.diagnostics),
             self._doorkeeper.moment(),
-            self.wayfinder.moment(),
+            self.planner.moment(),
             None if self._sorted is None else self._sorted.order(),
             self.escaped.copy(),
         )
@@ -360,14 +360,14 @@ class Simulation:
             write_arrays(ours, then._asdict())
         self.escaped[:] = checkpoint.escaped
         self._doorkeeper.restore(checkpoint.doors)
-        self.wayfinder.restore(checkpoint.ways)
-        self.world = self.world._replace(field=self.wayfinder.field)
+        self.planner.restore(checkpoint.route_set)
+        self.world = self.world._replace(field=self.planner.field)
         if self._sorted is not None and checkpoint.order is not None:
             self._sorted.restore(checkpoint.order, self.bodies)
         self.times_restored += 1
 
     def _made_like(self) -> dict[str, Any]:
-        is_sorted, interval = self._sorted is not None, self.wayfinder.interval
+        is_sorted, interval = self._sorted is not None, self.planner.interval
         return made_by(self.scheme, self.dt, self.driving, interval, self.bodies, is_sorted, self.world)
 
     def send(self, e: int, route: Ints | int) -> None:
@@ -382,7 +382,7 @@ class Simulation:
         wanted = routes_of(route, self._routes_of_person[people])
         self.state.route[people] = wanted
         self.memory.followed[people] = wanted
-        self.memory.way_age[e] = np.inf
+        self.memory.direction_age[e] = np.inf
 
     def contacts(self, e: int = 0) -> ContactList:
         """Return a copy of the contacts of environment ``e``."""

@@ -79,7 +79,7 @@ def test_pressure_is_force_over_circumference_where_the_person_stands():
     assert [most[cell] for cell in at.values()] == pytest.approx([500 / circumference, 200 / circumference, 0.0])
     # Three samples: the start, when nobody is pressed yet, and two steps.
     assert [mean[cell] for cell in at.values()] == pytest.approx([200 / circumference, 200 / 3 / circumference, 0.0])
-    assert (most > 0).sum() == 2 * 5  # the cell and its neighbours
+    assert (most > 0).sum() == 2 * 5  # the cell and its neighbors
 
 
 def test_a_jam_at_a_narrow_door_is_denser_there_and_presses():
@@ -118,7 +118,7 @@ def test_replanning_is_counted_where_there_is_some():
 # ------------------------------------------------------------------------------------------------------------- pictures
 
 
-def test_maps_are_drawn_over_the_floor_with_the_colours_asked_for(tmp_path):
+def test_maps_are_drawn_over_the_floor_with_the_colors_asked_for(tmp_path):
     values = np.zeros((24, 40))
     values[10, 5], values[12, 30] = 4.0, 1.0
     maps = [HeatMap(f"map {k}", values, (0.0, 0.0), CELL, "1/m2", kind, full) for k, kind, full in

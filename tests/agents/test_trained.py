@@ -17,7 +17,7 @@ from agents.network import Network, read_network
 from agents.trained import LearnedController, LearnedPolicy, load_trained
 from crowd_env import CrowdEnv, ObservationLayout
 
-NARROW = ObservationLayout(terms=("direction", "neighbours"), neighbours=2)
+NARROW = ObservationLayout(terms=("direction", "neighbors"), neighbors=2)
 
 
 def test_a_saved_policy_is_the_same_policy(tmp_path):
@@ -40,7 +40,7 @@ def test_the_file_says_what_it_is_for(tmp_path):
     assert facts["format"] == "crowd_env network" and facts["version"] == 1 and facts["kind"] == "policy"
     assert facts["layers"] == [NARROW.size, 8, 8, 2] and facts["activation"] == "tanh"
     assert facts["action"] == {"kind": "continuous", "frame": "world"}
-    assert facts["observation"]["terms"] == ["direction", "neighbours"]
+    assert facts["observation"]["terms"] == ["direction", "neighbors"]
 
 
 def test_a_row_comes_out_the_same_in_a_batch_of_any_size():
@@ -193,7 +193,7 @@ def pickled(model, path, payload=None):
         code = base64.b64encode(cloudpickle.dumps(payload)).decode()
         data["lr_schedule"] = {":type:": "<class 'function'>", ":serialized:": code}
         members["data"] = json.dumps(data).encode()
-    options = {"frame": "world", "action": "continuous", "observation": {"terms": NARROW.terms, "neighbours": 2}}
+    options = {"frame": "world", "action": "continuous", "observation": {"terms": NARROW.terms, "neighbors": 2}}
     members["crowd_env.json"] = json.dumps(options).encode()
     with zipfile.ZipFile(path, "w") as new:
         for name, content in members.items():

@@ -16,7 +16,7 @@ from crowd_env.cli import clogging as clogging_command
 from crowd_env.cli import main as cli
 from crowd_env.cli import reproduce as command
 from crowd_env.cli.main import app
-from crowd_env.console import counted, said_plainly
+from crowd_env.console import counted, friendly_errors
 from crowd_env.envs.rollout import RunsInterrupted, finished_runs, report, run_rule
 from crowd_env.scenarios import make_scenario
 
@@ -183,13 +183,13 @@ def test_a_missing_library_of_films_is_said_before_the_work(monkeypatch, tmp_pat
     ],
 )
 def test_errors_are_one_sentence(error, said, capsys):
-    with pytest.raises(typer.Exit) as left, said_plainly():
+    with pytest.raises(typer.Exit) as left, friendly_errors():
         raise error
     assert left.value.exit_code == 2 and capsys.readouterr().err.rstrip("\n") == said
 
 
 def test_warnings_are_notes_without_lines_of_code(capsys):
-    with said_plainly():
+    with friendly_errors():
         for _ in range(2):
             warnings.warn("the way is narrow", stacklevel=1)
     assert capsys.readouterr().err == "note: the way is narrow\n"

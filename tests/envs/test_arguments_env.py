@@ -258,5 +258,5 @@ def test_plain_data_configure_every_face(name):
 
 def test_every_scenario_says_which_options_it_has():
     for name in SCENARIOS:
-        with pytest.raises(ValueError, match=rf"{re.escape(name.removesuffix('-v0'))}.* no option 'colour'"):
-            crowd_env.make_scenario(name, colour=1)
+        with pytest.raises(ValueError, match=rf"{re.escape(name.removesuffix('-v0'))}.* no option 'color'"):
+            crowd_env.make_scenario(name, color=1)

@@ -84,7 +84,7 @@ def test_an_environment_is_the_same_after_other_episodes():
     assert play(env, [1, 2]) == [alone(1), alone(2)]
 
 
-def test_who_starts_where_he_has_just_stood_touches_his_neighbours_again():
+def test_who_starts_where_he_has_just_stood_touches_his_neighbors_again():
     """Recorded starts shoulder to shoulder, and an episode before in which nobody moved."""
     x, y = np.meshgrid(np.arange(1.0, 3.1, 0.402), np.arange(1.0, 3.1, 0.402))
     starts = np.column_stack([x.ravel(), y.ravel()])

@@ -22,7 +22,7 @@ from crowd_env import CrowdEnv, ObservationLayout, make_scenario
         ({"dt": 0.03}, ["decision_dt", "whole number"]),
         ({"decision_dt": 0.004}, ["decision_dt", "whole number"]),
         ({"dt": 0.1, "scheme": "dem"}, ["dem", "stable step"]),
-        ({"colour": "red"}, ["colour", "door_width"]),
+        ({"color": "red"}, ["color", "door_width"]),
         ({"door_width": 0.3}, ["0.30 m", "narrower", "0.40 m"]),
         ({"count": 1000}, ["1000", "do not fit"]),
         ({"scenario": make_scenario("room-v0"), "count": 3}, ["count", "scenario name"]),

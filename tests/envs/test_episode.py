@@ -105,11 +105,11 @@ def test_a_switch_pays_the_difference_of_the_ways_at_that_place():
     env.reset(seed=0)
     still = np.zeros((4, 2))
     env.step(still)
-    ways = env.simulation.wayfinder.ways(0)
-    env.simulation.send(0, ways.number("east"))
+    route_set = env.simulation.planner.route_set(0)
+    env.simulation.send(0, route_set.number("east"))
     env.reset(mask=[False, True])  # looking once more does not make the switch forgotten
     there = env.step(still).info["reward/progress"]
-    env.simulation.send(0, ways.number("west"))
+    env.simulation.send(0, route_set.number("west"))
     back = env.step(still).info["reward/progress"]
     np.testing.assert_allclose(there, [-4 / 1.5, 6 / 1.5, 0.0, 0.0], atol=0.02)
     np.testing.assert_allclose(back, -there, atol=1e-9)
@@ -128,7 +128,7 @@ def test_replanning_the_fastest_way_pays_nothing():
         assert (np.abs(paid[stayed]) <= (walked[stayed] + 0.15) / speed[stayed]).all()
         steps.append(paid[inside].std())
     replanned = np.array(steps)[::10]
-    assert env.simulation.wayfinder.marches >= 6
+    assert env.simulation.planner.marches >= 6
     assert replanned.max() < 0.25 and replanned.mean() < 2.0 * np.mean(steps)
 
 
@@ -170,7 +170,7 @@ def test_whatever_happens_the_sum_is_that_of_the_ends():
 
     def now():
         """Return the travel time of everyone by the potential of the way that he follows, looked up from outside."""
-        rows = simulation.wayfinder.potential_of_route[env.env_of_person, simulation.memory.followed]
+        rows = simulation.planner.potential_of_route[env.env_of_person, simulation.memory.followed]
         time = [
             travel_time_at(simulation.world.field, boundary, f, x, y, r)
             for f, (x, y), r in zip(rows, simulation.state.position, simulation.bodies.radius, strict=True)
@@ -181,7 +181,7 @@ def test_whatever_happens_the_sum_is_that_of_the_ends():
     for k in range(100):
         e = int(rng.integers(3))
         if rng.random() < 0.3:
-            simulation.send(e, rng.integers(len(env.ways[0].ways), size=5))
+            simulation.send(e, rng.integers(len(env.route_set[0].route_set), size=5))
         if rng.random() < 0.2:
             simulation.close_doors(e, [[], ["west door"], ["east door"]][rng.integers(3)])
         if k == 50:

@@ -44,7 +44,7 @@ def test_the_state_of_two_people_by_hand():
         "desired_speed": [[1.5], [1.5]],
         "relaxation_time": [[0.3], [0.3]],
         "response_time": [[0.25], [0.25]],
-        "route": [[env.env.ways[0].number("west")], [env.env.ways[0].number("east")]],
+        "route": [[env.env.route_set[0].number("west")], [env.env.route_set[0].number("east")]],
         "exit": [[1, 0], [0, 1]],  # each means to take the nearest
     }
     assert list(expected) == list(layout.of_person)

@@ -11,7 +11,7 @@ from crowd_env import CrowdEnv, Geometry, ObservationLayout, Population, Scenari
 from crowd_env.envs.observation.layout import TERMS
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
-FULL = ObservationLayout(neighbours=7, rays=12)
+FULL = ObservationLayout(neighbors=7, rays=12)
 
 
 def crowds(frame="path", layout=FULL, scheme="nsm2"):
@@ -81,10 +81,10 @@ def test_direction_and_travel_time_are_those_of_the_shortest_path():
     observation, _ = env.reset(seed=3)
     state, bodies = env.simulation.state, env.simulation.bodies
     free = state.position[:, 0] < 4.7  # nearer to the wall the path leads away from it first
-    ways = [way_out_of_the_room(start, 0.25) for start in state.position]
-    length = np.array([way[0] for way in ways])
+    route_set = [way_out_of_the_room(start, 0.25) for start in state.position]
+    length = np.array([way[0] for way in route_set])
     time = length / bodies.desired_speed
-    check(observation, env.layout, "direction", np.array([way[1] for way in ways]), free, atol=0.08)
+    check(observation, env.layout, "direction", np.array([way[1] for way in route_set]), free, atol=0.08)
     check(observation, env.layout, "travel_time", (time / (time + 5.0))[:, None], free, atol=0.006)
 
 
@@ -167,7 +167,7 @@ def others(env, i):
 
 
 @pytest.mark.parametrize("frame", ["path", "world"])
-def test_neighbours_are_the_nearest_by_gap_within_three_metres(frame):
+def test_neighbors_are_the_nearest_by_gap_within_three_meters(frame):
     for env, observation in crowds(frame):
         state, radius = env.simulation.state, env.simulation.bodies.radius
         axis = axes(env, observation)
@@ -181,12 +181,12 @@ def test_neighbours_are_the_nearest_by_gap_within_three_metres(frame):
                 expected[i, slot, :2] = turned(offset[k], axis[i]) / 3.0
                 expected[i, slot, 2:4] = turned(relative[k], axis[i]) / 4.0
                 expected[i, slot, 4] = 1.0 - max(gap[k], 0.0) / 3.0
-        check(observation, FULL, "neighbours", expected.reshape(env.num_people, -1), env.active)
+        check(observation, FULL, "neighbors", expected.reshape(env.num_people, -1), env.active)
         alone = (expected[:, -1] == 0).all(axis=1) & env.active
     assert alone.any()  # empty slots were seen as well
 
 
-def test_density_counts_the_people_within_a_metre():
+def test_density_counts_the_people_within_a_meter():
     most = 0
     for env, observation in crowds():
         position = env.simulation.state.position
@@ -225,17 +225,17 @@ def test_nobody_is_seen_across_rooms():
     one = make_scenario("room-v0", population=Population(1, starts=np.array([[2.5, 2.5]])))
     env = CrowdEnv([one, make_scenario("room-v0")], num_envs=2)
     observation, _ = env.reset(seed=0)
-    assert not observation[0, env.layout["neighbours"]].any()
+    assert not observation[0, env.layout["neighbors"]].any()
     assert observation[0, env.layout["density"]] == pytest.approx(1 / (8 * np.pi))
 
 
-def test_neighbours_at_equal_gaps_come_in_the_order_of_their_slots():
+def test_neighbors_at_equal_gaps_come_in_the_order_of_their_slots():
     """Everyone stands on a square lattice of 0.5 m: four nearest at exactly the same gap."""
     x, y = np.meshgrid(np.arange(1.0, 4.1, 0.5), np.arange(1.0, 4.1, 0.5))
     starts = np.column_stack([x.ravel(), y.ravel()])
     starts = starts[np.random.default_rng(0).permutation(len(starts))]
     people = Population(len(starts), radius=Uniform(0.2, 0.2), starts=starts)
-    layout = ObservationLayout(terms=("neighbours",), neighbours=2)
+    layout = ObservationLayout(terms=("neighbors",), neighbors=2)
     env = CrowdEnv("room-v0", population=people, frame="world", observation=layout)
     observation, _ = env.reset(seed=0)
     for i in range(len(starts)):
@@ -248,7 +248,7 @@ def test_neighbours_at_equal_gaps_come_in_the_order_of_their_slots():
 
 
 def quarter_turn(points):
-    """Return points of the 5 x 5 m room after a quarter turn to the left around its centre."""
+    """Return points of the 5 x 5 m room after a quarter turn to the left around its center."""
     x, y = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
     return np.stack([5.0 - y, x], axis=-1)
 
@@ -284,7 +284,7 @@ def test_a_turned_room_is_perceived_as_turned(frame):
             expected = left(straight)
         elif frame == "world" and name == "walls":
             expected = np.roll(straight, 2, axis=-1)  # a quarter of eight rays
-        elif frame == "world" and name == "neighbours":
+        elif frame == "world" and name == "neighbors":
             slots = straight.reshape(*steps, -1, 5)
             expected = np.concatenate([left(slots[..., :2]), left(slots[..., 2:4]), slots[..., 4:]], axis=-1)
             expected = expected.reshape(straight.shape)
@@ -296,28 +296,28 @@ def test_a_turned_room_is_perceived_as_turned(frame):
 
 @pytest.mark.parametrize("term", TERMS)
 def test_each_term_can_be_had_alone_and_is_the_same_then(term):
-    single = ObservationLayout(terms=(term,), neighbours=7, rays=12)
+    single = ObservationLayout(terms=(term,), neighbors=7, rays=12)
     for (_, whole), (env, part) in zip(crowds(), crowds(layout=single), strict=True):
         assert env.layout[term] == slice(0, part.shape[1])
         np.testing.assert_array_equal(part, whole[:, FULL[term]])
 
 
 def test_columns_follow_the_order_of_the_terms_without_gaps():
-    layout = ObservationLayout(terms=("walls", "crush", "neighbours", "velocity"), neighbours=3, rays=5)
+    layout = ObservationLayout(terms=("walls", "crush", "neighbors", "velocity"), neighbors=3, rays=5)
     assert [layout[name] for name in layout.terms] == [slice(0, 5), slice(5, 6), slice(6, 21), slice(21, 23)]
     assert layout.size == 23
-    with pytest.raises(KeyError, match=r"density.*walls, crush, neighbours, velocity"):
+    with pytest.raises(KeyError, match=r"density.*walls, crush, neighbors, velocity"):
         layout["density"]
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"terms": ("velocity", "smell")}, "smell.*velocity.*neighbours"),
+        ({"terms": ("velocity", "smell")}, "smell.*velocity.*neighbors"),
         ({"terms": ()}, "at least one"),
         ({"terms": ("push", "push")}, "only once"),
-        ({"neighbours": 0}, "1 to 32"),
-        ({"neighbours": 33}, "1 to 32"),
+        ({"neighbors": 0}, "1 to 32"),
+        ({"neighbors": 33}, "1 to 32"),
         ({"rays": 0}, "1 to 360"),
     ],
 )
@@ -327,13 +327,13 @@ def test_an_impossible_layout_is_refused(options, words):
 
 
 def test_who_is_out_perceives_nothing_and_is_not_perceived():
-    env = CrowdEnv("room-v0", count=2, observation=ObservationLayout(neighbours=1))
+    env = CrowdEnv("room-v0", count=2, observation=ObservationLayout(neighbors=1))
     env.reset(seed=0)
     while env.active.all():
         env.step(None)
     step = env.step(None)
     gone = int(np.flatnonzero(~env.active)[0])
     if env.active.any():
-        assert not step.observation[1 - gone, env.layout["neighbours"]].any()
+        assert not step.observation[1 - gone, env.layout["neighbors"]].any()
         assert step.observation[1 - gone, env.layout["density"]] == pytest.approx(1 / (8 * np.pi))
     assert not step.observation[gone].any()

@@ -5,8 +5,8 @@ import pytest
 from crowds import cluttered
 
 from crowd_env import CrowdEnv, ObservationLayout, Population, RewardWeights, Scenario, make_scenario
-from crowd_env._kernels.struct_ref import refer
-from crowd_env.envs.buffers import Recycled
+from crowd_env._kernels.struct_ref import struct_ref
+from crowd_env.envs.buffers import BufferPool
 from crowd_env.envs.observation.layout import TERMS
 from crowd_env.envs.reward import REWARDS
 
@@ -14,17 +14,17 @@ CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
 HALL = make_scenario("room-v0", count=300, side=16.0)
 
 
-@pytest.mark.parametrize("neighbours", [1, 6, 7, 32])
-@pytest.mark.parametrize("terms", [tuple(TERMS), ("density",), ("neighbours",)])
-def test_all_pairs_and_cells_show_the_same_to_the_last_bit(terms, neighbours):
-    env = CrowdEnv([HALL, CLUTTERED], num_envs=3, observation=ObservationLayout(terms, neighbours=neighbours))
+@pytest.mark.parametrize("neighbors", [1, 6, 7, 32])
+@pytest.mark.parametrize("terms", [tuple(TERMS), ("density",), ("neighbors",)])
+def test_all_pairs_and_cells_show_the_same_to_the_last_bit(terms, neighbors):
+    env = CrowdEnv([HALL, CLUTTERED], num_envs=3, observation=ObservationLayout(terms, neighbors=neighbors))
     env.reset(seed=1)
     rng = np.random.default_rng(0)
     observer, shows = env._observer, []
     for _ in range(25):
         env.step(rng.uniform((0.2, -0.4), (1.0, 0.4), (env.num_people, 2)))
     for most in (0, 20, 10_000):
-        observer._plans = [refer(env.layout.plan(env.num_people, all_pairs=most))]
+        observer._plans = [struct_ref(env.layout.plan(env.num_people, all_pairs=most))]
         shows.append(observer.observe(env.active))
     assert shows[0].any() and not env.active.all()
     np.testing.assert_array_equal(shows[0], shows[1])
@@ -81,7 +81,7 @@ def test_what_was_shown_stays_as_it_was():
 
 
 def test_memory_is_used_again_when_nobody_holds_it_nor_a_view_of_it():
-    arrays = Recycled((3, 2))
+    arrays = BufferPool((3, 2))
     first = arrays.take()
     address = first.ctypes.data
     row = first[1]

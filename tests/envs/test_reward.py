@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from crowd_env import CrowdEnv, EpisodeMetrics, RewardWeights, make_scenario
-from crowd_env._kernels.struct_ref import refer
+from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env.envs.metrics import flow_slope, summarise
 from crowd_env.envs.reward import REWARDS, RewardFunction, Transition
 
@@ -156,7 +156,7 @@ def test_one_step_by_hand():
         env_start=np.array([0, 4, 5]),
     )
     weights = RewardWeights({"progress": 1.0, "exit": 2.0, "time": 5.0, "contact": 1.0}, team_share=0.5)
-    reward, terms = RewardFunction(weights, 5)(refer(step))
+    reward, terms = RewardFunction(weights, 5)(struct_ref(step))
     own = [0.2 - 0.5 - 0.1, 0.1 + 2.0 - 0.3, -0.1 - 0.5, 0.0, 0.1 - 0.5]  # -0.4, 1.8, -0.6, 0, -0.4
     np.testing.assert_allclose(terms["reward/progress"], [0.2, 0.1, -0.1, 0.0, 0.1], atol=1e-12)
     np.testing.assert_allclose(terms["reward/time"], [-0.1, -0.06, -0.1, 0.0, -0.1], atol=1e-12)

@@ -118,7 +118,7 @@ def test_cells_without_floor_are_no_regions():
     env = RoutingEnv(Scenario("corner", geometry, Population(3), 20.0), grid=(2, 2))
     assert env.layout.regions == ("cell-0-0", "cell-1-0", "cell-0-1")
     np.testing.assert_allclose(env.batch.regions.area, 4.0)
-    np.testing.assert_allclose(env.batch.regions.centre, [(1, 1), (3, 1), (1, 3)])
+    np.testing.assert_allclose(env.batch.regions.center, [(1, 1), (3, 1), (1, 3)])
     places = np.array([(0.5, 0.5), (3.9, 1.9), (1.0, 3.0), (3.0, 3.0), (-0.1, 4.1)])
     np.testing.assert_array_equal(env.batch.regions.locate(places), [0, 1, 2, -1, 2])
 
@@ -130,7 +130,7 @@ def test_an_action_reaches_exactly_the_people_in_the_region():
     batch = RoutingBatch(hall(), num_envs=2, grid=(4, 2), interval=0.01)
     batch.reset(0)
     state = batch.env.simulation.state
-    west, east = (batch.env.ways[0].number(name) for name in ("west", "east"))
+    west, east = (batch.env.route_set[0].number(name) for name in ("west", "east"))
     state.route[:] = west
     x, y = state.position.T.copy()
     action = np.full((2, 8), WEST)
@@ -146,8 +146,8 @@ def test_outside_of_the_named_regions_people_keep_to_what_they_were_told():
     env = RoutingEnv(corridor(FIVE, regions=regions), regions=["middle", "wide"], interval=0.5)
     assert env.layout.regions == ("middle", "wide")
     env.reset(seed=0)
-    ways, state = env.batch.env.ways[0], env.batch.env.simulation.state
-    west, east = ways.number("west"), ways.number("east")
+    route_set, state = env.batch.env.route_set[0], env.batch.env.simulation.state
+    west, east = route_set.number("west"), route_set.number("east")
     np.testing.assert_array_equal(state.route, [west, west, west, east, east])
     env.step([EAST, WEST])  # the third stands in both regions: the first one counts; the fourth on the border of middle
     np.testing.assert_array_equal(state.route, [west, west, east, east, east])

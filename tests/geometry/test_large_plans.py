@@ -30,7 +30,7 @@ def test_a_place_too_large_for_a_fine_grid_gets_a_coarser_one_and_says_so(coarse
     with pytest.warns(UserWarning, match=r"24 m x 12 m: ways are looked for on a grid of 0\.18\d m"):
         field = travel_time_field(divided(0.9), 0.25, min_radius=0.2)
     assert coarse <= field.spacing < 1.05 * coarse
-    assert field.radius >= 1.25 * field.spacing  # nodes on both sides of a thin wall are no neighbours
+    assert field.radius >= 1.25 * field.spacing  # nodes on both sides of a thin wall are no neighbors
 
 
 def test_ways_on_a_coarse_grid_go_through_the_gap_not_the_wall(coarse):

@@ -12,7 +12,7 @@ from numba import config
 
 from crowd_env import CrowdEnv
 from crowd_env._kernels.jit import inner_kernel, kernel
-from crowd_env._kernels.struct_ref import Reference, refer
+from crowd_env._kernels.struct_ref import StructRef, struct_ref
 
 pytestmark = pytest.mark.kernels
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="about compiled code")
@@ -62,7 +62,7 @@ def make() -> Outer:
     return Outer(dt=0.5, inner=inner, steps=7, driving=True, count=np.zeros(3, dtype=np.int64))
 
 
-@pytest.mark.parametrize("by", [refer, lambda tuple_: tuple_], ids=["reference", "tuple"])
+@pytest.mark.parametrize("by", [struct_ref, lambda tuple_: tuple_], ids=["reference", "tuple"])
 def test_a_kernel_reads_and_writes_the_same_of_a_reference_as_of_the_tuple(by):
     outer = make()
     assert read(by(outer)) == (1.5 + 5.5, 5.0 + 2, 3_999_999_998, 7, 0.5, 1)
@@ -72,12 +72,12 @@ def test_a_kernel_reads_and_writes_the_same_of_a_reference_as_of_the_tuple(by):
 
 def test_a_reference_keeps_its_arrays_alive_and_nested_ones_are_taken_as_they_are():
     outer = make()
-    inner = refer(outer.inner)
-    reference = refer(outer._replace(inner=inner))
+    inner = struct_ref(outer.inner)
+    reference = struct_ref(outer._replace(inner=inner))
     del outer
     rubbish = [np.full((3, 2), np.nan) for _ in range(100)]  # would lie where freed arrays were
     assert read(reference)[0] == 7.0
-    assert refer(inner) is inner
+    assert struct_ref(inner) is inner
     assert reference.fields.steps == 7
     del rubbish
 
@@ -85,12 +85,12 @@ def test_a_reference_keeps_its_arrays_alive_and_nested_ones_are_taken_as_they_ar
 def test_tables_never_change():
     # The compiler was told so, and may read a table once for many uses.
     with pytest.raises(ValueError, match="read-only"):
-        refer(make())._table[0] = 0
+        struct_ref(make())._table[0] = 0
 
 
 def test_python_reads_the_same_attributes_as_a_kernel():
     outer = make()
-    reference = refer(outer._replace(inner=refer(outer.inner)))
+    reference = struct_ref(outer._replace(inner=struct_ref(outer.inner)))
     assert reference.inner.position is outer.inner.position and reference.dt == outer.dt
     for absent in ("nothing", "_fields", "__len__"):
         with pytest.raises(AttributeError, match=absent):
@@ -98,14 +98,14 @@ def test_python_reads_the_same_attributes_as_a_kernel():
     with pytest.raises(
         AttributeError, match="fields"
     ):  # as in a copy that is half made, instead of going round in circles
-        assert Reference.__new__(Reference).dt
+        assert StructRef.__new__(StructRef).dt
 
 
 def test_empty_arrays_and_columns_of_one():
     empty = Inner(
         np.zeros((0, 2)), np.ones((2, 2, 2)), np.zeros(3, np.uint32), np.zeros(2, np.int16), np.zeros(0, bool)
     )
-    assert read(refer(make()._replace(inner=empty)))[0] == 0.0
+    assert read(struct_ref(make()._replace(inner=empty)))[0] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_empty_arrays_and_columns_of_one():
 )
 def test_what_no_kernel_could_read_is_named(field, value, word):
     with pytest.raises(TypeError, match=word):
-        refer(make()._replace(**{field: value}))
+        struct_ref(make()._replace(**{field: value}))
 
 
 @pytest.mark.parametrize(
@@ -144,15 +144,15 @@ def test_an_unknown_attribute_is_a_typing_error():
         return outer.nothing
 
     with pytest.raises(Exception, match="nothing"):
-        wrong(refer(make()))
+        wrong(struct_ref(make()))
 
 
 @compiled
 def test_equal_tuples_have_one_type_and_others_have_others():
-    one, same = refer(make()), refer(make())
-    other = refer(make()._replace(count=np.zeros(3)))
+    one, same = struct_ref(make()), struct_ref(make())
+    other = struct_ref(make()._replace(count=np.zeros(3)))
     assert one._numba_type_ == same._numba_type_ != other._numba_type_
-    assert isinstance(one, Reference)
+    assert isinstance(one, StructRef)
     before = len(read.signatures)
     read(one), read(same)
     assert len(read.signatures) <= before + 1

@@ -102,7 +102,7 @@ def test_spacing_is_fine_in_a_room_and_bounded_in_a_hall():
         (lambda: travel_time_field(plan("room")[0], float("nan")), "0 < min_radius <= radius"),
         (
             lambda: travel_time_field(Geometry.from_polygon(box(0, 0, 5000, 5000), exits=[[[0, 0], [0, 60]]]), RADIUS),
-            "needs more than .* nodes; check that its coordinates are in metres",
+            "needs more than .* nodes; check that its coordinates are in meters",
         ),
     ],
 )

@@ -19,7 +19,7 @@ from crowd_env import (
     make_bodies,
     make_state,
 )
-from crowd_env._kernels.struct_ref import refer
+from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.physics import SCHEMES
 from crowd_env.state import MAX_SPEED
@@ -211,7 +211,7 @@ def test_who_is_outside_is_found_by_position_as_shapely_finds_it():
         place = shapely.transform(place, lambda xy: np.add(xy, [5e5, 4e6]))
         points = np.add(rng.uniform(-32, 32, (3000, 2)), [5e5, 4e6])
         found, active = np.zeros(len(points), dtype=bool), rng.uniform(size=len(points)) < 0.8
-        border, env_start = refer(border_of([shapely.box(0, 0, 1, 1), place])), np.array([0, len(points)])
+        border, env_start = struct_ref(border_of([shapely.box(0, 0, 1, 1), place])), np.array([0, len(points)])
         mark_outside(border, np.array([1]), env_start, active, points, found)
         np.testing.assert_array_equal(found, active & ~shapely.contains_xy(place, *points.T))
 
@@ -228,7 +228,7 @@ def test_the_quick_way_to_find_who_is_outside_is_right_in_plans_of_right_angles(
         near = shapely.distance(shapely.boundary(place), shapely.points(points)) < 2e-6  # either will do
         found = np.zeros(len(points), dtype=bool)
         env_start, everyone = np.array([0, len(points)]), np.ones(len(points), dtype=bool)
-        mark_outside(refer(border_of([place])), np.array([0]), env_start, everyone, points, found)
+        mark_outside(struct_ref(border_of([place])), np.array([0]), env_start, everyone, points, found)
         np.testing.assert_array_equal(found[~near], ~shapely.contains_xy(place, *points[~near].T))
 
 
@@ -280,7 +280,7 @@ def test_a_soft_wall_that_gives_way_by_a_radius_still_holds():
     env = CrowdEnv(hall(600, 3.0, 0.8), scheme=DEM(stiffness=4e3))
     env.reset(seed=3)
     lost, metrics = run_out(env, 150)
-    assert metrics.max_outside > 0.19  # somebody's centre was at the wall
+    assert metrics.max_outside > 0.19  # somebody's center was at the wall
     assert (lost, metrics.escaped) == (0, 0)
 
 

@@ -113,7 +113,7 @@ def test_the_corner_of_an_obstacle_is_touched_once_from_all_around(name, angle):
 @pytest.mark.parametrize("x", [2.5, 2.95, 3.0, 3.0000001, 3.05, 3.5])
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_straight_wall_of_two_pieces_is_touched_once_from_either_side(name, x, side):
-    for height in (0.19, 0.05):  # however deep the touch, the centre's own side counts
+    for height in (0.19, 0.05):  # however deep the touch, the center's own side counts
         contacts = stand(THIN, [x, 3 + height * side], scheme=tight_grain(name)).contacts()
         touching = contacts.gap < 0
         assert touching.sum() == 1
@@ -161,7 +161,7 @@ def test_a_thin_wall_pushes_to_the_side_one_stands_on(name, side):
 
 @every_scheme
 @pytest.mark.parametrize("height", [0.15, 0.05, 0.0, -0.05, -0.09])
-def test_a_centre_pressed_through_the_wall_is_pushed_back_inside(name, height):
+def test_a_center_pressed_through_the_wall_is_pushed_back_inside(name, height):
     if height < 0 and name.startswith("nsm1"):  # would have no overlap left at the end of the step
         with pytest.raises(FloatingPointError, match=r"would move 0.2\d m in one step near .*its radius of 0.2 m"):
             stand(half_plane(), [height, 0.0], scheme=tight_grain(name), dt=0.001)
@@ -206,7 +206,7 @@ def test_a_slim_partition_is_one_touch_and_keeps_its_side(name):
 
 
 @every_scheme
-def test_coincident_centres_part_without_nan(name):
+def test_coincident_centers_part_without_nan(name):
     simulation = stand(plain(), [[1.0, 1.0], [1.0, 1.0]], scheme=tight_grain(name), dt=0.001)
     simulation.advance(n_substeps=100)
     assert np.isfinite(simulation.state.position).all()
@@ -215,7 +215,7 @@ def test_coincident_centres_part_without_nan(name):
 
 
 @every_scheme
-def test_a_centre_on_a_corner_gives_no_nan(name):
+def test_a_center_on_a_corner_gives_no_nan(name):
     simulation = stand(BLOCK, [4.0, 4.0], scheme=tight_grain(name), dt=0.001)
     simulation.advance(n_substeps=100)
     assert np.isfinite(simulation.state.position).all()

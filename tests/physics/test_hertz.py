@@ -55,7 +55,7 @@ def test_an_undamped_collision_is_elastic_and_meets_the_closed_forms(closing):
     assert strongest == pytest.approx(KN * np.sqrt(reduced) * expected**1.5, rel=1e-3)
 
 
-def test_the_printed_values_of_a_collision_at_2_and_half_a_metre_per_second():
+def test_the_printed_values_of_a_collision_at_2_and_half_a_meter_per_second():
     for closing, overlap, force in ((2.0, 0.0276, 6330.0), (0.5, 0.0091, 1200.0)):
         _, deepest, strongest = collide(ELASTIC, closing, 1e-4)
         assert deepest == pytest.approx(overlap, abs=5e-5)

@@ -215,7 +215,7 @@ def test_velocities_in_a_jam_agree_with_an_interior_point_solver(problem, place,
 
 
 @pytest.mark.parametrize("trial", ["spontaneous", "inertial"])
-def test_a_jam_of_1000_overlaps_by_less_than_a_fifth_of_a_millimetre_with_the_defaults(trial):
+def test_a_jam_of_1000_overlaps_by_less_than_a_fifth_of_a_millimeter_with_the_defaults(trial):
     side = SIDE[1000]
     geometry = door_room(side)
     bodies, state = start(geometry, 1000)

@@ -9,13 +9,13 @@ from scipy.spatial import cKDTree
 from shapely.geometry import box
 
 import crowd_env.physics.spatial_order
-from crowd_env._kernels.struct_ref import refer
+from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import direction_at
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.dem_lanes.partition import SLABS, slabs_of
 from crowd_env.physics.workspace import allocate_memory
-from crowd_env.routing.route_set import find_ways
+from crowd_env.routing.route_set import build_routes
 from crowd_env.routing.spec import Route
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
@@ -104,7 +104,7 @@ def test_what_everyone_gets_is_what_the_contacts_say_across_slabs_too(threads):
 
 
 def test_threads_that_share_a_crowd_stop_together_when_memory_runs_full_or_everyone_is_out(monkeypatch):
-    # Two large crowds and a small place for the list of neighbours: kernels return in the middle of the call.
+    # Two large crowds and a small place for the list of neighbors: kernels return in the middle of the call.
     expected = crowd("dem", 4200, environments=2)
     monkeypatch.setattr(crowd_env.simulation.simulation, "allocate_memory", partial(allocate_memory, per_person=1))
     shared = crowd("dem", 4200, environments=2, threads=3)
@@ -206,7 +206,7 @@ def test_two_who_leave_side_by_side_leave_nothing_behind(name):
 def test_who_looks_only_now_and_then_still_goes_the_way_out(name):
     """In a large crowd the way may be 0.04 s old where it hardly turns: never by more than a few degrees."""
     simulation = crowd(name, 1100, density=1.5)
-    field, boundary, state = refer(simulation.world.field), refer(simulation.world.boundary), simulation.state
+    field, boundary, state = struct_ref(simulation.world.field), struct_ref(simulation.world.boundary), simulation.state
     worst = 0.0
     for _ in range(30):
         simulation.advance(n_substeps=7)
@@ -226,16 +226,16 @@ def test_whoever_is_given_another_route_turns_at_once(name):
     rng = np.random.default_rng(0)
     exits = {"east": [(side, 12), (side, 16)], "west": [(0, 16), (0, 12)]}
     place = Geometry.from_polygon(box(0, 0, side, side), exits=exits)
-    ways = find_ways(place, 0.2, routes=[Route("right", ("east",)), Route("left", ("west",))])
+    route_set = build_routes(place, 0.2, routes=[Route("right", ("east",)), Route("left", ("west",))])
     lattice = np.stack(np.meshgrid(np.arange(34), np.arange(34)), -1).reshape(-1, 2)[:count]
     bodies = make_bodies(np.full(count, 0.2), np.full(count, 70.0), desired_speed=1.0)
     state = make_state(2.0 + 0.7 * lattice + rng.uniform(-0.05, 0.05, (count, 2)))
-    state.route[:] = ways.number("right")
-    simulation = Simulation(place, bodies, state, scheme=name, dt=0.01, fields=[ways])
+    state.route[:] = route_set.number("right")
+    simulation = Simulation(place, bodies, state, scheme=name, dt=0.01, fields=[route_set])
     simulation.advance(n_substeps=13)
     far = np.abs(state.position - side / 2).max(axis=1) < 9.0
     assert (state.velocity[far, 0] > 0.05).all()
     before = state.velocity[:, 0].copy()
-    state.route[:] = ways.number("left")
+    state.route[:] = route_set.number("left")
     simulation.advance(n_substeps=1)
     assert (state.velocity[far, 0] < before[far]).all()

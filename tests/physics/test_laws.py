@@ -189,7 +189,7 @@ MOTIONS = {  # x -> matrix @ x + shift
     "quarter turn": (np.array([[0.0, -1.0], [1.0, 0.0]]), [0, 0]),
     "turn": (turned(0.7), [0, 0]),
     "shift": (np.eye(2), [13.7, -41.2]),
-    "far shift": (np.eye(2), [5e5, 4.8e6]),  # metres of a national grid
+    "far shift": (np.eye(2), [5e5, 4.8e6]),  # meters of a national grid
     "all of them": (turned(-2.1) @ np.diag([1.0, -1.0]), [3.3, -1.8]),
 }
 SYMMETRY_STEPS = 30

@@ -169,7 +169,7 @@ def test_a_push_without_approach_is_met_by_the_reaction_alone_under_nsm2():
     np.testing.assert_allclose(state.position, [[0.199, 0.0]], atol=1e-7)
 
 
-def test_a_separating_neighbour_can_take_up_energy_under_nsm2():
+def test_a_separating_neighbor_can_take_up_energy_under_nsm2():
     # A (1 m/s) hits B (at rest), C leaves B at 0.5 m/s; equal masses, K_N infinite.  Eqs 8-10 ask for w_AB+ = -w_AB- and
     # w_BC+ >= 0; by hand u = (-1/6, 5/6, 5/6).  The energy GROWS by 2/15: in a multiple collision the reaction (eq 10)
     # works with (w- + w+)/2 = w-/2 > 0.  It is a trait of the law as printed, kept here so that nobody takes it for a bug.

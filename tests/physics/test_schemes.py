@@ -45,16 +45,16 @@ def test_a_step_that_is_too_long_names_the_bound_and_its_formula(scheme, dt, say
 
 @pytest.mark.parametrize("share", [0.25, 0.5, 1.0])
 def test_the_position_correction_takes_back_its_share_and_gives_no_velocity(share):
-    # Two resting discs overlap by 40 mm: the lighter one gives way more, the centre of mass stays.
+    # Two resting discs overlap by 40 mm: the lighter one gives way more, the center of mass stays.
     bodies = make_bodies([0.2, 0.2], [60.0, 90.0])
     state = make_state([[5.0, 5.0], [5.36, 5.0]])
     scheme = NSM2(position_correction=share, tolerance=1e-10)
     simulation = Simulation(HALL, bodies, state, scheme=scheme, driving=False)
-    centre = bodies.mass @ state.position / bodies.mass.sum()
+    center = bodies.mass @ state.position / bodies.mass.sum()
     start = state.position[0, 0]
     simulation.advance()
     assert state.position[1, 0] - state.position[0, 0] == pytest.approx(0.4 - (1 - share) * 0.04, abs=1e-9)
-    assert bodies.mass @ state.position / bodies.mass.sum() == pytest.approx(centre, abs=1e-12)
+    assert bodies.mass @ state.position / bodies.mass.sum() == pytest.approx(center, abs=1e-12)
     assert start - state.position[0, 0] == pytest.approx(share * 0.04 * 90 / 150, abs=1e-9)
     assert np.abs(state.velocity).max() < 1e-12
     assert simulation.contacts().impulse == pytest.approx(np.zeros((1, 2)), abs=1e-12)

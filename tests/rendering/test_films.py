@@ -86,12 +86,12 @@ def test_gif_lasts_as_long_as_the_evacuation_and_is_small(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["room.gif"]  # no temporary file is left
 
 
-def test_gif_keeps_flat_colours(tmp_path):
+def test_gif_keeps_flat_colors(tmp_path):
     film = recording(end=1.0, people=5)
     with PIL_Image.open(write_film(tmp_path / "a.gif", film, fps=5.0, width=320)) as gif:
         image = np.asarray(gif.convert("RGB")).astype(int)
-    for colour in (BACKGROUND, FLOOR, WALL, EXIT_MAT):
-        assert (image == colour).all(axis=-1).any(), colour
+    for color in (BACKGROUND, FLOOR, WALL, EXIT_MAT):
+        assert (image == color).all(axis=-1).any(), color
 
 
 def test_mp4_shows_the_evacuations_side_by_side_for_the_time_asked(tmp_path):

@@ -117,10 +117,10 @@ def test_the_mean_takes_a_missing_contact_for_no_force_and_forgets_who_left():
 # ------------------------------------------------------------------------------------------------------------ picture
 
 
-@pytest.mark.parametrize("colour", [True, False])
-def test_widths_are_proportional_to_forces_and_pulls_are_not_drawn(colour):
+@pytest.mark.parametrize("color", [True, False])
+def test_widths_are_proportional_to_forces_and_pulls_are_not_drawn(color):
     force = np.array([100.0, 300.0, 20.0])
-    lines = drawn_lines(force_network_figure(forces_of(force=force), colour=colour))
+    lines = drawn_lines(force_network_figure(forces_of(force=force), color=color))
     order = np.argsort(force)
     assert lines.get_linewidths() / lines.get_linewidths()[-1] == pytest.approx(force[order] / 300.0)
     assert len(drawn_lines(force_network_figure(forces_of())).get_linewidths()) == 2
@@ -132,13 +132,13 @@ def test_pictures_with_the_same_full_force_can_be_compared():
     assert weak.get_linewidths()[-1] == pytest.approx(0.25 * strong.get_linewidths()[-1])
 
 
-def test_lines_join_centres_and_the_point_of_the_wall():
+def test_lines_join_centers_and_the_point_of_the_wall():
     forces = forces_of(force=(100.0, 300.0, 200.0))
     figure = force_network_figure(forces)
     first, wall, second = (np.array(segment) for segment in drawn_lines(figure).get_segments())
-    metre = np.linalg.norm(first[1] - first[0]) / 0.5
+    meter = np.linalg.norm(first[1] - first[0]) / 0.5
     assert (first[1] == second[0]).all() and (first[0] == wall[0]).all()
-    assert (wall[1] - wall[0]) / metre == pytest.approx((0.0, 0.25))  # y of pixels points down
+    assert (wall[1] - wall[0]) / meter == pytest.approx((0.0, 0.25))  # y of pixels points down
     width, height = figure.get_size_inches() * figure.dpi
     assert ((first > 0) & (first < (width, height))).all()
 
@@ -161,10 +161,10 @@ def test_a_big_place_is_cut_to_the_exit_at_which_people_press():
     segments = np.array(drawn_lines(force_network_figure(forces_of(LONG, people))).get_segments())
     whole = np.array(drawn_lines(force_network_figure(forces_of(LONG, people), around=np.inf)).get_segments())
 
-    def metre(lines):
+    def meter(lines):
         return np.linalg.norm(lines[0, 1] - lines[0, 0]) / 0.5
 
-    assert metre(segments) > 5.0 * metre(whole)
+    assert meter(segments) > 5.0 * meter(whole)
     figure = force_network_figure(forces_of(LONG, people - (37.0, 7.0)))
     x, y = np.array(drawn_lines(figure).get_segments()).reshape(-1, 2).T
     width, height = figure.get_size_inches() * figure.dpi

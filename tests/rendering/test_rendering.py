@@ -29,12 +29,12 @@ from crowd_env.rendering.palette import (  # noqa: E402
     OBSTACLE,
     RAMP,
     WALL,
-    pressure_colour,
+    pressure_color,
     to_oklab,
 )
 
 
-def colour_at(renderer, image, point):
+def color_at(renderer, image, point):
     x, y = renderer.layout.pixels(point)
     return tuple(int(channel) for channel in image[int(y), int(x)])
 
@@ -50,7 +50,7 @@ def test_a_disc_is_drawn_where_the_person_is_and_nowhere_else(plan):
     person = np.array([0.3 * min_x + 0.7 * max_x, 0.4 * min_y + 0.6 * max_y])
     assert geometry.contains(person)[0]
     image = renderer.frame([person], [0.25])
-    assert colour_at(renderer, image, person) == tuple(RAMP[0])
+    assert color_at(renderer, image, person) == tuple(RAMP[0])
     changed = np.argwhere((image != renderer.frame([person], [0.25], active=[False], inside=1)).any(axis=-1))
     middle = changed[:, ::-1] + 0.5
     away = np.linalg.norm(middle - renderer.layout.pixels(person), axis=1)
@@ -66,16 +66,16 @@ def test_walls_lie_outside_of_the_walkable_area_and_exits_are_open(plan):
     renderer = Renderer(geometry, width=500)
     image = renderer.frame(np.empty((0, 2)), [])
     pixel = 1.0 / renderer.layout.scale
-    for rows, colour in ((geometry.walls, WALL), (geometry.exits, EXIT)):
+    for rows, color in ((geometry.walls, WALL), (geometry.exits, EXIT)):
         for a, b in rows:
             outward = np.array([b[1] - a[1], a[0] - b[0]]) / np.linalg.norm(b - a)
             middle = 0.5 * (a + b)
-            assert colour_at(renderer, image, middle + 1.1 * pixel * outward) == colour
-            assert colour_at(renderer, image, middle - 1.6 * pixel * outward) == FLOOR
+            assert color_at(renderer, image, middle + 1.1 * pixel * outward) == color
+            assert color_at(renderer, image, middle - 1.6 * pixel * outward) == FLOOR
     for a, b in geometry.exits:
         outward = np.array([b[1] - a[1], a[0] - b[0]]) / np.linalg.norm(b - a)
         doorstep = 0.5 * (a + b) + (renderer.layout.wall + 1.5) * pixel * outward
-        assert colour_at(renderer, image, doorstep) == EXIT_MAT
+        assert color_at(renderer, image, doorstep) == EXIT_MAT
 
 
 def test_a_disc_that_touches_a_wall_is_seen_to_touch_it():
@@ -92,7 +92,7 @@ def test_a_disc_that_touches_a_wall_is_seen_to_touch_it():
 def test_obstacles_are_shaded_and_courtyards_are_not_floor():
     renderer = Renderer(PLANS["courtyard"], width=500)
     image = renderer.frame(np.empty((0, 2)), [])
-    assert colour_at(renderer, image, (4.5, 4.5)) == OBSTACLE
+    assert color_at(renderer, image, (4.5, 4.5)) == OBSTACLE
     assert tuple(image[0, 0]) == BACKGROUND
 
 
@@ -101,7 +101,7 @@ def test_an_exit_that_people_walk_into_is_green_all_over():
 
     geometry = Geometry.from_polygon([(0, 0), (9, 0), (9, 9), (0, 9)], exits={"lift": box(4, 4, 6, 6)})
     renderer = Renderer(geometry, width=400)
-    assert colour_at(renderer, renderer.frame(np.empty((0, 2)), []), (5, 5)) == EXIT_MAT
+    assert color_at(renderer, renderer.frame(np.empty((0, 2)), []), (5, 5)) == EXIT_MAT
 
 
 def test_thin_walls_are_seen_from_both_sides():
@@ -110,28 +110,28 @@ def test_thin_walls_are_seen_from_both_sides():
     )
     renderer = Renderer(geometry, width=500)
     image = renderer.frame(np.empty((0, 2)), [])
-    assert colour_at(renderer, image, (2, 2.5)) == WALL
-    assert colour_at(renderer, image, (2, 2.6)) == FLOOR
-    assert colour_at(renderer, image, (2, 2.4)) == FLOOR
+    assert color_at(renderer, image, (2, 2.5)) == WALL
+    assert color_at(renderer, image, (2, 2.6)) == FLOOR
+    assert color_at(renderer, image, (2, 2.4)) == FLOOR
 
 
 def test_whoever_left_is_not_drawn():
     renderer = Renderer(ROOM, width=300)
     empty = renderer.frame([[1.0, 1.0]], [0.2], active=[False])
-    assert colour_at(renderer, empty, (1.0, 1.0)) == FLOOR
+    assert color_at(renderer, empty, (1.0, 1.0)) == FLOOR
     elsewhere = renderer.frame([[4.0, 3.0]], [0.2], active=[False])
     np.testing.assert_array_equal(empty, elsewhere)
 
 
 def test_nan_positions_and_people_beyond_the_image_do_no_harm():
     renderer = Renderer(ROOM, width=300)
-    image = renderer.frame([[np.nan, 1.0], [90.0, 1.0], [5.3, 2.5], [-0.4, -0.4]], 0.3, colour_value=[0, np.nan, 2, -1])
+    image = renderer.frame([[np.nan, 1.0], [90.0, 1.0], [5.3, 2.5], [-0.4, -0.4]], 0.3, color_value=[0, np.nan, 2, -1])
     assert image.dtype == np.uint8
 
 
 def test_the_same_moment_gives_the_same_image_and_leaves_the_next_alone():
     seen = recording().at(2.0)
-    kwargs = {"active": seen.active, "velocity": seen.velocity, "colour_value": seen.pressure / FULL_PRESSURE}
+    kwargs = {"active": seen.active, "velocity": seen.velocity, "color_value": seen.pressure / FULL_PRESSURE}
     renderer = Renderer(ROOM, width=320)
     first = renderer.frame(seen.position, 0.22, title="room", clock=2.0, **kwargs)
     renderer.frame(seen.position + 0.3, 0.22, title="another", clock=3.0, **kwargs)
@@ -167,16 +167,16 @@ def test_heading_points_where_someone_walks():
 
 
 def test_harder_pressed_is_redder_in_even_steps():
-    colours = pressure_colour(np.linspace(0.0, 1.0, 12)).astype(float)
-    redness = colours[:, 0] - 0.5 * (colours[:, 1] + colours[:, 2])
+    colors = pressure_color(np.linspace(0.0, 1.0, 12)).astype(float)
+    redness = colors[:, 0] - 0.5 * (colors[:, 1] + colors[:, 2])
     assert (np.diff(redness[:8]) > 5.0).all()  # then darker rather than redder
     assert redness[-1] > redness[0] + 100.0
     steps = np.linalg.norm(np.diff(to_oklab(RAMP[::15]), axis=0), axis=1)
     assert steps.max() < 1.3 * steps.min()
     renderer = Renderer(ROOM, width=300)
-    image = renderer.frame([[1.0, 1.0], [3.0, 3.0]], 0.3, colour_value=[0.0, 1.0])
-    assert colour_at(renderer, image, (1.0, 1.0)) == tuple(RAMP[0])
-    assert colour_at(renderer, image, (3.0, 3.0)) == tuple(RAMP[-1])
+    image = renderer.frame([[1.0, 1.0], [3.0, 3.0]], 0.3, color_value=[0.0, 1.0])
+    assert color_at(renderer, image, (1.0, 1.0)) == tuple(RAMP[0])
+    assert color_at(renderer, image, (3.0, 3.0)) == tuple(RAMP[-1])
 
 
 def test_pressure_is_force_per_circumference():

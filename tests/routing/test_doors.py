@@ -12,7 +12,7 @@ from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.observation.layout import SIGHT, ObservationLayout
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import SCHEMES
-from crowd_env.routing.route_set import find_ways
+from crowd_env.routing.route_set import build_routes
 from crowd_env.routing.spec import DoorEvent, Route
 from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
@@ -36,16 +36,18 @@ def hall(doors=True):
 
 @cache
 def ways_of(doors=True, closed=(), events=(), routes=()):
-    return find_ways(hall(doors), 0.25, min_radius=0.2, closed_at_start=closed, events=events, routes=routes)
+    return build_routes(hall(doors), 0.25, min_radius=0.2, closed_at_start=closed, events=events, routes=routes)
 
 
-def simulate(ways, *crowds, name="nsm2", **options):
+def simulate(route_set, *crowds, name="nsm2", **options):
     """Return a simulation of crowds (positions each), one environment each, all of whom walk at 1.5 m/s."""
     position = np.concatenate([np.asarray(crowd, dtype=float).reshape(-1, 2) for crowd in crowds])
     start = np.cumsum([0, *(len(crowd) for crowd in crowds)])
     bodies = make_bodies(np.full(len(position), 0.2), 80.0, desired_speed=1.5, relaxation_time=0.3, env_start=start)
     state = make_state(position, environments=len(crowds))
-    return Simulation(ways.geometry, bodies, state, scheme=name, dt=0.01, fields=[ways], allow_unstable=True, **options)
+    return Simulation(
+        route_set.geometry, bodies, state, scheme=name, dt=0.01, fields=[route_set], allow_unstable=True, **options
+    )
 
 
 def crowd(count=25):
@@ -63,9 +65,11 @@ def test_an_open_door_is_not_there_bit_by_bit(name):
     for doors in (True, False):
         bodies, state = copied(*crowd())
         route = Route("through", ("west",))
-        ways = ways_of(doors, routes=(route,))
+        route_set = ways_of(doors, routes=(route,))
         state.route[:] = 1
-        simulation = Simulation(hall(doors), bodies, state, scheme=name, dt=0.01, fields=[ways], allow_unstable=True)
+        simulation = Simulation(
+            hall(doors), bodies, state, scheme=name, dt=0.01, fields=[route_set], allow_unstable=True
+        )
         simulation.advance(n_substeps=250)
         runs.append(simulation)
     for field in runs[0].state._fields:
@@ -90,7 +94,7 @@ def test_nobody_passes_a_closed_door_however_hard_they_push(name, door, push):
     towards = np.tile([push, 0.0], (30, 1)), np.zeros(30, bool)
     force = push * np.tile([150.0, 0.0], (30, 1))
     simulation.advance(towards[0], relative=towards[1], n_substeps=round(2.5 / simulation.dt), external_force=force)
-    leaves = hall().walls[hall().door_of_wall >= 0, :, 0].mean(axis=1)  # those of exits a millimetre inside
+    leaves = hall().walls[hall().door_of_wall >= 0, :, 0].mean(axis=1)  # those of exits a millimeter inside
     assert leaves == pytest.approx([5.0, 0.001, 9.999])
     front = (state.position[:, 0] - 5.0) if push < 0 else (10.0 - state.position[:, 0])
     assert 0.1 < front.min() < 0.3  # at the leaf, no more than half a body in it
@@ -149,14 +153,14 @@ def test_environments_of_a_batch_have_doors_of_their_own():
         simulation.advance(n_substeps=600)
     np.testing.assert_array_equal(batch.state.exit_time, np.concatenate([one.state.exit_time for one in alone]))
     assert batch.state.exit_index.tolist() == [0, 1, 1, 1, 0, 1]
-    assert batch.wayfinder.ways(0) is batch.wayfinder.ways(2) is not batch.wayfinder.ways(1)
+    assert batch.planner.route_set(0) is batch.planner.route_set(2) is not batch.planner.route_set(1)
 
 
 def test_a_restart_puts_the_doors_as_they_were():
-    ways = ways_of(
+    route_set = ways_of(
         closed=("west door",), events=(DoorEvent("west door", True, at=0.5), DoorEvent("gate", False, at=0.7))
     )
-    simulation = simulate(ways, [[2.0, 2.0]], [[2.0, 2.0]])
+    simulation = simulate(route_set, [[2.0, 2.0]], [[2.0, 2.0]])
     assert simulation.memory.door_open.tolist() == [[True, False, True]] * 2
     for _ in range(2):
         simulation.advance(n_substeps=100)
@@ -241,9 +245,9 @@ def test_a_door_moves_at_the_same_time_however_calls_are_cut():
 
 
 def test_fastest_ways_behind_closed_doors_follow_the_crowd_of_their_own_environment():
-    ways = ways_of(routes=(Route("quick", strategy="fastest"),))
+    route_set = ways_of(routes=(Route("quick", strategy="fastest"),))
     crowds = [[[x, y] for x in (6.0, 7.0, 8.0) for y in np.arange(0.5, 3.6, 0.5)], [[2.0, 2.0]], [[9.0, 2.0]]]
-    simulation = simulate(ways, *crowds)
+    simulation = simulate(route_set, *crowds)
     for e in (0, 1):
         simulation.close_doors(e, ["west door"])
     simulation.advance(n_substeps=1)
@@ -254,9 +258,9 @@ def test_fastest_ways_behind_closed_doors_follow_the_crowd_of_their_own_environm
 
 
 def test_a_door_elsewhere_leaves_the_fastest_ways_as_they_are():
-    ways = ways_of(routes=(Route("quick", strategy="fastest"),))
+    route_set = ways_of(routes=(Route("quick", strategy="fastest"),))
     rng = np.random.default_rng(0)
-    simulation = simulate(ways, rng.uniform((6, 0.5), (9.5, 3.5), (20, 2)), [[1.0, 1.0]])
+    simulation = simulate(route_set, rng.uniform((6, 0.5), (9.5, 3.5), (20, 2)), [[1.0, 1.0]])
     simulation.advance(n_substeps=1)
     field = simulation.world.guidance.field_of_route[0, 1]
 

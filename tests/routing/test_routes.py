@@ -16,7 +16,7 @@ from shapely.geometry import LineString, Point, box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import direction_at, join_fields, travel_time_at, travel_time_field
-from crowd_env.routing.route_set import find_ways, region_masks_of
+from crowd_env.routing.route_set import build_routes, region_masks_of
 from crowd_env.routing.spec import Comfort, ControlRule, Route, SpeedZone
 from crowd_env.routing.speed_map import jutting_corners
 from crowd_env.scenarios.population import Population, Uniform
@@ -170,7 +170,7 @@ def around(start, slow):
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.66, 0.72, 0.9])
 def test_around_or_through_slow_ground_whatever_is_quicker(share):
-    # From (2, 1) through two metres of slow ground it takes 8 + 2 / share, around 10.9: they break even at 0.69.
+    # From (2, 1) through two meters of slow ground it takes 8 + 2 / share, around 10.9: they break even at 0.69.
     slow = box(5, 0, 7, 3)
     geometry = detour_hall(slow)
     speed = lambda x, y: np.where(shapely.intersects_xy(slow, x, y), share, 1.0)  # noqa: E731
@@ -188,28 +188,30 @@ def hall(**options):
     return Geometry.from_polygon(box(0, 0, 12, 4), exits=WEST_EAST, **options)
 
 
-def time_at(ways, name, x, y):
-    arrays = join_fields([ways.ways[ways.number(name)].field], ways.geometry.boundary)
-    return travel_time_at(arrays, ways.geometry.boundary, 0, x, y, RADIUS)
+def time_at(route_set, name, x, y):
+    arrays = join_fields([route_set.route_set[route_set.number(name)].field], route_set.geometry.boundary)
+    return travel_time_at(arrays, route_set.geometry.boundary, 0, x, y, RADIUS)
 
 
 def test_a_route_leads_to_its_exits_only_and_out_to_the_best():
-    ways = find_ways(hall(), RADIUS, routes=[Route("left", ("west",)), Route("both", ("west", "east"))])
+    route_set = build_routes(hall(), RADIUS, routes=[Route("left", ("west",)), Route("both", ("west", "east"))])
     for x in (1.0, 4.0, 8.0, 11.0):
-        assert time_at(ways, "left", x, 2.0) == pytest.approx(x, abs=1e-6)
-        assert time_at(ways, "out", x, 2.0) == pytest.approx(min(x, 12 - x), abs=1e-6)
-        assert time_at(ways, "both", x, 2.0) == time_at(ways, "out", x, 2.0)
-    assert [way.name for way in ways.ways] == ["out", "left", "both"]
-    assert not ways.is_dynamic
+        assert time_at(route_set, "left", x, 2.0) == pytest.approx(x, abs=1e-6)
+        assert time_at(route_set, "out", x, 2.0) == pytest.approx(min(x, 12 - x), abs=1e-6)
+        assert time_at(route_set, "both", x, 2.0) == time_at(route_set, "out", x, 2.0)
+    assert [way.name for way in route_set.route_set] == ["out", "left", "both"]
+    assert not route_set.is_dynamic
 
 
 def test_a_route_via_a_region_has_two_halves():
-    ways = find_ways(hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, routes=[Route("detour", ("west",), via="bay")])
-    first, then = ways.ways[ways.number("detour")], ways.ways[ways.number("detour/then")]
-    assert (first.goal, first.following) == (0, ways.number("detour/then"))
+    route_set = build_routes(
+        hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, routes=[Route("detour", ("west",), via="bay")]
+    )
+    first, then = route_set.route_set[route_set.number("detour")], route_set.route_set[route_set.number("detour/then")]
+    assert (first.goal, first.following) == (0, route_set.number("detour/then"))
     assert (then.goal, then.following) == (-1, -1)
-    assert time_at(ways, "detour", 4.0, 2.0) == pytest.approx(np.hypot(4, 1), rel=0.02)
-    assert time_at(ways, "detour/then", 8.0, 2.0) == pytest.approx(8.0, abs=1e-6)
+    assert time_at(route_set, "detour", 4.0, 2.0) == pytest.approx(np.hypot(4, 1), rel=0.02)
+    assert time_at(route_set, "detour/then", 8.0, 2.0) == pytest.approx(8.0, abs=1e-6)
 
 
 def test_nearest_is_the_exit_of_the_shortest_way_not_of_the_shortest_line():
@@ -218,15 +220,15 @@ def test_nearest_is_the_exit_of_the_shortest_way_not_of_the_shortest_line():
         box(0, 0, 8, 4), exits={"west": [(0, 0), (0, 1.5)], "east": [(8, 0), (8, 1.5)]}, thin_walls=[[(3, 0), (3, 3.2)]]
     )
     scenario = Scenario("n", geometry, Population(3, radius=Uniform(RADIUS, RADIUS)), 10.0)
-    ways = scenario.ways("nearest")
+    route_set = scenario.route_set("nearest")
     points = starts(geometry, 200, seed=5)
-    by_length = np.array([[time_at(ways, name, *point) for name in ("west", "east")] for point in points])
+    by_length = np.array([[time_at(route_set, name, *point) for name in ("west", "east")] for point in points])
     sure = np.abs(by_length[:, 0] - by_length[:, 1]) > 0.1
-    chosen = scenario.choose(ways, "nearest", points)
+    chosen = scenario.choose(route_set, "nearest", points)
     np.testing.assert_array_equal(
-        chosen[sure], np.where(by_length[sure].argmin(axis=1) == 0, ways.number("west"), ways.number("east"))
+        chosen[sure], np.where(by_length[sure].argmin(axis=1) == 0, route_set.number("west"), route_set.number("east"))
     )
-    by_line = np.array([ways.number(geometry.exit_names[k]) for k in geometry.nearest_exit(points)])
+    by_line = np.array([route_set.number(geometry.exit_names[k]) for k in geometry.nearest_exit(points)])
     assert (chosen != by_line).mean() > 0.03
 
 
@@ -235,18 +237,18 @@ def test_nearest_is_the_exit_of_the_shortest_way_not_of_the_shortest_line():
 
 @pytest.mark.parametrize(("length", "avoids"), [(0.1, False), (1.0, True), (2.0, True)])
 def test_comfort_goes_around_stairs_when_the_detour_is_cheaper(length, avoids):
-    # From (2, 1) with stairs of this length in the middle: through costs 3 m more for every metre of stairs.
+    # From (2, 1) with stairs of this length in the middle: through costs 3 m more for every meter of stairs.
     stairs = box(6 - length / 2, 0, 6 + length / 2, 3)
     detour = around((2, 1), stairs)
     assert avoids == (detour < 10 + 3 * length)
     geometry = detour_hall(stairs)
     routes, zones = [Route("easy", strategy="comfortable")], [SpeedZone("stairs", speed=0.5)]
-    ways = find_ways(geometry, RADIUS, routes=routes, zones=zones, comfort=Comfort(3.0, 0.0))
-    field = ways.ways[ways.number("easy")].field
+    route_set = build_routes(geometry, RADIUS, routes=routes, zones=zones, comfort=Comfort(3.0, 0.0))
+    field = route_set.route_set[route_set.number("easy")].field
     path = LineString(follow(join_fields([field], geometry.boundary), geometry, (2.0, 1.0)))
     assert (path.intersection(stairs).length < 0.1 * length) == avoids
-    assert time_at(ways, "easy", 2.0, 1.0) == pytest.approx(min(detour, 10 + 3 * length), rel=0.025)
-    assert time_at(ways, "out", 2.0, 1.0) == pytest.approx(10.0, abs=0.01)
+    assert time_at(route_set, "easy", 2.0, 1.0) == pytest.approx(min(detour, 10 + 3 * length), rel=0.025)
+    assert time_at(route_set, "out", 2.0, 1.0) == pytest.approx(10.0, abs=0.01)
 
 
 def test_corners_that_jut_into_the_way_are_found():
@@ -268,7 +270,7 @@ def test_regions_on_the_way_in_a_loop_of_corridors():
     geometry = Geometry.from_polygon(
         box(1, 1, 9, 9), exits={"door": [(4.5, 1), (5.5, 1)]}, obstacles=[box(3, 3, 7, 7)], regions=bars
     )
-    field = find_ways(geometry, RADIUS, rules=[ControlRule("west", 3, "door")]).ways[0].field
+    field = build_routes(geometry, RADIUS, rules=[ControlRule("west", 3, "door")]).route_set[0].field
     x, y = node_places = np.stack(np.meshgrid(*(1 + field.spacing * np.arange(n) for n in field.travel_time.shape)))
     inside = ~np.isnan(field.travel_time) & (np.abs(x - 5) > 0.2)
     own = region_masks_of(field, geometry)
@@ -282,7 +284,7 @@ def test_regions_on_the_way_in_a_loop_of_corridors():
 def test_regions_on_the_way_are_those_that_the_path_walks_through():
     regions = {"on": box(4.5, 3.8, 5.5, 4.8), "off": box(4.5, 1, 5.5, 2.3)}
     geometry = Geometry.from_polygon(box(0, 0, 10, 8), exits={"door": [(10, 0.5), (10, 1.5)]}, regions=regions)
-    field = find_ways(geometry, RADIUS, rules=[ControlRule("on", 3, "door")]).ways[0].field
+    field = build_routes(geometry, RADIUS, rules=[ControlRule("on", 3, "door")]).route_set[0].field
     arrays = join_fields([field], geometry.boundary)
     for point in starts(geometry, 100, seed=6):
         path = LineString(follow(arrays, geometry, point))
@@ -332,19 +334,19 @@ def test_parts_that_make_no_sense_are_refused_in_one_sentence(build, message):
 )
 def test_unknown_and_taken_names_are_refused_in_one_sentence(options, message):
     with pytest.raises(ValueError, match=message) as caught:
-        find_ways(hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, **options)
+        build_routes(hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, **options)
     assert "\n" not in str(caught.value)
 
 
 def test_other_impossible_ways_are_refused():
     with pytest.raises(ValueError, match=r"unknown route 'x'; known: out, a$"):
-        find_ways(hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, routes=[Route("a", via="bay")]).number("x")
+        build_routes(hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, routes=[Route("a", via="bay")]).number("x")
     many = {f"r{k}": box(k / 10, 1, k / 10 + 0.1, 2) for k in range(63)}
     with pytest.raises(ValueError, match="63 regions; at most 62 can be told apart"):
-        find_ways(hall(regions=many), RADIUS)
+        build_routes(hall(regions=many), RADIUS)
     inside_wall = hall(regions={"nook": box(5, 3.9, 5.1, 4)})
     with pytest.raises(ValueError, match=r"the region that the way leads to can.* be reached"):
-        find_ways(inside_wall, RADIUS, routes=[Route("a", via="nook")])
+        build_routes(inside_wall, RADIUS, routes=[Route("a", via="nook")])
     scenario = Scenario("n", hall(), Population(2), 10.0)
     with pytest.raises(ValueError, match="n: unknown strategy 'x'; known: shortest, nearest, fastest, comfortable, w"):
-        scenario.ways("x")
+        scenario.route_set("x")

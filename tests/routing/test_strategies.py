@@ -16,7 +16,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.congestion import SLOWEST, weidmann
 from crowd_env.navigation.field import direction_at, join_fields
 from crowd_env.physics import SCHEMES
-from crowd_env.routing.route_set import find_ways, region_masks
+from crowd_env.routing.route_set import build_routes, region_masks
 from crowd_env.routing.spec import ControlRule, Route, SpeedZone
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
@@ -32,8 +32,8 @@ def two_exits():
 
 
 @cache
-def quick_ways():
-    return find_ways(two_exits(), 0.25, min_radius=0.2, routes=[QUICK])
+def quick_routes():
+    return build_routes(two_exits(), 0.25, min_radius=0.2, routes=[QUICK])
 
 
 def crowd(count, seed, area):
@@ -42,19 +42,19 @@ def crowd(count, seed, area):
     return bodies, make_state(scatter(rng, Geometry.from_polygon(area), bodies.radius))
 
 
-def simulate(ways, position, *, name="nsm2", route=0, speed=1.5, envs=1, dt=0.01, **options):
+def simulate(route_set, position, *, name="nsm2", route=0, speed=1.5, envs=1, dt=0.01, **options):
     """Return a simulation of people of 0.2 m at ``position``."""
     bodies = make_bodies(np.full(len(position), 0.2), 80.0, desired_speed=speed, relaxation_time=0.2)
     bodies = bodies._replace(env_start=np.linspace(0, len(position), envs + 1).astype(np.int64))
     state = make_state(position, environments=envs)
     state.route[:] = route
-    return Simulation(ways.geometry, bodies, state, scheme=name, dt=dt, fields=[ways], **options)
+    return Simulation(route_set.geometry, bodies, state, scheme=name, dt=dt, fields=[route_set], **options)
 
 
 def evacuate(name, route, seed):
     bodies, state = crowd(90, seed, box(6.5, 0.2, 11.8, 7.8))
     state.route[:] = route
-    simulation = Simulation(two_exits(), bodies, state, scheme=name, dt=0.01, fields=[quick_ways()])
+    simulation = Simulation(two_exits(), bodies, state, scheme=name, dt=0.01, fields=[quick_routes()])
     while simulation.inside[0] and state.time[0] < 120:
         simulation.advance(n_substeps=100)
     return state
@@ -76,8 +76,8 @@ def test_an_empty_place_gives_the_direction_of_the_shortest_way():
     geometry = Geometry.from_polygon(
         box(0, 0, 12, 8), exits=[[(12, 3.4), (12, 4.6)]], obstacles=[box(4, 2, 5, 6), Point(8.5, 2).buffer(0.7)]
     )
-    ways = find_ways(geometry, 0.25, routes=[QUICK])
-    arrays = join_fields([way.field for way in ways.ways], geometry.boundary, [0, 0])
+    route_set = build_routes(geometry, 0.25, routes=[QUICK])
+    arrays = join_fields([way.field for way in route_set.route_set], geometry.boundary, [0, 0])
     points = np.random.default_rng(2).uniform((0, 0), (12, 8), (1500, 2))
     points = points[geometry.contains(points) & (geometry.clearance(points) > 0.6)]
     turn = []
@@ -89,7 +89,7 @@ def test_an_empty_place_gives_the_direction_of_the_shortest_way():
 
 
 def test_density_integrates_to_the_number_of_people():
-    remarcher = quick_ways().ways[1].remarcher
+    remarcher = quick_routes().route_set[1].remarcher
     cell = remarcher.spacing**2
     for area, most in ((box(2, 2, 10, 6), 1e-9), (box(0.2, 0.2, 11.8, 7.8), 0.12), (box(0, 0, 4, 4), 0.25)):
         _, state = crowd(30, 4, area)
@@ -108,15 +108,17 @@ def test_speed_falls_with_density_as_weidmann_says():
 @pytest.mark.parametrize("radius", [0.2, 0.15])
 def test_the_fastest_way_does_not_lead_through_a_thin_wall(radius):
     wall, door = [(5.1, 0), (5.1, 4.8)], [(10, 0.5), (10, 2)]
-    quick = find_ways(Geometry.from_polygon(box(0, 0, 10, 6), exits=[door], thin_walls=[wall]), radius, routes=[QUICK])
-    field = quick.ways[1].field
+    quick = build_routes(
+        Geometry.from_polygon(box(0, 0, 10, 6), exits=[door], thin_walls=[wall]), radius, routes=[QUICK]
+    )
+    field = quick.route_set[1].field
     assert field.travel_time[round(1 / field.spacing), round(4.6 / field.spacing)] > 9.0  # 5.4 m through the wall
 
 
 def run_batch(crowds, *, name="nsm2", calls=12, n_substeps=25, **options):
     bodies, state = joined([copied(*one) for one in crowds])
     state.route[:] = 1
-    simulation = Simulation(two_exits(), bodies, state, scheme=name, dt=0.01, fields=[quick_ways()], **options)
+    simulation = Simulation(two_exits(), bodies, state, scheme=name, dt=0.01, fields=[quick_routes()], **options)
     for _ in range(calls):
         simulation.advance(n_substeps=n_substeps)
     return simulation
@@ -134,7 +136,7 @@ def test_replanning_gives_the_same_bits_alone_in_a_batch_in_threads_and_however_
         other = run_batch(crowds, name=name, calls=calls, n_substeps=n_substeps, threads=threads)
         for field in other.state._fields:
             np.testing.assert_array_equal(getattr(other.state, field), getattr(batch.state, field))
-    assert batch.wayfinder.marches == 3 * len(crowds)  # at 0, 1 and 2 s
+    assert batch.planner.marches == 3 * len(crowds)  # at 0, 1 and 2 s
 
 
 def test_environments_that_began_at_other_times_replan_at_their_own():
@@ -150,7 +152,7 @@ def test_environments_that_began_at_other_times_replan_at_their_own():
 def corridor(zones):
     regions = {"a": box(3, 0, 9, 3), "b": box(6, 0, 12, 3)}
     geometry = Geometry.from_polygon(box(0, 0, 20, 3), exits=[[(20, 0), (20, 3)]], regions=regions)
-    return find_ways(geometry, 0.25, zones=zones)
+    return build_routes(geometry, 0.25, zones=zones)
 
 
 @every_scheme
@@ -191,7 +193,7 @@ def rule_ways(*rules):
     geometry = Geometry.from_polygon(
         box(0, 0, 12, 4), exits={"left": [(0, 1), (0, 3)], "right": [(12, 1), (12, 3)]}, regions=regions
     )
-    return find_ways(geometry, 0.25, rules=rules, routes=[Route("on", ("right",))])
+    return build_routes(geometry, 0.25, rules=rules, routes=[Route("on", ("right",))])
 
 
 STANDING = np.array([[8.6, 1.0], [8.6, 2.0], [8.6, 3.0]])
@@ -218,10 +220,10 @@ def test_a_rule_is_on_at_so_many_and_sends_only_those_who_would_come_through(wai
 
 
 def test_regions_are_bits_and_counts_are_those_of_brute_force():
-    ways = rule_ways(*(ControlRule(region, n, "left") for region in ("gate", "lobby", "west") for n in (3, 6, 9)))
+    route_set = rule_ways(*(ControlRule(region, n, "left") for region in ("gate", "lobby", "west") for n in (3, 6, 9)))
     rng = np.random.default_rng(8)
-    geometry = ways.geometry
-    simulation = simulate(ways, rng.uniform((0.1, 0.1), (11.9, 3.9), (40, 2)), speed=0.0)
+    geometry = route_set.geometry
+    simulation = simulate(route_set, rng.uniform((0.1, 0.1), (11.9, 3.9), (40, 2)), speed=0.0)
     state = simulation.state
     state.active[::5] = False
     simulation.memory.near.reach[:] = -1
@@ -255,7 +257,7 @@ def test_whoever_was_sent_another_way_keeps_to_it_if_the_rule_commits(commits):
     simulation.advance(n_substeps=30)
     simulation.state.active[:3] = False
     simulation.advance(n_substeps=5)
-    left = simulation.wayfinder.ways(0).number("left")
+    left = simulation.planner.route_set(0).number("left")
     expected = [left, left, 1, left] if commits else [1] * 4
     assert simulation.state.route[3:].tolist() == simulation.memory.followed[3:].tolist() == expected
     simulation.advance(n_substeps=1300)
@@ -267,7 +269,7 @@ def test_of_several_rules_the_first_that_applies_counts():
         rules = [ControlRule(region, 1, "left" if region == "gate" else "out") for region in order]
         simulation = ruled(rules, walking=np.array([[1.0, 1.0], [5.0, 1.0], [7.0, 2.0]]), waiting=1)
         simulation.advance(n_substeps=1)
-        left = simulation.wayfinder.ways(0).number("left")
+        left = simulation.planner.route_set(0).number("left")
         # 1: through both; 2, 3: stand in the lobby, so that only the rule on the gate concerns them.
         assert simulation.memory.followed.tolist() == [1, left if order[0] == "gate" else 0, left, left]
 
@@ -278,8 +280,8 @@ def test_a_rule_switches_at_the_look_after_the_count_is_reached(name):
     position = np.array([[9.5, 0.5], [7.5, 3.0], [3.0, 1.5]])
     runs = []
     for per_call in (1, 7, 150):
-        ways = rule_ways(ControlRule("gate", 2, "left"))
-        runs.append(simulate(ways, position, route=1, speed=[0.0, 1.0, 1.0], name=name))
+        route_set = rule_ways(ControlRule("gate", 2, "left"))
+        runs.append(simulate(route_set, position, route=1, speed=[0.0, 1.0, 1.0], name=name))
         for _ in range(149 // per_call + 1):
             runs[-1].advance(n_substeps=per_call)
             if per_call == 1 and runs[0].state.position[1, 0] < 8.0:
@@ -312,11 +314,11 @@ def test_rules_give_the_same_bits_in_a_batch_in_threads_and_however_calls_are_cu
 
 @every_scheme
 def test_a_route_written_mid_run_sends_people_elsewhere(name):
-    ways = find_ways(two_exits(), 0.25, routes=[Route("left", ("west",)), Route("right", ("east",))])
-    simulation = simulate(ways, [[4.0, 4.0], [8.0, 4.0]], name=name)
+    route_set = build_routes(two_exits(), 0.25, routes=[Route("left", ("west",)), Route("right", ("east",))])
+    simulation = simulate(route_set, [[4.0, 4.0], [8.0, 4.0]], name=name)
     simulation.advance(n_substeps=50)
     assert (simulation.state.velocity[:, 0] * [-1, 1] > 1).all()
-    simulation.state.route[:] = [ways.number("right"), ways.number("left")]
+    simulation.state.route[:] = [route_set.number("right"), route_set.number("left")]
     simulation.advance(n_substeps=80)
     assert (simulation.state.velocity[:, 0] * [1, -1] > 0.5).all()
 
@@ -326,10 +328,10 @@ def test_a_route_via_a_region_is_walked_there_first_and_then_on(name):
     geometry = Geometry.from_polygon(
         box(0, 0, 8, 5), exits={"door": [(0, 1), (0, 2)]}, regions={"bay": box(5, 3.5, 6, 4.5)}
     )
-    ways = find_ways(geometry, 0.25, routes=[Route("round", via="bay")])
-    simulation = simulate(ways, [[2.0, 1.5], [5.5, 4.0]], route=1, name=name)
+    route_set = build_routes(geometry, 0.25, routes=[Route("round", via="bay")])
+    simulation = simulate(route_set, [[2.0, 1.5], [5.5, 4.0]], route=1, name=name)
     simulation.advance(n_substeps=1)
-    assert simulation.state.route.tolist() == [1, ways.number("round/then")]  # the second one stands there
+    assert simulation.state.route.tolist() == [1, route_set.number("round/then")]  # the second one stands there
     simulation.advance(n_substeps=1200)
     assert simulation.state.exit_index.tolist() == [0, 0]
     length = np.hypot(3.0, 2.0) + np.hypot(5.0, 2.0)
@@ -338,7 +340,7 @@ def test_a_route_via_a_region_is_walked_there_first_and_then_on(name):
 
 BAD_ROUTE = """
 from test_strategies import *
-simulation = simulate(quick_ways(), [[4.0, 4.0]])
+simulation = simulate(quick_routes(), [[4.0, 4.0]])
 simulation.state.route[:] = 10**9
 simulation.advance(n_substeps=3)
 """

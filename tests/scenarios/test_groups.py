@@ -140,17 +140,17 @@ def test_every_group_means_to_take_its_own_way(strategy, expected):
         Population(2, start_region="left"),
         routes=(Route("loop", ("west", "east"), via="left"),),
     )
-    ways = place.ways(strategy)
+    route_set = place.route_set(strategy)
     _, position = place.population.draw(np.random.default_rng(0), place.geometry)
     position[-2:, 0] = 0.3
-    chosen = place.choose(ways, strategy, position)
-    names = [ways.ways[k].name for k in chosen]
+    chosen = place.choose(route_set, strategy, position)
+    names = [route_set.route_set[k].name for k in chosen]
     assert [sorted(set(names[a:b])) for a, b in ((0, 3), (3, 7), (7, 12), (12, 14))] == expected
 
 
 def test_groups_leave_by_their_own_exits():
-    ways = ({"route": "east"}, {"exits": ("north",)}, {"route": "west"})
-    place = hall(*(Population(8, start_region="middle", **way) for way in ways))
+    route_set = ({"route": "east"}, {"exits": ("north",)}, {"route": "west"})
+    place = hall(*(Population(8, start_region="middle", **way) for way in route_set))
     env = CrowdEnv(place)
     env.reset(0)
     while not env.finished.all():
@@ -163,15 +163,15 @@ def test_what_comfort_costs_reaches_the_way():
     times = []
     for comfort in (Comfort(stairs=0.0), Comfort(stairs=20.0)):
         place = hall(Population(2), zones=(SpeedZone("left", factor=0.5),), comfort=comfort)
-        ways = place.ways("comfortable")
-        times.append(ways.ways[ways.number("comfortable")].field.travel_time)
+        route_set = place.route_set("comfortable")
+        times.append(route_set.route_set[route_set.number("comfortable")].field.travel_time)
     assert np.nanmax(times[1]) > np.nanmax(times[0]) + 1.0
 
 
 def test_a_plain_population_may_have_a_way_too():
     place = hall(Population(5, route="north"))
-    ways = place.ways()
-    assert place.choose(ways, "shortest", np.ones((7, 2))).tolist() == [ways.number("north")] * 7
+    route_set = place.route_set()
+    assert place.choose(route_set, "shortest", np.ones((7, 2))).tolist() == [route_set.number("north")] * 7
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ def test_very_unequal_bodies_do_not_overlap():
 def test_a_lone_start_is_uniform_over_the_room():
     rng = np.random.default_rng(3)
     starts = np.concatenate([place(ROOM, np.array([0.25]), rng) for _ in range(3000)])
-    # 5 x 5 cells over where a centre can be; the exit opens no wall-free strip of note.
+    # 5 x 5 cells over where a center can be; the exit opens no wall-free strip of note.
     counts, *_ = np.histogram2d(*starts.T, bins=5, range=[[0.25, 4.75]] * 2)
     assert counts.sum() > 2900
     expected = counts.sum() / 25
@@ -94,7 +94,7 @@ def test_a_crowd_covers_the_room_evenly():
 
 
 def test_crowds_stand_as_if_placed_one_by_one():
-    # Against plain rejection, one person after the other: same distances to the middle, and to the nearest neighbour.
+    # Against plain rejection, one person after the other: same distances to the middle, and to the nearest neighbor.
     def figures(starts):
         apart = np.hypot(*(starts[:, :, None] - starts[:, None]).transpose(3, 0, 1, 2))
         apart[:, np.arange(30), np.arange(30)] = np.inf

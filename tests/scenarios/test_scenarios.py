@@ -104,8 +104,8 @@ def test_seats_are_drawn_when_there_are_fewer_people():
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_unknown_options_list_the_known_ones(name):
-    with pytest.raises(ValueError, match=rf"{name} has no option 'colour'; known: .*count"):
-        make_scenario(name, colour=3)
+    with pytest.raises(ValueError, match=rf"{name} has no option 'color'; known: .*count"):
+        make_scenario(name, color=3)
     assert {"count", "time_limit", "population"} <= set(options_of(name))
     assert about(name) == (make_scenario(name).title, make_scenario(name).reference)
 

@@ -17,7 +17,7 @@ from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.shipped.theatre import SEATS_A_ROW, plan, seats, taken_seats
 
 THEATRE = make_scenario("theatre-v0")
-WAYS = THEATRE.ways()
+WAYS = THEATRE.route_set()
 STAND_STILL = Uniform(1e3, 1e3)
 
 
@@ -27,7 +27,7 @@ def nothing(count):
 
 def node(name, at):
     """Return the way of this name, and its node nearest to each of the places (K, 2)."""
-    field = WAYS.ways[WAYS.number(name)].field
+    field = WAYS.route_set[WAYS.number(name)].field
     j, i = np.rint((np.atleast_2d(at) - field.origin) / field.spacing).astype(int).T
     return field, (i, j)
 
@@ -132,7 +132,7 @@ def people_at(starts, response_time):
     return Population(len(starts), desired_speed=speed, starts=np.array(starts, float), response_time=response_time)
 
 
-def test_stairs_slow_everybody_to_half_a_metre_per_second():
+def test_stairs_slow_everybody_to_half_a_meter_per_second():
     places = [(15.0, 0.6), (15.0, 8.4), (8.0, -1.1), (3.0, 5.0), (15.0, 10.0), (10.6, 4.5)]
     place = make_scenario("theatre-v0", population=people_at(places, Uniform(0.0, 0.0)))
     env = CrowdEnv(place, rules=False)
@@ -144,13 +144,13 @@ def test_stairs_slow_everybody_to_half_a_metre_per_second():
     np.testing.assert_allclose(speed[3:], 1.6, atol=0.1)
 
 
-def followed_ways(starts, **options):
+def followed_routes(starts, **options):
     """Return the name of the way that each of those who stand at ``starts`` would take now."""
     place = make_scenario("theatre-v0", population=people_at(starts, STAND_STILL), **options)
     env = CrowdEnv(place)
     env.reset(seed=0)
     env.step(None)
-    return [env.ways[0].ways[k].name for k in env.simulation.memory.followed]
+    return [env.route_set[0].route_set[k].name for k in env.simulation.memory.followed]
 
 
 UPPER = [(18.0 + 0.55 * (k // 2), 8.1 + 0.6 * (k % 2)) for k in range(6)]  # in rectangle 1
@@ -165,8 +165,8 @@ ELSEWHERE = {
 
 
 def with_others(crowd, **options):
-    ways = followed_ways([*crowd, *ELSEWHERE.values()], **options)
-    return ways[: len(crowd)], dict(zip(ELSEWHERE, ways[len(crowd) :], strict=True))
+    route_set = followed_routes([*crowd, *ELSEWHERE.values()], **options)
+    return route_set[: len(crowd)], dict(zip(ELSEWHERE, route_set[len(crowd) :], strict=True))
 
 
 @pytest.mark.parametrize(("crowd", "least", "turned", "to"), [

@@ -241,7 +241,7 @@ def test_there_is_at_least_one_thread(threads):
 
 
 def test_more_memory_keeps_all_that_others_hold_on_to():
-    """Environments refer to the impulses once: they must stay the same arrays when lists of neighbours grow."""
+    """Environments refer to the impulses once: they must stay the same arrays when lists of neighbors grow."""
     geometry = Geometry.from_polygon(box(0, 0, 5, 5), exits=[[(5, 2), (5, 3)]])
     bodies = make_bodies(np.full(3, 0.2), np.full(3, 70.0))
     memory = Simulation(geometry, bodies, make_state(np.array([[1.0, 1], [2, 2], [3, 3]])), scheme="hertz").memory

@@ -198,7 +198,7 @@ def test_ten_steps_at_once_or_one_by_one(name):
 
 
 @every_scheme
-def test_neighbour_list_built_at_every_step_or_on_demand(name):
+def test_neighbor_list_built_at_every_step_or_on_demand(name):
     def forget(simulation):
         simulation.memory.near.reach[:] = -1.0
 

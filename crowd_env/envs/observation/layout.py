@@ -16,7 +16,7 @@ from crowd_env.envs.observation.view import (
     DENSITY,
     DESIRED_SPEED,
     DIRECTION,
-    NEIGHBOURS,
+    NEIGHBORS,
     PUSH,
     SIGHT,
     TRAVEL_TIME,
@@ -29,13 +29,13 @@ from crowd_env.state import Ints
 
 __all__ = ["SIGHT", "TERMS", "ObservationLayout", "View"]
 
-# Up to so many people in a room all pairs are looked at, above it those of neighbouring cells: faster, and the same bits.
+# Up to so many people in a room all pairs are looked at, above it those of neighboring cells: faster, and the same bits.
 ALL_PAIRS = 96
-MOST_NEIGHBOURS = 32
+MOST_NEIGHBORS = 32
 MOST_RAYS = 360
 
 
-# Name -> (law, width); "neighbours" and "walls" multiply the width by how many are asked for.  A law is a function
+# Name -> (law, width); "neighbors" and "walls" multiply the width by how many are asked for.  A law is a function
 # `(view, out)` that writes its columns `out` (P, width), or the number of one that is compiled: see
 # `crowd_env.envs.observation.perception`.
 TERMS: dict[str, tuple[Callable[[View, np.ndarray], Any] | int, int]] = {
@@ -51,13 +51,13 @@ TERMS: dict[str, tuple[Callable[[View, np.ndarray], Any] | int, int]] = {
     "push": (PUSH, 2),
     # sum of the magnitudes of these impulses / (own mass * 1 m/s): large between two who push from both sides
     "crush": (CRUSH, 1),
-    # people within 1 m of the own centre, oneself included, / (pi m2 * 8 /m2)
+    # people within 1 m of the own center, oneself included, / (pi m2 * 8 /m2)
     "density": (DENSITY, 1),
     # free distance from the own surface to the nearest wall along rays / 3 m; ray k at k / n of a turn to the left
     "walls": (WALLS, 1),
     # the k nearest people within 3 m, five values each: offset / 3 m (2), relative velocity / 4 m/s (2), closeness, which is
     # 1 - gap / 3 m, 1 at contact; all five are 0 where there is nobody
-    "neighbours": (NEIGHBOURS, 5),
+    "neighbors": (NEIGHBORS, 5),
 }
 
 
@@ -68,7 +68,7 @@ class ObservationLayout:
     Parameters
     ----------
     terms : names in ``TERMS``, in the order of the columns.
-    neighbours : how many nearest people are seen.
+    neighbors : how many nearest people are seen.
     rays : how many directions walls are felt for in.
 
     Raises
@@ -78,11 +78,11 @@ class ObservationLayout:
     """
 
     terms: tuple[str, ...] = tuple(TERMS)
-    neighbours: int = 6
+    neighbors: int = 6
     rays: int = 8
 
     def __post_init__(self) -> None:
-        check_fields("observation", self, neighbours=Range(1, MOST_NEIGHBOURS), rays=Range(1, MOST_RAYS))
+        check_fields("observation", self, neighbors=Range(1, MOST_NEIGHBORS), rays=Range(1, MOST_RAYS))
         for name in self.terms:
             known("observation term", name, TERMS)
         if len(set(self.terms)) < len(self.terms) or not self.terms:
@@ -90,7 +90,7 @@ class ObservationLayout:
 
     def width(self, term: str) -> int:
         """Return the number of columns of a term."""
-        return TERMS[term][1] * {"neighbours": self.neighbours, "walls": self.rays}.get(term, 1)
+        return TERMS[term][1] * {"neighbors": self.neighbors, "walls": self.rays}.get(term, 1)
 
     @property
     def size(self) -> int:
@@ -122,7 +122,7 @@ class ObservationLayout:
             column=column,
             turn=np.column_stack([np.cos(angle), np.sin(angle)]),
             beam=np.zeros((3, self.rays)),
-            nearest=np.zeros(self.neighbours),
+            nearest=np.zeros(self.neighbors),
             around=np.zeros((4, largest)),
             key=np.zeros(largest),
             all_pairs=all_pairs,

@@ -1,10 +1,10 @@
-"""Who is around everyone, compiled: the density, and the nearest neighbours."""
+"""Who is around everyone, compiled: the density, and the nearest neighbors."""
 
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.envs.observation.view import DENSITY, NEIGHBOURS, SIGHT, SPEED_SCALE, Cells, Plan, Rows, View
-from crowd_env.physics.neighbors.lists import NeighbourList, sort_into_cells
+from crowd_env.envs.observation.view import DENSITY, NEIGHBORS, SIGHT, SPEED_SCALE, Cells, Plan, Rows, View
+from crowd_env.physics.neighbors.lists import NeighborList, sort_into_cells
 from crowd_env.state import Bools, Floats
 
 DENSITY_RADIUS = 1.0  # m
@@ -27,13 +27,13 @@ def clipped(value: float) -> float:
 
 
 @inner_kernel
-def look_around(e: int, begin: int, last: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write the density and the nearest neighbours of those in ``who[begin:last]`` who are inside environment ``e``."""
+def neighbor_features(e: int, begin: int, last: int, view: View, plan: Plan, out: Rows) -> None:
+    """Write the density and the nearest neighbors of those in ``who[begin:last]`` who are inside environment ``e``."""
     near, active, position = view.near, view.state.active, view.state.position
     if last - begin <= plan.all_pairs:
         head, columns, rows = put_into_one_cell(e, begin, last, view.who, active, near)
     else:
-        sight = SIGHT if plan.column[NEIGHBOURS] >= 0 else DENSITY_RADIUS
+        sight = SIGHT if plan.column[NEIGHBORS] >= 0 else DENSITY_RADIUS
         head, columns, rows = sort_into_cells(e, begin, view.bodies.env_start[e + 1], active, position, near, sight)
     for cell in range(head, head + rows * columns):
         first, final = begin + near.cell_start[cell], begin + near.cell_start[cell + 1]
@@ -44,7 +44,7 @@ def look_around(e: int, begin: int, last: int, view: View, plan: Plan, out: Rows
 
 @inner_kernel
 def put_into_one_cell(
-    e: int, begin: int, last: int, who: Cells, active: Bools, near: NeighbourList
+    e: int, begin: int, last: int, who: Cells, active: Bools, near: NeighborList
 ) -> tuple[int, int, int]:
     """Do what `sort_into_cells` does, for few people: all pairs of them are looked at."""
     head, count = 4 * begin + 64 * e, 0
@@ -63,7 +63,7 @@ def gather(
     columns: int,
     rows: int,
     begin: int,
-    near: NeighbourList,
+    near: NeighborList,
     position: Floats,
     radius: Floats,
     around: Floats,
@@ -83,7 +83,7 @@ def gather(
 @inner_kernel
 def show(first: int, last: int, count: int, begin: int, view: View, plan: Plan, out: Rows) -> None:
     """Write what those in ``cell_item[first:last]`` see of the ``count`` who are gathered around them."""
-    at_density, at_neighbours = plan.column[DENSITY], plan.column[NEIGHBOURS]
+    at_density, at_neighbors = plan.column[DENSITY], plan.column[NEIGHBORS]
     around, key, nearest = plan.around, plan.key, plan.nearest
     axis, position, velocity = view.axis, view.state.position, view.state.velocity
     for m in range(index(first), index(last)):
@@ -98,7 +98,7 @@ def show(first: int, last: int, count: int, begin: int, view: View, plan: Plan, 
             key[n] = known if square < SIGHT * SIGHT and around[3, n] != me else np.inf
         if at_density >= 0:
             out[i, at_density] = clipped(close * (1.0 / (np.pi * DENSITY_RADIUS**2 * DENSITY_SCALE)))
-        if at_neighbours < 0:
+        if at_neighbors < 0:
             continue
         if len(nearest) <= 6:
             least_six(key, count, nearest)
@@ -112,7 +112,7 @@ def show(first: int, last: int, count: int, begin: int, view: View, plan: Plan, 
             j = begin + int(nearest[k] - gap * _SLOTS)
             dx, dy = position[j, 0] - x, position[j, 1] - y
             du, dv = velocity[j, 0] - u, velocity[j, 1] - v
-            c = at_neighbours + 5 * k
+            c = at_neighbors + 5 * k
             out[i, c], out[i, c + 1] = (dx * ax + dy * ay) * (1.0 / SIGHT), (dy * ax - dx * ay) * (1.0 / SIGHT)
             out[i, c + 2] = clipped((du * ax + dv * ay) / (2 * SPEED_SCALE))
             out[i, c + 3] = clipped((dv * ax - du * ay) / (2 * SPEED_SCALE))

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from crowd_env._kernels.struct_ref import Reference, refer
+from crowd_env._kernels.struct_ref import StructRef, struct_ref
 from crowd_env._kernels.threads import Workers
-from crowd_env.envs.buffers import Recycled
+from crowd_env.envs.buffers import BufferPool
 from crowd_env.envs.observation.layout import ObservationLayout, View
 from crowd_env.envs.observation.perception import perceive
 from crowd_env.simulation.simulation import Simulation
@@ -36,21 +36,21 @@ class Observer:
         self.direction = np.zeros((people, 2))
         self.travel_time = np.zeros(people)
         self.potential = np.zeros(people)
-        self.rows = Recycled((people, layout.size), np.float32)
+        self.rows = BufferPool((people, layout.size), np.float32)
         self._axis = np.tile([1.0, 0.0], (people, 1)) if in_world else self.direction
         self._seen = np.zeros(people, dtype=np.bool_)
         self._who = np.zeros(people, dtype=np.int32)
         self._all_rooms = np.arange(rooms)
         side_by_side = min(threads, rooms) if people >= _ENOUGH_FOR_THREADS else 1
         largest = int(np.diff(simulation.bodies.env_start).max())
-        self._plans = [refer(layout.plan(largest)) for _ in range(side_by_side)]
+        self._plans = [struct_ref(layout.plan(largest)) for _ in range(side_by_side)]
         self._workers = Workers()
-        self._view: Reference | None = None
+        self._view: StructRef | None = None
         self._made_of: tuple[object, object] | None = None  # what the view refers to and the simulation may replace
 
     def observe(self, seen: Bools, rooms: Ints | None = None, out: np.ndarray | None = None) -> np.ndarray:
         """Return the observation (P, D) of those ``seen`` (P,), or write that of some rooms; the others' rows are zero."""
-        view = self._referred()
+        view = self._kernel_args()
         self._seen[:] = seen
         rows = self.rows.take() if out is None else out
         if rooms is not None or len(self._plans) == 1:
@@ -69,7 +69,7 @@ class Observer:
         """What the next observation and reward depend on besides the simulation."""
         return self.direction, self.travel_time, self.potential
 
-    def _referred(self) -> Reference:
+    def _kernel_args(self) -> StructRef:
         """Return what an observation is made from, anew if the simulation has replaced something: a door, its memory."""
         world, memory = self.simulation.world, self.simulation.memory
         if (
@@ -79,14 +79,14 @@ class Observer:
             or self._made_of[1] is not memory
         ):
             self._made_of = (world, memory)
-            self._view = refer(
+            self._view = struct_ref(
                 View(
                     boundary=world.boundary,
                     door_open=memory.door_open,
                     geometry_of_env=world.geometry_of_env,
                     field=world.field,
                     field_of_route=world.guidance.field_of_route,
-                    potential_of_route=self.simulation.wayfinder.potential_of_route,
+                    potential_of_route=self.simulation.planner.potential_of_route,
                     followed=memory.followed,
                     bodies=self.simulation.bodies,
                     state=self.simulation.state,

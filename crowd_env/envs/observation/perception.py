@@ -5,13 +5,13 @@ other is looked at from all sides: what is known of twenty people stays in the c
 """
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env.envs.observation.neighbors import clipped, look_around
+from crowd_env.envs.observation.neighbors import clipped, neighbor_features
 from crowd_env.envs.observation.view import (
     CRUSH,
     DENSITY,
     DESIRED_SPEED,
     DIRECTION,
-    NEIGHBOURS,
+    NEIGHBORS,
     PUSH,
     SIGHT,
     SPEED_SCALE,
@@ -36,17 +36,17 @@ def perceive(rooms: Ints, view: View, plan: Plan, out: Rows) -> None:
     column, who = plan.column, view.who
     for e in rooms:
         begin = view.bodies.env_start[e]
-        end = muster(begin, view.bodies.env_start[e + 1], view.seen, who, out)
+        end = list_active(begin, view.bodies.env_start[e + 1], view.seen, who, out)
         look_ahead(e, begin, end, view)
         feel(begin, end, view, column, out)
         if column[WALLS] >= 0:
             cast_rays(e, begin, end, view, plan, out)
-        if column[DENSITY] >= 0 or column[NEIGHBOURS] >= 0:
-            look_around(e, begin, end, view, plan, out)
+        if column[DENSITY] >= 0 or column[NEIGHBORS] >= 0:
+            neighbor_features(e, begin, end, view, plan, out)
 
 
 @inner_kernel
-def muster(begin: int, end: int, seen: Bools, who: Cells, out: Rows) -> int:
+def list_active(begin: int, end: int, seen: Bools, who: Cells, out: Rows) -> int:
     """Empty the rows of one room, and list who is seen of the people ``begin:end``; return the end of the list."""
     last = begin
     for i in range(index(begin), index(end)):

@@ -7,17 +7,17 @@ from numpy.typing import NDArray
 
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.navigation.lookup import FieldArrays
-from crowd_env.physics.neighbors.lists import NeighbourList
+from crowd_env.physics.neighbors.lists import NeighborList
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 Rows = NDArray[np.float32]
 Cells = NDArray[np.int32]
 
-SIGHT = 3.0  # m     how far neighbours and walls are seen
+SIGHT = 3.0  # m     how far neighbors and walls are seen
 SPEED_SCALE = 2.0  # m/s
 
 # Numbers of the compiled terms, rows of `Plan.column`.
-VELOCITY, DESIRED_SPEED, DIRECTION, TRAVEL_TIME, PUSH, CRUSH, DENSITY, WALLS, NEIGHBOURS = range(9)
+VELOCITY, DESIRED_SPEED, DIRECTION, TRAVEL_TIME, PUSH, CRUSH, DENSITY, WALLS, NEIGHBORS = range(9)
 
 
 class View(NamedTuple):
@@ -32,7 +32,7 @@ class View(NamedTuple):
     followed: Ints  # (P,)    route that one follows
     bodies: Bodies
     state: CrowdState
-    near: NeighbourList  # only its cells, as scratch
+    near: NeighborList  # only its cells, as scratch
     push: Floats  # (P, 2)  N s  contact impulse since the last decision
     crush: Floats  # (P,)    N s  sum of its magnitudes
     seen: Bools  # (P,)    whose observation is wanted, all who are inside among them; the rest stays zero

@@ -20,7 +20,7 @@ from crowd_env.state import Bools, Floats, Ints, as_grid
 
 DENSITY_SCALE = 5.0  # 1/m2
 SPEED_SCALE = 2.0  # m/s
-FLOW_SCALE = 5.0  # 1/(s m)  people out per second and metre of exit
+FLOW_SCALE = 5.0  # 1/(s m)  people out per second and meter of exit
 QUEUE_REACH = 2.5  # m  whoever has no further to walk to an exit stands in its queue
 
 
@@ -72,7 +72,7 @@ class RoutingBatch:
             **scenario_options,
         )
         self.scenario = self.env.scenarios[0]
-        geometry, ways = self.scenario.geometry, self.env.ways[0]
+        geometry, route_set = self.scenario.geometry, self.env.route_set[0]
         exits = tuple(dict.fromkeys(geometry.exit_names))
         known = tuple(dict.fromkeys((*exits, *(route.name for route in self.scenario.routes))))
         routes = check_names("route", routes, known) or known
@@ -81,13 +81,13 @@ class RoutingBatch:
         self.regions = named_regions(geometry, regions) if regions else grid_regions(geometry, grid)
         self.layout = RoutingLayout(self.regions.names, exits, routes, doors)
         self.choices = np.array([len(routes)] * len(self.regions.names) + [2] * len(doors), dtype=np.int64)
-        self._way = np.array([ways.number(name) for name in routes], dtype=np.int64)
+        self._way = np.array([route_set.number(name) for name in routes], dtype=np.int64)
         # A route via a region goes on as another way from there: whoever is on that one already follows the route.
-        self._then = np.array([ways.ways[k].following for k in self._way], dtype=np.int64)
+        self._then = np.array([route_set.route_set[k].following for k in self._way], dtype=np.int64)
         self._exit_of_row = np.array([exits.index(name) for name in geometry.exit_names], dtype=np.int64)
         length = np.hypot(*(geometry.exits[:, 1] - geometry.exits[:, 0]).T)
         self._width = np.bincount(self._exit_of_row, weights=length, minlength=len(exits))
-        self._fields = [ways.ways[ways.number(name)].field for name in exits]
+        self._fields = [route_set.route_set[route_set.number(name)].field for name in exits]
 
     def reset(self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return all observations (E, D)."""

@@ -19,16 +19,16 @@ class DecisionRegions(NamedTuple):
 
     names: tuple[str, ...]  # R
     area: Floats  # (R,) m2  walkable
-    centre: Floats  # (R, 2) m  of what is walkable of it
+    center: Floats  # (R, 2) m  of what is walkable of it
     locate: Callable[[Floats], Ints]  # positions (K, 2) -> region (K,), the first that holds it; -1 = none
 
 
 def named_regions(geometry: Geometry, names: Sequence[str]) -> DecisionRegions:
     """Return regions of a plan as decision regions; where they overlap the first one counts."""
     floors = [geometry.walkable.intersection(geometry.regions[name]) for name in names]
-    centre = np.array([(floor.centroid.x, floor.centroid.y) for floor in floors])
+    center = np.array([(floor.centroid.x, floor.centroid.y) for floor in floors])
     locate = partial(_first_that_holds, geometry, tuple(names))
-    return DecisionRegions(tuple(names), np.array([floor.area for floor in floors]), centre, locate)
+    return DecisionRegions(tuple(names), np.array([floor.area for floor in floors]), center, locate)
 
 
 def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
@@ -54,7 +54,7 @@ def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
         raise too_small  # before millions of them are cut out
     names: list[str] = []
     area: list[float] = []
-    centre: list[tuple[float, float]] = []
+    center: list[tuple[float, float]] = []
     number = np.full((rows, columns), -1, dtype=np.int64)
     for row in range(rows):
         for column in range(columns):
@@ -64,11 +64,11 @@ def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
                 number[row, column] = len(names)
                 names.append(f"cell-{column}-{row}")
                 area.append(float(floor.area))
-                centre.append((floor.centroid.x, floor.centroid.y))
+                center.append((floor.centroid.x, floor.centroid.y))
     if not names:
         raise too_small
 
-    return DecisionRegions(tuple(names), np.array(area), np.array(centre), partial(_cell_of, low, size, number))
+    return DecisionRegions(tuple(names), np.array(area), np.array(center), partial(_cell_of, low, size, number))
 
 
 # Functions of the module, not of a plan: a process can send them to another.

@@ -55,7 +55,7 @@ def push_people(
         overlap = touch[entry] - distance
         size = stiffness * overlap
         deepest, total = max(deepest, overlap), total + overlap
-        px, py = size, 0.0  # coincident centres: as `find_contacts` has it
+        px, py = size, 0.0  # coincident centers: as `find_contacts` has it
         if distance > 0.0:
             per_distance = size / distance
             px, py = per_distance * dx, per_distance * dy

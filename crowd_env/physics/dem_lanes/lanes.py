@@ -95,7 +95,7 @@ def move(begin: int, end: int, dt: float, v: Floats, x: Floats) -> None:
 def greatest_speed(begin: int, end: int, vx: Floats, vy: Floats, limit: float) -> float:
     """Return the greatest speed [m/s], after those above ``limit`` have been held to it.
 
-    Four by four: each comparison has to wait for the one before, but not for its three neighbours.
+    Four by four: each comparison has to wait for the one before, but not for its three neighbors.
     """
     one, four = index(1), index(4)
     a, b, c, d = 0.0, 0.0, 0.0, 0.0

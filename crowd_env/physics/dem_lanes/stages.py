@@ -6,10 +6,10 @@ from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.physics.dem_lanes.contact import COUNT, DEEPEST, FASTEST, OUTSIDE, STRAYS, SUM
 from crowd_env.physics.dem_lanes.lanes import park, show_positions
 from crowd_env.physics.dem_lanes.partition import SLABS, first_entry, slab_start
-from crowd_env.physics.driving_force import walk_freely
+from crowd_env.physics.driving_force import reset_routes
 from crowd_env.physics.exits import leave_lanes_anywhere, leave_lanes_by_list, take_out_of_lanes
 from crowd_env.physics.neighbors.update import OK, TOO_FAST
-from crowd_env.physics.step import muster
+from crowd_env.physics.step import list_active
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bools, Floats
 
@@ -42,14 +42,14 @@ def begin_call(e: int, slabs: int, batch: Batch, regions: bool | None) -> None:
     cut.pressed[e], cut.last_response[e], cut.smallest[e], cut.stray[e] = pressed, latest, smallest, True
     memory.status[e] = OK
     muster_slabs(e, slabs, batch)
-    walk_freely(e, batch, regions)
+    reset_routes(e, batch, regions)
 
 
 @inner_kernel
 def muster_slabs(e: int, slabs: int, batch: Batch) -> None:
     """List who is inside, and who of them belongs to which slab."""
     cut, inside = batch.memory.cut, batch.memory.inside
-    begin, end, last = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], muster(e, batch)
+    begin, end, last = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], list_active(e, batch)
     cut.inside[e] = last - begin
     for s in range(slabs):
         cut.inside_start[SLABS * e + s] = first_entry(slab_start(s, slabs, begin, end), begin, last, inside)

@@ -1,4 +1,4 @@
-"""The lists of neighbours: what they hold, and how they are made."""
+"""The lists of neighbors: what they hold, and how they are made."""
 
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ FIRST_HORIZON = 0.05  # s
 Places = NDArray[np.uint32]
 
 
-class NeighbourList(NamedTuple):
+class NeighborList(NamedTuple):
     """Half lists of all environments; ``e`` owns the entries from ``entry_start[e]`` on: pairs, then walls, then exits."""
 
     entry_start: Ints  # (E+1,)
@@ -41,13 +41,13 @@ class NeighbourList(NamedTuple):
     cell_of: NDArray[np.int32]  # (P,)
 
 
-def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
+def allocate_neighbors(bodies: Bodies, per_person: int) -> NeighborList:
     """Return an empty list with room for ``per_person`` entries a pedestrian (and a few more an environment)."""
     people = len(bodies.radius)
     environments = len(bodies.env_start) - 1
     entry_start = bodies.env_start * per_person + 16 * np.arange(environments + 1)
     entries = int(entry_start[-1])
-    return NeighbourList(
+    return NeighborList(
         entry_start=entry_start,
         pair_end=entry_start[:-1].copy(),
         wall_end=entry_start[:-1].copy(),
@@ -71,7 +71,7 @@ def allocate_neighbours(bodies: Bodies, per_person: int) -> NeighbourList:
 
 @inner_kernel
 def sort_into_cells(
-    e: int, begin: int, end: int, active: Bools, position: Floats, near: NeighbourList, size: float
+    e: int, begin: int, end: int, active: Bools, position: Floats, near: NeighborList, size: float
 ) -> tuple[int, int, int]:
     """Counting sort of the active people into square cells; returns the head of the cell table, columns and rows."""
     x_low, y_low, x_high, y_high = np.inf, np.inf, -np.inf, -np.inf
@@ -121,7 +121,7 @@ def list_pairs(
     radius: Floats,
     active: Bools,
     position: Floats,
-    near: NeighbourList,
+    near: NeighborList,
     reach: float,
     size: float,
 ) -> bool:
@@ -145,7 +145,7 @@ def list_pairs(
 
 @inner_kernel
 def _all_pairs(
-    e: int, begin: int, end: int, radius: Floats, active: Bools, position: Floats, near: NeighbourList, reach: float
+    e: int, begin: int, end: int, radius: Floats, active: Bools, position: Floats, near: NeighborList, reach: float
 ) -> int:
     """Write the near pairs of few people; returns one past the last entry, -1 if they do not fit."""
     owner, partner, allowed = near.owner, near.partner, near.allowed
@@ -171,7 +171,7 @@ def _pairs_by_cell(
     radius: Floats,
     active: Bools,
     position: Floats,
-    near: NeighbourList,
+    near: NeighborList,
     reach: float,
     grid: tuple[int, int, int],
 ) -> int:
@@ -219,7 +219,7 @@ def list_walls(
     radius: Floats,
     active: Bools,
     position: Floats,
-    near: NeighbourList,
+    near: NeighborList,
     reach: float,
 ) -> bool:
     """Write the wall features nearer than ``reach`` to anyone, but for open doors; False if they do not fit."""
@@ -266,9 +266,9 @@ def list_exits(
     boundary: Boundary,
     active: Bools,
     position: Floats,
-    near: NeighbourList,
+    near: NeighborList,
 ) -> bool:
-    """Write the exit lines that anyone's centre may come to; False if they do not fit."""
+    """Write the exit lines that anyone's center may come to; False if they do not fit."""
     entry, last, line, exit_start = near.wall_end[e], near.entry_start[e + 1], boundary.exit, boundary.exit_start
     owner, partner, allowed = near.owner, near.partner, near.allowed
     for k in range(exit_start[g], exit_start[g + 1]):

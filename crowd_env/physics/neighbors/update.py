@@ -8,7 +8,7 @@ the other, pairs first: a loop over it has no inner loop whose end the processor
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.physics.neighbors.lists import NeighbourList, list_exits, list_pairs, list_walls
+from crowd_env.physics.neighbors.lists import NeighborList, list_exits, list_pairs, list_walls
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bools, Floats
 
@@ -28,7 +28,7 @@ _LOOKS = 40.0
 
 
 @inner_kernel
-def update_neighbours(e: int, batch: Batch, margin: float) -> int:
+def update_neighbors(e: int, batch: Batch, margin: float) -> int:
     """Rebuild the list of environment ``e`` if a gap below ``margin`` could be missing from it.
 
     Returns OK; FULL if the entries do not fit; or DIVERGED if someone is nowhere near the world.
@@ -86,7 +86,7 @@ def are_near(
 
 
 @inner_kernel
-def _better_horizon(e: int, begin: int, end: int, radius: Floats, near: NeighbourList, lasted: float) -> float:
+def _better_horizon(e: int, begin: int, end: int, radius: Floats, near: NeighborList, lasted: float) -> float:
     """Return the horizon of the next list of environment ``e``: the last one's spare pairs are to cost what making it does.
 
     Where people stand evenly the share d^2 / (d + s)^2 of the pairs would be there if nobody were allowed to go anywhere.  A

@@ -11,7 +11,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.canvas import hex_of
 from crowd_env.rendering.discs import put_discs
 from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, QUIET, RAMP, Colour
+from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, QUIET, RAMP, Color
 from crowd_env.rendering.plan import Layout, draw_plan
 from crowd_env.rendering.text import Image
 from crowd_env.simulation.simulation import Simulation
@@ -27,8 +27,8 @@ _MARGIN = 0.35  # m, seen of the outside
 _WIDTH = 1280  # px, of the longer side of the picture
 _WALL = 0.12  # m, as drawn
 _HEADER, _FOOTER = 60, 84  # px
-_PERSON: Colour = (241, 244, 246)
-_RIM: Colour = (200, 206, 213)
+_PERSON: Color = (241, 244, 246)
+_RIM: Color = (200, 206, 213)
 _RIM_WIDTH = 1.6  # px
 _WIDEST = 0.45  # of the width of the bodies: the line of the largest force
 
@@ -40,10 +40,10 @@ def write_force_network(
     e: int = 0,
     around: float | None = None,
     full_force: float | None = None,
-    colour: bool = True,
+    color: bool = True,
     title: str = "",
 ) -> Path:
-    """Draw the normal contact forces as lines between the centres of touching people, and to walls; return the path.
+    """Draw the normal contact forces as lines between the centers of touching people, and to walls; return the path.
 
     The width of a line is proportional to the force.  `mean_contact_forces` shows the mean over several steps.
 
@@ -55,7 +55,7 @@ def write_force_network(
     around : m, how far around the exit at which people press most is shown; inf for the whole place.  Default 3.5 m, or the
         whole place if its longer side is at most 9 m.
     full_force : N, the force of the widest line; default the largest seen.  Give the same to pictures to be compared.
-    colour : give lines the colours of pressure too, from blue-grey (none) to red (``full_force``); else they are dark.
+    color : give lines the colors of pressure too, from blue-grey (none) to red (``full_force``); else they are dark.
     title : what is seen.
 
     Raises
@@ -65,7 +65,7 @@ def write_force_network(
     """
     path = check_suffix(path, (".png",))
     forces = contact_forces(crowd, e) if isinstance(crowd, Simulation) else crowd
-    figure = force_network_figure(forces, around=around, full_force=full_force, colour=colour, title=title)
+    figure = force_network_figure(forces, around=around, full_force=full_force, color=color, title=title)
     with written(path) as part:
         figure.savefig(part, format="png", dpi=_DPI)
     return path
@@ -76,7 +76,7 @@ def force_network_figure(
     *,
     around: float | None = None,
     full_force: float | None = None,
-    colour: bool = True,
+    color: bool = True,
     title: str = "",
 ) -> "Figure":
     """Return the figure of `write_force_network`; its one line collection is named "forces"."""
@@ -106,7 +106,7 @@ def force_network_figure(
     lines = LineCollection(
         list(ends),
         linewidths=width * force / full,
-        colors=_colours(force / full, colour),
+        colors=_colors(force / full, color),
         capstyle="round",
         label="forces",
         zorder=3,
@@ -115,7 +115,7 @@ def force_network_figure(
     axes.set_xlim(0, layout.width)
     axes.set_ylim(layout.height, 0)
     _write_text(figure, forces, size, title)
-    _draw_legend(figure, size, layout, full, width, colour, len(force) > 0)
+    _draw_legend(figure, size, layout, full, width, color, len(force) > 0)
     return figure
 
 
@@ -169,10 +169,10 @@ def _layout(geometry: Geometry, window: tuple[float, float, float, float]) -> La
 def _with_people(plan: Image, forces: ContactForces, layout: Layout) -> Image:
     """Return the image of the place with the people drawn lightly."""
     image, inside = plan.copy(), forces.active
-    centre, radius = layout.pixels(forces.position[inside]), layout.scale * forces.radius[inside]
-    for colour, smaller in ((_RIM, 0.0), (_PERSON, _RIM_WIDTH)):
+    center, radius = layout.pixels(forces.position[inside]), layout.scale * forces.radius[inside]
+    for color, smaller in ((_RIM, 0.0), (_PERSON, _RIM_WIDTH)):
         put_discs(
-            image, centre, radius - smaller, np.tile(np.array(colour, dtype=np.uint8), (len(radius), 1)), rim=False
+            image, center, radius - smaller, np.tile(np.array(color, dtype=np.uint8), (len(radius), 1)), rim=False
         )
     return image
 
@@ -180,8 +180,8 @@ def _with_people(plan: Image, forces: ContactForces, layout: Layout) -> Image:
 def _walls_only(plan: Image) -> Image:
     """Return the image (H, W, 4) of a place that is transparent where people can be."""
     floor = np.zeros(plan.shape[:2], dtype=bool)
-    for colour in (FLOOR, EXIT, EXIT_MAT):
-        floor |= (plan == colour).all(axis=2)
+    for color in (FLOOR, EXIT, EXIT_MAT):
+        floor |= (plan == color).all(axis=2)
     return np.dstack([plan, np.where(floor, 0, 255).astype(np.uint8)])
 
 
@@ -189,9 +189,9 @@ def _typical_radius(forces: ContactForces) -> float:
     return float(np.median(forces.radius)) if len(forces.radius) else 0.25
 
 
-def _colours(level: Floats, colour: bool) -> Floats:
-    """Return a colour (K, 4) for each force: the ramp of pressures without its palest part, or ink."""
-    if not colour:
+def _colors(level: Floats, color: bool) -> Floats:
+    """Return a color (K, 4) for each force: the ramp of pressures without its palest part, or ink."""
+    if not color:
         return np.tile([*(np.array(INK) / 255.0), 0.85], (len(level), 1))
     rows = np.rint((0.1 + 0.9 * np.clip(level, 0.0, 1.0)) * (len(RAMP) - 1)).astype(np.int64)
     return np.column_stack([RAMP[rows] / 255.0, np.ones(len(level))])
@@ -206,7 +206,7 @@ def _write_text(figure: "Figure", forces: ContactForces, size: tuple[int, int], 
 
 
 def _draw_legend(
-    figure: "Figure", size: tuple[int, int], layout: Layout, full: float, width: float, colour: bool, any_force: bool
+    figure: "Figure", size: tuple[int, int], layout: Layout, full: float, width: float, color: bool, any_force: bool
 ) -> None:
     """Draw lines of round forces, as wide as in the picture, with their newtons."""
     axes = figure.add_axes((0.0, 0.0, 1.0, _FOOTER / size[1]))
@@ -221,7 +221,7 @@ def _draw_legend(
     axes.text(x, y, "normal force", **text)
     x += 172
     for force in _round_forces(full):
-        (shade,) = _colours(np.array([force / full]), colour)
+        (shade,) = _colors(np.array([force / full]), color)
         said = f"{force:g} N" if full < 1e4 else f"{force / 1e3:g} kN"
         axes.plot([x, x + 70], [y, y], color=shade, linewidth=width * force / full, solid_capstyle="butt")
         axes.text(x + 84, y, said, **text)

@@ -61,13 +61,13 @@ class Sample:
         """Number of draws that neither cleared nor blocked within the time."""
         return len(self.records) - len(self.cleared) - self.blocked
 
-    def curve(self, label: str, colour: str, paper: str | None = None) -> "Draws":
+    def curve(self, label: str, color: str, paper: str | None = None) -> "Draws":
         """Return the draws as leaving curves."""
         from crowd_env.reproduce.lin2016.figures.clearance import Draws
 
         exits = [np.array(record.exit_times) for record in self.records]
         blocked = [record.blocked_since is not None for record in self.records]
-        return Draws(label, colour, exits, blocked, None if paper is None else float(paper))
+        return Draws(label, color, exits, blocked, None if paper is None else float(paper))
 
     def count_blocked(self) -> str:
         """Return "2 of 5 blocked"."""

@@ -73,7 +73,7 @@ class BySpeed:
         return Row(f"clearance, {low:.1f} to {high:.1f} m/s", paper, mean, "s", len(times), reading)
 
     def _draw(self, settings: LinSettings, found: Mapping[float, Sample], path: Path) -> Path:
-        from crowd_env.reproduce.lin2016.figures.clearance import clearance_times, speed_colour
+        from crowd_env.reproduce.lin2016.figures.clearance import clearance_times, speed_color
 
         slowest, fastest = min(self.speeds), max(self.speeds)
         mean = self.printed_mean
@@ -81,7 +81,7 @@ class BySpeed:
             path,
             self.people,
             [
-                draws.curve(f"{speed:.1f} m/s", speed_colour((speed - slowest) / (fastest - slowest)))
+                draws.curve(f"{speed:.1f} m/s", speed_color((speed - slowest) / (fastest - slowest)))
                 for speed, draws in found.items()
             ],
             {speed: draws.times for speed, draws in found.items()},

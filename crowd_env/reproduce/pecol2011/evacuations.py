@@ -105,7 +105,7 @@ def room_remarks(settings: Settings, results: list[Evacuations]) -> list[str]:
     """Return the readings behind the flows, and what went wrong."""
     remarks = [
         f"Runs are the draws {settings.seed} to {settings.seed + settings.runs - 1}, the same for every scheme: uniform "
-        "random starts without overlap, at rest; a person is out when the centre crosses the line of the door."
+        "random starts without overlap, at rest; a person is out when the center crosses the line of the door."
     ]
     fastest = ", ".join(f"{done.scheme} {done.max_speed:.2f}" for done in results)
     remarks.append(f"Nobody was outside of the plan at any decision; largest speeds [m/s]: {fastest}.")

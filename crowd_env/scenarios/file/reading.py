@@ -246,8 +246,8 @@ def _without_doubles(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 
 def _check(scenario: Scenario) -> None:
     """Raise ValueError if a way leads nowhere, or people do not fit; recorded starts have to suit the largest bodies."""
-    ways = scenario.ways()
-    ways.when(frozenset(scenario.closed_doors))
+    route_set = scenario.route_set()
+    route_set.when(frozenset(scenario.closed_doors))
     for part in scenario.population.parts:
         if part.starts is not None:
             starts = np.asarray(part.starts, dtype=np.float64)

@@ -10,7 +10,7 @@ from crowd_env.scenarios.groups import as_people
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import People, Scenario
 
-# "A square room of side 5 m, where 20 pedestrians want to escape by a door of 82 cm width"; the door is centred (the paper
+# "A square room of side 5 m, where 20 pedestrians want to escape by a door of 82 cm width"; the door is centerd (the paper
 # does not say), walls are thin and the jambs are hard points.
 REFERENCE = "Pécol, Dal Pont, Erlicher, Argoul 2011, section 4.2 and Table 4"
 
@@ -25,7 +25,7 @@ def room(
     target: Target = "path",
     exit_line: float = 0.0,
 ) -> Scenario:
-    """Return a square room with one door centred in the wall x = ``side``.
+    """Return a square room with one door centerd in the wall x = ``side``.
 
     Parameters
     ----------

@@ -19,10 +19,10 @@ Seen from above, the screen is at x = 0, on the left, and the floor rises to the
   wide, 12 m long seen from above, down to the open; B is its foot.  In the exercise nobody came out at B before about 40 s
   (inferred from the mean and the last time): that needs a way of 10 to 15 m on stairs behind the front rows.
 * People: the first four rows are empty, those behind are filled evenly: 101 of 126 seats, every fifth is free.
-* The corridor of A ends where it does, in whole metres, so that the shortest ways part the audience about as Table 7 implies
+* The corridor of A ends where it does, in whole meters, so that the shortest ways part the audience about as Table 7 implies
   (42 by A, 59 by B; here 44 and 57): that split is put in, not found.
 * Rectangles: 1 and 2 are the ends of both aisles towards A, two rows long; 3 is the floor before the door to B, 3.0 by 2.5 m.
-  Their thresholds 5, 5 and 15 are about 2 people per square metre in each.
+  Their thresholds 5, 5 and 15 are about 2 people per square meter in each.
 """
 
 from collections.abc import Mapping, Sequence
@@ -94,7 +94,7 @@ def theatre(
         response_time=Uniform(0.0, 4.0),
         starts=seats()[taken_seats(count)],
     )
-    ways = zip(("1", "2", "3"), most, ("B", "B", "A"), strict=True)
+    route_set = zip(("1", "2", "3"), most, ("B", "B", "A"), strict=True)
     return Scenario(
         "theatre-v0",
         plan(),
@@ -103,7 +103,7 @@ def theatre(
         f"movie theatre (synthetic), {len(seats())} seats, {people.count} people, routes A and B",
         REFERENCE,
         zones=tuple(SpeedZone(stairs, stair_speed) for stairs in ("upper aisle", "lower aisle", "flight")),
-        rules=tuple(ControlRule(where, many, way, hold=hold, commits=commits) for where, many, way in ways),
+        rules=tuple(ControlRule(where, many, way, hold=hold, commits=commits) for where, many, way in route_set),
     )
 
 

@@ -23,7 +23,7 @@ class Draws(NamedTuple):
     """Draws of one configuration, drawn as one curve each."""
 
     label: str
-    colour: str
+    color: str
     exits: Sequence[Floats]  # of every draw: exit times [s], ascending
     blocked: Sequence[bool]  # of every draw
     paper: float | None = None  # s, clearance time that the paper prints
@@ -38,12 +38,12 @@ class Panel(NamedTuple):
 
 
 def series(k: int) -> str:
-    """Return the colour of the curve ``k``."""
+    """Return the color of the curve ``k``."""
     return hex_of(SERIES[k % len(SERIES)])
 
 
-def speed_colour(level: float) -> str:
-    """Return the colour of a speed between the slowest (0) and the fastest (1) of a figure."""
+def speed_color(level: float) -> str:
+    """Return the color of a speed between the slowest (0) and the fastest (1) of a figure."""
     corners = to_oklab(_SPEEDS)
     at = level * (len(corners) - 1.0)
     mixed = [np.interp(at, np.arange(len(corners)), corners[:, k]) for k in range(3)]
@@ -119,13 +119,13 @@ def _leaving(axes: "Axes", people: int, curves: Sequence[Draws], *, every: bool)
         for k in range(len(curve.exits)) if every else (strong,):
             _one_leaving(axes, curve, k, curve.label + lost if k == strong else None)
         if curve.paper is not None:
-            axes.plot(curve.paper, people, "D", mfc="white", mec=curve.colour, mew=1.7, ms=7.5, zorder=6, clip_on=False)
+            axes.plot(curve.paper, people, "D", mfc="white", mec=curve.color, mew=1.7, ms=7.5, zorder=6, clip_on=False)
     end = axes.get_xlim()[1]
     for curve in curves:
         k = _middle(curve)
         if curve.blocked[k]:  # nobody else gets out
             begin, level = curve.exits[k].max(initial=0.0), len(curve.exits[k])
-            axes.plot([begin, end], [level, level], color=curve.colour, lw=1.2, dashes=(1, 2.5), zorder=3)
+            axes.plot([begin, end], [level, level], color=curve.color, lw=1.2, dashes=(1, 2.5), zorder=3)
     axes.set_xlim(0.0, end)
 
 
@@ -134,12 +134,12 @@ def _one_leaving(axes: "Axes", curve: Draws, k: int, label: str | None) -> None:
     exits, strong = curve.exits[k], label is not None
     at, out = np.append(0.0, exits), np.arange(len(exits) + 1.0)
     axes.plot(
-        at, out, color=curve.colour, lw=1.9 if strong else 0.8, alpha=1.0 if strong else 0.3, drawstyle="steps-post",
+        at, out, color=curve.color, lw=1.9 if strong else 0.8, alpha=1.0 if strong else 0.3, drawstyle="steps-post",
         label=label, zorder=4 if strong else 2,
     )  # fmt: skip
     if curve.blocked[k]:
         axes.plot(
-            at[-1], out[-1], "x", color=curve.colour, ms=8.5 if strong else 6.0, mew=2.0 if strong else 1.1,
+            at[-1], out[-1], "x", color=curve.color, ms=8.5 if strong else 6.0, mew=2.0 if strong else 1.1,
             alpha=1.0 if strong else 0.6, zorder=5, clip_on=False,
         )  # fmt: skip
 

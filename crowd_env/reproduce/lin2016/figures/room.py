@@ -23,7 +23,7 @@ class Moment(NamedTuple):
     title: str
     position: Floats  # (K, 2) m
     radius: Floats  # (K,) m
-    angle: Floats  # (K,) rad, of the line from the centre to the rim
+    angle: Floats  # (K,) rad, of the line from the center to the rim
 
 
 def snapshots(path: str | Path, moments: Sequence[Moment], walls: Floats, exits: Floats, rests_on: str) -> Path:

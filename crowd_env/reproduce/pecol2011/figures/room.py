@@ -72,7 +72,7 @@ def collisions(
     Parameters
     ----------
     path : ends in .png.
-    panels : title, places of the centre [m] at the steps, "before", "during" or "after" the contact for each, and a place
+    panels : title, places of the center [m] at the steps, "before", "during" or "after" the contact for each, and a place
         that was avoided or None.
     radius : m.
     """
@@ -132,7 +132,7 @@ def _collision(
 def _name_phases(figure: "Figure") -> None:
     from matplotlib.lines import Line2D
 
-    marks = [Line2D([], [], color=colour, lw=2, label=f"{phase} contact") for phase, colour in _PHASES.items()]
+    marks = [Line2D([], [], color=color, lw=2, label=f"{phase} contact") for phase, color in _PHASES.items()]
     marks.append(
         Line2D(
             [], [], color=_PHASES["during"], marker="o", mfc="white", markersize=4, lw=1, label="avoided position (b)"
@@ -165,8 +165,8 @@ def meetings(
     _meeting(left, taus, trajectories, radius)
     quiet_axes(right, r"relaxation time $\tau$ [s]", "recoil, exactly head-on [m]", grid=True)
     right.plot(*form, color=hex_of(INK), lw=1.3, label=r"$\tau v_d\,(1-\ln 2)$, from eq. 11")
-    for (label, values), mark, colour in zip(recoils.items(), "os", (SERIES[0], SERIES[1]), strict=False):
-        right.plot(taus, values, mark, color=hex_of(colour), markersize=6.5, label=label)
+    for (label, values), mark, color in zip(recoils.items(), "os", (SERIES[0], SERIES[1]), strict=False):
+        right.plot(taus, values, mark, color=hex_of(color), markersize=6.5, label=label)
     right.set_xlim(0.0, form[0][-1])
     right.set_ylim(bottom=0.0)
     right.legend(frameon=False, fontsize=9.5, loc="upper left")
@@ -185,9 +185,9 @@ def _meeting(axes: "Axes", taus: Sequence[float], trajectories: Sequence[Floats]
         axes.annotate("", (side * 0.72, y), (side * 1.2, y), arrowprops=arrow, zorder=6)
         axes.text(side * (reach - 0.08), y, f"${name}$", ha="center", va="center", fontsize=13)
     for k, (tau, places) in enumerate(zip(taus, trajectories, strict=True)):
-        colour = shade(k / max(len(taus) - 1, 1))
+        color = shade(k / max(len(taus) - 1, 1))
         for who in (0, 1):
-            axes.plot(*places[:, who].T, color=colour, lw=1.7, zorder=3, label=None if who else rf"$\tau$ = {tau:g} s")
+            axes.plot(*places[:, who].T, color=color, lw=1.7, zorder=3, label=None if who else rf"$\tau$ = {tau:g} s")
     axes.plot(*touch.T, "o", color="black", markersize=4.5, zorder=5)
     axes.set_xlim(-reach, reach)
     axes.set_aspect("equal", adjustable="box")
@@ -272,17 +272,17 @@ def flows(
         textcoords="offset points", color=hex_of(QUIET), fontsize=9, va="center", annotation_clip=False,
     )  # fmt: skip
     for k, (name, runs) in enumerate(slopes.items()):
-        colour = hex_of(SERIES[k % len(SERIES)])
+        color = hex_of(SERIES[k % len(SERIES)])
         known = runs[np.isfinite(runs)]
-        axes.plot(k - 0.16 + _spread(known, rng), known, ".", color=colour, alpha=0.45, markersize=6, mew=0, zorder=2)
+        axes.plot(k - 0.16 + _spread(known, rng), known, ".", color=color, alpha=0.45, markersize=6, mew=0, zorder=2)
         mean, interval = means[name]
         if mean is not None:
             low, high = interval or (mean, mean)
             axes.errorbar(
-                k + 0.12, mean, [[mean - low], [high - mean]], fmt="o", color=colour, ms=7, capsize=4, lw=1.8, zorder=4
+                k + 0.12, mean, [[mean - low], [high - mean]], fmt="o", color=color, ms=7, capsize=4, lw=1.8, zorder=4
             )
         values = list(others[name].values())
-        axes.plot(np.full(len(values), k + 0.24), values, "_", color=colour, markersize=11, mew=1.3, zorder=3)
+        axes.plot(np.full(len(values), k + 0.24), values, "_", color=color, markersize=11, mew=1.3, zorder=3)
         axes.plot(k + 0.37, printed[name], "D", mfc="white", mec="black", mew=1.5, markersize=7, zorder=5)
     axes.set_xticks(range(len(slopes)), [_SPOKEN.get(name, name) for name in slopes], fontsize=10, color=hex_of(INK))
     axes.set_xlim(-0.5, len(slopes) - 0.4)

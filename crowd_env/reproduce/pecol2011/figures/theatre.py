@@ -68,7 +68,7 @@ def _plan(axes: "Axes", place: Scenario) -> None:
     from matplotlib.patches import Circle, Polygon, Rectangle
 
     geometry, people = place.geometry, place.population.parts[0]
-    ways = {way.name: way.field for way in place.ways().ways}
+    route_set = {way.name: way.field for way in place.route_set().route_set}
     shells = [np.asarray(geometry.walkable.exterior.coords)]
     holes = [np.asarray(ring.coords) for ring in geometry.walkable.interiors]
     axes.add_collection(PatchCollection([Polygon(ring) for ring in shells], facecolor=hex_of(FLOOR), lw=0.0, zorder=0))
@@ -85,16 +85,16 @@ def _plan(axes: "Axes", place: Scenario) -> None:
     )
     axes.add_collection(LineCollection(list(geometry.exits), colors=hex_of(EXIT), linewidths=3.0, zorder=4))
     assert people.starts is not None
-    nearer = np.array([[_time(ways[name], at) for name in _ROUTE_COLOURS] for at in people.starts]).argmin(axis=1)
-    for k, (name, colour) in enumerate(_ROUTE_COLOURS.items()):
+    nearer = np.array([[_time(route_set[name], at) for name in _ROUTE_COLOURS] for at in people.starts]).argmin(axis=1)
+    for k, (name, color) in enumerate(_ROUTE_COLOURS.items()):
         mine = [Circle((x, y), people.radius.low) for x, y in people.starts[nearer == k]]
-        axes.add_collection(PatchCollection(mine, facecolor=colour, edgecolor="white", lw=0.4, zorder=2))
+        axes.add_collection(PatchCollection(mine, facecolor=color, edgecolor="white", lw=0.4, zorder=2))
         exits = geometry.exits[[exit_name == name for exit_name in geometry.exit_names]]
         middle = exits.mean(axis=(0, 1))
         aside = 0.9 if name == "B" else -0.9
         text = f"{name}: {len(mine)}" if name == "B" else f"{len(mine)}: {name}"
         axes.text(
-            middle[0] + aside, middle[1], text, color=colour, fontsize=13, fontweight="bold", va="center",
+            middle[0] + aside, middle[1], text, color=color, fontsize=13, fontweight="bold", va="center",
             ha="left" if name == "B" else "right",
         )  # fmt: skip
     for rule in place.rules:
@@ -102,8 +102,8 @@ def _plan(axes: "Axes", place: Scenario) -> None:
         axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, ec=_DARK, lw=1.1, ls=(0, (3, 2)), zorder=5))
         axes.text(x0 + 0.14, y1 - 0.1, rule.region, fontsize=10.5, fontweight="bold", va="top", zorder=6)
         middle, usual = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)]), "A" if rule.route == "B" else "B"
-        for name, colour in ((usual, _LIGHT), (rule.route, _DARK)):
-            _arrow(axes, middle, _direction(ways[name], middle), colour)
+        for name, color in ((usual, _LIGHT), (rule.route, _DARK)):
+            _arrow(axes, middle, _direction(route_set[name], middle), color)
     low, high = geometry.walls.min(axis=(0, 1)), geometry.walls.max(axis=(0, 1))
     axes.plot([low[0] + 0.12] * 2, [2.8, 8.4], color="#b9b5ab", lw=4.0, solid_capstyle="butt", zorder=2)
     axes.text(low[0] + 0.5, 5.6, "screen", rotation=90, va="center", fontsize=9, color=hex_of(QUIET))
@@ -130,9 +130,9 @@ def _direction(field: NavigationField, at: Floats) -> Floats:
     return np.asarray(field.direction[_node(field, at)])
 
 
-def _arrow(axes: "Axes", at: Floats, direction: Floats, colour: str) -> None:
+def _arrow(axes: "Axes", at: Floats, direction: Floats, color: str) -> None:
     (x0, y0), (x1, y1) = at + 0.1 * direction, at + 0.95 * direction
-    style = {"arrowstyle": "-|>", "color": colour, "lw": 1.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 13}
+    style = {"arrowstyle": "-|>", "color": color, "lw": 1.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 13}
     axes.annotate("", (x1, y1), (x0, y0), arrowprops=style, zorder=6)
 
 
@@ -142,25 +142,22 @@ def _times(
     from matplotlib.lines import Line2D
 
     quiet_axes(axes, "", "time [s]", grid=True)
-    colours = [hex_of(SERIES[3]), hex_of(SERIES[2])]
+    colors = [hex_of(SERIES[3]), hex_of(SERIES[2])]
     rng = np.random.default_rng(0)  # for the places of the points sideways
     for x, name in enumerate(exercise):
-        for one, colour, aside in zip(series, colours, (-0.12, 0.14), strict=True):
+        for one, color, aside in zip(series, colors, (-0.12, 0.14), strict=True):
             values = one.values[name][np.isfinite(one.values[name])]
             places = x + aside + rng.uniform(-0.07, 0.07, len(values))
-            axes.plot(places, values, ".", color=colour, alpha=0.3, ms=4.5, mew=0, zorder=2)
+            axes.plot(places, values, ".", color=color, alpha=0.3, ms=4.5, mew=0, zorder=2)
             if len(values):
-                axes.plot(x + aside, values.mean(), "o", color=colour, mec="white", mew=1.0, ms=8, zorder=4)
+                axes.plot(x + aside, values.mean(), "o", color=color, mec="white", mew=1.0, ms=8, zorder=4)
         axes.plot(x - 0.32, exercise[name], "D", color="black", ms=7, zorder=5)
         axes.plot(x + 0.33, simulation[name], "D", mfc="white", mec="black", mew=1.5, ms=7, zorder=5)
     axes.set_xticks(range(len(exercise)), list(exercise), fontsize=10, color=hex_of(INK))
     axes.set_ylim(bottom=0.0)
     marks = [
         Line2D([], [], color="black", marker="D", ls="", ms=7, label="exercise, as the paper prints it"),
-        *(
-            Line2D([], [], color=c, marker="o", ls="", ms=8, label=s.label)
-            for s, c in zip(series, colours, strict=True)
-        ),
+        *(Line2D([], [], color=c, marker="o", ls="", ms=8, label=s.label) for s, c in zip(series, colors, strict=True)),
         Line2D([], [], marker="D", mfc="white", mec="black", mew=1.5, ls="", ms=7, label="the paper's simulation"),
     ]
     axes.legend(handles=marks, frameon=False, fontsize=9.5, loc="lower right", ncols=2)
