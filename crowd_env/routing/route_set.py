@@ -22,7 +22,7 @@ _REGION_CELL = 0.05  # m
 _REGION_CELLS = 4e6  # a place of more than 100 m x 100 m gets larger ones
 
 
-class Way(NamedTuple):
+class RouteField(NamedTuple):
     """One route of a place, ready to be looked up."""
 
     name: str
@@ -30,7 +30,7 @@ class Way(NamedTuple):
     goal: int  # region that it leads to; -1 = exits
     following: int  # way that takes over there; -1 = none
     shut: bool  # it leads to closed exits alone
-    remarcher: (
+    congestion: (
         CongestionField | None
     )  # makes the field anew from the crowd of each environment; None = it never changes
     exits: tuple[str, ...]  # that it may lead to in the end; () = all
@@ -47,7 +47,7 @@ class RouteSet:
     """All routes of one place with its regions and rules; made by `build_routes`."""
 
     geometry: Geometry
-    route_set: tuple[Way, ...]
+    routes: tuple[RouteField, ...]
     zones: tuple[SpeedZone, ...]
     rules: tuple[ControlRule, ...]
     radius: float  # m
@@ -59,7 +59,7 @@ class RouteSet:
     @property
     def is_dynamic(self) -> bool:
         """Whether some way follows the crowd."""
-        return any(way.remarcher is not None for way in self.route_set)
+        return any(way.congestion is not None for way in self.routes)
 
     def when(self, closed: frozenset[str]) -> "RouteSet":
         """Return the same ways while these doors are closed, made once.
@@ -89,7 +89,7 @@ class RouteSet:
         ValueError
             If it is unknown.
         """
-        names = [way.name for way in self.route_set]
+        names = [way.name for way in self.routes]
         if name not in names:
             raise ValueError(f"unknown route {name!r}; known: {', '.join(n for n in names if '/' not in n)}")
         return names.index(name)
@@ -97,8 +97,8 @@ class RouteSet:
     def nearest(self, exits: Sequence[str], position: Floats) -> Ints:
         """Return for each position (K, 2) the number of the route, among those of open ``exits``, that is shortest there."""
         numbers = [self.number(name) for name in exits]
-        numbers = [k for k in numbers if not self.route_set[k].shut] or numbers
-        times = np.stack([_travel_time(self.route_set[k].field, position) for k in numbers])
+        numbers = [k for k in numbers if not self.routes[k].shut] or numbers
+        times = np.stack([_travel_time(self.routes[k].field, position) for k in numbers])
         return np.array(numbers, dtype=np.int64)[np.nanargmin(times, axis=0)]
 
 
@@ -144,11 +144,11 @@ def build_routes(
             wanted[rule.route] = Route(rule.route, (rule.route,))
     pace = SpeedMap(geometry, zones, walking_speed, comfort or Comfort())
     behind = {e for door, e in zip(geometry.doors, geometry.exits_of_door, strict=True) if door in closed}
-    made: list[Way] = []
+    made: list[RouteField] = []
     names = list(wanted)
     following = len(names)  # the second halves of ways that lead via a region come last
 
-    def way(name: str, route: Route, goal: int, then: int) -> Way:
+    def way(name: str, route: Route, goal: int, then: int) -> RouteField:
         via = route.via if goal >= 0 else None
         exits = route.exits or None if via is None else None
         # A way to closed exits alone stays as it is: who means to take it waits there.
@@ -161,13 +161,13 @@ def build_routes(
         if route.strategy == "fastest":
             if one_way:
                 raise ValueError(f"route {name!r}: the fastest way does not know one-way doors; take another strategy")
-            remarcher = CongestionField(found, geometry.walls_when(at_this)[0], pace)
-            return Way(name, remarcher.march(), goal, then, shut, remarcher, route.exits)
+            congestion = CongestionField(found, geometry.walls_when(at_this)[0], pace)
+            return RouteField(name, congestion.march(), goal, then, shut, congestion, route.exits)
         if target != "path" and via is None and route.strategy == "shortest":
             found = straight_field(found, geometry, _MARGINS[target])
-        return Way(name, found, goal, then, shut, None, route.exits)
+        return RouteField(name, found, goal, then, shut, None, route.exits)
 
-    second: list[Way] = []
+    second: list[RouteField] = []
     for route in wanted.values():
         if route.via is None:
             made.append(way(route.name, route, -1, -1))
@@ -265,7 +265,7 @@ def _with_regions(field: NavigationField, geometry: Geometry) -> NavigationField
     return replace(field, through=regions_along(field, region_masks_of(field, geometry)))
 
 
-def _with_what_follows(way: Way, second: Sequence[Way], first: int) -> Way:
+def _with_what_follows(way: RouteField, second: Sequence[RouteField], first: int) -> RouteField:
     """Add to a way via a region the travel time to the exit: to the region, and from where one comes to it."""
     if way.following < 0:
         return way
@@ -276,7 +276,7 @@ def _with_what_follows(way: Way, second: Sequence[Way], first: int) -> Way:
     return way._replace(rest=replace(way.field, travel_time=time + carried_along(time, on_from)))
 
 
-def _with_rest(way: Way, route_set: Sequence[Way], geometry: Geometry) -> Way:
+def _with_rest(way: RouteField, route_set: Sequence[RouteField], geometry: Geometry) -> RouteField:
     """Add to a way via a region the regions that lie on the rest of it."""
     if way.following < 0 or way.field.through is None:
         return way
@@ -301,23 +301,23 @@ def add_fields(
     if not isinstance(route_set, RouteSet):
         fields.append(route_set)
         return [len(fields) - 1], [len(fields) - 1]
-    rows = [len(fields) + r for r in range(len(route_set.route_set))]
-    fields += [way.field for way in route_set.route_set]
+    rows = [len(fields) + r for r in range(len(route_set.routes))]
+    fields += [way.field for way in route_set.routes]
     potentials = list(rows)
-    for r, way in enumerate(route_set.route_set):
-        if way.remarcher is not None or way.rest is not None:  # the field changes in place, or ends at the region
+    for r, way in enumerate(route_set.routes):
+        if way.congestion is not None or way.rest is not None:  # the field changes in place, or ends at the region
             potentials[r] = len(fields)
             fields.append(way.potential)
     return rows, potentials
 
 
-def join_ways(
+def join_routes(
     places: Sequence[RouteSet | NavigationField | None], geometry_of_env: Ints
 ) -> tuple[list[NavigationField | None], list[int], Guidance, Ints]:
     """Return all fields of a batch, the geometry of each, the guidance that says which route is which, and the potentials.
 
     Places without `RouteSet` have one route, their field.  A dynamic way has a field of its own in every environment.  The
-    potentials (E, R) are rows of the fields by which progress on each route is counted, see `Way.potential`.
+    potentials (E, R) are rows of the fields by which progress on each route is counted, see `RouteField.potential`.
     """
     fields: list[NavigationField | None] = []
     geometry_of_field: list[int] = []
@@ -331,9 +331,9 @@ def join_ways(
         place = places[g]
         rows, potentials = rows_of_place[g]
         table[0, e, : len(rows)], table[3, e, : len(rows)] = rows, potentials
-        for r, way in enumerate(place.route_set if isinstance(place, RouteSet) else ()):
+        for r, way in enumerate(place.routes if isinstance(place, RouteSet) else ()):
             table[1:3, e, r] = way.goal, way.following
-            if way.remarcher is not None:
+            if way.congestion is not None:
                 table[0, e, r] = len(fields)
                 fields.append(way.field)
                 geometry_of_field.append(int(g))
@@ -349,7 +349,7 @@ def _join_regions(places: Sequence[RouteSet | NavigationField | None]) -> Region
     masks: list[Ints] = []
     for g, place in enumerate(places):
         needed = isinstance(place, RouteSet) and (
-            place.zones or place.rules or any(way.goal >= 0 for way in place.route_set)
+            place.zones or place.rules or any(way.goal >= 0 for way in place.routes)
         )
         if not needed or not isinstance(place, RouteSet):
             masks.append(np.zeros(0, dtype=np.int64))

@@ -72,7 +72,7 @@ class Scenario:
 
     def field(self) -> NavigationField:
         """Return the travel-time field of the shortest way out, for the largest body of the population."""
-        return self.route_set(rules=False).route_set[0].field
+        return self.route_set(rules=False).routes[0].field
 
     def route_set(self, strategy: str = "shortest", *, rules: bool = True) -> RouteSet:
         """Return all ways out that people of this strategy, groups, rules and controllers may take; way 0 leads to any exit.

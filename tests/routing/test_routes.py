@@ -189,7 +189,7 @@ def hall(**options):
 
 
 def time_at(route_set, name, x, y):
-    arrays = join_fields([route_set.route_set[route_set.number(name)].field], route_set.geometry.boundary)
+    arrays = join_fields([route_set.routes[route_set.number(name)].field], route_set.geometry.boundary)
     return travel_time_at(arrays, route_set.geometry.boundary, 0, x, y, RADIUS)
 
 
@@ -199,7 +199,7 @@ def test_a_route_leads_to_its_exits_only_and_out_to_the_best():
         assert time_at(route_set, "left", x, 2.0) == pytest.approx(x, abs=1e-6)
         assert time_at(route_set, "out", x, 2.0) == pytest.approx(min(x, 12 - x), abs=1e-6)
         assert time_at(route_set, "both", x, 2.0) == time_at(route_set, "out", x, 2.0)
-    assert [way.name for way in route_set.route_set] == ["out", "left", "both"]
+    assert [way.name for way in route_set.routes] == ["out", "left", "both"]
     assert not route_set.is_dynamic
 
 
@@ -207,7 +207,7 @@ def test_a_route_via_a_region_has_two_halves():
     route_set = build_routes(
         hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, routes=[Route("detour", ("west",), via="bay")]
     )
-    first, then = route_set.route_set[route_set.number("detour")], route_set.route_set[route_set.number("detour/then")]
+    first, then = route_set.routes[route_set.number("detour")], route_set.routes[route_set.number("detour/then")]
     assert (first.goal, first.following) == (0, route_set.number("detour/then"))
     assert (then.goal, then.following) == (-1, -1)
     assert time_at(route_set, "detour", 4.0, 2.0) == pytest.approx(np.hypot(4, 1), rel=0.02)
@@ -244,7 +244,7 @@ def test_comfort_goes_around_stairs_when_the_detour_is_cheaper(length, avoids):
     geometry = detour_hall(stairs)
     routes, zones = [Route("easy", strategy="comfortable")], [SpeedZone("stairs", speed=0.5)]
     route_set = build_routes(geometry, RADIUS, routes=routes, zones=zones, comfort=Comfort(3.0, 0.0))
-    field = route_set.route_set[route_set.number("easy")].field
+    field = route_set.routes[route_set.number("easy")].field
     path = LineString(follow(join_fields([field], geometry.boundary), geometry, (2.0, 1.0)))
     assert (path.intersection(stairs).length < 0.1 * length) == avoids
     assert time_at(route_set, "easy", 2.0, 1.0) == pytest.approx(min(detour, 10 + 3 * length), rel=0.025)
@@ -270,7 +270,7 @@ def test_regions_on_the_way_in_a_loop_of_corridors():
     geometry = Geometry.from_polygon(
         box(1, 1, 9, 9), exits={"door": [(4.5, 1), (5.5, 1)]}, obstacles=[box(3, 3, 7, 7)], regions=bars
     )
-    field = build_routes(geometry, RADIUS, rules=[ControlRule("west", 3, "door")]).route_set[0].field
+    field = build_routes(geometry, RADIUS, rules=[ControlRule("west", 3, "door")]).routes[0].field
     x, y = node_places = np.stack(np.meshgrid(*(1 + field.spacing * np.arange(n) for n in field.travel_time.shape)))
     inside = ~np.isnan(field.travel_time) & (np.abs(x - 5) > 0.2)
     own = region_masks_of(field, geometry)
@@ -284,7 +284,7 @@ def test_regions_on_the_way_in_a_loop_of_corridors():
 def test_regions_on_the_way_are_those_that_the_path_walks_through():
     regions = {"on": box(4.5, 3.8, 5.5, 4.8), "off": box(4.5, 1, 5.5, 2.3)}
     geometry = Geometry.from_polygon(box(0, 0, 10, 8), exits={"door": [(10, 0.5), (10, 1.5)]}, regions=regions)
-    field = build_routes(geometry, RADIUS, rules=[ControlRule("on", 3, "door")]).route_set[0].field
+    field = build_routes(geometry, RADIUS, rules=[ControlRule("on", 3, "door")]).routes[0].field
     arrays = join_fields([field], geometry.boundary)
     for point in starts(geometry, 100, seed=6):
         path = LineString(follow(arrays, geometry, point))

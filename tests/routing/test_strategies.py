@@ -77,7 +77,7 @@ def test_an_empty_place_gives_the_direction_of_the_shortest_way():
         box(0, 0, 12, 8), exits=[[(12, 3.4), (12, 4.6)]], obstacles=[box(4, 2, 5, 6), Point(8.5, 2).buffer(0.7)]
     )
     route_set = build_routes(geometry, 0.25, routes=[QUICK])
-    arrays = join_fields([way.field for way in route_set.route_set], geometry.boundary, [0, 0])
+    arrays = join_fields([way.field for way in route_set.routes], geometry.boundary, [0, 0])
     points = np.random.default_rng(2).uniform((0, 0), (12, 8), (1500, 2))
     points = points[geometry.contains(points) & (geometry.clearance(points) > 0.6)]
     turn = []
@@ -89,11 +89,11 @@ def test_an_empty_place_gives_the_direction_of_the_shortest_way():
 
 
 def test_density_integrates_to_the_number_of_people():
-    remarcher = quick_routes().route_set[1].remarcher
-    cell = remarcher.spacing**2
+    congestion = quick_routes().routes[1].congestion
+    cell = congestion.spacing**2
     for area, most in ((box(2, 2, 10, 6), 1e-9), (box(0.2, 0.2, 11.8, 7.8), 0.12), (box(0, 0, 4, 4), 0.25)):
         _, state = crowd(30, 4, area)
-        density = remarcher.density(state.position)
+        density = congestion.density(state.position)
         assert density.sum() * cell == pytest.approx(30, rel=most)
         assert density.max() < 30 / 1.0
 
@@ -111,7 +111,7 @@ def test_the_fastest_way_does_not_lead_through_a_thin_wall(radius):
     quick = build_routes(
         Geometry.from_polygon(box(0, 0, 10, 6), exits=[door], thin_walls=[wall]), radius, routes=[QUICK]
     )
-    field = quick.route_set[1].field
+    field = quick.routes[1].field
     assert field.travel_time[round(1 / field.spacing), round(4.6 / field.spacing)] > 9.0  # 5.4 m through the wall
 
 
