@@ -11,7 +11,9 @@ import numpy as np
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.navigation.congestion import write_field
 from crowd_env.navigation.field import FieldArrays, NavigationField, join_fields, regions_along
-from crowd_env.routing.route_set import RouteSet, add_fields, join_routes, region_masks_of
+from crowd_env.routing.arrays import add_fields, join_routes
+from crowd_env.routing.regions import region_masks_of
+from crowd_env.routing.route_set import RouteSet
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 Place = RouteSet | NavigationField | None
@@ -117,7 +119,7 @@ class RoutePlanner:
     def _write(self, e: int, r: int, field: NavigationField, place: RouteSet) -> None:
         first = int(self.field.node_start[self.guidance.field_of_route[e, r]])
         write_field(field, self.field.travel_time, self.field.direction, first)
-        if place.rules:
+        if place.plan.rules:
             through = regions_along(field, region_masks_of(field, place.geometry))
             self.field.through[first : first + through.size] = through.ravel()
         self.marches += 1

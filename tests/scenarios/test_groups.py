@@ -8,7 +8,8 @@ import pytest
 from crowds import HALL, clear
 
 from crowd_env import CrowdEnv, Groups, LogNormal, Normal, Population, Scenario, Uniform
-from crowd_env.routing.spec import Comfort, Route, SpeedZone
+from crowd_env.routing.spec import Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone
 
 if sys.version_info >= (3, 11):
     pass
