@@ -49,8 +49,8 @@ from crowd_env.physics.dem_lanes.stages import (
 )
 from crowd_env.physics.driving_force import LOOK_EVERY, choose_turn, follow_rules, influences, update_steering
 from crowd_env.physics.neighbors.update import OK, update_neighbors
-from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social_force import SocialForce, SocialLaw, add_social_forces
+from crowd_env.physics.scheme import ContactScheme, SchemeInfo
+from crowd_env.physics.social_force import SocialLaw, add_social_forces
 from crowd_env.physics.step import tick
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
@@ -72,19 +72,19 @@ _NOTHING, _AIM, _LOOK = 0, 1, 2
 
 
 @dataclass(frozen=True)
-class DEM:
+class DEM(ContactScheme):
     """Soft discs.
 
     Parameters
     ----------
     stiffness : N/m, constant ``k`` of eq 5; 1.2e5 after Helbing et al. 2000.
-    social : social force; None = people do not mind until they touch.
+    social : see `ContactScheme`.
     """
 
     stiffness: float = 1.2e5
-    social: SocialForce | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_positive("dem", "the contact force k |D| (eq 5) has to push", stiffness=self.stiffness)
         check_fields("dem", self)
 
@@ -96,7 +96,7 @@ class DEM:
     def stable_dt(self, bodies: Bodies) -> float:
         """Return 2 / omega of the stiffest pair (h omega < 2 for a binary contact), or 2 tau of the quickest drive."""
         contact = 2.0 / np.sqrt(2.0 * self.stiffness / bodies.mass.min())
-        return float(min(contact, 2.0 * bodies.relaxation_time.min()))
+        return float(min(contact, super().stable_dt(bodies)))
 
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return head-on closing speed / omega plus the static push of the largest crowd leaning on one contact."""
@@ -105,9 +105,6 @@ class DEM:
         drive = bodies.mass * bodies.desired_speed / bodies.relaxation_time
         lean = np.add.reduceat(drive, bodies.env_start[:-1]).max() / self.stiffness
         return float(impact + lean)
-
-    def check(self, driving: bool) -> None:
-        """Accept both uses."""
 
     def slabs(self, people: int, driving: bool) -> int:
         """Return into how many slabs a crowd of so many is cut; the social force is not shared out."""

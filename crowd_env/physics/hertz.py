@@ -16,7 +16,7 @@ What the paper leaves open about WALLS decides whether the crowd blocks: with th
 freezes above 1 m/s already.  The default wall, mu = 0.1 and a social force of 300 N, is FITTED to the paper's Figure 7.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -27,7 +27,7 @@ from crowd_env.checks import Range, check_fields, require_not_negative, require_
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.driving_force import influences, regular_forces, reset_routes
 from crowd_env.physics.exits import leave
-from crowd_env.physics.scheme import SchemeInfo
+from crowd_env.physics.scheme import ContactScheme, SchemeInfo
 from crowd_env.physics.social_force import SocialForce, SocialLaw
 from crowd_env.physics.step import detect, list_active, record_overlaps, record_pushes, tick
 from crowd_env.physics.workspace import Batch
@@ -48,13 +48,18 @@ INFO = SchemeInfo(
     contacts_at="end",
 )
 
+# The paper as printed: walls rub like people do and have no social force.
+LITERAL = replace(
+    INFO, name="hertz-literal", title="Hertz contact, friction with memory, rotation, social force; as printed"
+)
+
 # Phases of a step, in Memory.phase: the forces at the present place are not known; are known; the step has drifted.
 _UNKNOWN, _KNOWN, _DRIFTED = 0, 1, 2
 
 _FITTED = SocialForce(wall_strength=300.0)  # eq 2 with Table 1; the walls' share is ours
 
 
-class HertzLaw(NamedTuple):
+class HertzParams(NamedTuple):
     """The contact as kernels read it."""
 
     normal_stiffness: float  # Pa
@@ -68,7 +73,7 @@ class HertzLaw(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Hertz:
+class Hertz(ContactScheme):
     """Discs with Hertzian contacts, friction and spin.
 
     The defaults are the preset "calibrated": Table 1 of the paper, with the two wall parameters fitted.  `Hertz.literal` is the
@@ -83,7 +88,7 @@ class Hertz:
     friction : Coulomb coefficient of people on people.
     wall_friction : Coulomb coefficient of people on walls; 0.1 is fitted, 0.5 literal.
     rotation : False switches eqs 5 and 6 off: nobody turns.
-    social : eq 2; its ``wall_strength`` of 300 N is fitted, 0 literal.  None = no social force.
+    social : eq 2; its ``wall_strength`` of 300 N is fitted, 0 literal.  None = no social force; see `ContactScheme`.
     """
 
     youngs_modulus: float = 5e6
@@ -94,9 +99,11 @@ class Hertz:
     friction: float = 0.5
     wall_friction: float = 0.1
     rotation: bool = True
+    _: KW_ONLY
     social: SocialForce | None = _FITTED
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_positive("hertz", "k_n = 2 E / (3 (1 - sigma^2)) has to push", youngs_modulus=self.youngs_modulus)
         require_not_negative(
             "hertz",
@@ -116,11 +123,8 @@ class Hertz:
     @property
     def info(self) -> SchemeInfo:
         """Facts about the scheme."""
-        if self != Hertz.literal():
-            return INFO
-        return replace(
-            INFO, name="hertz-literal", title="Hertz contact, friction with memory, rotation, social force; as printed"
-        )
+        walls_are_people = self.wall_friction == self.friction and getattr(self.social, "wall_strength", 0.0) == 0.0
+        return LITERAL if walls_are_people else INFO
 
     @property
     def normal_stiffness(self) -> float:
@@ -136,7 +140,7 @@ class Hertz:
         """Return 2 / omega at the overlap bound, or 2 tau of the quickest drive."""
         alpha = np.sqrt(self.overlap_bound(bodies, 0.0) * 0.5 * bodies.radius.max())
         omega = np.sqrt(1.5 * self.normal_stiffness * alpha / (0.5 * bodies.mass.min()))
-        return float(min(2.0 / omega, 2.0 * bodies.relaxation_time.min()))
+        return float(min(2.0 / omega, super().stable_dt(bodies)))
 
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return the overlap of a head-on impact plus that under the push of the largest crowd leaning on one contact.
@@ -151,18 +155,11 @@ class Hertz:
         lean = (np.add.reduceat(drive, bodies.env_start[:-1]).max() / stiffness) ** (2.0 / 3.0)
         return float(impact + lean)
 
-    def check(self, driving: bool) -> None:
-        """Accept both uses."""
-
-    def slabs(self, people: int, driving: bool) -> int:
-        """One: a crowd is stepped by one thread."""
-        return 1
-
     def advance(
         self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
-        law = HertzLaw(
+        params = HertzParams(
             self.normal_stiffness,
             self.tangential_stiffness,
             self.normal_damping,
@@ -172,11 +169,11 @@ class Hertz:
             self.wall_friction,
             self.rotation,
         )
-        _advance_range(batch, dt, n_substeps, first, stop, law, *influences(self.social, batch))
+        _advance_range(batch, dt, n_substeps, first, stop, params, *influences(self.social, batch))
 
 
 @inner_kernel
-def _touch(first: int, last: int, batch: Batch, dt: float, elapsed: float, law: HertzLaw) -> None:
+def _touch(first: int, last: int, batch: Batch, dt: float, elapsed: float, params: HertzParams) -> None:
     """Add the forces and torques of the contacts ``first:last`` (eqs 3, 4, 6); ``elapsed`` is what the springs stretch over.
 
     With the normal from j to i and the tangent t = normal turned left, the contact point of i moves with v_i - w_i r_i t and
@@ -186,24 +183,24 @@ def _touch(first: int, last: int, batch: Batch, dt: float, elapsed: float, law: 
     contact_i, contact_j, gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
     remembered, impulse = contacts.memory, contacts.impulse
     velocity, spin, force, torque = batch.state.velocity, batch.state.spin, batch.memory.force, batch.memory.torque
-    kn, kt, turning = law.normal_stiffness, law.tangential_stiffness, law.rotation
+    kn, kt, turning = params.normal_stiffness, params.tangential_stiffness, params.rotation
     for c in range(first, last):
         i, j, overlap = contact_i[c], contact_j[c], -gap[c]
         nx, ny = normal[c, 0], normal[c, 1]
-        reduced, mass, limit = radius[i], masses[i], law.wall_friction
+        reduced, mass, limit = radius[i], masses[i], params.wall_friction
         ux, uy, turn = velocity[i, 0], velocity[i, 1], radius[i] * spin[i]
         if j >= 0:
             other, heft = radius[j], masses[j]
-            reduced, mass, limit = reduced * other / (reduced + other), mass * heft / (mass + heft), law.friction
+            reduced, mass, limit = reduced * other / (reduced + other), mass * heft / (mass + heft), params.friction
             ux, uy, turn = ux - velocity[j, 0], uy - velocity[j, 1], turn + other * spin[j]
         closing, slip = -(ux * nx + uy * ny), uy * nx - ux * ny - turn
         alpha = np.sqrt(overlap * reduced)
-        cn, ct = mass * law.normal_damping, mass * law.tangential_damping  # N s/m, per alpha
-        if law.damping_unit == 1:
+        cn, ct = mass * params.normal_damping, mass * params.tangential_damping  # N s/m, per alpha
+        if params.damping_unit == 1:
             cn, ct = cn / alpha, ct / alpha
-        elif law.damping_unit == 2:
-            cn = 2.0 * law.normal_damping * np.sqrt(1.5 * kn * mass / alpha)
-            ct = 2.0 * law.tangential_damping * np.sqrt(kt * mass / alpha)
+        elif params.damping_unit == 2:
+            cn = 2.0 * params.normal_damping * np.sqrt(1.5 * kn * mass / alpha)
+            ct = 2.0 * params.tangential_damping * np.sqrt(kt * mass / alpha)
         push = kn * overlap + cn * closing
         stretch = remembered[c, 0] + slip * elapsed
         rub = -(kt * stretch + ct * slip)
@@ -262,7 +259,7 @@ def _advance_range(
     n_substeps: int,
     first: int,
     stop: int,
-    law: HertzLaw,
+    params: HertzParams,
     social: SocialLaw | None,
     reach: float,
     regions: bool | None,
@@ -292,7 +289,7 @@ def _advance_range(
             elapsed = (
                 dt if phase[e] == _DRIFTED else 0.0
             )  # the first forces of all are those of springs not yet stretched
-            _touch(contact, behind, batch, dt, elapsed, law)
+            _touch(contact, behind, batch, dt, elapsed, params)
             if phase[e] == _DRIFTED:
                 record_pushes(contact, behind, memory, 0.5)
                 deepest = record_overlaps(e, contact, behind, memory)

@@ -8,22 +8,22 @@ The trial velocity is either V_trial = u(n) + (h/m) f (inertial: grains, and sec
 inelastic.  The linearised gap bounds the true one from below, so what overlap there is comes from the solver: h * tolerance.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef
-from crowd_env.checks import POSITIVE, check_fields, require_positive
+from crowd_env.checks import POSITIVE, check_fields
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.constraints import give_impulses, keep_impulses, pose_no_overlap, take_impulses
 from crowd_env.physics.driving_force import influences, regular_forces, reset_routes
 from crowd_env.physics.exits import leave
 from crowd_env.physics.neighbors.update import FULL, OK, update_neighbors
-from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social_force import SocialForce, SocialLaw
-from crowd_env.physics.solvers import SolverName, Stopping, closing_speed, solve
+from crowd_env.physics.scheme import IterativeScheme, SchemeInfo
+from crowd_env.physics.social_force import SocialLaw
+from crowd_env.physics.solvers import Stopping, closing_speed, solve
 from crowd_env.physics.step import (
     detect,
     list_active,
@@ -45,8 +45,15 @@ INFO = SchemeInfo(
     overlap="solver tolerance times time step, 0.1 mm with the defaults; it does not accumulate",
     stable_step="2 tau_min with inertia, from the explicit driving force; none without",
     uses=("problem", "desired", "force", "previous", "before"),
+    impulses_are_forces=False,  # without inertia they only keep bodies apart: nobody would feel them as a push
 )
 
+INERTIAL = replace(
+    INFO,
+    name="nsm1-inertial",
+    title="no overlap: projection of the inertial velocity",
+    impulses_are_forces=True,
+)
 
 # In Memory.phase: whether the forces of the present step have been found before it ran out of room.
 _UNKNOWN, _KNOWN = 0, 1
@@ -56,41 +63,31 @@ _HEADROOM = 1.25
 
 
 @dataclass(frozen=True)
-class NSM1:
+class NSM1(IterativeScheme):
     """Discs that never overlap.
 
     Parameters
     ----------
     trial : "spontaneous" (Venel: the desired velocity itself) or "inertial" (velocity, driving and external force).
-    tolerance : m/s, complementarity residual at which the solver stops.
-    relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
-        without any impulse.
-    max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
-    solver : "gauss-seidel", "accelerated" (with momentum), or "auto": the faster one, here the second.
-    social : social force; None = people do not mind until they touch.
+    tolerance, relative_tolerance, max_iterations, solver, social : see `IterativeScheme` and `ContactScheme`.
     """
 
     trial: Literal["spontaneous", "inertial"] = "spontaneous"
+    _: KW_ONLY
     tolerance: float = 1e-2
-    relative_tolerance: float | None = None
-    max_iterations: int = 20_000
-    solver: SolverName = "auto"
-    social: SocialForce | None = None
 
     def __post_init__(self) -> None:
-        require_positive("nsm1", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
+        super().__post_init__()
         check_fields("nsm1", self, relative_tolerance=POSITIVE)
 
     @property
     def info(self) -> SchemeInfo:
         """Facts about the scheme."""
-        if self.trial == "spontaneous":
-            return INFO
-        return replace(INFO, name="nsm1-inertial", title="no overlap: projection of the inertial velocity")
+        return INFO if self.trial == "spontaneous" else INERTIAL
 
     def stable_dt(self, bodies: Bodies) -> float:
-        """Unconditional for the contact; the explicit driving force of the inertial form needs h < 2 tau."""
-        return np.inf if self.trial == "spontaneous" else 2.0 * float(bodies.relaxation_time.min())
+        """Return 2 tau_min for the explicit driving force of the inertial form; the spontaneous one is always stable."""
+        return np.inf if self.trial == "spontaneous" else super().stable_dt(bodies)
 
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return 2 h tolerance: h times the residual, twice for safety against rounding."""
@@ -101,20 +98,12 @@ class NSM1:
         if not driving and self.trial == "spontaneous":
             raise ValueError("nsm1: passive grains have no spontaneous velocity; use NSM1(trial='inertial')")
 
-    def slabs(self, people: int, driving: bool) -> int:
-        """One: a crowd is stepped by one thread."""
-        return 1
-
     def advance(
         self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
-        accelerated = self.solver != "gauss-seidel"
-        relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
-        law = Stopping(self.tolerance, relative, self.max_iterations, accelerated)
-        _advance_range(
-            batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law, *influences(self.social, batch)
-        )
+        spontaneous, acting = self.trial == "spontaneous", influences(self.social, batch)
+        _advance_range(batch, dt, n_substeps, first, stop, spontaneous, self.stopping(), *acting)
 
 
 @inner_kernel

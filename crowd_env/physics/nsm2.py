@@ -11,22 +11,22 @@ exactly inelastic; tangentially u_T+ = u_T- (2 m_e - K_T) / (2 m_e + K_T).  The 
 order of h times the closing speed remains, and is the scheme's, not the solver's.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef
-from crowd_env.checks import POSITIVE, SHARE, Range, check_fields, require_not_negative, require_positive
+from crowd_env.checks import POSITIVE, SHARE, Range, check_fields, require_not_negative
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.constraints import give_impulses, pose_no_overlap, pose_percussions
 from crowd_env.physics.driving_force import influences, regular_forces, reset_routes
 from crowd_env.physics.exits import leave
 from crowd_env.physics.neighbors.update import FULL
-from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social_force import SocialForce, SocialLaw
-from crowd_env.physics.solvers import SolverName, Stopping, solve
+from crowd_env.physics.scheme import IterativeScheme, SchemeInfo
+from crowd_env.physics.social_force import SocialLaw
+from crowd_env.physics.solvers import Stopping, solve
 from crowd_env.physics.step import (
     detect,
     list_active,
@@ -61,8 +61,8 @@ PRINTED = replace(
 _TOUCHING = 1e-12  # m
 
 
-class Options(NamedTuple):
-    """The parameters as kernels read them."""
+class NSM2Params(NamedTuple):
+    """The contact as kernels read it."""
 
     k_normal: float  # kg
     k_tangent: float  # kg
@@ -70,45 +70,36 @@ class Options(NamedTuple):
 
 
 @dataclass(frozen=True)
-class NSM2:
+class NSM2(IterativeScheme):
     """Discs that collide by percussions.
 
     Parameters
     ----------
     normal_dissipation : kg, ``K_N`` of eq 9; 1e5 (nearly elastic) as in Table 4, infinite for exactly elastic.
     tangential_dissipation : kg, ``K_T`` of eq 9; 0 = frictionless as in Table 4.
-    tolerance : m/s, residual at which the solver stops.
-    relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
-        without any impulse.
-    max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
     reaction : which reaction forbids approach after the step.  "dissipative" is an EXTENSION: w+ >= -max(w-, 0), i.e. the mean
         speed of the step must not approach; then contacts never make energy.  "printed" (eq 10): w+ >= 0 for every overlapping
         contact; on one that was separating already it does work, and many bodies in contact gain energy: a crowd of 2000
         explodes.  The two agree where only two bodies touch.
     position_correction : share of every overlap that is taken back in each step, 0 to 1.  An EXTENSION, not in the paper, whose
         law acts on velocities alone: people are moved apart by the least displacement (mass-weighted), without any velocity.
-    solver : "gauss-seidel", "accelerated" (with momentum), or "auto": the faster one, here the second.
-    social : social force; None = people do not mind until they touch.
+    tolerance, relative_tolerance, max_iterations, solver, social : see `IterativeScheme` and `ContactScheme`.
     """
 
     normal_dissipation: float = 1e5
     tangential_dissipation: float = 0.0
-    tolerance: float = 1e-4
-    relative_tolerance: float | None = None
-    max_iterations: int = 20_000
-    solver: SolverName = "auto"
+    _: KW_ONLY
     reaction: Literal["dissipative", "printed"] = "dissipative"
     position_correction: float = 0.0
-    social: SocialForce | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_not_negative(
             "nsm2",
             "a contact dissipates, restitution (K_N - 2 m_e) / (K_N + 2 m_e)",
             normal_dissipation=self.normal_dissipation,
             tangential_dissipation=self.tangential_dissipation,
         )
-        require_positive("nsm2", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
         at_least_0 = Range(0.0, infinite=True)
         check_fields(
             "nsm2",
@@ -124,32 +115,17 @@ class NSM2:
         """Facts about the scheme."""
         return INFO if self.reaction == "dissipative" else PRINTED
 
-    def stable_dt(self, bodies: Bodies) -> float:
-        """Unconditional for the contact; the explicit driving force needs h < 2 tau."""
-        return 2.0 * float(bodies.relaxation_time.min())
-
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return one step of head-on closing at twice the desired speed: elastic contacts can double it."""
         return 4.0 * dt * float(bodies.desired_speed.max())
-
-    def check(self, driving: bool) -> None:
-        """Accept both uses."""
-
-    def slabs(self, people: int, driving: bool) -> int:
-        """One: a crowd is stepped by one thread."""
-        return 1
 
     def advance(
         self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
     ) -> None:
         """Advance the environments ``first:stop`` in place."""
-        accelerated = self.solver != "gauss-seidel"
-        relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
-        law = Stopping(self.tolerance, relative, self.max_iterations, accelerated)
-        dissipation = (self.normal_dissipation, self.tangential_dissipation)
-        options = Options(*dissipation, self.reaction == "dissipative")
-        correction = self.position_correction or None
-        _advance_range(batch, dt, n_substeps, first, stop, law, options, correction, *influences(self.social, batch))
+        params = NSM2Params(self.normal_dissipation, self.tangential_dissipation, self.reaction == "dissipative")
+        correction, acting = self.position_correction or None, influences(self.social, batch)
+        _advance_range(batch, dt, n_substeps, first, stop, params, self.stopping(), correction, *acting)
 
 
 @inner_kernel
@@ -182,7 +158,7 @@ def _move(e: int, last: int, batch: Batch, dt: float, limit: float) -> float:
 
 
 @inner_kernel
-def _collide(e: int, batch: Batch, law: Stopping, options: Options) -> float:
+def _collide(e: int, batch: Batch, params: NSM2Params, stopping: Stopping) -> float:
     """Give everyone the velocity after the percussions of this step; returns the deepest overlap with a wall [m]."""
     bodies, memory = batch.bodies, batch.memory
     near, contacts, problem = memory.near, memory.contacts, memory.problem
@@ -198,12 +174,12 @@ def _collide(e: int, batch: Batch, law: Stopping, options: Options) -> float:
         bodies.mass,
         memory.before,
         problem,
-        options.k_normal,
-        options.k_tangent,
-        options.dissipative,
+        params.k_normal,
+        params.k_tangent,
+        params.dissipative,
     )
     iterations, residual, converged = solve(
-        first, rows, rows, begin, end, e, bodies.mass, batch.state.velocity, problem, problem.soft, law
+        first, rows, rows, begin, end, e, bodies.mass, batch.state.velocity, problem, problem.soft, stopping
     )
     give_impulses(first, rows, number, contacts, bodies.mass, problem)
     record_solver(e, memory.diagnostics, iterations, residual, residual if converged else 0.0)
@@ -213,7 +189,7 @@ def _collide(e: int, batch: Batch, law: Stopping, options: Options) -> float:
 
 
 @inner_kernel
-def _part(e: int, batch: Batch, dt: float, law: Stopping, correction: float) -> float:
+def _part(e: int, batch: Batch, dt: float, stopping: Stopping, correction: float) -> float:
     """Move overlapping people apart by the least mass-weighted displacement that takes back a share of every overlap.
 
     It is the problem of NSM1 for a velocity that is used once and forgotten.  Returns the longest way [m].
@@ -226,7 +202,7 @@ def _part(e: int, batch: Batch, dt: float, law: Stopping, correction: float) -> 
     for i in range(index(begin), index(end)):
         shift[i, 0], shift[i, 1] = 0.0, 0.0
     busy = pose_no_overlap(first, last, begin, end, e, contacts, bodies.mass, shift, problem, dt / correction, False)
-    solve(first, last - first, busy, begin, end, e, bodies.mass, shift, problem, None, law)
+    solve(first, last - first, busy, begin, end, e, bodies.mass, shift, problem, None, stopping)
     furthest = 0.0
     for i in range(index(begin), index(end)):
         dx, dy = dt * shift[i, 0], dt * shift[i, 1]
@@ -243,8 +219,8 @@ def _advance_range(
     n_substeps: int,
     first: int,
     stop: int,
-    law: Stopping,
-    options: Options,
+    params: NSM2Params,
+    stopping: Stopping,
     correction: float | None,
     social: SocialLaw | None,
     reach: float,
@@ -259,15 +235,15 @@ def _advance_range(
             if not detect(e, batch, _TOUCHING, reach):
                 break
             number = memory.contacts.number[e]
-            if options.k_tangent > 0.0 and memory.near.entry_start[e] + 2 * number > memory.near.entry_start[e + 1]:
+            if params.k_tangent > 0.0 and memory.near.entry_start[e] + 2 * number > memory.near.entry_start[e + 1]:
                 memory.status[e] = FULL  # a rough contact takes two rows: come back with more room
                 break
             regular_forces(e, last, batch, dt, social, regions)
             _accelerate(begin, last, batch, dt)
-            deepest = _collide(e, batch, law, options) if number > 0 else 0.0
+            deepest = _collide(e, batch, params, stopping) if number > 0 else 0.0
             furthest = _move(e, last, batch, dt, limit)
             if correction is not None:
-                furthest += _part(e, batch, dt, law, correction)
+                furthest += _part(e, batch, dt, stopping, correction)
             if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
                 break
             last = leave(e, last, batch, dt)
