@@ -17,20 +17,22 @@ from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import POSITIVE, check_fields
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
-from crowd_env.physics.constraints import give_impulses, keep_impulses, pose_no_overlap, take_impulses
-from crowd_env.physics.driving_force import influences, regular_forces, reset_routes
+from crowd_env.physics.constraints import assemble_no_overlap, restore_impulses, set_impulses, stash_impulses
+from crowd_env.physics.driving_force import influences, regular_forces
 from crowd_env.physics.exits import leave
-from crowd_env.physics.neighbors.update import FULL, OK, update_neighbors
 from crowd_env.physics.scheme import IterativeScheme, SchemeInfo
-from crowd_env.physics.social_force import SocialLaw
+from crowd_env.physics.social_force import SocialParams
 from crowd_env.physics.solvers import Stopping, closing_speed, solve
+from crowd_env.physics.steering import reset_routes, steer
 from crowd_env.physics.step import (
+    contact_range,
     detect,
+    find_neighbors,
     list_active,
+    record_impulses,
     record_overlaps,
-    record_pushes,
     record_solver,
-    remember_impulses,
+    store_warm_start,
     tick,
 )
 from crowd_env.physics.workspace import Batch
@@ -44,7 +46,7 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=False,
     overlap="solver tolerance times time step, 0.1 mm with the defaults; it does not accumulate",
     stable_step="2 tau_min with inertia, from the explicit driving force; none without",
-    uses=("problem", "desired", "force", "previous", "before"),
+    uses=("constraints", "desired_velocity", "force", "previous_position", "trial_velocity"),
     impulses_are_forces=False,  # without inertia they only keep bodies apart: nobody would feel them as a push
 )
 
@@ -54,9 +56,6 @@ INERTIAL = replace(
     title="no overlap: projection of the inertial velocity",
     impulses_are_forces=True,
 )
-
-# In Memory.phase: whether the forces of the present step have been found before it ran out of room.
-_UNKNOWN, _KNOWN = 0, 1
 
 # Margin for contacts over what the speeds before and of the trial ask for: wider costs less than to solve a step twice.
 _HEADROOM = 1.25
@@ -99,76 +98,93 @@ class NSM1(IterativeScheme):
             raise ValueError("nsm1: passive grains have no spontaneous velocity; use NSM1(trial='inertial')")
 
     def advance(
-        self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self,
+        batch: StructRef,
+        dt: float,
+        n_substeps: int,
+        env_first: int,
+        env_stop: int,
+        thread: int = 0,
+        threads: int = 1,
     ) -> None:
-        """Advance the environments ``first:stop`` in place."""
+        """Advance the environments ``env_first:env_stop`` in place."""
         spontaneous, acting = self.trial == "spontaneous", influences(self.social, batch)
-        _advance_range(batch, dt, n_substeps, first, stop, spontaneous, self.stopping(), *acting)
+        _advance_range(batch, dt, n_substeps, env_first, env_stop, spontaneous, self.stopping(), *acting)
 
 
 @inner_kernel
-def _try_velocities(first: int, last: int, batch: Batch, dt: float, spontaneous: bool) -> None:
-    """Write V_trial = u + h f / m into `Memory.before`.
+def _propose(e: int, rank_stop: int, batch: Batch, dt: float, spontaneous: bool) -> None:
+    """Write V_trial = u + h f / m into `Workspace.trial_velocity`.
 
     A spontaneous velocity is what the forces would lead to if h were tau: without others, the desired velocity itself; an
     external or social force shifts it by tau f / m, where the drive balances it.
     """
-    inside, velocity, mass = batch.memory.inside, batch.state.velocity, batch.bodies.mass
-    relaxation_time, force, trial = batch.bodies.relaxation_time, batch.memory.force, batch.memory.before
-    for place in range(index(first), index(last)):
-        i = inside[place]
+    inside, velocity, mass = batch.workspace.inside, batch.state.velocity, batch.bodies.mass
+    relaxation_time, force, trial = batch.bodies.relaxation_time, batch.history.force, batch.workspace.trial_velocity
+    for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
+        i = inside[rank]
         ahead = relaxation_time[i] if spontaneous else dt
         for k in range(2):
             trial[i, k] = velocity[i, k] + ahead * force[i, k] / mass[i]
 
 
 @inner_kernel
-def _project(e: int, last: int, batch: Batch, dt: float, spontaneous: bool, law: Stopping, cutoff: float) -> bool:
-    """Leave the projection of the trial velocity in `Memory.before`; False if the contacts could not be found.
+def _project(
+    e: int, rank_stop: int, batch: Batch, dt: float, spontaneous: bool, stopping: Stopping, reach: float
+) -> bool:
+    """Project the trial velocities in place (eq 6); False if the contacts could not be found.
 
-    Contacts are gathered up to the gap that two people could close in this step.  The projection can make someone faster
-    than anyone was in the trial and in the step before; then the gap is widened and the step solved anew,
-    from where it stood, so no contact is ever missed.
+    Contacts are gathered up to the gap that two people could close in this step.  The projection can make a body faster
+    than any was in the trial and in the step before; then the gap is widened and the step solved anew, from where it stood,
+    so no contact is ever missed.
     """
-    mass, memory, inside, v = batch.bodies.mass, batch.memory, batch.memory.inside, batch.memory.before
-    begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    contacts, problem, first = memory.contacts, memory.problem, memory.near.entry_start[e]
+    mass, inside, v = batch.bodies.mass, batch.workspace.inside, batch.workspace.trial_velocity
+    slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    contacts, constraints = batch.history.contacts, batch.workspace.constraints
     sweeps, margin, solved = 0, -1.0, -np.inf
     while True:
-        _try_velocities(begin, last, batch, dt, spontaneous)
+        _propose(e, rank_stop, batch, dt, spontaneous)
         if margin < 0.0:
-            before = closing_speed(begin, last, inside, batch.state.velocity)
-            margin = _HEADROOM * dt * max(closing_speed(begin, last, inside, v), before) + 1e-3
-        if not detect(e, batch, margin, cutoff):
+            before = closing_speed(slot_start, rank_stop, inside, batch.state.velocity)
+            margin = _HEADROOM * dt * max(closing_speed(slot_start, rank_stop, inside, v), before) + 1e-3
+        if not detect(e, batch, margin, reach):
             return False
-        number = contacts.number[e]
-        stop = first + number
-        take_impulses(first, stop, solved, contacts, problem)
-        busy = pose_no_overlap(first, stop, begin, end, e, contacts, mass, v, problem, dt, True)
-        iterations, residual, converged = solve(first, number, busy, begin, end, e, mass, v, problem, None, law)
+        contact_start, contact_stop = contact_range(e, batch)
+        rows = contact_stop - contact_start
+        restore_impulses(contact_start, contact_stop, solved, contacts, constraints)
+        active_rows = assemble_no_overlap(
+            contact_start, contact_stop, slot_start, slot_stop, e, contacts, mass, v, constraints, dt, True
+        )
+        iterations, residual, converged = solve(
+            contact_start, rows, active_rows, slot_start, slot_stop, e, mass, v, constraints, None, stopping
+        )
         sweeps += iterations
-        needed = dt * closing_speed(begin, last, inside, v)
-        give_impulses(first, number, number, contacts, mass, problem)
+        needed = dt * closing_speed(slot_start, rank_stop, inside, v)
+        set_impulses(contact_start, rows, rows, contacts, mass, constraints)
         if not needed > margin:
-            record_solver(e, memory.diagnostics, sweeps, residual, residual if converged else 0.0)
+            record_solver(e, batch, sweeps, residual, converged)
             return True
-        keep_impulses(first, stop, contacts, problem)
+        stash_impulses(contact_start, contact_stop, contacts, constraints)
         solved, margin = margin, 1.2 * needed
 
 
 @inner_kernel
-def _move(e: int, last: int, batch: Batch, dt: float, limit: float) -> float:
+def _move(e: int, rank_stop: int, batch: Batch, dt: float, limit: float) -> float:
     """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
-    inside, after, previous = batch.memory.inside, batch.memory.before, batch.memory.previous
+    inside, after, previous = (
+        batch.workspace.inside,
+        batch.workspace.trial_velocity,
+        batch.workspace.previous_position,
+    )
     position, velocity = batch.state.position, batch.state.velocity
-    furthest = dt * hold_to_speed(e, last, batch, after, limit)
-    for place in range(index(batch.bodies.env_start[e]), index(last)):
-        i = inside[place]
+    longest = dt * hold_to_speed(e, rank_stop, batch, after, limit)
+    for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
+        i = inside[rank]
         for k in range(2):
             previous[i, k] = position[i, k]
             velocity[i, k] = after[i, k]
             position[i, k] += dt * after[i, k]
-    return float(furthest)
+    return float(longest)
 
 
 @kernel
@@ -176,37 +192,41 @@ def _advance_range(
     batch: Batch,
     dt: float,
     n_substeps: int,
-    first: int,
-    stop: int,
+    env_first: int,
+    env_stop: int,
     spontaneous: bool,
-    law: Stopping,
-    social: SocialLaw | None,
+    stopping: Stopping,
+    social: SocialParams | None,
     reach: float,
     regions: bool | None,
 ) -> None:
-    env_start, memory, progress, phase = batch.bodies.env_start, batch.memory, batch.memory.progress, batch.memory.phase
-    for e in range(first, stop):
-        begin, last = env_start[e], list_active(e, batch)
+    """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other.
+
+    A step that stops for want of room is done again as a whole: nothing that it has written till then is read by it.
+    """
+    for e in range(env_first, env_stop):
+        rank_start, rank_stop = batch.bodies.env_start[e], list_active(e, batch)
         reset_routes(e, batch, regions)
-        limit, smallest = speed_limit(batch), least_radius(e, last, batch)
-        while progress[e] < n_substeps and last > begin:
-            if social is not None:
-                memory.status[e] = update_neighbors(e, batch, reach)
-                if memory.status[e] != OK:
-                    break
-            if phase[e] == _UNKNOWN:  # or the way would be looked up twice in one step
-                regular_forces(e, last, batch, dt, social, regions)
-            if not _project(e, last, batch, dt, spontaneous, law, reach):
-                phase[e] = _KNOWN if memory.status[e] == FULL else _UNKNOWN  # goes on from here, with more room
+        limit, smallest = speed_limit(batch), least_radius(e, rank_stop, batch)
+        while batch.workspace.substep[e] < n_substeps and rank_stop > rank_start:
+            # Pairs that notice each other; without a social force the contacts bring their own list.
+            if social is not None and not find_neighbors(e, batch, reach):
                 break
-            phase[e] = _UNKNOWN
-            contact = memory.near.entry_start[e]
-            behind = contact + memory.contacts.number[e]
-            record_pushes(contact, behind, memory, 1.0)
-            deepest = record_overlaps(e, contact, behind, memory)
-            remember_impulses(contact, behind, memory)
-            furthest = _move(e, last, batch, dt, limit)
-            if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
+            # Where everyone wants to go, and all forces but contact.
+            steer(e, rank_stop, batch, dt, regions)
+            regular_forces(e, rank_stop, batch, social)
+            # Trial velocities and their projection onto velocities without overlap (eqs 6, 7).
+            if not _project(e, rank_stop, batch, dt, spontaneous, stopping, reach):
                 break
-            last = leave(e, last, batch, dt)
+            # Impulses and overlaps into the sums, and for the solver of the next step.
+            record_impulses(e, batch, 1.0)
+            deepest = record_overlaps(e, batch)
+            store_warm_start(e, batch)
+            # Positions.
+            longest = _move(e, rank_stop, batch, dt, limit)
+            # Nobody through a wall.
+            if not stay_within_bounds(e, rank_stop, batch, deepest, smallest, longest):
+                break
+            # Exits and clock.
+            rank_stop = leave(e, rank_stop, batch, dt)
             tick(e, batch, dt)
