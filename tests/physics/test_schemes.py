@@ -1,9 +1,11 @@
 """Parameters of the schemes: bounds with their formula, and the two extensions of NSM2."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from crowd_env import DEM, NSM1, NSM2, Geometry, Simulation, make_bodies, make_state
+from crowd_env import DEM, NSM1, NSM2, SCHEMES, Geometry, Simulation, make_bodies, make_scheme, make_state
 
 pytestmark = pytest.mark.kernels
 
@@ -65,3 +67,17 @@ def test_without_the_correction_a_resting_overlap_stays():
     simulation = Simulation(HALL, make_bodies([0.2, 0.2], [60.0, 90.0]), state, scheme=NSM2(), driving=False)
     simulation.advance(n_substeps=50)
     assert state.position[1, 0] - state.position[0, 0] == 5.36 - 5.0
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_a_scheme_has_the_name_of_its_entry_whatever_else_is_changed(name):
+    assert SCHEMES[name].info.name == name
+    for changed in (replace(SCHEMES[name], social="helbing"), make_scheme({"name": name, "social": "none"})):
+        assert changed.info.name == name
+    for parameter in ("tolerance", "youngs_modulus", "stiffness"):
+        if hasattr(SCHEMES[name], parameter):
+            assert make_scheme({"name": name, parameter: 0.125}).info.name == name
+
+
+def test_only_without_inertia_are_impulses_no_forces():
+    assert [name for name, scheme in SCHEMES.items() if not scheme.info.impulses_are_forces] == ["nsm1"]
