@@ -105,7 +105,7 @@ def test_all_who_hold_a_reference_see_what_replaces_its_arrays():
     twin.replace(inner=make().inner)
     assert inner.position is twin.inner.position is not reference.inner.position  # still shared
     count = reference.count
-    with pytest.raises(TypeError, match="^steps is float64; kernels are compiled for int64$"):
+    with pytest.raises(TypeError, match=r"^steps is float64; kernels are compiled for int64$"):
         reference.replace(count=np.ones(5, dtype=np.int64), steps=0.5)
     assert reference.count is count
 
