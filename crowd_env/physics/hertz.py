@@ -9,8 +9,8 @@ With overlap d, R = r_i r_j / (r_i + r_j), m = m_i m_j / (m_i + m_j), alpha = sq
 The formulas and parameters are those of granular flow codes, which settles what the paper leaves open: gamma is a rate per
 length.  In two dimensions s is one number, in the frame that turns with the contact; it lives with the pair in the list.
 
-Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new place with the HALF-step velocity, half a kick.  The forces of
-the last step are kept for the first half kick of the next.
+Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new positions with the HALF-step velocity, half a kick.  The
+forces of the last step are kept for the first half kick of the next.
 
 What the paper leaves open about WALLS decides whether the crowd blocks: with the friction of people (the literal reading) it
 freezes above 1 m/s already.  The default wall, mu = 0.1 and a social force of 300 N, is FITTED to the paper's Figure 7.
@@ -148,8 +148,8 @@ class Hertz(ContactScheme):
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return the overlap of a head-on impact plus that under the push of the largest crowd leaning on one contact.
 
-        Raises nothing; the social force, which pushes apart, is left out.  An impact of people who stand still by themselves is
-        taken at 1 m/s each.
+        The social force, which pushes apart, is left out.  An impact is taken at 1 m/s each, or the desired speeds if those are
+        higher.
         """
         speed = 2.0 * max(float(bodies.desired_speed.max()), 1.0)
         stiffness = self.normal_stiffness * np.sqrt(0.5 * bodies.radius.min())
