@@ -1,4 +1,4 @@
-"""Contact physics: ways for discs to touch, behind one list of contacts.  Knows no scenario and no learning."""
+"""Contact physics: schemes for discs in contact, behind one list of contacts.  Knows no scenario and no learning."""
 
 from collections.abc import Mapping
 from dataclasses import fields, replace

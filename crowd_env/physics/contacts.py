@@ -16,7 +16,7 @@ import numpy as np
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.physics.neighbors.lists import NeighborList, Places
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 
 class Contacts(NamedTuple):
@@ -98,111 +98,35 @@ def find_contacts(
     The starting impulse is what is kept of a pair that was in contact in the previous step, else zero.
     """
     entry_start, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
-    kept = entry_start
-    if contacts.number[e] > 0:
-        kept = _keep_history(
-            entry_start,
-            entry_start + contacts.number[e],
-            contacts.i,
-            contacts.j,
-            contacts.history,
-            contacts.old_key,
-            contacts.old_history,
-        )
-    candidate_stop = _find_candidates(
-        entry_start,
-        pair_end,
-        near.owner,
-        near.partner,
-        near.contact_distance,
-        state.position,
-        margin,
-        contacts.candidates,
-    )
-    c, wall_candidate_stop = entry_start, pair_end
+    kept = _keep_history(entry_start, entry_start + contacts.number[e], contacts)
+    pairs = _find_candidates(entry_start, pair_end, near, state.position, margin, contacts.candidates)
+    c, walls = entry_start, pair_end
     if pair_end < wall_end:
-        wall_candidate_stop = _find_wall_candidates(
-            g,
-            pair_end,
-            wall_end,
-            boundary.wall_start,
-            boundary.corner_start,
-            boundary.wall,
-            boundary.corner,
-            near.owner,
-            near.partner,
-            bodies.radius,
-            state.position,
-            margin,
-            contacts.candidates,
-        )
-    if wall_candidate_stop > pair_end:
-        c = _write_all(
-            g,
-            entry_start,
-            candidate_stop,
-            pair_end,
-            wall_candidate_stop,
-            boundary,
-            bodies.radius,
-            state.active,
-            state.position,
-            near,
-            contacts,
-            margin,
-        )
-    elif candidate_stop > entry_start:
-        c = _write_pairs(
-            entry_start,
-            candidate_stop,
-            near.owner,
-            near.partner,
-            near.contact_distance,
-            state.active,
-            state.position,
-            margin,
-            contacts,
-            c,
-        )
+        radius, candidates = bodies.radius, contacts.candidates
+        walls = _find_wall_candidates(g, pair_end, wall_end, boundary, near, radius, state.position, margin, candidates)
+    if walls > pair_end:
+        c = _write_all(g, entry_start, pairs, pair_end, walls, boundary, bodies.radius, state, near, contacts, margin)
+    elif pairs > entry_start:
+        c = _write_pairs(entry_start, pairs, state, near, contacts, margin, c)
     contacts.number[e] = c - entry_start
-    if c > entry_start:
-        _load_history(
-            entry_start,
-            c,
-            kept,
-            contacts.i,
-            contacts.j,
-            contacts.impulse,
-            contacts.history,
-            contacts.old_key,
-            contacts.old_history,
-        )
+    _load_history(entry_start, c, kept, contacts)
 
 
 @inner_kernel
 def _find_candidates(
-    entry_start: int,
-    entry_stop: int,
-    owner: Places,
-    partner: Places,
-    contact_distance: Floats,
-    position: Floats,
-    margin: float,
-    candidates: Places,
+    entry_start: int, entry_stop: int, near: NeighborList, position: Floats, margin: float, candidates: Places
 ) -> int:
     """Write the pair entries with a gap below ``margin`` into ``candidates``; returns one past the last.
 
     Every entry is written, and kept only if it counts: a branch would be mispredicted every third time, which costs more than
     all of the rest.
     """
+    owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
     candidate = index(entry_start)
     for entry in range(index(entry_start), index(entry_stop)):
         i, j = owner[entry], partner[entry]
-        dx, dy, limit = (
-            position[i, 0] - position[j, 0],
-            position[i, 1] - position[j, 1],
-            contact_distance[entry] + margin,
-        )
+        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+        limit = contact_distance[entry] + margin
         candidates[candidate] = entry
         candidate += index(dx * dx + dy * dy < limit * limit)
     return int(np.int64(candidate))
@@ -213,12 +137,8 @@ def _find_wall_candidates(
     g: int,
     entry_start: int,
     entry_stop: int,
-    wall_start: Ints,
-    corner_start: Ints,
-    wall: Floats,
-    corner: Floats,
-    owner: Places,
-    partner: Places,
+    boundary: Boundary,
+    near: NeighborList,
     radius: Floats,
     position: Floats,
     margin: float,
@@ -228,20 +148,22 @@ def _find_wall_candidates(
 
     It takes no root and no division.
     """
-    candidate, walls = entry_start, wall_start[g + 1] - wall_start[g]
+    owner, partner, wall, corner = near.owner, near.partner, boundary.wall, boundary.corner
+    wall_first, corner_first = boundary.wall_start[g], boundary.corner_start[g]
+    candidate, walls = entry_start, boundary.wall_start[g + 1] - wall_first
     for entry in range(index(entry_start), index(entry_stop)):
         i, k = owner[entry], np.int64(partner[entry])
         x, y, limit = position[i, 0], position[i, 1], radius[i] + margin
         candidates[candidate] = entry
         if k < walls:
-            k += wall_start[g]
+            k += wall_first
             ax, ay = wall[k, 0, 0], wall[k, 0, 1]
             tx, ty = wall[k, 1, 0] - ax, wall[k, 1, 1] - ay
             cross = tx * (y - ay) - ty * (x - ax)
             # With room for rounding: the narrow phase decides about what is exactly at the limit.
             candidate += cross * cross < 1.000001 * limit * limit * (tx * tx + ty * ty)
         else:
-            k += corner_start[g] - walls
+            k += corner_first - walls
             dx, dy = x - corner[k, 0], y - corner[k, 1]
             candidate += dx * dx + dy * dy < 1.000001 * limit * limit
     return candidate
@@ -251,29 +173,21 @@ def _find_wall_candidates(
 def _write_pairs(
     candidate_start: int,
     candidate_stop: int,
-    owner: Places,
-    partner: Places,
-    contact_distance: Floats,
-    active: Bools,
-    position: Floats,
-    margin: float,
+    state: CrowdState,
+    near: NeighborList,
     contacts: Contacts,
+    margin: float,
     c: int,
 ) -> int:
     """Write the contacts among these pair candidates from contact ``c`` on; returns one past the last contact."""
-    candidates, contact_i, contact_j, contact_gap, normal = (
-        contacts.candidates,
-        contacts.i,
-        contacts.j,
-        contacts.gap,
-        contacts.normal,
-    )
+    owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
+    active, position, candidates = state.active, state.position, contacts.candidates
+    contact_i, contact_j, contact_gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
     for h in range(index(candidate_start), index(candidate_stop)):
         entry = candidates[h]
         i, j = owner[entry], partner[entry]
-        gap, nx, ny = _disc_on_point(
-            position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], contact_distance[entry]
-        )
+        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+        gap, nx, ny = _disc_on_point(dx, dy, contact_distance[entry])
         if active[i] and active[j] and gap < margin:
             contact_i[c], contact_j[c], contact_gap[c] = i, j, gap
             normal[c, 0], normal[c, 1] = nx, ny
@@ -290,22 +204,15 @@ def _write_all(
     wall_candidate_stop: int,
     boundary: Boundary,
     radius: Floats,
-    active: Bools,
-    position: Floats,
+    state: CrowdState,
     near: NeighborList,
     contacts: Contacts,
     margin: float,
 ) -> int:
     """Write the contacts among these pair and wall candidates; returns one past the last contact."""
-    owner, partner, contact_distance, candidates, c, h = (
-        near.owner,
-        near.partner,
-        near.contact_distance,
-        contacts.candidates,
-        candidate_start,
-        candidate_start,
-    )
+    owner, partner, active, position = near.owner, near.partner, state.active, state.position
     contact_i, contact_j, contact_gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
+    candidates, c, h = contacts.candidates, candidate_start, candidate_start
     for entry in candidates[wall_candidate_start:wall_candidate_stop]:
         i, feature = owner[entry], np.int64(partner[entry])
         if not active[i]:
@@ -315,18 +222,23 @@ def _write_all(
             before = h
             while h < candidate_stop and owner[candidates[h]] <= i:  # walls come after the pairs of i
                 h += 1
-            c = _write_pairs(before, h, owner, partner, contact_distance, active, position, margin, contacts, c)
+            c = _write_pairs(before, h, state, near, contacts, margin, c)
             contact_i[c], contact_j[c], contact_gap[c] = i, -1 - feature, gap
             normal[c, 0], normal[c, 1] = nx, ny
             c += 1
-    return _write_pairs(h, candidate_stop, owner, partner, contact_distance, active, position, margin, contacts, c)
+    return _write_pairs(h, candidate_stop, state, near, contacts, margin, c)
 
 
 @inner_kernel
-def _keep_history(
-    contact_start: int, contact_stop: int, i: Ints, j: Ints, history: Floats, old_key: Ints, old_history: Floats
-) -> int:
+def _keep_history(contact_start: int, contact_stop: int, contacts: Contacts) -> int:
     """Put aside the history of the contacts of the last step; returns one past the last of these."""
+    i, j, history, old_key, old_history = (
+        contacts.i,
+        contacts.j,
+        contacts.history,
+        contacts.old_key,
+        contacts.old_history,
+    )
     kept = contact_start
     for c in range(contact_start, contact_stop):
         if history[c, 0] != 0.0 or history[c, 1] != 0.0:
@@ -337,18 +249,10 @@ def _keep_history(
 
 
 @inner_kernel
-def _load_history(
-    contact_start: int,
-    contact_stop: int,
-    kept: int,
-    i: Ints,
-    j: Ints,
-    impulse: Floats,
-    history: Floats,
-    old_key: Ints,
-    old_history: Floats,
-) -> None:
+def _load_history(contact_start: int, contact_stop: int, kept: int, contacts: Contacts) -> None:
     """Give the contacts the history of the same contacts in the last step, and start their impulses from it."""
+    i, j, impulse, history = contacts.i, contacts.j, contacts.impulse, contacts.history
+    old_key, old_history = contacts.old_key, contacts.old_history
     old = contact_start
     for c in range(index(contact_start), index(contact_stop)):
         normal, tangent = 0.0, 0.0

@@ -7,10 +7,10 @@ With overlap d, R = r_i r_j / (r_i + r_j), m = m_i m_j / (m_i + m_j), alpha = sq
     I dw/dt = -r sum F_t,   I = m r^2 / 2                                                                 (eqs 5, 6)
     k_n = 2 E / (3 (1 - sigma^2)),   k_t = 2 E / ((1 + sigma) (2 - sigma))
 The formulas and parameters are those of granular flow codes, which settles what the paper leaves open: gamma is a rate per
-length.  In two dimensions s is one number, in the frame that turns with the contact; it lives with the pair in the list.
+length.  In two dimensions s is one number, in the frame that turns with the contact; `Contacts.history` keeps it.
 
-Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new place with the HALF-step velocity, half a kick.  The forces of
-the last step are kept for the first half kick of the next.
+Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new positions with the HALF-step velocity, half a kick.  The
+forces of the last step are kept for the first half kick of the next.
 
 What the paper leaves open about WALLS decides whether the crowd blocks: with the friction of people (the literal reading) it
 freezes above 1 m/s already.  The default wall, mu = 0.1 and a social force of 300 N, is FITTED to the paper's Figure 7.
@@ -148,8 +148,8 @@ class Hertz(ContactScheme):
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return the overlap of a head-on impact plus that under the push of the largest crowd leaning on one contact.
 
-        Raises nothing; the social force, which pushes apart, is left out.  An impact of people who stand still by themselves is
-        taken at 1 m/s each.
+        The social force, which pushes apart, is left out.  An impact is taken at 1 m/s each, or the desired speeds if those are
+        higher.
         """
         speed = 2.0 * max(float(bodies.desired_speed.max()), 1.0)
         stiffness = self.normal_stiffness * np.sqrt(0.5 * bodies.radius.min())
@@ -192,7 +192,7 @@ def _kick(e: int, rank_stop: int, batch: Batch, half: float, limit: float) -> fl
         rate = half / mass[i]
         velocity[i, 0] += rate * force[i, 0]
         velocity[i, 1] += rate * force[i, 1]
-        if torque[i] != 0.0:  # few touch, and a division is dear
+        if torque[i] != 0.0:  # few are in contact, and a division is slow
             spin[i] += half * torque[i] / inertia[i]
     return float(hold_to_speed(e, rank_stop, batch, velocity, limit))
 

@@ -26,7 +26,7 @@ class SchemeInfo:
     stable_step: str  # formula of the largest stable time step
     uses: tuple[str, ...]  # of the arrays in `workspace.OPTIONAL`; a social force adds what it needs
     contacts_at: Literal["start", "end"] = "start"  # of the step: where the listed contacts are those of the positions
-    default_dt: float = 0.01  # s  physics step if none is asked for: the paper's
+    default_dt: float = 0.01  # s  physics step unless a caller gives one: the paper's
     impulses_are_forces: bool = (
         True  # impulse over time is the force that a body bears; else it only keeps bodies apart
     )

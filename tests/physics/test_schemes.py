@@ -81,3 +81,16 @@ def test_a_scheme_has_the_name_of_its_entry_whatever_else_is_changed(name):
 
 def test_only_without_inertia_are_impulses_no_forces():
     assert [name for name, scheme in SCHEMES.items() if not scheme.info.impulses_are_forces] == ["nsm1"]
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.05])
+def test_a_step_that_is_done_again_with_more_room_looks_up_directions_once(dt):
+    # Near a round wall of many edges the lists hold more than they have room for at first.
+    angles = np.linspace(0, 2 * np.pi, 1200, endpoint=False)
+    place = Geometry.from_polygon(2.0 * np.column_stack([np.cos(angles), np.sin(angles)]))
+    bodies = make_bodies([0.2] * 3, [60.0] * 3, desired_speed=1.0)
+    state = make_state([[1.79, 0.0], [-1.79, 0.0], [0.0, 1.79]])
+    simulation = Simulation(place, bodies, state, scheme="nsm1", dt=dt, fields=[None])
+    room = len(simulation.history.contacts.gap)
+    simulation.advance(n_substeps=1)
+    assert len(simulation.history.contacts.gap) > room and simulation.history.turn.tolist() == [1]

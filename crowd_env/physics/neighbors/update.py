@@ -22,16 +22,16 @@ _FARTHEST = 1e8  # m
 # out of a door do not force a new list on the whole crowd.  The horizon of an environment follows from how long the last list
 # lasted and how many spare pairs it held: a new list costs as much as some forty tests of a pair.  The contacts that are found
 # do not depend on any of this.
-_LEAST_WAY, _MOST_WAY = 0.02, 0.2  # m
+_LEAST_PATH, _MOST_PATH = 0.02, 0.2  # m
 _LONGEST_HORIZON = 1.0  # s
-_LOOKS = 40.0
+_TESTS = 40.0
 
 
 @inner_kernel
 def update_neighbors(e: int, batch: Batch, margin: float) -> int:
     """Rebuild the list of environment ``e`` if a gap below ``margin`` could be missing from it.
 
-    Returns OK; FULL if the entries do not fit; or DIVERGED if someone is nowhere near the world.
+    Returns OK; FULL if the entries do not fit; or DIVERGED if somebody is nowhere near the world.
     """
     near, radius, allowed = batch.workspace.neighbors, batch.bodies.radius, batch.workspace.neighbors.allowed
     active, position, velocity = batch.state.active, batch.state.position, batch.state.velocity
@@ -53,10 +53,10 @@ def update_neighbors(e: int, batch: Batch, margin: float) -> int:
     widest, largest, horizon = 0.0, 0.0, near.horizon[e]
     for i in range(index(slot_start), index(slot_stop)):
         speed = np.sqrt(velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
-        way = min(_LEAST_WAY + horizon * speed, _MOST_WAY)
-        allowed[i] = way
+        path = min(_LEAST_PATH + horizon * speed, _MOST_PATH)
+        allowed[i] = path
         if active[i]:
-            widest, largest = max(widest, way), max(largest, radius[i])
+            widest, largest = max(widest, path), max(largest, radius[i])
     reach = 1.1 * margin  # some schemes need a little more or less every step
     if not list_pairs(
         e, slot_start, slot_stop, radius, active, position, near, reach, 2.0 * (largest + widest) + reach
@@ -109,9 +109,9 @@ def _better_horizon(
         skin += 2.0 * allowed[i]
     pairs = (near.pair_end[e] - near.entry_start[e]) / (slot_stop - slot_start)
     spare = pairs * (1.0 - (diameter / (diameter + skin)) ** 2)
-    looks = spare * near.age[e]
+    tests = spare * near.age[e]
     if horizon > 4.0 * lasted:
         return horizon / 1.25
-    if looks < _LOOKS / 1.5:
+    if tests < _TESTS / 1.5:
         return min(1.25 * horizon, _LONGEST_HORIZON)
-    return horizon / 1.25 if looks > _LOOKS * 1.5 else horizon
+    return horizon / 1.25 if tests > _TESTS * 1.5 else horizon
