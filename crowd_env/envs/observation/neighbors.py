@@ -27,30 +27,30 @@ def clipped(value: float) -> float:
 
 
 @inner_kernel
-def neighbor_features(e: int, begin: int, last: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write the density and the nearest neighbors of those in ``listed[begin:last]`` who are inside environment ``e``."""
+def neighbor_features(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -> None:
+    """Write the density and the nearest neighbors of those in ``listed[begin:end]`` who are inside environment ``e``."""
     near, active, position = view.near, view.state.active, view.state.position
-    if last - begin <= plan.all_pairs:
-        head, columns, rows = put_into_one_cell(e, begin, last, view.listed, active, near)
+    if end - begin <= plan.all_pairs:
+        head, columns, rows = put_into_one_cell(e, begin, end, view.listed, active, near)
     else:
         sight = SIGHT if plan.column.neighbors >= 0 else DENSITY_RADIUS
         head, columns, rows = sort_into_cells(e, begin, view.bodies.env_start[e + 1], active, position, near, sight)
     for cell in range(head, head + rows * columns):
-        first, final = begin + near.cell_start[cell], begin + near.cell_start[cell + 1]
-        if first < final:
+        first_item, end_item = begin + near.cell_start[cell], begin + near.cell_start[cell + 1]
+        if first_item < end_item:
             count = gather_around(
                 head, cell - head, columns, rows, begin, near, position, view.bodies.radius, plan.around
             )
-            write_neighbors(first, final, count, begin, view, plan, out)
+            write_neighbors(first_item, end_item, count, begin, view, plan, out)
 
 
 @inner_kernel
 def put_into_one_cell(
-    e: int, begin: int, last: int, listed: Cells, active: Bools, near: NeighborList
+    e: int, begin: int, end: int, listed: Cells, active: Bools, near: NeighborList
 ) -> tuple[int, int, int]:
     """Put all listed people who are inside into one cell, so that all pairs are looked at; return as `sort_into_cells` does."""
     head, count = first_cell(e, begin), 0
-    for n in range(index(begin), index(last)):
+    for n in range(index(begin), index(end)):
         if active[listed[n]]:
             near.cell_item[begin + count] = listed[n]
             count += 1
@@ -83,12 +83,12 @@ def gather_around(
 
 
 @inner_kernel
-def write_neighbors(first: int, last: int, count: int, begin: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write density and neighbors of those in ``cell_item[first:last]``, among the ``count`` who are in ``around``."""
+def write_neighbors(first_item: int, end_item: int, count: int, begin: int, view: View, plan: Plan, out: Rows) -> None:
+    """Write density and neighbors of those in ``cell_item[first_item:end_item]``, among the ``count`` who are in ``around``."""
     at_density, at_neighbors = plan.column.density, plan.column.neighbors
     around, key, nearest = plan.around, plan.key, plan.nearest
     axis, position, velocity = view.axis, view.state.position, view.state.velocity
-    for m in range(index(first), index(last)):
+    for m in range(index(first_item), index(end_item)):
         i = view.near.cell_item[m]
         x, y, r, me = position[i, 0], position[i, 1], view.bodies.radius[i], float(i - begin)
         close = 0
