@@ -18,7 +18,7 @@ from agents.learned.export import network_of
 from agents.learned.rate import FallingRate
 from agents.runs import write_json
 from agents.trained import LearnedController
-from crowd_env.adapters.vec_env import VectorVecEnv
+from crowd_env.adapters.sb3 import VectorVecEnv
 from crowd_env.envs.routing.env import RoutingVectorEnv
 
 # Draws on which the best controller is chosen: neither trained on nor used for the final table.
