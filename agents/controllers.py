@@ -109,13 +109,13 @@ class LedByController:
         """Tell people where to go if an interval has passed, and let them walk."""
         if self._count % self._steps == 0:
             action = self.controller.act(self._observation, self.batch, self._rng)
-            self.batch._tell(self.batch._checked(action))
+            self.batch.send(action)
             self._left[:] = False
         step = self.env.step(None)
         self._count += 1
         self._left |= step.terminated
         if self._count % self._steps == 0:
-            self._observation = self.batch._observe(self.env.active, self._left)
+            self._observation = self.batch.observe(self.env.active, self._left)
         return step
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
 
-from crowd_env.checks import shown
+from crowd_env.checks import array, shown
 from crowd_env.envs.action import action_space
-from crowd_env.envs.client_input import as_numbers, check_options
+from crowd_env.envs.client_input import NUMBERS, check_options
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.global_state import StateLayout, StateReader
 from crowd_env.scenarios.scenario import Scenario
@@ -196,7 +196,7 @@ class CrowdParallelEnv(ParallelEnv):
         for agent, action in actions.items():
             if action is not None:
                 i = self._slot[agent]
-                gathered[i] = as_numbers(action, gathered.shape[1:], f"action of {agent}")
+                gathered[i] = array(f"action of {agent}", action, gathered.shape[1:], NUMBERS)
                 rule[i] = False
         return gathered, rule
 
@@ -249,7 +249,7 @@ def _stacked(actions: list[Any], shape: tuple[int, ...]) -> np.ndarray | None:
         whole = np.array(actions)  # a fifth faster than with a dtype
     except (TypeError, ValueError):
         return None
-    return whole if whole.dtype.kind in "biuf" and whole.shape == (len(actions), *shape) else None
+    return whole if whole.dtype.kind in NUMBERS and whole.shape == (len(actions), *shape) else None
 
 
 class Infos(dict[str, dict[str, Any]]):

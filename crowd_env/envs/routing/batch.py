@@ -1,4 +1,4 @@
-"""Evacuations led by one controller each: every few seconds it says, region by region, which exit or route to take.
+"""Evacuations with one controller each: every few seconds it chooses, region by region, an exit or route.
 
 A batch over arrays; `crowd_env.envs.routing.env` gives it the interfaces of Gymnasium.
 """
@@ -6,11 +6,13 @@ A batch over arrays; `crowd_env.envs.routing.env` gives it the interfaces of Gym
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.checks import shown
-from crowd_env.envs.client_input import as_numbers
+from crowd_env.checks import POSITIVE, array, known, number, table
+from crowd_env.envs.batch import BatchStep
+from crowd_env.envs.client_input import NUMBERS
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.routing.layout import RoutingLayout, check_names, grid_regions, named_regions
@@ -21,11 +23,15 @@ from crowd_env.state import Bools, Floats, Ints, as_grid
 DENSITY_SCALE = 5.0  # 1/m2
 SPEED_SCALE = 2.0  # m/s
 FLOW_SCALE = 5.0  # 1/(s m)  people out per second and meter of exit
-QUEUE_REACH = 2.5  # m  whoever has no further to walk to an exit stands in its queue
+QUEUE_REACH = 2.5  # m  people with no further to walk to an exit stand in its queue
 
 
 class RoutingBatch:
-    """E evacuations, each led by a controller of its own; see `crowd_env.envs.routing.env.RoutingEnv` for the parameters.
+    """E evacuations with a controller each; see `crowd_env.envs.routing.env.RoutingEnv` for the other parameters.
+
+    Parameters
+    ----------
+    autoreset : start a new episode in the step in which one ends.
 
     Attributes
     ----------
@@ -39,6 +45,7 @@ class RoutingBatch:
         scenario: str | Scenario,
         *,
         num_envs: int = 1,
+        autoreset: bool = False,
         interval: float = 2.0,
         regions: Sequence[str] = (),
         grid: tuple[int, int] = (4, 2),
@@ -53,8 +60,7 @@ class RoutingBatch:
         **scenario_options: Any,
     ) -> None:
         self.weights = _weights(reward)
-        if not _is_number(interval) or not 0 < interval < np.inf:
-            raise ValueError(f"the interval between decisions is {interval!r} s; it must be a number > 0 and finite")
+        interval = number("the interval between decisions", interval, POSITIVE, "s")
         dt = make_scheme(scheme).info.default_dt if dt is None else dt
         if dt > 0 and (abs(interval / dt - round(interval / dt)) > 1e-6 or interval < 0.5 * dt):
             raise ValueError(f"the interval of {interval:g} s is not a whole number of physics steps of dt = {dt:g} s")
@@ -67,7 +73,7 @@ class RoutingBatch:
             observation=ObservationLayout(terms=("desired_speed",)),  # nobody reads it
             time_limit=time_limit,
             threads=threads,
-            strategy="nearest",  # where nobody is told anything; makes a route of every exit
+            strategy="nearest",  # until the controller says otherwise; makes a route of every exit
             rules=rules,
             **scenario_options,
         )
@@ -77,37 +83,60 @@ class RoutingBatch:
         known = tuple(dict.fromkeys((*exits, *(route.name for route in self.scenario.routes))))
         routes = check_names("route", routes, known) or known
         doors, regions = check_names("door", doors, geometry.doors), check_names("region", regions, [*geometry.regions])
-        self.interval = interval
+        self.interval, self.autoreset = interval, autoreset
         self.regions = named_regions(geometry, regions) if regions else grid_regions(geometry, grid)
         self.layout = RoutingLayout(self.regions.names, exits, routes, doors)
         self.choices = np.array([len(routes)] * len(self.regions.names) + [2] * len(doors), dtype=np.int64)
-        self._way = np.array([route_set.number(name) for name in routes], dtype=np.int64)
-        # A route via a region goes on as another way from there: whoever is on that one already follows the route.
-        self._then = np.array([route_set.route_set[k].following for k in self._way], dtype=np.int64)
+        self._route = np.array([route_set.number(name) for name in routes], dtype=np.int64)
+        # A route via a region continues as another route from there: people on that one already follow the first.
+        self._continuation = np.array([route_set.route_set[k].following for k in self._route], dtype=np.int64)
         self._exit_of_row = np.array([exits.index(name) for name in geometry.exit_names], dtype=np.int64)
         length = np.hypot(*(geometry.exits[:, 1] - geometry.exits[:, 0]).T)
         self._width = np.bincount(self._exit_of_row, weights=length, minlength=len(exits))
         self._fields = [route_set.route_set[route_set.number(name)].field for name in exits]
 
+    @property
+    def observation_space(self) -> gymnasium.spaces.Box:
+        """Space of one evacuation's observation."""
+        return gymnasium.spaces.Box(0.0, 1.0, (self.layout.size,), np.float32)
+
+    @property
+    def action_space(self) -> gymnasium.spaces.MultiDiscrete:
+        """Space of one controller's action.
+
+        Raises
+        ------
+        ValueError
+            If every action would be the same.
+        """
+        if (self.choices == 1).all():
+            doors = ", ".join(self.scenario.geometry.doors) or "none"
+            raise ValueError(
+                f"scenario {self.scenario.name!r}: there is nothing to choose, with one route ({self.layout.routes[0]}) and no "
+                f"door to control (known doors: {doors}); take a scenario with two exits, more routes or a door"
+            )
+        return gymnasium.spaces.MultiDiscrete(self.choices)
+
+    def info_at_reset(self) -> dict[str, np.ndarray]:
+        """Return ``inside`` (E,): everyone."""
+        return {"inside": np.full(self.env.num_envs, self.env.num_people // self.env.num_envs)}
+
     def reset(self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return all observations (E, D)."""
         self.env.reset(seed, mask)
-        return self._observe(self.env.active, np.zeros(self.env.num_people, dtype=np.bool_))
+        return self.observe(self.env.active, np.zeros(self.env.num_people, dtype=np.bool_))
 
-    def step(self, action: ArrayLike) -> tuple[np.ndarray, Floats, Bools, Bools, dict[str, Any]]:
-        """Tell everyone what to do and let ``interval`` seconds pass; an evacuation that has ended stays as it is.
+    def step(self, actions: ArrayLike) -> BatchStep:
+        """Send people along routes and let ``interval`` seconds pass; an evacuation that has ended stays as it is.
 
-        Returns
-        -------
-        observation (E, D), reward (E,), terminated (E,) all are out, truncated (E,) it ended otherwise, and info with the
-        terms of the reward (E,), the people inside (E,) and ``metrics`` {e: EpisodeMetrics} of those that have ended.
+        The info holds the terms of the reward, and the number of people inside (E,).
 
         Raises
         ------
         ValueError
             If an action is not one of the choices.
         """
-        self._tell(self._checked(action))
+        self.send(actions)
         step = self.env.step(None)
         inside = self.env.active | step.truncated
         spent = -as_grid(step.info["reward/time"], self.env.num_envs)  # s inside during this interval
@@ -119,37 +148,44 @@ class RoutingBatch:
         terminated = np.logical_and(step.info["finished"], ~truncated)
         info: dict[str, Any] = {f"reward/{name}": values for name, values in terms.items()}
         info["inside"] = as_grid(inside, self.env.num_envs).sum(axis=1)
-        info["metrics"] = step.info["metrics"]
-        return self._observe(inside, step.terminated), reward, terminated, truncated, info
+        observation, final, ended = self.observe(inside, step.terminated), None, terminated | truncated
+        if self.autoreset and ended.any():
+            final, observation = observation, np.where(ended[:, None], self.reset(mask=ended), observation)
+        return BatchStep(observation, final, reward, terminated, truncated, info, step.info["metrics"])
 
-    def _checked(self, action: ArrayLike) -> Ints:
-        array = as_numbers(action, (self.env.num_envs, len(self.choices)), "the array of actions")
-        bad = np.argwhere(~((array >= 0) & (array < self.choices) & (array == np.floor(array))))
+    def send(self, actions: ArrayLike) -> None:
+        """Send the people of each region along the chosen route, and open and close doors, as ``actions`` (E, R + D) say.
+
+        Raises
+        ------
+        ValueError
+            If an action is not one of the choices.
+        """
+        shape = (self.env.num_envs, len(self.choices))
+        given = array("the array of actions", actions, shape, NUMBERS)
+        bad = np.argwhere(~((given >= 0) & (given < self.choices) & (given == np.floor(given))))
         if len(bad):
             e, k = bad[0]
             names = [f"region {name!r}" for name in self.layout.regions] + [f"door {n!r}" for n in self.layout.doors]
             raise ValueError(
-                f"the action for {names[k]} is {array[e, k]}; it must be a whole number from 0 to {self.choices[k] - 1}"
+                f"the action for {names[k]} is {given[e, k]}; it must be a whole number from 0 to {self.choices[k] - 1}"
             )
-        return array.astype(np.int64)
-
-    def _tell(self, action: Ints) -> None:
-        state = self.env.simulation.state
+        action, state = given.astype(np.int64), self.env.simulation.state
         for e in range(self.env.num_envs if self.layout.doors else 0):
             opened = action[e, len(self.regions.names) :]
-            closed = {name for name, wish in zip(self.layout.doors, opened, strict=True) if not wish}
+            closed = {name for name, opens in zip(self.layout.doors, opened, strict=True) if not opens}
             self.env.simulation.close_doors(e, closed | (self._closed(e) - set(self.layout.doors)))
         region = self.regions.locate(state.position)
         choice = action[self.env.env_of_person, np.maximum(region, 0)]
-        told = state.active & (region >= 0) & (state.route != self._then[choice])
-        state.route[told] = self._way[choice[told]]
+        sent = state.active & (region >= 0) & (state.route != self._continuation[choice])
+        state.route[sent] = self._route[choice[sent]]
 
     def _closed(self, e: int) -> set[str]:
-        stands_open = self.env.simulation.memory.door_open[e]
-        return {name for k, name in enumerate(self.scenario.geometry.doors) if not stands_open[k]}
+        is_open = self.env.simulation.memory.door_open[e]
+        return {name for k, name in enumerate(self.scenario.geometry.doors) if not is_open[k]}
 
-    def _observe(self, inside: Bools, left: Bools) -> np.ndarray:
-        """Return the observations (E, D) of people ``inside`` (P,), of whom ``left`` (P,) got out since the last one."""
+    def observe(self, inside: Bools, left: Bools) -> np.ndarray:
+        """Return observations (E, D) of people ``inside`` (P,), and of people who ``left`` (P,) since the last one."""
         state, layout = self.env.simulation.state, self.layout
         room, people = self.env.env_of_person, self.env.num_people // self.env.num_envs
         out = np.zeros((self.env.num_envs, layout.size))
@@ -168,9 +204,11 @@ class RoutingBatch:
             away = field.travel_time[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]  # m: at 1 m/s
             near = np.where(inside & (away <= QUEUE_REACH), 0, -1)
             out[:, layout["queue"].start + k] = self._per_room(room, near, 1)[:, 0] / people
-        for k, (way, then) in enumerate(zip(self._way, self._then, strict=True)):
-            follows = (state.route == way) | ((state.route == then) & (then >= 0))
-            out[:, layout["told"].start + k] = self._per_room(room, np.where(inside & follows, 0, -1), 1)[:, 0] / people
+        for k, (route, continuation) in enumerate(zip(self._route, self._continuation, strict=True)):
+            follows = (state.route == route) | ((state.route == continuation) & (continuation >= 0))
+            out[:, layout["assigned"].start + k] = (
+                self._per_room(room, np.where(inside & follows, 0, -1), 1)[:, 0] / people
+            )
         for e in range(len(out) if layout.doors else 0):
             out[e, layout["door"]] = [name not in self._closed(e) for name in layout.doors]
         out[:, layout["inside"]] = as_grid(inside, len(out)).mean(axis=1, keepdims=True)
@@ -186,19 +224,11 @@ class RoutingBatch:
         return np.asarray(total, dtype=np.float64).reshape(-1, places)
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-
-
 def _weights(reward: Mapping[str, float] | None) -> dict[str, float]:
     """Return the weight of each term of the reward that is named."""
     if reward is None:
         return {"mean": 0.1, "last": 0.1}
-    if not isinstance(reward, Mapping):
-        raise ValueError(f"reward is {shown(reward)}; it must be a dictionary of weights: reward={{'mean': 0.1}}")
-    for name, weight in reward.items():
-        if name not in ("mean", "last"):
-            raise ValueError(f"unknown reward term {name!r}; known: mean, last")
-        if not _is_number(weight) or not np.isfinite(weight):
-            raise ValueError(f"weight of reward term {name!r} is {weight!r}; it must be a finite number")
-    return dict(reward)
+    return {
+        known("reward term", name, ("mean", "last")): number(f"weight of reward term {name!r}", weight)
+        for name, weight in table("reward", reward, "weights such as {'mean': 0.1}").items()
+    }

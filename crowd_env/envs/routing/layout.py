@@ -106,7 +106,7 @@ class RoutingLayout:
     ``speed``     region               mean speed of the people in it / (2 m/s); 0 if there are none
     ``flow``      exit                 people who left by it since the last decision / (s, m of width, 5)
     ``queue``     exit                 people with at most 2.5 m to walk to it / N
-    ``told``      route                people inside who were told to take it / N
+    ``assigned``  route                people inside who follow it / N
     ``door``      controlled door      1 = open
     ``inside``    (1)                  people inside / N
     ``time``      (1)                  time / time limit
@@ -123,7 +123,7 @@ class RoutingLayout:
         """Name -> number of columns, in order."""
         regions, exits = len(self.regions), len(self.exits)
         sizes = {"count": regions, "density": regions, "speed": regions, "flow": exits, "queue": exits}
-        return {**sizes, "told": len(self.routes), "door": len(self.doors), "inside": 1, "time": 1}
+        return {**sizes, "assigned": len(self.routes), "door": len(self.doors), "inside": 1, "time": 1}
 
     @property
     def size(self) -> int:
