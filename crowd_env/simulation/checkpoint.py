@@ -42,18 +42,6 @@ class Checkpoint(NamedTuple):
     escaped: np.ndarray  # (P,)  who was found outside of the walkable area
 
 
-class EnvCheckpoint(NamedTuple):
-    """A moment of a `CrowdEnv`; made by `CrowdEnv.checkpoint`, taken up by `CrowdEnv.restore`.  It can be pickled."""
-
-    simulation: Checkpoint
-    books: Arrays
-    step: Arrays
-    seen: tuple[np.ndarray, ...]
-    generators: tuple[Any, ...]  # states
-    started: bool
-    unsettled: bool
-
-
 def copy_arrays(fields: Any) -> Arrays:
     """Return copies of the arrays of a NamedTuple, by name."""
     return {name: array.copy() for name, array in zip(fields._fields, fields, strict=True) if _is_array(array)}

@@ -41,8 +41,8 @@ def seen(env, steps, rng):
     found = []
     for _ in range(steps):
         step = env.step(rng.uniform(-1, 1, (env.num_people, 2)), np.arange(env.num_people) % 4 > 0)
-        simulation, books = env.simulation, env._books.fields
-        arrays = (*step[:4], *simulation.state, simulation.memory.push, simulation.memory.crush, books.impulse)
+        simulation, episode = env.simulation, env._episode.fields
+        arrays = (*step[:4], *simulation.state, simulation.memory.push, simulation.memory.crush, episode.impulse)
         terms = [values for name, values in step.info.items() if name.startswith("reward/")]
         found.append(b"".join(np.ascontiguousarray(a).tobytes() for a in (*arrays, *terms, *simulation.diagnostics)))
         contacts = simulation.contacts(0)
