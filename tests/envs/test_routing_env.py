@@ -64,11 +64,11 @@ def test_the_first_observation_of_five_people_by_hand():
         "inside": [1],
         "time": [0],
     }
-    assert list(expected) == list(layout.parts)
+    assert list(expected) == list(layout.names)
     for part, values in expected.items():
         np.testing.assert_allclose(observation[layout[part]], values, rtol=1e-6, err_msg=part)
     assert observation.shape == (layout.size,) == (14,)
-    with pytest.raises(KeyError, match="no part 'queues'; it has: count"):
+    with pytest.raises(KeyError, match="no term 'queues'; it has: count"):
         layout["queues"]
 
 

@@ -10,20 +10,19 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.checks import POSITIVE, array, known, number, table
+from crowd_env.checks import POSITIVE, array, number
 from crowd_env.envs.batch import BatchStep
 from crowd_env.envs.client_input import NUMBERS
 from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
-from crowd_env.envs.routing.layout import RoutingLayout, check_names, grid_regions, named_regions
+from crowd_env.envs.routing.layout import RoutingLayout, check_names, make_terms
+from crowd_env.envs.routing.regions import grid_regions, named_regions
+from crowd_env.envs.routing.terms import RoutingReward, RoutingView, make_weights
+from crowd_env.navigation.field import NavigationField
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Bools, Floats, Ints, as_grid
-
-DENSITY_SCALE = 5.0  # 1/m2
-SPEED_SCALE = 2.0  # m/s
-FLOW_SCALE = 5.0  # 1/(s m)  people out per second and meter of exit
-QUEUE_REACH = 2.5  # m  people with no further to walk to an exit stand in its queue
+from crowd_env.state import Bools, Floats, as_grid
 
 
 class RoutingBatch:
@@ -32,11 +31,15 @@ class RoutingBatch:
     Parameters
     ----------
     autoreset : start a new episode in the step in which one ends.
+    sample_dt : s, the decision step of ``env``, which divides the interval; by default the interval itself.  A shorter one is
+        for callers that measure the crowds between two decisions: they call `send`, step ``env`` by themselves, and `observe`.
 
     Attributes
     ----------
-    env : the crowds, a `CrowdEnv` whose decision step is the interval.
+    env : the crowds, a `CrowdEnv`.
+    samples : number of steps of ``env`` in an interval.
     regions, layout : where decisions are made, and what is observed.
+    weights : weight of each reward term; 0 = only reported.
     choices : (R + D,) number of choices of each entry of an action.
     """
 
@@ -51,25 +54,32 @@ class RoutingBatch:
         grid: tuple[int, int] = (4, 2),
         routes: Sequence[str] = (),
         doors: Sequence[str] = (),
-        reward: Mapping[str, float] | None = None,
+        observation: Mapping[str, Any] | None = None,
+        reward: Mapping[str | RoutingReward, float] | None = None,
         rules: bool = False,
         scheme: str | ContactScheme = "nsm2",
         dt: float | None = None,
         time_limit: float | None = None,
         threads: int = 1,
+        sample_dt: float | None = None,
         **scenario_options: Any,
     ) -> None:
-        self.weights = _weights(reward)
+        self.weights = make_weights(reward)
+        terms = make_terms(observation)
         interval = number("the interval between decisions", interval, POSITIVE, "s")
         dt = make_scheme(scheme).info.default_dt if dt is None else dt
         if dt > 0 and (abs(interval / dt - round(interval / dt)) > 1e-6 or interval < 0.5 * dt):
             raise ValueError(f"the interval of {interval:g} s is not a whole number of physics steps of dt = {dt:g} s")
+        sample_dt = interval if sample_dt is None else number("sample_dt", sample_dt, POSITIVE, "s")
+        self.samples = max(round(interval / sample_dt), 1)
+        if abs(interval / sample_dt - self.samples) > 1e-6:
+            raise ValueError(f"the interval of {interval:g} s is not a whole number of samples of {sample_dt:g} s")
         self.env = CrowdEnv(
             scenario,
             num_envs=num_envs,
             scheme=scheme,
             dt=dt,
-            decision_dt=interval,
+            decision_dt=sample_dt,
             observation=ObservationLayout(terms=("desired_speed",)),  # nobody reads it
             time_limit=time_limit,
             threads=threads,
@@ -85,15 +95,19 @@ class RoutingBatch:
         doors, regions = check_names("door", doors, geometry.doors), check_names("region", regions, [*geometry.regions])
         self.interval, self.autoreset = interval, autoreset
         self.regions = named_regions(geometry, regions) if regions else grid_regions(geometry, grid)
-        self.layout = RoutingLayout(self.regions.names, exits, routes, doors)
+        self.layout = RoutingLayout(self.regions.names, exits, routes, doors, terms)
+        if self.layout.size == 0:
+            raise ValueError(f"observation: {', '.join(self.layout.names)} has no column without a door to control")
         self.choices = np.array([len(routes)] * len(self.regions.names) + [2] * len(doors), dtype=np.int64)
         self._route = np.array([route_set.number(name) for name in routes], dtype=np.int64)
         # A route via a region continues as another route from there: people on that one already follow the first.
         self._continuation = np.array([route_set.route_set[k].following for k in self._route], dtype=np.int64)
         self._exit_of_row = np.array([exits.index(name) for name in geometry.exit_names], dtype=np.int64)
         length = np.hypot(*(geometry.exits[:, 1] - geometry.exits[:, 0]).T)
-        self._width = np.bincount(self._exit_of_row, weights=length, minlength=len(exits))
+        self._width = np.bincount(self._exit_of_row, weights=length, minlength=len(exits)).astype(np.float64)
         self._fields = [route_set.route_set[route_set.number(name)].field for name in exits]
+        self._door = np.array([list(geometry.doors).index(name) for name in doors], dtype=np.int64)
+        self._decided = np.zeros(num_envs)  # s  time of the last decision
 
     @property
     def observation_space(self) -> gymnasium.spaces.Box:
@@ -124,6 +138,7 @@ class RoutingBatch:
     def reset(self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return all observations (E, D)."""
         self.env.reset(seed, mask)
+        self._decided[:] = self.env.simulation.state.time
         return self.observe(self.env.active, np.zeros(self.env.num_people, dtype=np.bool_))
 
     def step(self, actions: ArrayLike) -> BatchStep:
@@ -137,21 +152,29 @@ class RoutingBatch:
             If an action is not one of the choices.
         """
         self.send(actions)
-        step = self.env.step(None)
-        inside = self.env.active | step.truncated
-        spent = -as_grid(step.info["reward/time"], self.env.num_envs)  # s inside during this interval
-        terms = {"mean": -spent.mean(axis=1), "last": -spent.max(axis=1)}
-        reward = np.zeros(self.env.num_envs)
-        for name, weight in self.weights.items():
-            reward += weight * terms[name]
-        truncated = np.asarray(as_grid(step.truncated, self.env.num_envs).any(axis=1))
-        terminated = np.logical_and(step.info["finished"], ~truncated)
-        info: dict[str, Any] = {f"reward/{name}": values for name, values in terms.items()}
-        info["inside"] = as_grid(inside, self.env.num_envs).sum(axis=1)
-        observation, final, ended = self.observe(inside, step.terminated), None, terminated | truncated
+        left, cut_off = np.zeros((2, self.env.num_people), dtype=np.bool_)
+        finished = np.zeros(self.env.num_envs, dtype=np.bool_)
+        metrics: dict[int, EpisodeMetrics] = {}
+        for _ in range(self.samples):
+            step = self.env.step(None)
+            left |= step.terminated
+            cut_off |= step.truncated
+            finished |= step.info["finished"]
+            metrics |= step.info["metrics"]
+        view = self._view(self.env.active | cut_off, left)
+        reward, info = np.zeros(self.env.num_envs), {}
+        for term, weight in self.weights.items():
+            values = array(f"reward term {term.name!r}", term.function(view), (self.env.num_envs,), NUMBERS)
+            info[f"reward/{term.name}"] = values
+            if weight:
+                reward += weight * values
+        info["inside"] = view.inside.sum(axis=1)
+        truncated = np.asarray(as_grid(cut_off, self.env.num_envs).any(axis=1))
+        terminated = np.logical_and(finished, ~truncated)
+        observation, final, ended = self._observation(view), None, terminated | truncated
         if self.autoreset and ended.any():
             final, observation = observation, np.where(ended[:, None], self.reset(mask=ended), observation)
-        return BatchStep(observation, final, reward, terminated, truncated, info, step.info["metrics"])
+        return BatchStep(observation, final, reward, terminated, truncated, info, metrics)
 
     def send(self, actions: ArrayLike) -> None:
         """Send the people of each region along the chosen route, and open and close doors, as ``actions`` (E, R + D) say.
@@ -171,64 +194,58 @@ class RoutingBatch:
                 f"the action for {names[k]} is {given[e, k]}; it must be a whole number from 0 to {self.choices[k] - 1}"
             )
         action, state = given.astype(np.int64), self.env.simulation.state
+        self._decided[:] = state.time
         for e in range(self.env.num_envs if self.layout.doors else 0):
-            opened = action[e, len(self.regions.names) :]
-            closed = {name for name, opens in zip(self.layout.doors, opened, strict=True) if not opens}
-            self.env.simulation.close_doors(e, closed | (self._closed(e) - set(self.layout.doors)))
+            is_open = self.env.simulation.memory.door_open[e].copy()
+            is_open[self._door] = action[e, len(self.regions.names) :]
+            doors = zip(self.scenario.geometry.doors, is_open, strict=False)
+            self.env.simulation.close_doors(e, {name for name, opens in doors if not opens})
         region = self.regions.locate(state.position)
         choice = action[self.env.env_of_person, np.maximum(region, 0)]
         sent = state.active & (region >= 0) & (state.route != self._continuation[choice])
         state.route[sent] = self._route[choice[sent]]
 
-    def _closed(self, e: int) -> set[str]:
-        is_open = self.env.simulation.memory.door_open[e]
-        return {name for k, name in enumerate(self.scenario.geometry.doors) if not is_open[k]}
-
     def observe(self, inside: Bools, left: Bools) -> np.ndarray:
-        """Return observations (E, D) of people ``inside`` (P,), and of people who ``left`` (P,) since the last one."""
-        state, layout = self.env.simulation.state, self.layout
-        room, people = self.env.env_of_person, self.env.num_people // self.env.num_envs
-        out = np.zeros((self.env.num_envs, layout.size))
-        region = np.where(inside, self.regions.locate(state.position), -1)
-        count = self._per_room(room, region, len(layout.regions))
-        speed = self._per_room(room, region, len(layout.regions), np.hypot(*state.velocity.T))
-        out[:, layout["count"]] = count / people
-        out[:, layout["density"]] = count / self.regions.area / DENSITY_SCALE
-        out[:, layout["speed"]] = speed / np.maximum(count, 1.0) / SPEED_SCALE
-        gone = np.where(left, self._exit_of_row[state.exit_index], -1)
-        flow = self._per_room(room, gone, len(layout.exits)) / self.interval
-        out[:, layout["flow"]] = flow / (self._width * FLOW_SCALE)
-        for k, field in enumerate(self._fields):
-            rows, columns = field.travel_time.shape
-            j, i = np.rint((state.position - field.origin) / field.spacing).astype(np.int64).T
-            away = field.travel_time[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]  # m: at 1 m/s
-            near = np.where(inside & (away <= QUEUE_REACH), 0, -1)
-            out[:, layout["queue"].start + k] = self._per_room(room, near, 1)[:, 0] / people
-        for k, (route, continuation) in enumerate(zip(self._route, self._continuation, strict=True)):
-            follows = (state.route == route) | ((state.route == continuation) & (continuation >= 0))
-            out[:, layout["assigned"].start + k] = (
-                self._per_room(room, np.where(inside & follows, 0, -1), 1)[:, 0] / people
-            )
-        for e in range(len(out) if layout.doors else 0):
-            out[e, layout["door"]] = [name not in self._closed(e) for name in layout.doors]
-        out[:, layout["inside"]] = as_grid(inside, len(out)).mean(axis=1, keepdims=True)
-        out[:, layout["time"]] = (state.time / self.env.time_limit)[:, None]
+        """Return observations (E, D) of people ``inside`` (P,), and of people who ``left`` (P,) since the last decision."""
+        return self._observation(self._view(inside, left))
+
+    def _observation(self, view: RoutingView) -> np.ndarray:
+        out = np.zeros((self.env.num_envs, self.layout.size))
+        for term in self.layout.terms:
+            columns = out[:, self.layout[term.name]]
+            columns[:] = array(f"observation term {term.name!r}", term.function(view), columns.shape, NUMBERS)
         return np.clip(out, 0.0, 1.0).astype(np.float32)
 
-    def _per_room(self, room: Ints, place: Ints, places: int, weights: Floats | None = None) -> Floats:
-        """Return the number, or the sum of ``weights``, of people in each place (E, places); place -1 does not count."""
-        known = place >= 0
-        cell = room[known] * places + place[known]
-        values = np.ones(len(cell)) if weights is None else weights[known]
-        total = np.bincount(cell, weights=values, minlength=self.env.num_envs * places)
-        return np.asarray(total, dtype=np.float64).reshape(-1, places)
+    def _view(self, inside: Bools, left: Bools) -> RoutingView:
+        """Return what the terms read, of people ``inside`` (P,), and of people who ``left`` (P,) since the last decision."""
+        env, state, rooms = self.env, self.env.simulation.state, self.env.num_envs
+        until = np.where(left, state.exit_time, state.time[env.env_of_person])
+        time_inside = np.where(inside | left, until - self._decided[env.env_of_person], 0.0)
+        on_route = [
+            inside & ((state.route == route) | ((state.route == continuation) & (continuation >= 0)))
+            for route, continuation in zip(self._route, self._continuation, strict=True)
+        ]
+        return RoutingView(
+            interval=self.interval,
+            inside=as_grid(inside, rooms),
+            left=as_grid(left, rooms),
+            time_inside=as_grid(time_inside, rooms),
+            position=as_grid(state.position, rooms),
+            velocity=as_grid(state.velocity, rooms),
+            region=as_grid(np.where(inside, self.regions.locate(state.position), -1), rooms),
+            region_area=self.regions.area,
+            exit_taken=as_grid(np.where(left, self._exit_of_row[state.exit_index], -1), rooms),
+            exit_width=self._width,
+            exit_distance=np.array([as_grid(_distance(field, state.position), rooms) for field in self._fields]),
+            on_route=np.array([as_grid(people, rooms) for people in on_route]),
+            door_open=np.asarray(env.simulation.memory.door_open[:, self._door], dtype=np.bool_),
+            time=state.time,
+            time_limit=env.time_limit,
+        )
 
 
-def _weights(reward: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the weight of each term of the reward that is named."""
-    if reward is None:
-        return {"mean": 0.1, "last": 0.1}
-    return {
-        known("reward term", name, ("mean", "last")): number(f"weight of reward term {name!r}", weight)
-        for name, weight in table("reward", reward, "weights such as {'mean': 0.1}").items()
-    }
+def _distance(field: NavigationField, position: Floats) -> Floats:
+    """Return the distance to walk (P,) [m], at the node of a travel-time field at 1 m/s nearest to a position (P, 2)."""
+    rows, columns = field.travel_time.shape
+    j, i = np.rint((position - field.origin) / field.spacing).astype(np.int64).T
+    return field.travel_time[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]

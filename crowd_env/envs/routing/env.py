@@ -20,15 +20,15 @@ class RoutingEnv(SingleEnv):
     """One evacuation and one controller that says, region by region, which exit or route to take.
 
     Observation
-        (D,) float32 in [0, 1], columns as ``layout`` says, see `RoutingLayout`.
+        (D,) float32 in [0, 1]: the terms in `crowd_env.envs.routing.terms.TERMS`, in the columns that ``layout`` says.
     Action
         MultiDiscrete.  One entry a decision region: the number, in ``layout.routes``, of the exit or route that everyone in
         that region is sent along.  People keep to the route that they were last sent along, also in other regions; before
         that, they take the exit that was nearest at the start.  Then one entry a controlled door: 1 opens it, 0 closes it.
     Reward
-        A weighted sum of two terms in seconds, each in ``info["reward/<name>"]``: ``mean`` is minus the time that everyone
-        spent inside during the interval, averaged over all N people of the scenario; ``last`` is minus the time during which
-        anyone was inside.  With the weights a and b an evacuation returns
+        A weighted sum of terms, each in ``info["reward/<name>"]``: ``mean`` [s] is minus the time that
+        everyone spent inside during the interval, averaged over all N people of the scenario; ``last`` [s] is minus the time
+        during which anyone was inside.  With the weights a and b an evacuation returns
 
             -(a * mean exit time + b * exit time of the last person),
 
@@ -46,7 +46,9 @@ class RoutingEnv(SingleEnv):
     grid : columns and rows of that grid over the bounding box; cells without floor are left out.
     routes : names of exits and of the scenario's routes to choose from; if none, all of them.
     doors : names of the doors to open and close; the others are left to the scenario.
-    reward : weights of the terms, by default 0.1 each.
+    observation : the terms that are observed, ``{"terms": ["count", "queue"]}``; by default all.  `RoutingTerm` objects of your
+        own may stand among the names.
+    reward : weights of the terms, by default ``{"mean": 0.1, "last": 0.1}``.  `RoutingReward` objects of your own may be keys.
     rules : whether the scenario's control rules act as well.
     scheme, dt, time_limit, threads : as for `CrowdEnv`.
     render_mode : None or "rgb_array".
