@@ -24,7 +24,7 @@ from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.groups import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.simulation.arguments import check_step
-from crowd_env.simulation.checkpoint import copy_arrays, write_arrays
+from crowd_env.simulation.checkpoint import copy_arrays, require_checkpoint, write_arrays
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import Bools, Floats, Ints, make_state
 
@@ -166,7 +166,7 @@ class CrowdEnv:
                 travel_time_before=np.zeros(people),
                 travel_time_after=self._ahead.potential,
                 duration=np.zeros(people),
-                impulse_magnitude=self.simulation.memory.crush,
+                impulse_magnitude=self.simulation.results.impulse_magnitude,
                 bodies=self.simulation.bodies,
                 state=self.simulation.state,
             )
@@ -326,8 +326,7 @@ class CrowdEnv:
         ValueError
             If the checkpoint is of an environment of other people, places, scheme or steps.
         """
-        if not isinstance(checkpoint, EnvCheckpoint):
-            raise TypeError(f"restore takes a checkpoint() of an environment, not {type(checkpoint).__name__}")
+        require_checkpoint(checkpoint, EnvCheckpoint, "an environment")
         self.simulation.restore(checkpoint.simulation)
         write_arrays(self._episode.fields, checkpoint.episode)
         write_arrays(self._transition.fields, checkpoint.step)

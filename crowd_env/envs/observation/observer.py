@@ -7,6 +7,8 @@ from crowd_env._kernels.threads import Workers
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.perception import perceive
 from crowd_env.envs.observation.view import RouteAhead, View
+from crowd_env.physics.neighbors.lists import allocate_neighbors
+from crowd_env.physics.workspace import World
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import Bools, Ints
 
@@ -37,8 +39,9 @@ class Observer:
         largest = int(np.diff(simulation.bodies.env_start).max())
         self._plans = [struct_ref(layout.plan(largest)) for _ in range(side_by_side)]
         self._workers = Workers()
+        self._cells = allocate_neighbors(simulation.bodies, per_person=0)
+        self._world: World | None = None  # what the view refers to, and closed doors and new routes replace
         self._view: StructRef | None = None
-        self._made_of: tuple[object, object] | None = None  # what the view refers to and the simulation may replace
 
     def observe(self, seen: Bools, environments: Ints | None = None, out: np.ndarray | None = None) -> np.ndarray:
         """Return the observation (P, D) float32 of those ``seen`` (P,), zero elsewhere.
@@ -64,29 +67,24 @@ class Observer:
         return rows
 
     def _kernel_args(self) -> StructRef:
-        """Return what an observation is made from, anew if the simulation has replaced something: a door, its memory."""
-        world, memory = self.simulation.world, self.simulation.memory
-        if (
-            self._view is None
-            or self._made_of is None
-            or self._made_of[0] is not world
-            or self._made_of[1] is not memory
-        ):
-            self._made_of = (world, memory)
+        """Return what an observation is made from, anew if the simulation has replaced its world."""
+        world, history, results = self.simulation.world, self.simulation.history, self.simulation.results
+        if self._view is None or self._world is not world:
+            self._world = world
             self._view = struct_ref(
                 View(
                     boundary=world.boundary,
-                    door_open=memory.door_open,
+                    door_open=history.door_open,
                     geometry_of_env=world.geometry_of_env,
                     field=world.field,
                     field_of_route=world.guidance.field_of_route,
                     potential_of_route=self.simulation.planner.potential_of_route,
-                    followed=memory.followed,
+                    followed=history.followed,
                     bodies=self.simulation.bodies,
                     state=self.simulation.state,
-                    near=memory.near,
-                    impulse=memory.push,
-                    impulse_magnitude=memory.crush,
+                    near=self._cells,
+                    impulse=results.impulse,
+                    impulse_magnitude=results.impulse_magnitude,
                     seen=self._seen,
                     listed=self._listed,
                     axis=self._axis,

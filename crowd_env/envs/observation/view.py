@@ -22,9 +22,7 @@ class RouteAhead(NamedTuple):
 
     direction: Floats  # (P, 2) of the shortest path, along x and y
     travel_time: Floats  # (P,)  s, at the own desired speed; 0 for those who are out
-    potential: (
-        Floats  # (P,)  s, travel time by which progress is counted, see `crowd_env.routing.route_set.Way.potential`
-    )
+    potential: Floats  # (P,)  s, travel time by which progress is counted: that of the `RouteField.potential`
 
 
 def allocate_route_ahead(people: int) -> RouteAhead:
@@ -44,7 +42,7 @@ class View(NamedTuple):
     followed: Ints  # (P,)    route that is followed
     bodies: Bodies
     state: CrowdState
-    near: NeighborList  # only its cells, as scratch
+    near: NeighborList  # only its cells, as scratch: no list of the physics
     impulse: Floats  # (P, 2)  N s  sum of the contact impulses since the last decision
     impulse_magnitude: Floats  # (P,)    N s  sum of their magnitudes
     seen: Bools  # (P,)    whose observation is wanted: everyone inside, and perhaps others; the rest stays zero

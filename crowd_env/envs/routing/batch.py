@@ -101,11 +101,11 @@ class RoutingBatch:
         self.choices = np.array([len(routes)] * len(self.regions.names) + [2] * len(doors), dtype=np.int64)
         self._route = np.array([route_set.number(name) for name in routes], dtype=np.int64)
         # A route via a region continues as another route from there: people on that one already follow the first.
-        self._continuation = np.array([route_set.route_set[k].following for k in self._route], dtype=np.int64)
+        self._continuation = np.array([route_set.routes[k].following for k in self._route], dtype=np.int64)
         self._exit_of_row = np.array([exits.index(name) for name in geometry.exit_names], dtype=np.int64)
         length = np.hypot(*(geometry.exits[:, 1] - geometry.exits[:, 0]).T)
         self._width = np.bincount(self._exit_of_row, weights=length, minlength=len(exits)).astype(np.float64)
-        self._fields = [route_set.route_set[route_set.number(name)].field for name in exits]
+        self._fields = [route_set.routes[route_set.number(name)].field for name in exits]
         self._door = np.array([list(geometry.doors).index(name) for name in doors], dtype=np.int64)
         self._decided = np.zeros(num_envs)  # s  time of the last decision
 
@@ -196,7 +196,7 @@ class RoutingBatch:
         action, state = given.astype(np.int64), self.env.simulation.state
         self._decided[:] = state.time
         for e in range(self.env.num_envs if self.layout.doors else 0):
-            is_open = self.env.simulation.memory.door_open[e].copy()
+            is_open = self.env.simulation.history.door_open[e].copy()
             is_open[self._door] = action[e, len(self.regions.names) :]
             doors = zip(self.scenario.geometry.doors, is_open, strict=False)
             self.env.simulation.close_doors(e, {name for name, opens in doors if not opens})
@@ -238,7 +238,7 @@ class RoutingBatch:
             exit_width=self._width,
             exit_distance=np.array([as_grid(_distance(field, state.position), rooms) for field in self._fields]),
             on_route=np.array([as_grid(people, rooms) for people in on_route]),
-            door_open=np.asarray(env.simulation.memory.door_open[:, self._door], dtype=np.bool_),
+            door_open=np.asarray(env.simulation.history.door_open[:, self._door], dtype=np.bool_),
             time=state.time,
             time_limit=env.time_limit,
         )
