@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
@@ -17,14 +16,13 @@ from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, named
 from agents.evaluation.report import difference, percent, table_console
 from agents.evaluation.routing import STRATEGIES, evaluate_controller
 from agents.runs import new_folder, versions
-from agents.stopping import stops_by
 from agents.trained import LearnedController
 from agents.training_config import check_budget, check_envs, check_libraries, check_runs, check_seed
+from crowd_env.console import friendly_errors, notes
 from crowd_env.envs.rollout import share
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.files.json_file import write_json
 
-console = Console(stderr=True)
 _MOST_CELLS = 10_000  # more are no places to decide about, and their names alone fill memory
 
 
@@ -33,7 +31,7 @@ def judge_all(
 ) -> list[Evaluation]:
     """Judge controllers and strategies on the same held-out draws; after each ``done`` gets what there is by then."""
     results: list[Evaluation] = []
-    with Progress(console=console, transient=True) as bar:
+    with Progress(console=notes, transient=True) as bar:
         task = bar.add_task("judging on held-out draws", total=runs * len(controllers))
         for controller in controllers:
             judged = evaluate_controller(
@@ -116,37 +114,31 @@ def main(
     folder: Path | None = None
     results: dict[str, Any] = {}
     try:
-        with stops_by():
+        with friendly_errors(lambda: _left_behind(folder, scenario, scheme)):
             check_runs(runs)
             check_libraries()
             _check(options, seed, split, seconds=seconds, steps=steps, envs=envs)
             from agents.learned.routing import train_controller
 
             folder = new_folder(out.parent, out.name)
-            console.print(f"writing to {folder}/", highlight=False)
+            notes.print(f"writing to {folder}/")
             trained = train_controller(folder, options, envs=envs, steps=steps, seconds=seconds, seed=seed)
             if trained["interrupted"]:
                 raise KeyboardInterrupt
-            told = {name: trained[name] for name in ("best", "finalists")}
+            chosen = {name: trained[name] for name in ("best", "finalists")}
 
             def keep(judged: list[Evaluation]) -> None:
                 found = rows(judged)
-                results.update(config={**config, "ppo": trained["ppo"]}, **told, rows=[*found[1:], found[0]])
+                results.update(config={**config, "ppo": trained["ppo"]}, **chosen, rows=[*found[1:], found[0]])
                 write_json(folder / "results.json", results)
 
             learned = LearnedController.load(folder / "best.npz")
             judge_all([learned, RandomController(), *STRATEGIES, FixedSplit(split)], options, runs, keep)
-    except (ValueError, FloatingPointError, ModuleNotFoundError, OSError, MemoryError) as error:
-        console.print(f"error: {error}", style="red", highlight=False, markup=False, soft_wrap=True)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        console.print(f"stopped{_left_behind(folder, scenario, scheme)}", soft_wrap=True, highlight=False, markup=False)
-        raise typer.Exit(130) from None
     finally:
         if results and not as_json:
             table_console().print(table(results["rows"], f"{scenario}, {scheme}, {runs} held-out draws"))
     if as_json:
-        print(json.dumps(results, indent=2, allow_nan=False))
+        typer.echo(json.dumps(results, indent=2, allow_nan=False))
 
 
 def _check(options: dict[str, Any], seed: int, split: float, **budget: float) -> None:
@@ -169,9 +161,9 @@ def _left_behind(folder: Path | None, scenario: str, scheme: str) -> str:
     if folder is None or not (folder / "best.npz").exists():
         return ""
     if (folder / "results.json").exists():
-        return f"; what was judged by then is in {folder}/results.json"
+        return f"what was judged by then is in {folder}/results.json"
     again = f"python -m agents.evaluate --scenario {scenario} --schemes {scheme} --policies nearest fastest"
-    return f"; the best controller so far is {folder}/best.npz; judge it with: {again} {folder}/best.npz"
+    return f"the best controller so far is {folder}/best.npz; judge it with: {again} {folder}/best.npz"
 
 
 if __name__ == "__main__":

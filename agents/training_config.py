@@ -20,7 +20,7 @@ def default_config(
 ) -> dict[str, Any]:
     """Return every parameter of a run; ``dt`` [s] is the scheme's own unless given."""
     from agents.learned import PPOSettings
-    from agents.learned.training import VALIDATION_SEED
+    from agents.learned.callback import VALIDATION_SEED
 
     return {
         "scenario": scenario,

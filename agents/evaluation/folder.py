@@ -1,9 +1,6 @@
 """The folder of an evaluation: what each policy and scheme gave is kept as soon as it is known, the rest is made of that."""
 
-import csv
 import hashlib
-import io
-import json
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -19,7 +16,8 @@ from agents.evaluation.fingerprint import fingerprint
 from agents.evaluation.measurements import CELL, Grid, Maps, Measured
 from agents.evaluation.source_stamp import source_stamp
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
-from crowd_env.files.atomic import write_text, written
+from crowd_env.files.array_file import read_arrays, write_arrays
+from crowd_env.files.csv_table import write_csv
 from crowd_env.files.json_file import read_json, write_json
 
 _KEPT = "kept"  # folder below
@@ -87,9 +85,7 @@ class EvaluationFolder:
         if not path.exists():
             return None
         try:
-            with np.load(path, allow_pickle=False) as file:
-                kept = {name: file[name] for name in file.files}
-            facts = json.loads(str(kept["facts"]))
+            kept, facts = read_arrays(path)
             if facts["made_by"] != _made_by(entry, scheme) or facts["fields"] != list(EpisodeMetrics._fields):
                 return None
             return _evaluation(entry.name, scheme, kept, facts)
@@ -107,27 +103,23 @@ class EvaluationFolder:
             "exit_names": result.exit_names,
             "origin": measured.grid.origin,
         }
-        with written(self._file(entry, scheme)) as part:
-            np.savez_compressed(
-                part,
-                facts=np.array(json.dumps(facts)),
-                episodes=np.array(result.episodes, dtype=np.float64),
-                exit_times=np.array(result.exit_times),
-                ended=result.ended,
-                maps=np.stack(measured.maps),
-                **{name: getattr(measured, name) for name in _ARRAYS},
-            )
+        arrays = {name: getattr(measured, name) for name in _ARRAYS} | {
+            "episodes": np.array(result.episodes, dtype=np.float64),
+            "exit_times": np.array(result.exit_times),
+            "ended": result.ended,
+            "maps": np.stack(measured.maps),
+        }
+        write_arrays(self._file(entry, scheme), arrays, facts)
 
     def _file(self, entry: Entry, scheme: str) -> Path:
         return self.path / _KEPT / f"{_plain(entry.name)}-{_plain(scheme)}.npz"
 
     def write_runs(self, results: Sequence[Evaluation], seed: int) -> None:
         """Write ``runs.csv``, one line a run."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
         exits = list(dict.fromkeys(results[0].exit_names))
         own = ["policy", "scheme", "run", "seed", "last_time", "exit_time_95", *EpisodeMetrics._fields]
-        writer.writerow([*own, "walked", "max_density", "max_pressure", *(f"out by {name}" for name in exits)])
+        header = [*own, "walked", "max_density", "max_pressure", *(f"out by {name}" for name in exits)]
+        rows: list[list[object]] = []
         for result in results:
             measured = result.measured
             assert measured is not None
@@ -137,8 +129,8 @@ class EvaluationFolder:
                 peaks = (measured.max_density[k], measured.max_pressure[k])
                 numbers = [_text(v) for v in (last, most, *episode, way, *peaks)]
                 by_exit = [int((names[k] == name).sum()) for name in exits]
-                writer.writerow([result.policy, result.scheme, k, seed + k, *numbers, *by_exit])
-        write_text(self.path / "runs.csv", text.getvalue())
+                rows.append([result.policy, result.scheme, k, seed + k, *numbers, *by_exit])
+        write_csv(self.path / "runs.csv", header, rows)
 
     def draw(self, results: Sequence[Evaluation], scenario: Scenario) -> list[Path]:
         """Draw the egress curves of each scheme and the maps of each policy under it; return the paths."""
