@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from agents import POLICIES, make_policy
 from agents.controllers import Controller
@@ -15,7 +15,7 @@ from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.physics import ContactScheme
-from crowd_env.scenarios.scenario import Strategy
+from crowd_env.routing.strategies import STRATEGIES
 
 RULES = "rules"
 
@@ -59,7 +59,7 @@ def make_entries(names: Sequence[str], scenario: Scenario, *, trust_pickle: bool
 
 def _make(name: str, scenario: Scenario, trust_pickle: bool) -> Entry:
     own = [route.name for route in scenario.routes]
-    route_set = tuple(dict.fromkeys([*get_args(Strategy), *own, *scenario.geometry.exit_names]))
+    route_set = tuple(dict.fromkeys([*STRATEGIES, *own, *scenario.geometry.exit_names]))
     if name == RULES:
         return _policy_entry(StrategyPolicy("shortest", rules=True, name=RULES))
     if name in route_set:
