@@ -77,13 +77,13 @@ def compare(folder: Path, config: dict[str, Any], runs: int) -> list[Evaluation]
     for policy in track(policies, description="evaluating", console=notes, transient=True):
         results.append(evaluate(policy, config["scenario"], **_physics(config), runs=runs))
     rule, learned = results[BASELINES.index("shortest")], results[-1]
-    told = {
+    content = {
         "config": config,
         "learned_minus_shortest": minus_first(learned, rule),
         "learned_over_shortest": ratio(learned, rule),
         "rows": [result.row() for result in results],
     }
-    write_json(folder / "results.json", told)
+    write_json(folder / "results.json", content)
     return results
 
 

@@ -13,7 +13,7 @@ from crowd_env.files.array_file import read_arrays, write_arrays
 from crowd_env.state import Floats
 
 FORMAT, VERSION = "crowd_env network", 1
-# Rows at once: larger products are shared out to threads, which takes longer than it saves, many times so on busy cores.
+# Rows at once: larger products are shared out to threads, which costs more than it saves, much more on busy cores.
 _AT_ONCE = 60
 _MOST_BYTES = 2**28  # of all arrays unpacked: a hundred times the networks made here
 
@@ -63,7 +63,7 @@ class Network:
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Return the outputs (K, O) float32 for inputs (K, I)."""
         out = np.empty((len(rows), self.outputs), dtype=np.float32)
-        some = np.asarray(rows).any(axis=1)  # rows of zeros, who is out of the building, are all alike
+        some = np.asarray(rows).any(axis=1)  # rows of zeros, of people who are out, are all alike
         out[~some] = self._forward(np.zeros((1, self.inputs)))
         where = np.flatnonzero(some)
         for begin in range(0, len(where), _AT_ONCE):

@@ -1,4 +1,4 @@
-"""What every command does the same way: a mistake is one line, a long wait has a bar, an interruption loses nothing."""
+"""How every command talks: a mistake is one line, a long wait has a bar, and an interruption says what it has left."""
 
 import os
 import signal
@@ -37,7 +37,7 @@ def friendly_errors(kept: str | Callable[[], str] = "") -> Iterator[None]:
         except KeyboardInterrupt:
             interrupted(kept if isinstance(kept, str) else kept())
         except BrokenPipeError:
-            raise  # whoever read our output has left: no mistake
+            raise  # the reader of our output has left: no mistake
         except (
             ValueError,
             FloatingPointError,

@@ -1,4 +1,4 @@
-"""The folder of an evaluation: what each policy and scheme gave is kept as soon as it is known, the rest is made of that."""
+"""The folder of an evaluation: the result of each policy and scheme is kept as soon as it is known."""
 
 import hashlib
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ _NUMBERS = ("simulated", "computing", "replanning")
 
 
 def settings_of(scenario: Scenario, runs: int, seed: int) -> dict[str, Any]:
-    """Return what all results of one folder have in common; the digest is of everything a scenario holds that can matter."""
+    """Return the settings that all results of a folder share; the digest is of everything in a scenario that can matter."""
     held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     for name in ("name", "title", "reference"):
         del held[name]
@@ -37,10 +37,10 @@ def settings_of(scenario: Scenario, runs: int, seed: int) -> dict[str, Any]:
 
 
 def _made_by(entry: Entry, scheme: str) -> dict[str, Any]:
-    """Return what else decides a result: the network, the scheme with its parameters and its time step, and the code."""
-    law = make_scheme(scheme)
+    """Return what else a result depends on: the network, the scheme with its parameters and time step, and the code."""
+    contact = make_scheme(scheme)
     network = None if entry.source is None else hashlib.sha256(entry.source.read_bytes()).hexdigest()
-    return {"network": network, "scheme": fingerprint(law), "dt": law.info.default_dt, "code": source_stamp()}
+    return {"network": network, "scheme": fingerprint(contact), "dt": contact.info.default_dt, "code": source_stamp()}
 
 
 class EvaluationFolder:
@@ -77,9 +77,9 @@ class EvaluationFolder:
             )
 
     def load(self, entry: Entry, scheme: str) -> Evaluation | None:
-        """Return what was kept of a policy under a scheme.
+        """Return the kept result of a policy under a scheme.
 
-        None if there is nothing, if it was made by another network, scheme or code, or if the file is damaged.
+        None if there is nothing, if the result was made by another network, scheme or code, or if the file is damaged.
         """
         path = self._file(entry, scheme)
         if not path.exists():
@@ -168,7 +168,7 @@ class EvaluationFolder:
         if result.scheme == "nsm1":
             note += "This scheme knows no forces: its pressure is what keeps bodies apart."
         else:
-            note += "Pressure: contact force over circumference of who stands there, 0 while nobody does."
+            note += "Pressure: contact force on the person there over circumference, 0 while nobody is there."
         name = f"heat-{_plain(result.policy)}-{_plain(result.scheme)}.png"
         title = f"{result.policy}, {scenario.name}, {result.scheme}, {result.runs} runs"
         return heat_maps(self.path / name, scenario.geometry, maps, title=title, note=note)

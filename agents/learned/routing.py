@@ -119,7 +119,7 @@ class ControllerCallback(TrainingCallback):
         """Evaluate the best few on more draws, on which none was chosen, and keep the best of these."""
         if len(self._kept) < 2:
             return
-        notes.print(f"judging the best {len(self._kept)} again, {self.final_runs} other validation draws each")
+        notes.print(f"evaluating the best {len(self._kept)} again, {self.final_runs} other validation draws each")
         found = []
         for row, controller in self._kept:
             figures = self._evaluated(controller, self.final_runs, FINAL_SEED)

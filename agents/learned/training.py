@@ -18,7 +18,7 @@ from crowd_env import CrowdEnv, Scenario
 from crowd_env.console import notes, stops_by
 from crowd_env.files.csv_table import write_csv
 
-# evacuation_time and its standard error are over all validation draws, whoever is left inside counted as in
+# evacuation_time and its standard error are over all validation draws, people left inside count as in
 # `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.
 CURVE_COLUMNS = (
     "steps",
@@ -42,7 +42,7 @@ class PolicyCallback(TrainingCallback):
     Parameters
     ----------
     env, scenario : what is trained in.
-    trained : what is said of the training in the files of the networks.
+    trained : facts about the training, for the files of the networks.
     options : of `TrainingCallback`.
     """
 
