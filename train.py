@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.progress import track
 
 from agents import make_policy
@@ -13,7 +12,6 @@ from agents.evaluation.comparison import last_times, minus_first, ratio
 from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate
 from agents.evaluation.report import comparison_table, table_console
 from agents.runs import check_name, new_folder
-from agents.stopping import stops_by
 from agents.trained import LearnedPolicy
 from agents.training_config import (
     check_budget,
@@ -26,10 +24,10 @@ from agents.training_config import (
     read_config,
 )
 from crowd_env import make_scenario
+from crowd_env.console import friendly_errors, notes
 from crowd_env.files.json_file import write_json
 
 BASELINES = ("shortest", "stand-still", "random")
-console = Console(stderr=True)
 
 
 def train(folder: Path, config: dict[str, Any]) -> bool:
@@ -39,10 +37,10 @@ def train(folder: Path, config: dict[str, Any]) -> bool:
 
     from agents.learned import PPOSettings, make_ppo
     from agents.learned.checkpoint import read_checkpoint
-    from agents.learned.training import Companion, read_curve
+    from agents.learned.training import PolicyCallback, read_curve
 
     torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
-    console.print("compiling the physics (half a minute the first time, cached afterwards) ...")
+    notes.print("compiling the physics (half a minute the first time, cached afterwards) ...")
     env = make_env(config)
     model = make_ppo(env, PPOSettings(**config["ppo"]), config["seed"], folder / "tensorboard")
     curve = read_curve(folder / "learning_curve.csv")
@@ -51,13 +49,12 @@ def train(folder: Path, config: dict[str, Any]) -> bool:
         # The learning loop resets the environment with the seed of the VecEnv.
         venv: Any = model.get_env()
         venv.seed((config["seed"] + model.num_timesteps) % HELD_OUT_SEED)  # other draws
-        console.print(f"going on at {model.num_timesteps} steps")
+        notes.print(f"going on at {model.num_timesteps} steps")
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
-    companion = Companion(
+    callback = PolicyCallback(
         folder,
         env,
         make_scenario(config["scenario"]),
-        total_steps=config["steps"],
         max_seconds=60.0 * config["minutes"],
         eval_every=config["eval_every"],
         eval_runs=config["eval_runs"],
@@ -67,26 +64,26 @@ def train(folder: Path, config: dict[str, Any]) -> bool:
     left = config["steps"] - model.num_timesteps
     if left > 0 and (not curve or curve[-1]["seconds"] < 60.0 * config["minutes"]):
         try:
-            model.learn(left, callback=companion, reset_num_timesteps=False)
+            model.learn(left, callback=callback, reset_num_timesteps=False)
         finally:
-            companion.close()
-    return not companion.interrupted
+            callback.close()
+    return not callback.interrupted
 
 
 def compare(folder: Path, config: dict[str, Any], runs: int) -> list[Evaluation]:
     """Evaluate the rules and the learned policy on the same held-out draws and write ``results.json``."""
     policies = [make_policy(name) for name in BASELINES] + [LearnedPolicy.load(folder / "best.npz")]
     results = []
-    for policy in track(policies, description="evaluating", console=console, transient=True):
+    for policy in track(policies, description="evaluating", console=notes, transient=True):
         results.append(evaluate(policy, config["scenario"], **_physics(config), runs=runs))
     rule, learned = results[BASELINES.index("shortest")], results[-1]
-    told = {
+    content = {
         "config": config,
         "learned_minus_shortest": minus_first(learned, rule),
         "learned_over_shortest": ratio(learned, rule),
         "rows": [result.row() for result in results],
     }
-    write_json(folder / "results.json", told)
+    write_json(folder / "results.json", content)
     return results
 
 
@@ -96,7 +93,8 @@ def _physics(config: dict[str, Any]) -> dict[str, Any]:
 
 def draw(folder: Path, config: dict[str, Any], results: list[Evaluation]) -> None:
     """Write learning curve, egress curves and the film of the learned policy beside the rule."""
-    from agents.learned.training import VALIDATION_SEED, read_curve, score
+    from agents.learned.callback import VALIDATION_SEED
+    from agents.learned.training import read_curve, score
     from crowd_env.rendering import egress_curves, learning_curve, write_film
     from crowd_env.rendering.live import record
 
@@ -148,36 +146,32 @@ def main(
 
     Example: python train.py --scheme dem --minutes 3
     """
-    folder = None
-    with stops_by():
-        try:
-            check_budget(minutes=minutes, steps=steps, envs=envs)
-            check_runs(runs)
-            _check_libraries()
-            given = _given(context)
-            if "resume" in given:
-                folder, config = _resumed(root, resume, given)
-            else:
-                config = default_config(scenario, scheme, seed, envs, steps, minutes, dt)
-                check_config(config)
-                folder = new_folder(root, name or f"{Path(scenario).stem}-{scheme}-seed{seed}")
-            write_json(folder / "config.json", config)
-            console.print(f"writing to {folder}/", highlight=False)
-            if not train(folder, config):
-                raise KeyboardInterrupt
-            results = compare(folder, config, runs)
-            title = f"{config['scenario']}, {config['scheme']}, {runs} held-out draws"
-            table_console().print(comparison_table(results, title))
-            draw(folder, config, results)
-        except (ValueError, FloatingPointError, ModuleNotFoundError, OSError, MemoryError) as error:
-            console.print(f"error: {error}", style="red", highlight=False, markup=False, soft_wrap=True)
-            raise typer.Exit(2) from None
-        except KeyboardInterrupt:
-            elsewhere = "" if root == Path("runs") else f" --root {root}"
-            again = "" if folder is None else f"; go on with: python train.py --resume {folder.name}{elsewhere}"
-            console.print(f"stopped{again}", soft_wrap=True, highlight=False, markup=False)
-            raise typer.Exit(130) from None
-    console.print(f"model, config, results.json, figures and film: {folder}/", highlight=False)
+    folder: Path | None = None
+
+    def kept() -> str:
+        elsewhere = "" if root == Path("runs") else f" --root {root}"
+        return "" if folder is None else f"go on with: python train.py --resume {folder.name}{elsewhere}"
+
+    with friendly_errors(kept):
+        check_budget(minutes=minutes, steps=steps, envs=envs)
+        check_runs(runs)
+        _check_libraries()
+        given = _given(context)
+        if "resume" in given:
+            folder, config = _resumed(root, resume, given)
+        else:
+            config = default_config(scenario, scheme, seed, envs, steps, minutes, dt)
+            check_config(config)
+            folder = new_folder(root, name or f"{Path(scenario).stem}-{scheme}-seed{seed}")
+        write_json(folder / "config.json", config)
+        notes.print(f"writing to {folder}/")
+        if not train(folder, config):
+            raise KeyboardInterrupt
+        results = compare(folder, config, runs)
+        title = f"{config['scenario']}, {config['scheme']}, {runs} held-out draws"
+        table_console().print(comparison_table(results, title))
+        draw(folder, config, results)
+    notes.print(f"model, config, results.json, figures and film: {folder}/")
 
 
 def _check_libraries() -> None:

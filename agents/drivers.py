@@ -12,7 +12,7 @@ from crowd_env import CrowdEnv, Scenario, Step
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
 
-SAMPLE = 0.1  # s  between two looks at a crowd
+SAMPLE = 0.1  # s  between two measurements of a crowd
 
 
 class PolicyDriver:
@@ -35,7 +35,7 @@ class PolicyDriver:
 
 
 def policy_driver(policy: Policy, scenario: Scenario, **options: Any) -> Callable[[int], Driver]:
-    """Return what makes batches of a scenario under a policy; its own options of `CrowdEnv` come before ``options``."""
+    """Return a maker of batches of a scenario under a policy, whose own options of `CrowdEnv` override ``options``."""
 
     def make(num_envs: int) -> Driver:
         return PolicyDriver(policy, CrowdEnv(scenario, num_envs=num_envs, **{**options, **policy.env_options}))
@@ -46,7 +46,7 @@ def policy_driver(policy: Policy, scenario: Scenario, **options: Any) -> Callabl
 class ControllerDriver:
     """A batch of evacuations whose people a controller of ``crowd_env/Routing-v0`` sends to exits.
 
-    Steps are shorter than the interval between two decisions, see `sample_step`, so that the crowds are measured in between.
+    A step may be shorter than the interval between two decisions (`sample_step`), so that crowds are measured in between.
 
     Parameters
     ----------
@@ -79,12 +79,12 @@ class ControllerDriver:
 
 
 class TimedDriver:
-    """Makes batches as another does, steps them, and adds up what that takes.
+    """Makes and steps the batches of another maker, and adds up the time that the steps take.
 
     Attributes
     ----------
-    computing : s of processor time spent in steps.
-    replanning : s of these spent on finding the fastest ways anew.
+    computing : s    processor time of all steps.
+    replanning : s    the part of it in which the fastest routes are found anew.
     """
 
     env: CrowdEnv
@@ -94,7 +94,7 @@ class TimedDriver:
         self.computing = self.replanning = 0.0
 
     def __call__(self, num_envs: int) -> Driver:
-        """Make a batch of so many evacuations and step it from now on."""
+        """Make a batch of ``num_envs`` evacuations and step it from now on."""
         self._driver = self._make(num_envs)
         self.env = self._driver.env
         return self
@@ -113,7 +113,7 @@ class TimedDriver:
 
 
 def sample_step(interval: float, dt: float) -> float:
-    """Return how often crowds are looked at [s]: every `SAMPLE`, or every ``interval`` where that does not fit."""
+    """Return the decision step of `ControllerDriver` [s]: `SAMPLE`, or ``interval`` where `SAMPLE` does not fit into it."""
     return SAMPLE if _divides(SAMPLE, interval) and _divides(dt, SAMPLE) else interval
 
 

@@ -1,11 +1,12 @@
 """Compare ways to lead people out, under every contact scheme, on the same draws: ``python -m agents.evaluate``."""
 
-import argparse
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
 
 from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
 from agents.evaluation.entries import Entry, make_entries
@@ -13,47 +14,32 @@ from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate_dri
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
 from agents.runs import versions
-from agents.stopping import stops_by
 from agents.training_config import check_runs
 from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
-from crowd_env.console import notes, progress_bar
+from crowd_env.console import friendly_errors, notes, progress_bar
 from crowd_env.files.json_file import write_json
 
-_EXAMPLE = """examples:
-  python -m agents.evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
-  python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.npz --out comparison
-"""
+_POLICIES, _SCHEMES = "--policies", "--schemes"
 
 
-def _arguments() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m agents.evaluate",
-        description="Compare ways to lead people out, under every contact scheme, on the same draws.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--scenario", default="room-v0", help="name of a scenario, or a scenario file (%(default)s)")
-    parser.add_argument(
-        "--policies",
-        nargs="+",
-        default=["shortest", "fastest"],
-        metavar="POLICY",
-        help="shortest, nearest, fastest, comfortable; the name of a route or exit; rules: the shortest path with the "
-        "scenario's control rules in force, which are off for all others; random, stand-still; or a learned network (.npz)."
-        "  The others are compared with the first.",
-    )
-    parser.add_argument("--schemes", nargs="+", default=["nsm2"], metavar="SCHEME", help=f"{', '.join(SCHEMES)} (nsm2)")
-    parser.add_argument("--runs", type=int, default=100, help="evacuations of each policy and scheme (%(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="other draws; all are held out from training (%(default)s)")
-    parser.add_argument("--threads", type=int, default=1, help="of the simulation; results do not depend on it")
-    parser.add_argument("--out", type=Path, help="folder for tables, curves and maps; an interrupted one goes on there")
-    parser.add_argument(
-        "--trust-pickle",
-        action="store_true",
-        help="open networks of stable-baselines3 (.zip) too: opening one runs whatever code its maker put in",
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    return parser
+class _ListsOfNames(TyperCommand):
+    """A command whose options for policies and schemes take several names each: ``--policies shortest fastest``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, _one_by_one(args))
+
+
+def _one_by_one(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments with the name of its option before every name of a list."""
+    found: list[str] = []
+    option = None
+    for argument in arguments:
+        if argument.startswith("--"):
+            option = argument if argument in (_POLICIES, _SCHEMES) else None
+        elif option is not None and found[-1] != option:
+            found.append(option)
+        found.append(argument)
+    return found
 
 
 def compare(
@@ -131,63 +117,97 @@ def summary(results: Sequence[Evaluation], scenario: Scenario, settings: dict[st
     }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code."""
-    asked = _arguments().parse_args(arguments)
-    try:
-        with stops_by():
-            results, scenario, told = _run(asked)
-    except (ValueError, FloatingPointError, ModuleNotFoundError, OSError, MemoryError) as error:
-        notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
-        return 2
-    except KeyboardInterrupt:
-        again = "; the same command goes on" if asked.out is not None else ""
-        notes.print(f"stopped{again}", markup=False)
-        return 130
-    if asked.json:
-        print(json.dumps(told, allow_nan=False))
-        return 0
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command(cls=_ListsOfNames)
+def main(
+    scenario: Annotated[str, typer.Option(help="Name of a scenario, or a scenario file.")] = "room-v0",
+    policies: Annotated[
+        list[str],
+        typer.Option(
+            _POLICIES,
+            metavar="POLICY ...",
+            show_default="shortest fastest",
+            help="shortest, nearest, fastest, comfortable; the name of a route or exit; rules: the shortest path with the "
+            "scenario's control rules in force, which are off for all others; random, stand-still; or a learned network "
+            "(.npz).  The others are compared with the first.",
+        ),
+    ] = ["shortest", "fastest"],  # noqa: B006  (typer copies it)
+    schemes: Annotated[
+        list[str],
+        typer.Option(_SCHEMES, metavar="SCHEME ...", show_default="nsm2", help=", ".join(SCHEMES) + "."),
+    ] = ["nsm2"],  # noqa: B006
+    runs: Annotated[int, typer.Option(help="Evacuations of each policy and scheme.")] = 100,
+    seed: Annotated[int, typer.Option(help="Other draws; all are held out from training.")] = 0,
+    threads: Annotated[int, typer.Option(help="Of the simulation; results do not depend on it.")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for tables, curves and maps; an interrupted one goes on there.")
+    ] = None,
+    trust_pickle: Annotated[
+        bool,
+        typer.Option(
+            "--trust-pickle",
+            help="Open networks of stable-baselines3 (.zip) too: opening one runs whatever code its maker put in.",
+        ),
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+) -> None:
+    """Compare ways to lead people out, under every contact scheme, on the same draws.
+
+    Examples:
+
+    python -m agents.evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
+
+    python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.npz --out comparison
+    """
+    with friendly_errors("" if out is None else "the same command goes on"):
+        place = make_scenario(scenario)
+        check_runs(runs)
+        if not 0 <= seed < HELD_OUT_SEED - runs:
+            raise ValueError(f"--seed is {seed}; it must be from 0 to {HELD_OUT_SEED - runs - 1}")
+        if threads < 1:
+            raise ValueError(f"--threads is {threads}; it must be at least 1")
+        schemes = list(dict.fromkeys(schemes))
+        for scheme in schemes:
+            make_scheme(scheme)
+        entries = make_entries(policies, place, trust_pickle=trust_pickle)
+        if "rules" in policies and not place.rules:
+            notes.print(f"note: {place.name} has no control rules; rules is shortest there", markup=False)
+        settings = settings_of(place, runs, seed)
+        folder = None
+        if out is not None:
+            from crowd_env.rendering.canvas import new_figure
+
+            new_figure((1.0, 1.0))  # says now, not after the work, that the drawing library is missing
+            folder = EvaluationFolder(out, settings)
+        results = compare(entries, place, schemes, runs=runs, seed=seed, threads=threads, folder=folder)
+        figures = summary(results, place, settings)
+        if folder is not None:
+            _write(folder, results, figures, place, HELD_OUT_SEED + seed)
+    if as_json:
+        typer.echo(json.dumps(figures, allow_nan=False))
+    else:
+        _show(results, f"{place.name}: {place.population.count} people, {runs} runs each")
+
+
+def _write(
+    folder: EvaluationFolder, results: list[Evaluation], figures: dict[str, Any], scenario: Scenario, first_seed: int
+) -> None:
+    write_json(folder.path / "rows.json", figures)
+    folder.write_runs(results, first_seed)
+    pictures = folder.draw(results, scenario)
+    notes.print(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.path}/", markup=False, soft_wrap=True)
+
+
+def _show(results: list[Evaluation], title: str) -> None:
     console = table_console()
-    title = f"{scenario.name}: {scenario.population.count} people, {asked.runs} runs each"
     for table in (times_table(results, title), left_table(results), exits_table(results), crowding_table(results)):
         if table is not None:
             console.print(table)
     for line in ranking_lines(results):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
-    return 0
-
-
-def _run(asked: argparse.Namespace) -> tuple[list[Evaluation], Scenario, dict[str, Any]]:
-    scenario = make_scenario(asked.scenario)
-    check_runs(asked.runs)
-    if not 0 <= asked.seed < HELD_OUT_SEED - asked.runs:
-        raise ValueError(f"--seed is {asked.seed}; it must be from 0 to {HELD_OUT_SEED - asked.runs - 1}")
-    if asked.threads < 1:
-        raise ValueError(f"--threads is {asked.threads}; it must be at least 1")
-    schemes = list(dict.fromkeys(asked.schemes))
-    for scheme in schemes:
-        make_scheme(scheme)
-    entries = make_entries(asked.policies, scenario, trust_pickle=asked.trust_pickle)
-    if "rules" in asked.policies and not scenario.rules:
-        notes.print(f"note: {scenario.name} has no control rules; rules is shortest there", markup=False)
-    settings = settings_of(scenario, asked.runs, asked.seed)
-    folder = None
-    if asked.out is not None:
-        from crowd_env.rendering.canvas import new_figure
-
-        new_figure((1.0, 1.0))  # says now, not after the work, that the drawing library is missing
-        folder = EvaluationFolder(asked.out, settings)
-    results = compare(
-        entries, scenario, schemes, runs=asked.runs, seed=asked.seed, threads=asked.threads, folder=folder
-    )
-    told = summary(results, scenario, settings)
-    if folder is not None:
-        write_json(folder.path / "rows.json", told)
-        folder.write_runs(results, HELD_OUT_SEED + asked.seed)
-        made = folder.draw(results, scenario)
-        notes.print(f"rows.json, runs.csv and {len(made)} pictures: {folder.path}/", markup=False, soft_wrap=True)
-    return results, scenario, told
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    app()

@@ -3,19 +3,17 @@
 A file is one ``.npz``: the arrays ``weight0``, ``bias0``, ``weight1``, ... of float32, and ``facts``, a JSON object as text.
 """
 
-import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from crowd_env.files.atomic import written
+from crowd_env.files.array_file import read_arrays, write_arrays
 from crowd_env.state import Floats
 
 FORMAT, VERSION = "crowd_env network", 1
-# Rows at once: larger products are shared out to threads, which takes longer than it saves, many times so on busy cores.
+# Rows at once: larger products are shared out to threads, which costs more than it saves, much more on busy cores.
 _AT_ONCE = 60
 _MOST_BYTES = 2**28  # of all arrays unpacked: a hundred times the networks made here
 
@@ -65,7 +63,7 @@ class Network:
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Return the outputs (K, O) float32 for inputs (K, I)."""
         out = np.empty((len(rows), self.outputs), dtype=np.float32)
-        some = np.asarray(rows).any(axis=1)  # rows of zeros, who is out of the building, are all alike
+        some = np.asarray(rows).any(axis=1)  # rows of zeros, of people who are out, are all alike
         out[~some] = self._forward(np.zeros((1, self.inputs)))
         where = np.flatnonzero(some)
         for begin in range(0, len(where), _AT_ONCE):
@@ -82,12 +80,11 @@ class Network:
 def write_network(path: Path, network: Network, facts: dict[str, Any]) -> None:
     """Write a network and what there is to know of it, whole or not at all."""
     sizes = [network.inputs, *(len(bias) for bias in network.biases)]
-    told = {"format": FORMAT, "version": VERSION, **facts, "layers": sizes, "activation": "tanh"}
+    facts = {"format": FORMAT, "version": VERSION, **facts, "layers": sizes, "activation": "tanh"}
     layers: dict[str, Any] = {}
     for k, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
         layers |= {f"weight{k}": weight.astype(np.float32), f"bias{k}": bias.astype(np.float32)}
-    with written(path) as part:
-        np.savez(part, facts=np.array(json.dumps(told, allow_nan=False)), **layers)
+    write_arrays(path, layers, facts)
 
 
 def read_network(path: Path) -> tuple[Network, dict[str, Any]]:
@@ -99,13 +96,7 @@ def read_network(path: Path) -> tuple[Network, dict[str, Any]]:
         If the file is missing, or no such network.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
-            size = sum(member.file_size for member in archive.infolist())
-        if size > _MOST_BYTES:
-            raise ValueError(f"its arrays take {size} bytes; at most {_MOST_BYTES} are read")
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        facts = json.loads(str(arrays.pop("facts")))
+        arrays, facts = read_arrays(path, _MOST_BYTES)
         if not isinstance(facts, dict) or facts.get("format") != FORMAT:
             raise ValueError("it does not say what it is")
         if facts.get("version") != VERSION:

@@ -1,4 +1,4 @@
-"""Train a controller that sends people to exits, and judge it: ``python -m agents.train_routing``."""
+"""Train a controller that sends people to exits, and evaluate it: ``python -m agents.train_routing``."""
 
 import json
 import math
@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
@@ -17,33 +16,32 @@ from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, named
 from agents.evaluation.report import difference, percent, table_console
 from agents.evaluation.routing import STRATEGIES, evaluate_controller
 from agents.runs import new_folder, versions
-from agents.stopping import stops_by
 from agents.trained import LearnedController
 from agents.training_config import check_budget, check_envs, check_libraries, check_runs, check_seed
+from crowd_env.console import friendly_errors, notes
 from crowd_env.envs.rollout import share
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.files.json_file import write_json
 
-console = Console(stderr=True)
-_MOST_CELLS = 10_000  # more are no places to decide about, and their names alone fill memory
+_MOST_CELLS = 10_000  # nobody decides about more, and their names alone fill memory
 
 
-def judge_all(
+def evaluate_all(
     controllers: list[Controller | str], options: dict[str, Any], runs: int, done: Callable[[list[Evaluation]], None]
 ) -> list[Evaluation]:
-    """Judge controllers and strategies on the same held-out draws; after each ``done`` gets what there is by then."""
+    """Evaluate controllers and strategies on the same held-out draws; after each ``done`` gets the results so far."""
     results: list[Evaluation] = []
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("judging on held-out draws", total=runs * len(controllers))
+    with Progress(console=notes, transient=True) as bar:
+        task = bar.add_task("evaluating on held-out draws", total=runs * len(controllers))
         for controller in controllers:
-            judged = evaluate_controller(
+            result = evaluate_controller(
                 controller,
                 runs=runs,
                 first_seed=HELD_OUT_SEED,
                 progress=lambda ended: bar.advance(task, ended),
                 **options,
             )
-            results.append(judged)
+            results.append(result)
             done(results)
     return results
 
@@ -76,7 +74,7 @@ def rows(results: list[Evaluation]) -> list[dict[str, Any]]:
 def table(found: list[dict[str, Any]], title: str) -> Table:
     """Return the rows as a table for people."""
     caption = (
-        "Exit times in s, of all people: who is left inside counts until the end (then ≥). learned - this: paired differences "
+        "Exit times in s, of all people; people left inside count until the end (then ≥). learned - this: paired differences "
         "on the same draws and their 95 % interval. runs left: % of runs in which someone was left, and its 95 % interval."
     )
     made = Table(title=title, caption=caption, caption_justify="left")
@@ -107,7 +105,7 @@ def main(
     out: Annotated[Path, typer.Option(help="Folder for model, learning curve and results.")] = Path("runs/routing"),
     as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
 ) -> None:
-    """Train a controller by PPO and judge it on held-out draws against people who choose their way themselves.
+    """Train a controller by PPO and compare it on held-out draws with people who choose their way themselves.
 
     Example: python -m agents.train_routing --seconds 60
     """
@@ -116,41 +114,35 @@ def main(
     folder: Path | None = None
     results: dict[str, Any] = {}
     try:
-        with stops_by():
+        with friendly_errors(lambda: _left_behind(folder, scenario, scheme)):
             check_runs(runs)
             check_libraries()
             _check(options, seed, split, seconds=seconds, steps=steps, envs=envs)
             from agents.learned.routing import train_controller
 
             folder = new_folder(out.parent, out.name)
-            console.print(f"writing to {folder}/", highlight=False)
+            notes.print(f"writing to {folder}/")
             trained = train_controller(folder, options, envs=envs, steps=steps, seconds=seconds, seed=seed)
             if trained["interrupted"]:
                 raise KeyboardInterrupt
-            told = {name: trained[name] for name in ("best", "finalists")}
+            chosen = {name: trained[name] for name in ("best", "finalists")}
 
-            def keep(judged: list[Evaluation]) -> None:
-                found = rows(judged)
-                results.update(config={**config, "ppo": trained["ppo"]}, **told, rows=[*found[1:], found[0]])
+            def keep(evaluated: list[Evaluation]) -> None:
+                found = rows(evaluated)
+                results.update(config={**config, "ppo": trained["ppo"]}, **chosen, rows=[*found[1:], found[0]])
                 write_json(folder / "results.json", results)
 
             learned = LearnedController.load(folder / "best.npz")
-            judge_all([learned, RandomController(), *STRATEGIES, FixedSplit(split)], options, runs, keep)
-    except (ValueError, FloatingPointError, ModuleNotFoundError, OSError, MemoryError) as error:
-        console.print(f"error: {error}", style="red", highlight=False, markup=False, soft_wrap=True)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        console.print(f"stopped{_left_behind(folder, scenario, scheme)}", soft_wrap=True, highlight=False, markup=False)
-        raise typer.Exit(130) from None
+            evaluate_all([learned, RandomController(), *STRATEGIES, FixedSplit(split)], options, runs, keep)
     finally:
         if results and not as_json:
             table_console().print(table(results["rows"], f"{scenario}, {scheme}, {runs} held-out draws"))
     if as_json:
-        print(json.dumps(results, indent=2, allow_nan=False))
+        typer.echo(json.dumps(results, indent=2, allow_nan=False))
 
 
 def _check(options: dict[str, Any], seed: int, split: float, **budget: float) -> None:
-    """Raise ValueError for whatever would fail later, before anything is written."""
+    """Raise ValueError for everything that would fail later, before anything is written."""
     check_budget(**budget)
     check_seed(seed)
     if not math.isfinite(split):
@@ -165,13 +157,13 @@ def _check(options: dict[str, Any], seed: int, split: float, **budget: float) ->
 
 
 def _left_behind(folder: Path | None, scenario: str, scheme: str) -> str:
-    """Say what an interrupted run has kept, and how to judge it."""
+    """Return in words what an interrupted run has kept, and how to evaluate it."""
     if folder is None or not (folder / "best.npz").exists():
         return ""
     if (folder / "results.json").exists():
-        return f"; what was judged by then is in {folder}/results.json"
+        return f"what was evaluated by then is in {folder}/results.json"
     again = f"python -m agents.evaluate --scenario {scenario} --schemes {scheme} --policies nearest fastest"
-    return f"; the best controller so far is {folder}/best.npz; judge it with: {again} {folder}/best.npz"
+    return f"the best controller so far is {folder}/best.npz; evaluate it with: {again} {folder}/best.npz"
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""All parameters of a training run, made, checked, and read again when it is gone on with."""
+"""The parameters of a training run: made, checked, and read again when the run is continued."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -10,7 +10,7 @@ from agents.runs import versions
 from crowd_env import CrowdEnv, ObservationLayout, RewardWeights, make_scenario, make_scheme
 from crowd_env.files.json_file import read_json
 
-# People simulated side by side in training: what a rollout remembers of so many takes some gigabytes.
+# People simulated side by side in training: a rollout of more takes many gigabytes.
 MOST_PEOPLE = 200_000
 LEAST_DT = 1e-5  # s  a decision of 0.1 s is ten thousand steps of these
 
@@ -20,7 +20,7 @@ def default_config(
 ) -> dict[str, Any]:
     """Return every parameter of a run; ``dt`` [s] is the scheme's own unless given."""
     from agents.learned import PPOSettings
-    from agents.learned.training import VALIDATION_SEED
+    from agents.learned.callback import VALIDATION_SEED
 
     return {
         "scenario": scenario,
@@ -45,7 +45,7 @@ def default_config(
 
 
 def make_env(config: Mapping[str, Any], envs: int | None = None) -> CrowdEnv:
-    """Return the training batch, or one of so many rooms."""
+    """Return the training batch, of ``envs`` rooms if that is given."""
     return CrowdEnv(
         config["scenario"],
         num_envs=config["envs"] if envs is None else envs,
@@ -79,13 +79,13 @@ def check_budget(**options: float) -> None:
 
 
 def check_runs(runs: int) -> None:
-    """Raise ValueError unless there are so many held-out draws."""
+    """Raise ValueError unless there are ``runs`` held-out draws."""
     if not 0 < runs < HELD_OUT_SEED:
         raise ValueError(f"--runs is {runs}; it must be 1 to {HELD_OUT_SEED - 1}")
 
 
 def check_envs(envs: int, people: int) -> None:
-    """Raise ValueError if so many evacuations of so many people are too many to train in side by side."""
+    """Raise ValueError if ``envs`` evacuations of ``people`` people each are too many to train in side by side."""
     if envs * people > MOST_PEOPLE:
         raise ValueError(
             f"--envs is {envs}: with {people} people each that is {envs * people} at once; "
@@ -94,7 +94,7 @@ def check_envs(envs: int, people: int) -> None:
 
 
 def check_seed(seed: int) -> None:
-    """Raise ValueError if the seed belongs to draws that are kept for judging."""
+    """Raise ValueError if the seed belongs to draws that are kept for evaluation."""
     if not 0 <= seed < HELD_OUT_SEED:
         raise ValueError(f"seed is {seed}; it must be 0 to {HELD_OUT_SEED - 1} (larger ones are kept for evaluation)")
 
@@ -137,7 +137,7 @@ def read_config(path: Path) -> dict[str, Any]:
 def extended(
     config: Mapping[str, Any], given: Mapping[str, Any], curve: list[dict[str, float]], name: str
 ) -> dict[str, Any]:
-    """Return the parameters of a run that is gone on with under options from the command line.
+    """Return the parameters of a run that is continued under options from the command line.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What every command does the same way: a mistake is one line, a long wait has a bar, an interruption loses nothing."""
+"""How every command talks: a mistake is one line, a long wait has a bar, and an interruption says what it has left."""
 
 import os
 import signal
@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 import typer
 from rich.console import Console
@@ -16,22 +16,28 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 INTERRUPTED = 130  # exit code, as shells have it
 
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
 notes = Console(stderr=True, highlight=False)
 
 
 @contextmanager
-def friendly_errors() -> Iterator[None]:
+def friendly_errors(kept: str | Callable[[], str] = "") -> Iterator[None]:
     """Turn what goes wrong into one line: exit code 2 for a mistake, a missing library or a full disk, 130 for Ctrl-C.
 
     Warnings are notes of one line each, and SIGTERM ends the block as Ctrl-C does.
+
+    Parameters
+    ----------
+    kept : what an interruption has left, in words, or a function that says it when one happens.
     """
-    with _warnings_are_notes(), _sigterm_is_ctrl_c():
+    with _warnings_are_notes(), stops_by():
         try:
             yield
         except KeyboardInterrupt:
-            interrupted()
+            interrupted(kept if isinstance(kept, str) else kept())
         except BrokenPipeError:
-            raise  # whoever read our output has left: no mistake
+            raise  # the reader of our output has left: no mistake
         except (
             ValueError,
             FloatingPointError,
@@ -93,20 +99,25 @@ def _warnings_are_notes() -> Iterator[None]:
         yield
 
 
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
 @contextmanager
-def _sigterm_is_ctrl_c() -> Iterator[None]:
+def stops_by(handler: Callable[[int, FrameType | None], Any] = _interrupt) -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM, by which service managers and job queues end a program, call ``handler`` until the block ends.
+
+    By default they raise KeyboardInterrupt.  Outside of the main thread, where Python handles no signals, nothing changes.
+    """
     if threading.current_thread() is not threading.main_thread():
-        yield  # signals are the main thread's
+        yield
         return
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, stop)
+    before = [signal.signal(number, handler) for number in _SIGNALS]
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, old in zip(_SIGNALS, before, strict=True):
+            signal.signal(number, old)
 
 
 @contextmanager

@@ -3,7 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+from typer.testing import CliRunner
 
+from agents import evaluate as command
 from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import evaluate_driver
 from agents.evaluation.measurements import MeasurementRecorder
@@ -77,8 +79,7 @@ def random_policy(seed=0, **options):
     return LearnedPolicy(random_network(options["observation"].size, outputs, seed), options)
 
 
-def call(capsys, main, *arguments):
-    """Return exit code, standard output and standard error of a command."""
-    code = main([str(argument) for argument in arguments])
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
+def call(*arguments):
+    """Return exit code, standard output and standard error of ``python -m agents.evaluate``."""
+    result = CliRunner().invoke(command.app, [str(argument) for argument in arguments])
+    return result.exit_code, result.stdout, result.stderr

@@ -13,12 +13,12 @@ from crowd_env.state import Floats
 
 
 def last_times(result: Evaluation) -> Floats:
-    """Return when the last person of each run was out (runs,) [s]; whoever did not get out counts as in `times_of_all`."""
+    """Return when the last person of each run was out (runs,) [s]; people who did not get out count as in `times_of_all`."""
     return np.asarray(result.times_of_all().max(axis=1))
 
 
 def mean_times(result: Evaluation) -> Floats:
-    """Return the mean exit time of each run (runs,) [s]; whoever did not get out counts as in `times_of_all`."""
+    """Return the mean exit time of each run (runs,) [s]; people who did not get out count as in `times_of_all`."""
     return np.asarray(result.times_of_all().mean(axis=1))
 
 
@@ -31,7 +31,7 @@ def paired(one: Floats, other: Floats) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If they are not as many.
+        If the numbers of runs differ.
     """
     if len(one) != len(other) or not len(one):
         raise ValueError(f"{len(one)} and {len(other)} runs cannot be paired")
@@ -80,7 +80,7 @@ def ranking(results: Sequence[Evaluation], *, of: Any = last_times) -> dict[str,
     Parameters
     ----------
     results : every policy under every scheme.
-    of : what is compared, (runs,) [s] of an evaluation.
+    of : the times (runs,) [s] of an evaluation that are compared.
     """
     table: dict[str, dict[str, Floats]] = {}
     for result in results:

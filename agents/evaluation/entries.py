@@ -27,8 +27,9 @@ class Entry:
     Parameters
     ----------
     name : what tables and files call it.
-    driver : returns, for a scenario, a scheme and a number of threads, what makes batches of so many evacuations.
-    source : file that it is from.
+    driver : takes a scenario, a scheme and a number of threads, and returns a maker of batches; that takes a number of
+        evacuations.
+    source : file of the network; None for a policy without one.
     """
 
     name: str
@@ -81,7 +82,7 @@ def _policy_entry(policy: Policy, source: Path | None = None) -> Entry:
 
 
 def _learned_entry(path: Path, scenario: Scenario, trust_pickle: bool) -> Entry:
-    """Return a network of people's own steps, or a controller that sends them to exits: its file says which."""
+    """Return the entry of a network: its file says whether it is a policy or a controller."""
     found = load_trained(path, trust_pickle=trust_pickle)
     if isinstance(found, LearnedController):
         return controller_entry(found, scenario, found.options, path)
@@ -100,7 +101,7 @@ def controller_entry(
     Raises
     ------
     ValueError
-        If it was trained in a place with other regions, exits or routes.
+        If it was trained in a scenario with other regions, exits or routes.
     """
     own = {key: value for key, value in options.items() if key not in ("scenario", "scheme", "dt", "threads")}
     if "grid" in own:

@@ -1,4 +1,4 @@
-"""Judge policies on the same draws: the same people in the same places, for every policy and scheme."""
+"""Evaluate policies on the same draws: the same people at the same starting positions, for every policy and scheme."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -43,10 +43,10 @@ class Evaluation:
         return np.array([getattr(episode, name) for episode in self.episodes], dtype=np.float64)
 
     def times_of_all(self) -> Floats:
-        """Return the exit times (runs, N) [s]; who did not get out counts until the time limit.
+        """Return the exit times (runs, N) [s]; people who did not get out count until the time limit.
 
-        And until the end of the run if that was later, so that nobody who stayed inside counts as sooner out than somebody
-        who left in the last decision step.
+        They count until the end of the run if that was later, so that nobody who stayed inside counts as out sooner than
+        somebody who left in the last decision step.
         """
         times = np.array(self.exit_times)
         return np.where(np.isfinite(times), times, np.maximum(self.ended, self.time_limit)[:, None])
@@ -59,8 +59,8 @@ class Evaluation:
     def row(self) -> dict[str, Any]:
         """Return the figures as one JSON row, in SI units; impulse and way are means per person.
 
-        ``evacuation_time`` is over the runs in which all got out, ``mean_exit_time`` over the people who did: what compares
-        policies is in `agents.evaluation.comparison`, which counts everybody.
+        ``evacuation_time`` is over the runs in which everyone got out, ``mean_exit_time`` over the people who did.  Policies
+        are compared by `agents.evaluation.comparison`, which counts everybody.
         """
         out = np.concatenate(self.exit_times)
         out = out[np.isfinite(out)]
@@ -147,7 +147,7 @@ def evaluate(
     Parameters
     ----------
     progress : called with the number of runs that have just finished.
-    options : further options of `CrowdEnv`; those the policy was trained with come first.
+    options : further options of `CrowdEnv`; the options that the policy was trained with override them.
     """
     place = make_scenario(scenario)
     driver = policy_driver(policy, place, scheme=scheme, **options)
@@ -169,7 +169,7 @@ def evaluate_driver(
 
     Parameters
     ----------
-    driver : makes a batch of so many evacuations of ``scenario``.
+    driver : takes a number of evacuations of ``scenario`` and returns a batch of them.
     name : of the policy.
     measure : take a sample every decision step, see `agents.evaluation.measurements`.
 

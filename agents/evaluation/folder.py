@@ -1,9 +1,6 @@
-"""The folder of an evaluation: what each policy and scheme gave is kept as soon as it is known, the rest is made of that."""
+"""The folder of an evaluation: the result of each policy and scheme is kept as soon as it is known."""
 
-import csv
 import hashlib
-import io
-import json
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -19,7 +16,8 @@ from agents.evaluation.fingerprint import fingerprint
 from agents.evaluation.measurements import CELL, Grid, Maps, Measured
 from agents.evaluation.source_stamp import source_stamp
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
-from crowd_env.files.atomic import write_text, written
+from crowd_env.files.array_file import read_arrays, write_arrays
+from crowd_env.files.csv_table import write_csv
 from crowd_env.files.json_file import read_json, write_json
 
 _KEPT = "kept"  # folder below
@@ -31,7 +29,7 @@ _NUMBERS = ("simulated", "computing", "replanning")
 
 
 def settings_of(scenario: Scenario, runs: int, seed: int) -> dict[str, Any]:
-    """Return what all results of one folder have in common; the digest is of everything a scenario holds that can matter."""
+    """Return the settings that all results of a folder share; the digest is of everything in a scenario that can matter."""
     held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     for name in ("name", "title", "reference"):
         del held[name]
@@ -39,10 +37,10 @@ def settings_of(scenario: Scenario, runs: int, seed: int) -> dict[str, Any]:
 
 
 def _made_by(entry: Entry, scheme: str) -> dict[str, Any]:
-    """Return what else decides a result: the network, the scheme with its parameters and its time step, and the code."""
-    law = make_scheme(scheme)
+    """Return what else a result depends on: the network, the scheme with its parameters and time step, and the code."""
+    contact = make_scheme(scheme)
     network = None if entry.source is None else hashlib.sha256(entry.source.read_bytes()).hexdigest()
-    return {"network": network, "scheme": fingerprint(law), "dt": law.info.default_dt, "code": source_stamp()}
+    return {"network": network, "scheme": fingerprint(contact), "dt": contact.info.default_dt, "code": source_stamp()}
 
 
 class EvaluationFolder:
@@ -79,17 +77,15 @@ class EvaluationFolder:
             )
 
     def load(self, entry: Entry, scheme: str) -> Evaluation | None:
-        """Return what was kept of a policy under a scheme.
+        """Return the kept result of a policy under a scheme.
 
-        None if there is nothing, if it was made by another network, scheme or code, or if the file is damaged.
+        None if there is nothing, if the result was made by another network, scheme or code, or if the file is damaged.
         """
         path = self._file(entry, scheme)
         if not path.exists():
             return None
         try:
-            with np.load(path, allow_pickle=False) as file:
-                kept = {name: file[name] for name in file.files}
-            facts = json.loads(str(kept["facts"]))
+            kept, facts = read_arrays(path)
             if facts["made_by"] != _made_by(entry, scheme) or facts["fields"] != list(EpisodeMetrics._fields):
                 return None
             return _evaluation(entry.name, scheme, kept, facts)
@@ -107,27 +103,23 @@ class EvaluationFolder:
             "exit_names": result.exit_names,
             "origin": measured.grid.origin,
         }
-        with written(self._file(entry, scheme)) as part:
-            np.savez_compressed(
-                part,
-                facts=np.array(json.dumps(facts)),
-                episodes=np.array(result.episodes, dtype=np.float64),
-                exit_times=np.array(result.exit_times),
-                ended=result.ended,
-                maps=np.stack(measured.maps),
-                **{name: getattr(measured, name) for name in _ARRAYS},
-            )
+        arrays = {name: getattr(measured, name) for name in _ARRAYS} | {
+            "episodes": np.array(result.episodes, dtype=np.float64),
+            "exit_times": np.array(result.exit_times),
+            "ended": result.ended,
+            "maps": np.stack(measured.maps),
+        }
+        write_arrays(self._file(entry, scheme), arrays, facts)
 
     def _file(self, entry: Entry, scheme: str) -> Path:
         return self.path / _KEPT / f"{_plain(entry.name)}-{_plain(scheme)}.npz"
 
     def write_runs(self, results: Sequence[Evaluation], seed: int) -> None:
         """Write ``runs.csv``, one line a run."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
         exits = list(dict.fromkeys(results[0].exit_names))
         own = ["policy", "scheme", "run", "seed", "last_time", "exit_time_95", *EpisodeMetrics._fields]
-        writer.writerow([*own, "walked", "max_density", "max_pressure", *(f"out by {name}" for name in exits)])
+        header = [*own, "walked", "max_density", "max_pressure", *(f"out by {name}" for name in exits)]
+        rows: list[list[object]] = []
         for result in results:
             measured = result.measured
             assert measured is not None
@@ -137,8 +129,8 @@ class EvaluationFolder:
                 peaks = (measured.max_density[k], measured.max_pressure[k])
                 numbers = [_text(v) for v in (last, most, *episode, way, *peaks)]
                 by_exit = [int((names[k] == name).sum()) for name in exits]
-                writer.writerow([result.policy, result.scheme, k, seed + k, *numbers, *by_exit])
-        write_text(self.path / "runs.csv", text.getvalue())
+                rows.append([result.policy, result.scheme, k, seed + k, *numbers, *by_exit])
+        write_csv(self.path / "runs.csv", header, rows)
 
     def draw(self, results: Sequence[Evaluation], scenario: Scenario) -> list[Path]:
         """Draw the egress curves of each scheme and the maps of each policy under it; return the paths."""
@@ -176,7 +168,7 @@ class EvaluationFolder:
         if not result.pressure_is_force:
             note += "This scheme knows no forces: its pressure is what keeps bodies apart."
         else:
-            note += "Pressure: contact force over circumference of who stands there, 0 while nobody does."
+            note += "Pressure: contact force on the person there over circumference, 0 while nobody is there."
         name = f"heat-{_plain(result.policy)}-{_plain(result.scheme)}.png"
         title = f"{result.policy}, {scenario.name}, {result.scheme}, {result.runs} runs"
         return heat_maps(self.path / name, scenario.geometry, maps, title=title, note=note)

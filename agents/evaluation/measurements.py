@@ -1,4 +1,4 @@
-"""What is measured while evacuations run, a sample every decision step: ways walked, crowding, pressure, and where."""
+"""Measurements of evacuations, a sample every decision step: distance walked, density, pressure, and maps of them."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,13 +10,13 @@ from crowd_env import CrowdEnv, Geometry, Step, contact_pressure
 from crowd_env.envs.rollout import Episode
 from crowd_env.state import Bools, Floats, Ints, as_grid
 
-REACH = 1.0  # m  the density at a place: people within that, over the area of the disc
+REACH = 1.0  # m  the density at a point: the number of people within this distance, over the area of the disc
 CELL = 0.25  # m  of the maps
-_FELT = 0.25  # m  a body is felt at places as near as that to its center
+_FELT = 0.25  # m  the pressure on a body is drawn up to this distance from its center
 
 
 class Grid(NamedTuple):
-    """Square cells over a place and as far beyond it as a body is counted."""
+    """Square cells over a plan and as far beyond it as a body is counted."""
 
     origin: tuple[float, float]  # m  lower left corner
     shape: tuple[int, int]  # rows (y), columns (x)
@@ -41,7 +41,7 @@ class Maps(NamedTuple):
 
     density_mean: Floats  # 1/m2
     density_max: Floats  # 1/m2
-    pressure_mean: Floats  # N/m  of whoever stood there; 0 while nobody did
+    pressure_mean: Floats  # N/m  on the person there; 0 while nobody is there
     pressure_max: Floats  # N/m
 
 
@@ -81,7 +81,7 @@ class MeasurementRecorder:
         self._samples = 0
 
     def begin(self, env: CrowdEnv) -> None:
-        """Forget the batch before, keep where everyone of ``env`` starts."""
+        """Forget the batch before and keep the starting positions of this one."""
         people = env.num_people
         self._position = env.simulation.state.position.copy()
         self._walked = np.zeros(people)
@@ -89,14 +89,14 @@ class MeasurementRecorder:
         self._see(env, env.active, np.zeros(people))
 
     def add(self, env: CrowdEnv, step: Step) -> None:
-        """Take what has changed in a step, and the present moment."""
+        """Add the distance of a step, and the sample at its end."""
         state, simulation = env.simulation.state, env.simulation
         inside = env.active | step.truncated
         was_inside = inside | step.terminated
         moved = np.hypot(*(state.position - self._position).T)
         self._walked += np.where(was_inside, moved, 0.0)
         out = np.flatnonzero(step.terminated)
-        # Whoever gets out walks on to the end of the physics step: that is not part of the way.
+        # People who get out walk on to the end of the physics step: that is not part of the distance.
         late = np.ceil(state.exit_time[out] / simulation.dt - 1e-9) * simulation.dt - state.exit_time[out]
         self._walked[out] -= np.hypot(*state.velocity[out].T) * late
         self._position[:] = state.position
@@ -131,16 +131,16 @@ class MeasurementRecorder:
         density = near / (np.pi * REACH**2)
         np.maximum(self._max_density, density, out=self._max_density)
         cells = self._sums.shape[1]
-        who = np.flatnonzero(inside)
-        at = self.grid.cell_of(position[who])
+        people = np.flatnonzero(inside)
+        at = self.grid.cell_of(position[people])
         offset, cover = self._spread
-        place = (env.env_of_person[who] * cells + at)[:, None] + offset
+        place = (env.env_of_person[people] * cells + at)[:, None] + offset
         weights = np.broadcast_to(cover / (np.pi * REACH**2), place.shape)
         crowd = np.bincount(place.ravel(), weights.ravel(), minlength=env.num_envs * cells).reshape(-1, cells)
         felt = np.zeros(env.num_envs * cells)
-        pressed = pressure[who] > 0.0
-        place = (env.env_of_person[who[pressed]] * cells + at[pressed])[:, None] + self._felt
-        np.maximum.at(felt, place.ravel(), np.repeat(pressure[who[pressed]], len(self._felt)))
+        pressed = pressure[people] > 0.0
+        place = (env.env_of_person[people[pressed]] * cells + at[pressed])[:, None] + self._felt
+        np.maximum.at(felt, place.ravel(), np.repeat(pressure[people[pressed]], len(self._felt)))
         for k, field in enumerate((crowd, felt.reshape(-1, cells))):
             self._sums[k] += field.sum(axis=0)
             np.maximum(self._most[k], field.max(axis=0), out=self._most[k])

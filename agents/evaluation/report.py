@@ -71,7 +71,7 @@ def times_table(results: Sequence[Evaluation], title: str) -> Table:
     first = results[0].policy
     caption = (
         f"Seconds. last: of the last person, ± sd over runs; Δ: longer than {first} on the same draws, and its 95 % interval; "
-        "faster: in so many runs; 95 %: when so many were out; mean: of all people; in: people left inside, who count until "
+        "faster: share of runs; 95 %: when 95 % were out; mean: of all people; in: people left inside, who count until "
         "the time limit, or until the end if that was later (then ≥)."
     )
     table = _table(caption, "last", "Δ last", "faster", "95 %", "mean", "Δ mean", "in", title=title)
@@ -149,7 +149,7 @@ def crowding_table(results: Sequence[Evaluation]) -> Table:
 
 
 def exits_table(results: Sequence[Evaluation]) -> Table | None:
-    """Return a table of who took which exit; None if there is but one, or too many for a table."""
+    """Return a table of how many people took which exit; None if there is one alone, or too many for a table."""
     names = list(dict.fromkeys(results[0].exit_names))
     if not 1 < len(names) <= _EXITS:
         return None

@@ -1,4 +1,4 @@
-"""Files of stable-baselines3.  Opening one unpickles it, which runs whatever code is in it: only for who is trusted."""
+"""Files of stable-baselines3.  Opening one unpickles it, which runs whatever code is in it: open trusted files alone."""
 
 import json
 import zipfile
@@ -11,7 +11,7 @@ from stable_baselines3 import PPO
 from agents.learned.export import network_of
 from agents.network import Network
 
-# Member of the file that says what observations and actions mean; without it a network cannot be used.
+# Member of the file that says what observations and actions mean; a network cannot be used without it.
 _SIDECAR = "crowd_env.json"
 
 

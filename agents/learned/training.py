@@ -1,31 +1,24 @@
-"""The training loop's companion: progress, periodic evaluation, checkpoints, a clean stop."""
+"""What accompanies the training of a shared policy: its learning curve, its checkpoints, a clean stop."""
 
 import csv
-import io
-import time
 from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.evaluation.comparison import last_times
 from agents.evaluation.evaluation import Evaluation, evaluate
+from agents.learned.callback import VALIDATION_SEED, TrainingCallback
 from agents.learned.checkpoint import write_checkpoint
 from agents.learned.export import network_of
-from agents.learned.rate import FallingRate
-from agents.stopping import stops_by
 from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv, Scenario
-from crowd_env.files.atomic import write_text
+from crowd_env.console import notes, stops_by
+from crowd_env.files.csv_table import write_csv
 
-# Draws on which the best network is chosen: neither trained on nor used for the final table.
-VALIDATION_SEED = 2_000_000
-# evacuation_time and its standard error are over all validation draws, whoever is left inside counted as in
+# evacuation_time and its standard error are over all validation draws, people left inside count as in
 # `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.
 CURVE_COLUMNS = (
     "steps",
@@ -39,8 +32,8 @@ CURVE_COLUMNS = (
 )
 
 
-class Companion(BaseCallback):
-    """Watches over one training run.
+class PolicyCallback(TrainingCallback):
+    """Accompanies the training of a policy that everyone shares.
 
     Every ``eval_every`` steps it evaluates the mean action on validation draws, writes the learning curve, the checkpoint and,
     if it is the best so far, ``best.npz``.  Training stops when ``max_seconds`` have passed or at the first Ctrl-C or SIGTERM;
@@ -48,102 +41,48 @@ class Companion(BaseCallback):
 
     Parameters
     ----------
-    folder : of the run.
-    env, scenario, scheme : what is trained in.
-    total_steps, max_seconds : budget; whichever is used up first.
-    eval_every, eval_runs : steps between evaluations, evacuations in each.
-    trained : what is said of the training in the files of the networks.
-    curve : rows of an earlier part of the same run.
+    env, scenario : what is trained in.
+    trained : facts about the training, for the files of the networks.
+    options : of `TrainingCallback`.
     """
 
     def __init__(
-        self,
-        folder: Path,
-        env: CrowdEnv,
-        scenario: Scenario,
-        *,
-        total_steps: int,
-        max_seconds: float,
-        eval_every: int,
-        eval_runs: int,
-        trained: dict[str, Any] | None = None,
-        curve: list[dict[str, float]] | None = None,
+        self, folder: Path, env: CrowdEnv, scenario: Scenario, *, trained: dict[str, Any] | None = None, **options: Any
     ) -> None:
-        super().__init__()
-        self.folder = folder
-        self.env = env
-        self.scenario = scenario
-        self.total_steps = total_steps
-        self.max_seconds = max_seconds
-        self.eval_every = eval_every
-        self.eval_runs = eval_runs
-        self.trained = trained or {}
-        self.curve = curve or []
+        super().__init__(folder, **options)
+        self.env, self.scenario, self.trained = env, scenario, trained or {}
         self.interrupted = False
-        self.out_of_time = False
-        self._seconds_before = self.curve[-1]["seconds"] if self.curve else 0.0
         self._returns: list[float] = []
-        self._while_training = ExitStack()
-        self._progress = Progress(  # on the error stream: the table goes to standard output
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.percentage:3.0f} %"),
-            TextColumn("{task.fields[speed]}"),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            TextColumn("{task.fields[best]}"),
-            console=Console(stderr=True),
-        )
-
-    @property
-    def seconds(self) -> float:
-        """Training time so far [s], earlier parts of the run included."""
-        return self._seconds_before + time.monotonic() - self._begin
+        self._signals = ExitStack()
 
     def _on_training_start(self) -> None:
-        self._begin = time.monotonic()
-        self._first_steps = self.model.num_timesteps
-        self._next_eval = self.model.num_timesteps + self.eval_every
-        self._while_training.enter_context(stops_by(self._interrupt))
-        self._task = self._progress.add_task("training", total=1.0, speed="", best="")
-        self._while_training.enter_context(self._progress)
-        if not self.curve:
-            self._evaluate()
+        self._signals.enter_context(stops_by(self._interrupt))
+        super()._on_training_start()
+
+    def close(self) -> None:
+        """Take the bar away and handle signals as before; also after an error."""
+        super().close()
+        self._signals.close()
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         if self.interrupted:
             raise KeyboardInterrupt
         self.interrupted = True
-        self._progress.console.print("stopping: saving what there is (Ctrl-C again stops at once)")
+        notes.print("stopping: saving what there is (Ctrl-C again stops at once)")
 
     def _on_step(self) -> bool:
         infos = self.locals["infos"]
         self._returns.extend(infos[slot]["episode"]["r"] for slot in np.flatnonzero(self.locals["dones"]))
-        self.out_of_time = self.seconds > self.max_seconds
-        return not (self.interrupted or self.out_of_time)
+        return super()._on_step() and not self.interrupted
 
     def _on_rollout_end(self) -> None:
-        steps = self.model.num_timesteps
-        cast(FallingRate, self.model.learning_rate).time_spent = self.seconds / self.max_seconds
-        done = max(steps / self.total_steps, self.seconds / self.max_seconds)
-        rate = (steps - self._first_steps) / max(time.monotonic() - self._begin, 1e-9)
-        best = min((row["evacuation_time"] for row in self.curve if row["unfinished"] == 0), default=float("nan"))
-        self._progress.update(
-            self._task, completed=min(done, 1.0), speed=f"{rate / 1000:.0f}k steps/s", best=f"best {best:.2f} s"
-        )
-        if self._next_eval <= steps < self.total_steps:  # the end of the training is evaluated anyway
-            self._next_eval = steps + self.eval_every
+        super()._on_rollout_end()
+        if self.num_timesteps < self.model._total_timesteps and self._due():  # the end is evaluated anyway
             self._evaluate()
 
-    def _on_training_end(self) -> None:
-        self._evaluate()
-        self._progress.update(self._task, completed=1.0)
-        self.close()
-
-    def close(self) -> None:
-        """Take the bar away and handle signals as before; also after an error."""
-        self._while_training.close()
+    def _figures(self) -> str:
+        best = min((row["evacuation_time"] for row in self.curve if row["unfinished"] == 0), default=float("nan"))
+        return f"{self.rate / 1000:.0f}k steps/s, best {best:.2f} s"
 
     def _evaluate(self) -> None:
         policy = LearnedPolicy(network_of(self.model), env_options_of(self.env), self.trained)
@@ -161,16 +100,16 @@ class Companion(BaseCallback):
         self.curve.append(row)
         for name, value in row.items():
             self.logger.record(f"eval/{name}", value)
-        self.logger.dump(self.model.num_timesteps)
+        self.logger.dump(self.num_timesteps)
         write_checkpoint(self.folder / "checkpoint.pt", self.model)
         if score(row) < best_before:
             policy.save(self.folder / "best.npz")
         write_curve(self.folder / "learning_curve.csv", self.curve)
-        if not self._progress.console.is_terminal:  # no bar there: say the same in lines
-            text = f"{row['steps']:.0f} of {self.total_steps} steps, {self.seconds:.0f} s: evacuation"
-            spread = f"± {row['standard_error']:.2f} (standard error)"
-            left = f"{row['unfinished']:.0f} left inside"
-            self._progress.console.print(f"{text} {row['evacuation_time']:.2f} {spread} s, {left}", highlight=False)
+        self._note(
+            f"{row['steps']:.0f} of {self.model._total_timesteps} steps, {self.seconds:.0f} s: evacuation "
+            f"{row['evacuation_time']:.2f} ± {row['standard_error']:.2f} (standard error) s, "
+            f"{row['unfinished']:.0f} left inside"
+        )
 
     def _row(self, result: Evaluation) -> dict[str, float]:
         times = last_times(result)
@@ -200,11 +139,7 @@ def score(row: dict[str, float]) -> tuple[float, float]:
 
 def write_curve(path: Path, curve: list[dict[str, float]]) -> None:
     """Write the learning curve as CSV, whole or not at all."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, CURVE_COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(curve)
-    write_text(path, text.getvalue())
+    write_csv(path, CURVE_COLUMNS, ([row[name] for name in CURVE_COLUMNS] for row in curve))
 
 
 def read_curve(path: Path) -> list[dict[str, float]]:

@@ -24,7 +24,7 @@ FEWEST_IN_TAIL = 10
 CLOGGED = 2.0  # from this exponent down the mean gap diverges
 
 
-class Run(NamedTuple):
+class RunExits(NamedTuple):
     """When people got out of one place."""
 
     time: Floats  # (K,)  s, increasing
@@ -107,7 +107,7 @@ class Clogging(NamedTuple):
         }
 
 
-def exits_of_run(exit_time: ArrayLike, until: float = np.nan, exit: ArrayLike | None = None) -> Run:
+def exits_of_run(exit_time: ArrayLike, until: float = np.nan, exit: ArrayLike | None = None) -> RunExits:
     """Return a run from the exit times (N,) [s] of its people, in any order; nan for those who did not get out.
 
     Parameters
@@ -130,13 +130,13 @@ def exits_of_run(exit_time: ArrayLike, until: float = np.nan, exit: ArrayLike | 
     order = np.argsort(time[out], kind="stable")
     time, taken, everyone = time[out][order], taken[out][order], bool(out.all())
     if everyone:
-        return Run(time, taken)
+        return RunExits(time, taken)
     if not np.isfinite(until) or (len(time) and until < time[-1]):
         raise ValueError(f"someone did not get out, and watching ended at {until!r} s; say when, after the last exit")
-    return Run(time, taken, float(until))
+    return RunExits(time, taken, float(until))
 
 
-def exit_gaps(run: Run, *, per_exit: bool = False) -> Gaps:
+def exit_gaps(run: RunExits, *, per_exit: bool = False) -> Gaps:
     """Return the gaps between successive exits of a run: of all people, or of those who took the same exit.
 
     An exit that nobody took yet has no gap, not even an open one.
@@ -168,7 +168,7 @@ def survival(gaps: Gaps) -> tuple[Floats, Floats]:
 
 
 def clogging(
-    runs: Sequence[Run], *, pause: float = 2.0, per_exit: bool = False, blocked_after: float = 120.0
+    runs: Sequence[RunExits], *, pause: float = 2.0, per_exit: bool = False, blocked_after: float = 120.0
 ) -> Clogging:
     """Return the clogging statistics of one or many runs.
 
@@ -262,7 +262,7 @@ def powerlaw_library() -> Any:
     return powerlaw
 
 
-def _series(run: Run, per_exit: bool) -> list[Floats]:
+def _series(run: RunExits, per_exit: bool) -> list[Floats]:
     """Return the exit times whose gaps count: of the whole run, or of each exit that somebody took."""
     if not len(run.time):
         return []

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from crowd_env.analysis.clogging import Run, exit_gaps, exits_of_run
+from crowd_env.analysis.clogging import RunExits, exit_gaps, exits_of_run
 from crowd_env.files.csv_table import read_table, write_csv
 
 
-def read_exits(path: str | Path) -> list[Run]:
+def read_exits(path: str | Path) -> list[RunExits]:
     """Return the runs of a CSV file of exit times, in the order in which the file first names them.
 
     Raises
@@ -63,7 +63,7 @@ def read_exits(path: str | Path) -> list[Run]:
     return runs
 
 
-def write_exits(path: str | Path, runs: Sequence[Run], labels: Sequence[object]) -> Path:
+def write_exits(path: str | Path, runs: Sequence[RunExits], labels: Sequence[object]) -> Path:
     """Write exit times so that `read_exits` reads them again, and return the path; ``labels`` name the runs."""
     rows: list[tuple[object, ...]] = []
     for label, run in zip(labels, runs, strict=True):
@@ -73,7 +73,7 @@ def write_exits(path: str | Path, runs: Sequence[Run], labels: Sequence[object])
     return write_csv(Path(path), ("run", "time", "exit", "out"), rows)
 
 
-def write_gaps(path: str | Path, sets: Mapping[str, Sequence[Run]], *, per_exit: bool = False) -> Path:
+def write_gaps(path: str | Path, sets: Mapping[str, Sequence[RunExits]], *, per_exit: bool = False) -> Path:
     """Write every gap [s], name of its data and number of its run before it, and return the path.
 
     ``open`` is 1 for a gap that had not ended: it is longer.

@@ -12,7 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from crowd_env.analysis.clogging import Clogging, Run, clogging, exits_of_run, powerlaw_library
+from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run, powerlaw_library
 from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
 from crowd_env.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
@@ -47,7 +47,7 @@ def clog(
             "repeated, and stand beside a scenario."
         ),
     ] = None,
-    pause: Annotated[float, typer.Option(help="A gap of so many seconds ends a burst.")] = 2.0,
+    pause: Annotated[float, typer.Option(help="A gap of this many seconds ends a burst.")] = 2.0,
     per_exit: Annotated[bool, typer.Option("--per-exit", help="Gaps between people who took the same exit.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for exits.csv, gaps.csv and survival.png.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
@@ -84,7 +84,7 @@ def clog(
                     if not error.episodes:
                         interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
                     episodes, stopped = error.episodes, f"{error}; the figures are of these"
-            sets = {name: [run_of_episode(episode, place.geometry) for episode in episodes], **sets}
+            sets = {name: [exits_of_episode(episode, place.geometry) for episode in episodes], **sets}
         found = {
             name: clogging(data, pause=pause, per_exit=per_exit, blocked_after=blocked_after)
             for name, data in sets.items()
@@ -100,7 +100,7 @@ def clog(
         interrupted(stopped)
 
 
-def run_of_episode(episode: Episode, geometry: Geometry) -> Run:
+def exits_of_episode(episode: Episode, geometry: Geometry) -> RunExits:
     """Return when the people of an evacuation got out, and by which exits."""
     names = np.array([*geometry.exit_names, ""])  # the last one, row -1, is for people who did not get out
     return exits_of_run(episode.exit_time, episode.end, names[episode.exit_index])
@@ -113,7 +113,7 @@ def _scenario(name: str, count: int | None, speed: float | None) -> Scenario:
     return make_scenario(name, **({"population": make_scenario(name).population.changed(**people)} if people else {}))
 
 
-def _recorded(paths: Sequence[Path]) -> dict[str, list[Run]]:
+def _recorded(paths: Sequence[Path]) -> dict[str, list[RunExits]]:
     """Return the runs of files by their names, or by their whole paths where names are the same."""
     names = [path.name for path in paths]
     return {path.name if names.count(path.name) == 1 else str(path): read_exits(path) for path in paths}
@@ -136,7 +136,7 @@ def _check_library() -> None:
 def _write(
     out: Path,
     found: dict[str, Clogging],
-    sets: dict[str, list[Run]],
+    sets: dict[str, list[RunExits]],
     seeds: Sequence[int],
     per_exit: bool,
 ) -> list[Path]:
@@ -175,8 +175,8 @@ def _show(found: dict[str, Clogging]) -> None:
 
 def _cells(found: Clogging) -> dict[str, str]:
     """Return the rows of the table."""
-    told = found.as_json()
-    gaps, bursts, tail = told["gaps"], told["bursts"], told["tail"] or {}
+    figures = found.as_json()
+    gaps, bursts, tail = figures["gaps"], figures["bursts"], figures["tail"] or {}
 
     def number(value: float | None, unit: str = "", digits: int = 2) -> str:
         return "-" if value is None else f"{value:.{digits}f}{unit}"

@@ -111,7 +111,7 @@ def run(
     ] = None,
     starts: Annotated[Path | None, typer.Option(help="CSV file with columns x,y: recorded starting positions.")] = None,
     time_limit: Annotated[
-        float | None, typer.Option(help="Whoever is inside after so many seconds is unfinished.")
+        float | None, typer.Option(help="People who are inside after this many seconds are unfinished.")
     ] = None,
     social: Annotated[
         str | None,
@@ -257,7 +257,7 @@ def _table(place: Scenario, figures: dict[str, Any], seconds: float) -> Table:
 
 
 def _speed(most: float) -> str:
-    """Return the largest speed; whoever would have been faster was held to the bound."""
+    """Return the largest speed, and whether it is the bound to which faster people are held."""
     return f"{most:.2f} m/s" + (" (the bound: some were pushed harder)" if most >= MAX_SPEED * (1 - 1e-12) else "")
 
 

@@ -1,4 +1,4 @@
-"""What a file is that is not what was asked for: its first bytes tell, so that an error can say it in plain words."""
+"""What a file is, by its first bytes, so that an error can say in plain words why the file is not read."""
 
 import re
 from collections.abc import Collection
@@ -20,7 +20,7 @@ _DXF = re.compile(r"\s*(999\s*\n[^\n]*\n\s*)*0\s*\n\s*SECTION\b")
 
 
 def foreign_kind(head: bytes) -> str | None:
-    """Return in words what a file is that begins with ``head``; None = nothing that is known."""
+    """Return in words what kind of file begins with ``head``; None = no known kind."""
     for start, kind in _STARTS:
         if head.startswith(start):
             return kind

@@ -16,7 +16,7 @@ from crowd_env.state import Bools, Floats
 
 
 def _pressure(env: CrowdEnv, e: int) -> Floats:
-    """Return the contact pressure (N,) [N/m] on everyone since the last decision."""
+    """Return the contact pressure (N,) [N/m] on each person of environment ``e`` since the last decision."""
     people = env.people(e)
     simulation = env.simulation
     return contact_pressure(

@@ -104,6 +104,24 @@ def test_a_controller_sampled_between_its_decisions_is_the_controller(controller
         assert 0 < ours.row()["exits"]["west"]["people"]["mean"] < 14
 
 
+def test_a_batch_that_steps_by_samples_pays_and_sees_the_same():
+    whole, sampled = (RoutingBatch(SMALL, num_envs=2, grid=(4, 1), interval=1.0, sample_dt=dt) for dt in (None, 0.1))
+    np.testing.assert_array_equal(whole.reset(0), sampled.reset(0))
+    left = 0
+    while not whole.env.finished.all():
+        (observation, reward, *ends, info), (seen, paid, *ended, told) = (
+            batch.step(np.tile([0, 0, 1, 1], (2, 1))) for batch in (whole, sampled)
+        )
+        np.testing.assert_array_equal(observation, seen)
+        np.testing.assert_array_equal(ends, ended)
+        np.testing.assert_array_equal(info["inside"], told["inside"])
+        assert paid == pytest.approx(reward, rel=1e-12) and list(info["metrics"]) == list(told["metrics"])
+        left += len(info["metrics"])
+    assert left == 2 and sampled.samples == 10 and sampled.env.finished.all()
+    with pytest.raises(ValueError, match=r"interval of 1 s is not a whole number of samples of 0\.3 s"):
+        RoutingBatch(SMALL, interval=1.0, sample_dt=0.3)
+
+
 # ---------------------------------------------------------------------------------------------------------- the command
 
 
@@ -113,9 +131,9 @@ def small(monkeypatch):
     monkeypatch.setattr(command, "make_scenario", lambda name: SMALL if name == "hall" else make_scenario(name))
 
 
-def test_one_json_object_with_a_row_for_each_policy_and_scheme(capsys, small):
+def test_one_json_object_with_a_row_for_each_policy_and_scheme(small):
     asked = ("--scenario", "hall", "--policies", "shortest", "east", "--schemes", "dem", "nsm1", "--runs", 3, "--json")
-    code, out, _ = call(capsys, command.main, *asked)
+    code, out, _ = call(*asked)
     assert code == 0
     told = json.loads(out)
     assert {"scenario", "runs", "seed", "people", "time_limit", "rows", "ranking", "versions"} <= set(told)
@@ -209,18 +227,18 @@ def test_tables_fit_into_a_hundred_columns():
         (("--threads", "0"), "--threads is 0"),
     ],
 )
-def test_mistakes_are_said_in_one_line(capsys, arguments, message):
-    code, out, err = call(capsys, command.main, "--runs", 1, *arguments)
+def test_mistakes_are_said_in_one_line(arguments, message):
+    code, out, err = call("--runs", 1, *arguments)
     assert code == 2 and out == ""
     assert re.search(message, err) and len(err.strip().splitlines()) == 1 and err.startswith("error: ")
 
 
-def test_a_folder_that_cannot_be_written_is_said_in_one_line(capsys, tmp_path):
+def test_a_folder_that_cannot_be_written_is_said_in_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     (tmp_path / "odd").mkdir()
     (tmp_path / "odd" / "evaluation.json").write_text("[1]")
     for name, words in (("file", "cannot write"), ("file/x", "cannot write"), ("odd", "does not hold the settings")):
-        code, out, err = call(capsys, command.main, "--runs", 1, "--out", tmp_path / name)
+        code, out, err = call("--runs", 1, "--out", tmp_path / name)
         assert code == 2 and out == "" and err.startswith("error: ") and len(err.strip().splitlines()) == 1
         assert words in err
 

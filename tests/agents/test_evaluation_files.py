@@ -43,8 +43,8 @@ def everything(folder):
 ASKED = ("--scenario", "hall", "--policies", "shortest", "east", "--schemes", "nsm2", "dem", "--runs", 2)
 
 
-def test_the_folder_holds_rows_runs_curves_and_maps(capsys, small, tmp_path):
-    code, _, _ = call(capsys, command.main, *ASKED, "--out", tmp_path / "out")
+def test_the_folder_holds_rows_runs_curves_and_maps(small, tmp_path):
+    code, _, _ = call(*ASKED, "--out", tmp_path / "out")
     assert code == 0
     names = {path.name for path in (tmp_path / "out").iterdir()}
     maps = {f"heat-{policy}-{scheme}.png" for policy in ("shortest", "east") for scheme in ("nsm2", "dem")}
@@ -58,9 +58,9 @@ def test_the_folder_holds_rows_runs_curves_and_maps(capsys, small, tmp_path):
     assert {rows[2]["out by east"], rows[2]["out by west"]} == {"14", "0"}
 
 
-def test_an_interrupted_evaluation_goes_on_and_ends_as_if_it_had_not_been(capsys, small, tmp_path, monkeypatch):
+def test_an_interrupted_evaluation_goes_on_and_ends_as_if_it_had_not_been(small, tmp_path, monkeypatch):
     monkeypatch.setattr(EvaluationFolder, "draw", lambda *a: [])  # pictures are another matter
-    assert call(capsys, command.main, *ASKED, "--out", tmp_path / "whole")[0] == 0
+    assert call(*ASKED, "--out", tmp_path / "whole")[0] == 0
     real, evaluated = command._evaluate, []
 
     def breaks_at_the_third(entry, scenario, scheme, *rest):
@@ -70,11 +70,11 @@ def test_an_interrupted_evaluation_goes_on_and_ends_as_if_it_had_not_been(capsys
         return real(entry, scenario, scheme, *rest)
 
     monkeypatch.setattr(command, "_evaluate", breaks_at_the_third)
-    code, _, err = call(capsys, command.main, *ASKED, "--out", tmp_path / "broken")
+    code, _, err = call(*ASKED, "--out", tmp_path / "broken")
     assert code == 130 and "goes on" in err and not (tmp_path / "broken/rows.json").exists()
     again = []
     monkeypatch.setattr(command, "_evaluate", lambda *a: again.append((a[0].name, a[2])) or real(*a))
-    assert call(capsys, command.main, *ASKED, "--out", tmp_path / "broken")[0] == 0
+    assert call(*ASKED, "--out", tmp_path / "broken")[0] == 0
     assert evaluated == [("shortest", "nsm2"), ("east", "nsm2")] and again == [("shortest", "dem"), ("east", "dem")]
     assert everything(tmp_path / "broken") == everything(tmp_path / "whole")
 

@@ -19,7 +19,7 @@ from agents import make_policy
 from agents.evaluation.comparison import last_times, minus_first
 from agents.evaluation.evaluation import evaluate
 from agents.learned.rate import FallingRate
-from agents.learned.training import CURVE_COLUMNS, Companion
+from agents.learned.training import CURVE_COLUMNS, PolicyCallback
 from agents.network import read_network
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
 from crowd_env.adapters.sb3 import CrowdVecEnv
@@ -256,7 +256,7 @@ def test_the_learning_rate_falls_with_the_time_where_that_runs_out_first(tmp_pat
         rates.append(optimizers.param_groups[0]["lr"])
 
     monkeypatch.setattr(PPO, "_update_learning_rate", watched)
-    monkeypatch.setattr(Companion, "seconds", property(lambda self: self.model.num_timesteps / 100.0))
+    monkeypatch.setattr(PolicyCallback, "seconds", property(lambda self: self.model.num_timesteps / 100.0))
     folder = tmp_path / "run"
     config = tiny(folder, steps=10**6, minutes=1.0, eval_every=10**9)  # 60 s are over after 6000 of the steps
     assert train.train(folder, config)

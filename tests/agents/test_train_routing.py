@@ -75,7 +75,7 @@ def test_the_numbers_choose_as_the_model_does(options):
     np.testing.assert_array_equal(controller.act(rows, env.batch, None), model.predict(rows, deterministic=True)[0])
 
 
-def scripted_judge(monkeypatch, first, again):
+def scripted_evaluations(monkeypatch, first, again):
     """Let judgements give the times in ``first``, and those of finalists in ``again``."""
     from agents.learned import routing
 
@@ -91,7 +91,7 @@ def scripted_judge(monkeypatch, first, again):
 
 
 def test_the_best_controller_of_many_draws_is_kept_not_the_luckiest_of_few(tmp_path, options, monkeypatch):
-    routing = scripted_judge(monkeypatch, [10.0, 5.0, 7.0, 6.0, 9.0], [8.0, 7.5, 8.5])
+    routing = scripted_evaluations(monkeypatch, [10.0, 5.0, 7.0, 6.0, 9.0], [8.0, 7.5, 8.5])
     made = routing.train_controller(tmp_path, options, envs=2, steps=256, seconds=60.0, seed=5, eval_every=64)
     assert [row["last"] for row in made["curve"]] == [10.0, 5.0, 7.0, 6.0, 9.0]
     # The best three are those of 64, 192 and 128 steps; judged again that of 192 is the best of them.
@@ -107,7 +107,7 @@ def test_an_interrupted_training_keeps_its_best_and_ends(tmp_path, options, monk
             raise KeyboardInterrupt
         return True
 
-    monkeypatch.setattr(routing.Watch, "_on_step", interrupt)
+    monkeypatch.setattr(routing.ControllerCallback, "_on_step", interrupt)
     made = routing.train_controller(tmp_path, options, envs=2, steps=128, seconds=60.0, seed=5, eval_runs=2)
     assert made["interrupted"] and made["best"]["steps"] == 0 and (tmp_path / "best.npz").exists()
     assert made["finalists"] == []
@@ -162,9 +162,11 @@ def quick(monkeypatch, options):
     """Judge on few draws while training."""
     from agents.learned import routing
 
-    init = routing.Watch.__init__
+    init = routing.ControllerCallback.__init__
     monkeypatch.setattr(
-        routing.Watch, "__init__", lambda self, *args, **more: init(self, *args, eval_runs=1, final_runs=1, **more)
+        routing.ControllerCallback,
+        "__init__",
+        lambda self, *args, **more: init(self, *args, eval_runs=1, final_runs=1, **more),
     )
     return options
 
@@ -235,7 +237,9 @@ def test_what_was_judged_before_an_interrupt_is_kept(tmp_path, quick, monkeypatc
 def test_an_interrupt_while_training_ends_at_once_and_says_what_there_is(tmp_path, quick, monkeypatch):
     from agents.learned import routing
 
-    monkeypatch.setattr(routing.Watch, "_on_step", lambda self: os.kill(os.getpid(), signal.SIGINT) or True)
+    monkeypatch.setattr(
+        routing.ControllerCallback, "_on_step", lambda self: os.kill(os.getpid(), signal.SIGINT) or True
+    )
     monkeypatch.setattr(command, "evaluate_controller", lambda *args, **more: pytest.fail("it goes on judging"))
     told = call(*SMALL, "--runs", 2, "--out", tmp_path / "run")
     assert told.exit_code == 130

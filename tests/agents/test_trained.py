@@ -8,9 +8,8 @@ import zipfile
 
 import numpy as np
 import pytest
-from evaluations import SMALL, random_network, random_policy
+from evaluations import SMALL, call, random_network, random_policy
 
-from agents import evaluate as command
 from agents import make_policy
 from agents.evaluation.evaluation import evaluate
 from agents.network import Network, read_network
@@ -140,14 +139,14 @@ def _claims(path):
         _claims,
     ],
 )  # fmt: skip
-def test_a_broken_file_is_refused_by_name_in_one_sentence(tmp_path, capsys, harm):
+def test_a_broken_file_is_refused_by_name_in_one_sentence(tmp_path, harm):
     good, bad = tmp_path / "good.npz", tmp_path / "bad.npz"
     random_policy().save(good)
     bad.write_bytes(harm(good))
     with pytest.raises(ValueError, match=r"bad\.npz"):
         make_policy(str(bad))
-    assert command.main(["--runs", "1", "--policies", str(bad)]) == 2
-    told = capsys.readouterr().err
+    code, _, told = call("--runs", 1, "--policies", bad)
+    assert code == 2
     assert told.startswith("error: ") and len(told.splitlines()) == 1 and "bad.npz" in told
 
 
@@ -210,14 +209,14 @@ class Payload:
         return os.mkdir, (self.path,)
 
 
-def test_what_is_in_a_pickle_is_not_executed(model, tmp_path, capsys):
+def test_what_is_in_a_pickle_is_not_executed(model, tmp_path):
     path, mark = tmp_path / "evil.zip", tmp_path / "executed"
     pickled(model, path, Payload(mark))
     for read in (make_policy, load_trained, LearnedPolicy.load, LearnedController.load):
         with pytest.raises(ValueError, match=r"evil\.zip .*run any code.* --trust-pickle"):
             read(str(path))
-    assert command.main(["--runs", "1", "--policies", str(path)]) == 2
-    assert "--trust-pickle" in capsys.readouterr().err and not mark.exists()
+    code, _, told = call("--runs", 1, "--policies", path)
+    assert code == 2 and "--trust-pickle" in told and not mark.exists()
     path.rename(tmp_path / "evil.npz")  # under another name it is no network
     with pytest.raises(ValueError, match="is not a network"):
         make_policy(str(tmp_path / "evil.npz"))
@@ -227,7 +226,7 @@ def test_what_is_in_a_pickle_is_not_executed(model, tmp_path, capsys):
     assert mark.exists()  # so the payload is one: trust is what keeps it shut
 
 
-def test_a_trusted_pickle_is_read_and_can_be_saved_as_numbers(model, tmp_path, capsys):
+def test_a_trusted_pickle_is_read_and_can_be_saved_as_numbers(model, tmp_path):
     path = tmp_path / "old.zip"
     pickled(model, path)
     policy = make_policy(str(path), trust_pickle=True)
@@ -237,8 +236,8 @@ def test_a_trusted_pickle_is_read_and_can_be_saved_as_numbers(model, tmp_path, c
     expected = model.predict(rows, deterministic=True)[0]
     for one in (policy, make_policy(str(tmp_path / "new.npz"))):
         np.testing.assert_allclose(one.act(rows, NARROW, None), expected, atol=1e-6)
-    assert command.main(["--runs", "1", "--policies", str(path), "--trust-pickle", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["rows"][0]["policy"] == "old"
+    code, told, _ = call("--runs", 1, "--policies", path, "--trust-pickle", "--json")
+    assert code == 0 and json.loads(told)["rows"][0]["policy"] == "old"
     path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(ValueError, match=r"old\.zip is not a model saved by crowd_env"):
         make_policy(str(path), trust_pickle=True)
@@ -276,7 +275,7 @@ import sys
 for name in ("torch", "stable_baselines3"):
     sys.modules[name] = None
 from agents import evaluate
-sys.exit(evaluate.main(["--runs", "1", "--policies", "{(tmp_path / "a.npz").as_posix()}", "--json"]))
+sys.exit(evaluate.app(["--runs", "1", "--policies", "{(tmp_path / "a.npz").as_posix()}", "--json"]))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -115,13 +115,13 @@ def test_the_command_prints_one_json_object_and_writes_what_it_saw(tmp_path):
 
 @needs_powerlaw
 def test_an_evacuation_becomes_the_exits_of_a_run():
-    from crowd_env.cli.clogging import run_of_episode
+    from crowd_env.cli.clogging import exits_of_episode
     from crowd_env.envs.rollout import run_episodes
     from crowd_env.scenarios import make_scenario
 
     place = make_scenario("room-v0", time_limit=6.0)
     episodes = run_episodes(place, 3, scheme="dem", seed=5)
-    runs = [run_of_episode(episode, place.geometry) for episode in episodes]
+    runs = [exits_of_episode(episode, place.geometry) for episode in episodes]
     for run, episode in zip(runs, episodes, strict=True):
         metrics = episode.metrics
         assert len(run.time) == 20 - metrics.unfinished

@@ -1,0 +1,108 @@
+"""What accompanies every training: a bar, evaluations now and then of which the best is kept, and a stop in time."""
+
+import time
+from abc import abstractmethod
+from pathlib import Path
+from typing import cast
+
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from stable_baselines3.common.callbacks import BaseCallback
+
+from agents.learned.rate import FallingRate
+from crowd_env.console import notes
+
+# Draws on which the best network is chosen: neither trained on nor used for the final table.
+VALIDATION_SEED = 2_000_000
+
+
+class TrainingCallback(BaseCallback):
+    """Shows how a training gets on, evaluates it at its start and end and whenever it is due, and stops it in time.
+
+    Parameters
+    ----------
+    folder : of the run, for what is written while it trains.
+    max_seconds : training stops after so long.
+    eval_every, eval_runs : steps between evaluations, evacuations in each.
+    curve : rows of an earlier part of the same run.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        max_seconds: float,
+        eval_every: int,
+        eval_runs: int,
+        curve: list[dict[str, float]] | None = None,
+    ) -> None:
+        super().__init__()
+        self.folder, self.max_seconds = folder, max_seconds
+        self.eval_every, self.eval_runs = eval_every, eval_runs
+        self.curve = curve or []
+        self._next_evaluation = eval_every
+        self._seconds_before = self.curve[-1]["seconds"] if self.curve else 0.0
+        self._bar = Progress(  # on the error stream: the table goes to standard output
+            TextColumn("training"),
+            BarColumn(),
+            TextColumn("{task.percentage:3.0f} %"),
+            TextColumn("{task.fields[figures]}"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=notes,
+        )
+
+    @property
+    def seconds(self) -> float:
+        """Training time so far [s], earlier parts of the run included."""
+        return self._seconds_before + time.monotonic() - self._begin
+
+    @property
+    def rate(self) -> float:
+        """Steps per second of this part of the run."""
+        return (self.num_timesteps - self._first_steps) / max(time.monotonic() - self._begin, 1e-9)
+
+    @abstractmethod
+    def _evaluate(self) -> None:
+        """Evaluate the network as it is, append a row to the curve, and keep the network if it is the best so far."""
+
+    @abstractmethod
+    def _figures(self) -> str:
+        """Return what stands beside the bar."""
+
+    def _due(self) -> bool:
+        """Return whether `eval_every` steps have passed since this was last true."""
+        due: bool = self.num_timesteps >= self._next_evaluation
+        if due:
+            self._next_evaluation = self.num_timesteps + self.eval_every
+        return due
+
+    def _note(self, text: str) -> None:
+        """Say in a line what a bar would show, where there is no terminal for one."""
+        if not notes.is_terminal:
+            notes.print(text)
+
+    def _on_training_start(self) -> None:
+        self._begin, self._first_steps = time.monotonic(), self.model.num_timesteps
+        self._next_evaluation = self._first_steps + self.eval_every
+        self._task = self._bar.add_task("", total=1.0, figures="")
+        self._bar.start()
+        if not self.curve:
+            self._evaluate()
+
+    def _on_step(self) -> bool:
+        return self.seconds <= self.max_seconds
+
+    def _on_rollout_end(self) -> None:
+        spent = self.seconds / self.max_seconds
+        cast(FallingRate, self.model.learning_rate).time_spent = spent
+        done = max(spent, self.num_timesteps / self.model._total_timesteps)
+        self._bar.update(self._task, completed=min(done, 1.0), figures=self._figures())
+
+    def _on_training_end(self) -> None:
+        self._evaluate()
+        self.close()
+
+    def close(self) -> None:
+        """Take the bar away; also after an error."""
+        self._bar.stop()

@@ -1,0 +1,120 @@
+"""The one loop over evacuations: each is its draw's, nothing finished is lost, and recorders see every moment."""
+
+import numpy as np
+import pytest
+
+from crowd_env import CrowdEnv, make_scenario
+from crowd_env.envs.rollout import RuleDriver, RunsInterrupted, rollout, run_episodes
+from crowd_env.rendering.live import record
+
+
+def room(count=3, **options):
+    return make_scenario("room-v0", count=count, **options)
+
+
+def decisions(time):
+    """Return the number of decision steps in which times [s] are reached."""
+    return np.ceil(np.asarray(time) / 0.1 - 1e-9)
+
+
+@pytest.fixture
+def two_at_once(monkeypatch):
+    monkeypatch.setattr("crowd_env.envs.rollout._RUNS_AT_ONCE", 2)
+
+
+def test_an_episode_is_the_evacuation_of_its_draw(two_at_once):
+    episodes = run_episodes(room(), 5, scheme="dem", seed=7)
+    assert [(episode.run, episode.seed) for episode in episodes] == [(k, 7 + k) for k in range(5)]
+    for episode in episodes:
+        env = CrowdEnv(room(), scheme="dem")
+        env.reset([episode.seed])
+        while not env.finished.all():
+            env.step(None)
+        state = env.simulation.state
+        assert repr(episode.metrics) == repr(env.metrics(0)) and episode.end == state.time[0]
+        np.testing.assert_array_equal(episode.exit_time, state.exit_time)
+        np.testing.assert_array_equal(episode.exit_index, state.exit_index)
+
+
+def test_an_evacuation_is_yielded_when_it_ends_and_not_when_its_batch_does():
+    episodes = list(rollout(room(), 20, scheme="dem"))
+    ends = [decisions(episode.end) for episode in episodes]
+    assert ends == sorted(ends) and len(set(ends)) > 5
+    assert repr(next(rollout(room(), 20, scheme="dem"))) == repr(episodes[0])
+
+
+def test_progress_adds_up_to_what_has_been_yielded(two_at_once):
+    yielded, told = [], []
+    for episode in rollout(room(), 5, scheme="dem", progress=told.append):
+        assert sum(told) <= len(yielded)
+        yielded.append(episode)
+    assert sum(told) == len(yielded) == 5
+
+
+def test_an_interruption_keeps_what_is_finished(two_at_once, monkeypatch):
+    whole = run_episodes(room(), 6, scheme="dem")
+    steps, step = [], CrowdEnv.step
+
+    def interrupted(self, *args):
+        steps.append(1)
+        if len(steps) > 100 and self.finished.any():
+            raise KeyboardInterrupt
+        return step(self, *args)
+
+    monkeypatch.setattr(CrowdEnv, "step", interrupted)
+    with pytest.raises(RunsInterrupted, match="of 6 runs are finished") as stopped:
+        run_episodes(room(), 6, scheme="dem")
+    kept = stopped.value.episodes
+    assert 0 < len(kept) < 6 and stopped.value.runs == 6
+    assert [repr(episode) for episode in kept] == [repr(whole[episode.run]) for episode in kept]
+
+
+class Counts:
+    """Counts moments of each evacuation, and how many of its people were seen inside in all."""
+
+    def begin(self, env):
+        self.moments, self.inside = np.ones(env.num_envs, dtype=int), env.active.reshape(env.num_envs, -1).sum(axis=1)
+
+    def add(self, env, step):
+        self.moments += step.info["finished"] | ~env.finished
+        self.inside = self.inside + env.active.reshape(env.num_envs, -1).sum(axis=1)
+
+    def record(self, env, e):
+        return int(self.moments[e]), int(self.inside[e])
+
+
+def test_a_recorder_sees_every_moment_of_every_evacuation(two_at_once):
+    for episode in run_episodes(room(), 5, scheme="dem", recorder=Counts()):
+        moments, inside = episode.record
+        assert moments == 1 + decisions(episode.end)
+        assert inside == decisions(episode.exit_time).sum()
+
+
+def test_a_driver_of_ones_own_leads_the_batches(two_at_once):
+    class Idle(RuleDriver):
+        def step(self):
+            return self.env.step(np.zeros((self.env.num_people, 2)))
+
+    made = []
+
+    def driver(num_envs):
+        made.append(num_envs)
+        return Idle(CrowdEnv(room(time_limit=1.0), num_envs=num_envs, scheme="dem"))
+
+    episodes = run_episodes(room(time_limit=1.0), 5, driver=driver)
+    assert made == [2, 1]  # a batch of the same size is used again
+    assert all(episode.metrics.unfinished == 3 for episode in episodes)
+
+
+def test_nonsense_is_refused_before_anything_is_run():
+    for options, words in (({"runs": 0}, "runs is 0"), ({"runs": 1, "seed": -1}, "seed is -1")):
+        with pytest.raises(ValueError, match=words):
+            rollout(room(), **options)
+
+
+def test_a_film_has_every_moment_of_the_evacuation_of_its_seed():
+    film = record(room(), scheme="dem", seed=4, title="title")
+    (episode,) = run_episodes(room(), 1, scheme="dem", seed=4)
+    np.testing.assert_array_equal(film.exit_time, episode.exit_time)
+    assert film.title == "title" and film.time[:-1] == pytest.approx(0.1 * np.arange(len(film.time) - 1))
+    assert film.time[-1] == episode.end and film.active[0].all() and not film.active[-1].any()
