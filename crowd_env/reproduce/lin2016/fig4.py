@@ -6,7 +6,6 @@ from pathlib import Path
 
 from crowd_env.reproduce.lin2016.run import Run
 from crowd_env.reproduce.lin2016.sample import (
-    Records,
     Sample,
     clearance_rows,
     raw_exits,
@@ -16,6 +15,7 @@ from crowd_env.reproduce.lin2016.sample import (
     verdict,
 )
 from crowd_env.reproduce.lin2016.settings import LinSettings
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import Result
 
 TITLE = "Lin, Ma, Lo, Figure 4: 100 people at 1 m/s, by the strength A of the social force"
@@ -31,9 +31,9 @@ def runs(settings: LinSettings) -> list[Run]:
     return [run for strength in STRENGTHS for run in settings.draws(PEOPLE, SPEED, strength=strength)]
 
 
-def tell(settings: LinSettings, records: Records) -> Result:
-    """Return the figure, from what came of its runs."""
-    found = {a: sample(records, settings.draws(PEOPLE, SPEED, strength=a)) for a in STRENGTHS}
+def reproduce(settings: LinSettings, work: Work) -> Result:
+    """Return the figure, made of the records of its runs."""
+    found = {a: sample(work.records, settings.draws(PEOPLE, SPEED, strength=a)) for a in STRENGTHS}
     rows = []
     for strength, draws in found.items():
         paper = PRINTED.get(strength)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from crowd_env.reproduce.lin2016.run import Run
 from crowd_env.reproduce.lin2016.sample import (
-    Records,
     Sample,
     clearance_rows,
     raw_exits,
@@ -15,6 +14,7 @@ from crowd_env.reproduce.lin2016.sample import (
     unfinished_remarks,
 )
 from crowd_env.reproduce.lin2016.settings import LinSettings
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import Result
 
 TITLE = "Lin, Ma, Lo, Figure 5: 100 people with and without rotation"
@@ -34,9 +34,9 @@ def runs(settings: LinSettings) -> list[Run]:
     return [run for speed, turning in _SAID for run in settings.draws(PEOPLE, speed, rotation=turning)]
 
 
-def tell(settings: LinSettings, records: Records) -> Result:
-    """Return the figure, from what came of its runs."""
-    found = {key: sample(records, settings.draws(PEOPLE, key[0], rotation=key[1])) for key in _SAID}
+def reproduce(settings: LinSettings, work: Work) -> Result:
+    """Return the figure, made of the records of its runs."""
+    found = {key: sample(work.records, settings.draws(PEOPLE, key[0], rotation=key[1])) for key in _SAID}
     rows = []
     for (speed, turning), draws in found.items():
         of = f"{speed:g} m/s, {'rotation' if turning else 'no rotation'}"

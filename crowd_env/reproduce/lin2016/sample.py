@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crowd_env.reproduce.lin2016.run import Record, Run
+from crowd_env.reproduce.lin2016.record import Record
+from crowd_env.reproduce.lin2016.run import Run
 from crowd_env.reproduce.result import RawTable, Row
 from crowd_env.state import Floats
 

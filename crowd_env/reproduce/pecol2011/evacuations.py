@@ -11,7 +11,7 @@ from crowd_env.console import counted
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.rollout import RunsInterrupted, finished_runs
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, Estimate, run_slopes
-from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
 from crowd_env.reproduce.sound import require_nobody_outside
 from crowd_env.state import Floats
@@ -49,7 +49,7 @@ class Evacuations:
         return int(inside.sum()), int((inside > 0).sum())
 
 
-def evacuate(settings: Settings, scheme: str, progress: Progress) -> Evacuations:
+def evacuate(settings: PecolSettings, scheme: str, progress: Progress) -> Evacuations:
     """Run the draws ``seed`` to ``seed + runs - 1`` under a scheme, everyone walking the shortest path.
 
     They are the draws of ``crowd-env run``.
@@ -69,7 +69,7 @@ def evacuate(settings: Settings, scheme: str, progress: Progress) -> Evacuations
 
     options: dict[str, Any] = {"scheme": settings.contact(scheme), "dt": settings.dt, "decision_dt": decision}
     try:
-        found = finished_runs(settings.place(), settings.runs, read, seed=settings.seed, progress=progress, **options)
+        found = finished_runs(settings.room(), settings.runs, read, seed=settings.seed, progress=progress, **options)
     except RunsInterrupted as stopped:
         rows = [row for k, (times, *_) in stopped.finished.items() for row in _exits(scheme, settings.seed + k, times)]
         raise Halfway(RawTable(_HEADER, rows), len(stopped.finished)) from None
@@ -91,7 +91,7 @@ def flow_rows(done: Evacuations) -> list[Row]:
     return rows
 
 
-def raw_times(settings: Settings, results: list[Evacuations]) -> RawTable:
+def raw_times(settings: PecolSettings, results: list[Evacuations]) -> RawTable:
     """Return every exit: scheme, seed of the run, how many are out by then, and when (empty if never)."""
     runs = [(done.scheme, settings.seed + k, run) for done in results for k, run in enumerate(done.exit_times)]
     return RawTable(_HEADER, [row for run in runs for row in _exits(*run)])
@@ -101,7 +101,7 @@ def _exits(scheme: str, seed: int, times: Floats) -> list[tuple[object, ...]]:
     return [(scheme, seed, place + 1, "" if np.isnan(time) else f"{time:.6f}") for place, time in enumerate(times)]
 
 
-def room_remarks(settings: Settings, results: list[Evacuations]) -> list[str]:
+def room_remarks(settings: PecolSettings, results: list[Evacuations]) -> list[str]:
     """Return the readings behind the flows, and what went wrong."""
     remarks = [
         f"Runs are the draws {settings.seed} to {settings.seed + settings.runs - 1}, the same for every scheme: uniform "

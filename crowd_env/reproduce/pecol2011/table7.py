@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.paper import Work
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pecol2011.theatre import (
     IMPLIED,
     PRINTED,
@@ -21,7 +22,7 @@ from crowd_env.reproduce.pecol2011.theatre import (
     rows_with_rules,
     unfinished_row,
 )
-from crowd_env.reproduce.result import Progress, Result, Row
+from crowd_env.reproduce.result import Result, Row
 from crowd_env.state import Floats
 
 TITLE = "Table 7: evacuation of a movie theatre (synthetic plan), times in s"
@@ -30,14 +31,14 @@ _CLOSE = 0.10
 _NAMES = (*PRINTED, *IMPLIED)
 
 
-def steps(settings: Settings) -> int:
-    """Return how much there is to do, in what ``progress`` counts."""
+def steps(settings: PecolSettings) -> int:
+    """Return how much there is to do, in what ``work.progress`` counts."""
     return 2 * settings.runs
 
 
-def reproduce(settings: Settings, progress: Progress) -> Result:
+def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Table 7, and what the control rules change in it."""
-    ruled, free = (evacuate(settings, rules, progress) for rules in (True, False))
+    ruled, free = (evacuate(settings, rules, work.progress) for rules in (True, False))
     rows = [*rows_with_rules(ruled), unfinished_row("left inside", ruled)]
     rows += [_without(name, free.quantities[name]) for name in _NAMES]
     rows.append(unfinished_row("left inside, no rules", free))

@@ -9,7 +9,7 @@ import numpy as np
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.metrics import summarise
 from crowd_env.physics import NSM2, SocialForce
-from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pool import all_cores
 from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
 from crowd_env.reproduce.sound import require_nobody_outside
@@ -92,7 +92,7 @@ def place() -> Scenario:
     return make_scenario("theatre-v0")
 
 
-def evacuate(settings: Settings, rules: bool, progress: Progress) -> Egress:
+def evacuate(settings: PecolSettings, rules: bool, progress: Progress) -> Egress:
     """Run the draws ``seed`` to ``seed + runs - 1``, with or without the control rules; once for the same settings.
 
     Raises
@@ -187,7 +187,7 @@ def unfinished_row(quantity: str, done: Egress) -> Row:
     return Row(quantity, None, done.unfinished, "people", done.time.size, "at the time limit", closes=True)
 
 
-def draws_remark(settings: Settings) -> str:
+def draws_remark(settings: PecolSettings) -> str:
     """Return which draws were made, and of what."""
     last = settings.seed + settings.runs - 1
     draws = f"Draw {last} is" if settings.runs == 1 else f"Draws {settings.seed} to {last} are"
@@ -197,7 +197,7 @@ def draws_remark(settings: Settings) -> str:
     )
 
 
-def raw_times(settings: Settings, results: Sequence[tuple[str, Egress]]) -> RawTable:
+def raw_times(settings: PecolSettings, results: Sequence[tuple[str, Egress]]) -> RawTable:
     """Return everybody's exit: rules, seed of the run, person, route and time (empty if never)."""
     runs = [
         (name, settings.seed + k, *run)
