@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from agents import POLICIES, make_policy
 from agents.controllers import SAMPLE, Controller, LedByController, WayOut
@@ -13,7 +13,7 @@ from agents.trained import LearnedController, load_trained
 from crowd_env import CrowdEnv, Scenario
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.physics import ContactScheme
-from crowd_env.scenarios.scenario import Strategy
+from crowd_env.routing.strategies import STRATEGIES
 
 RULES = "rules"
 
@@ -57,7 +57,7 @@ def make_candidates(names: Sequence[str], scenario: Scenario, *, trust_pickle: b
 
 def _make(name: str, scenario: Scenario, trust_pickle: bool) -> Candidate:
     own = [route.name for route in scenario.routes]
-    route_set = tuple(dict.fromkeys([*get_args(Strategy), *own, *scenario.geometry.exit_names]))
+    route_set = tuple(dict.fromkeys([*STRATEGIES, *own, *scenario.geometry.exit_names]))
     if name == RULES:
         return _of_policy(WayOut("shortest", rules=True, name=RULES))
     if name in route_set:

@@ -9,8 +9,8 @@ from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.spatial_order import Order
 from crowd_env.physics.workspace import Diagnostics, Memory, World
-from crowd_env.routing.door_schedule import DoorsThen
-from crowd_env.routing.replanning import WaysThen
+from crowd_env.routing.door_schedule import DoorState
+from crowd_env.routing.replanning import PlannerState
 from crowd_env.state import Bodies, CrowdState, Ints
 
 Arrays = dict[str, np.ndarray]
@@ -36,8 +36,8 @@ class Checkpoint(NamedTuple):
     state: CrowdState
     memory: Remembered
     diagnostics: Diagnostics  # of the episodes so far
-    doors: DoorsThen
-    route_set: WaysThen
+    doors: DoorState
+    route_set: PlannerState
     order: Order | None  # None = no crowd is large
     escaped: np.ndarray  # (P,)  who was found outside of the walkable area
 

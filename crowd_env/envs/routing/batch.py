@@ -83,11 +83,11 @@ class RoutingBatch:
         self.choices = np.array([len(routes)] * len(self.regions.names) + [2] * len(doors), dtype=np.int64)
         self._way = np.array([route_set.number(name) for name in routes], dtype=np.int64)
         # A route via a region goes on as another way from there: whoever is on that one already follows the route.
-        self._then = np.array([route_set.route_set[k].following for k in self._way], dtype=np.int64)
+        self._then = np.array([route_set.routes[k].following for k in self._way], dtype=np.int64)
         self._exit_of_row = np.array([exits.index(name) for name in geometry.exit_names], dtype=np.int64)
         length = np.hypot(*(geometry.exits[:, 1] - geometry.exits[:, 0]).T)
         self._width = np.bincount(self._exit_of_row, weights=length, minlength=len(exits))
-        self._fields = [route_set.route_set[route_set.number(name)].field for name in exits]
+        self._fields = [route_set.routes[route_set.number(name)].field for name in exits]
 
     def reset(self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return all observations (E, D)."""
