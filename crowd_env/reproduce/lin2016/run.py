@@ -11,7 +11,7 @@ from crowd_env.navigation.field import NavigationField
 from crowd_env.physics import Hertz, SocialForce
 from crowd_env.physics.hertz import DampingUnit
 from crowd_env.reproduce.lin2016.record import Record, Snapshot
-from crowd_env.reproduce.sound import require_nobody_outside
+from crowd_env.reproduce.sound import require_none_escaped
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.groups import extreme_bodies
@@ -124,7 +124,7 @@ class Run:
                 raise Stopped
             ahead = min([interval - done % interval, *(step - done for step in kept[:1])])
             simulation.advance(n_substeps=ahead)
-            require_nobody_outside(simulation)
+            require_none_escaped(simulation.scheme.info.name, int(simulation.escaped.sum()))
             done += ahead
 
     def merge(self, other: "Run") -> "Run":

@@ -17,9 +17,9 @@ from crowd_env.reproduce.pecol2011.theatre import (
     draws_remark,
     evacuate,
     mean_row,
-    place,
     raw_times,
     rows_with_rules,
+    theatre,
     unfinished_row,
 )
 from crowd_env.reproduce.result import Result, Row
@@ -133,4 +133,4 @@ def _draw(ruled: Egress, free: Egress, path: Path) -> Path:
     ]
     exercise = {name: float(values[0]) for name, values in PRINTED.items()}
     paper = {name: float(values[1]) for name, values in PRINTED.items()}
-    return theatre_table(path, place(), series, exercise, paper)
+    return theatre_table(path, theatre(), series, exercise, paper)
