@@ -55,7 +55,7 @@ class _LoadRecorder:
 
     def add(self, env: CrowdEnv, step: Step) -> None:
         for e, load in enumerate(self._load):
-            load.append(float(env.simulation.memory.crush[env.people(e)].sum()))
+            load.append(float(env.simulation.results.impulse_magnitude[env.people(e)].sum()))
 
     def record(self, env: CrowdEnv, e: int) -> list[float]:
         return list(self._load[e])

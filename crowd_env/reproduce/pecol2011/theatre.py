@@ -136,9 +136,9 @@ class _RulesRecorder:
         self._running = np.ones(env.num_envs, dtype=np.bool_)
 
     def add(self, env: CrowdEnv, step: Step) -> None:
-        state, memory = env.simulation.state, env.simulation.memory
-        self._ruled += env.decision_dt * (memory.rule_on & self._running[:, None])
-        self._turned |= state.active & (memory.followed != state.route)
+        state, history = env.simulation.state, env.simulation.history
+        self._ruled += env.decision_dt * (history.rule_on & self._running[:, None])
+        self._turned |= state.active & (history.followed != state.route)
         self._running = ~env.finished
 
     def record(self, env: CrowdEnv, e: int) -> tuple[Floats, int]:
