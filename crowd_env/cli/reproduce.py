@@ -64,12 +64,12 @@ def reproduce(
     options |= {"workers": workers, "fresh": fresh}
     with friendly_errors():
         given = {key: value for key, value in options.items() if value is not None and value is not False}
-        plan = _plan(name, given, out)
+        selection = _select(name, given, out)
     results: list[Result] = []
     stopped: str | None = None
     with friendly_errors():
         try:
-            for result in plan.results():
+            for result in selection.results():
                 paths = _write(result, out)
                 results.append(result)
                 if not as_json:
@@ -78,7 +78,7 @@ def reproduce(
         except Interrupted as error:
             stopped = str(error)
         except KeyboardInterrupt as error:
-            stopped = _kept(plan.names[len(results)], error, out)
+            stopped = _kept(selection.names[len(results)], error, out)
     if as_json and (results or stopped is None):
         typer.echo(json.dumps(as_object(name, results), allow_nan=False))
     if stopped is not None:
@@ -95,7 +95,7 @@ def _kept(name: str, error: KeyboardInterrupt, out: Path) -> str:
 
 
 @dataclass(frozen=True)
-class _Plan:
+class _Selection:
     """What is to be done, all of it checked."""
 
     parts: Sequence[tuple[Paper[Any], Mapping[str, Settings]]]  # papers, each with the settings of its chosen figures
@@ -125,7 +125,7 @@ class _Plan:
             return complete(runs, self.store, workers=self.workers, fresh=self.fresh, progress=progress)
 
 
-def _plan(name: str, given: Mapping[str, Any], out: Path) -> _Plan:
+def _select(name: str, given: Mapping[str, Any], out: Path) -> _Selection:
     """Return what is to be done.
 
     An option goes to all the chosen figures that take it.
@@ -148,7 +148,7 @@ def _plan(name: str, given: Mapping[str, Any], out: Path) -> _Plan:
     if workers < 1:
         raise ValueError(f"--workers is {workers}; it must be at least 1")
     check_folder("--out", out)
-    return _Plan(parts, Store(out / "runs"), workers, given.get("fresh", False))
+    return _Selection(parts, Store(out / "runs"), workers, given.get("fresh", False))
 
 
 def _owners(option: str) -> str:

@@ -1,4 +1,4 @@
-"""The colors of frames, films and figures, and the ramp from walking freely to being crushed."""
+"""The colors of frames, films and figures, and the ramp from no contact to a pressure that injures."""
 
 from collections.abc import Sequence
 
@@ -19,7 +19,7 @@ INK: Color = (43, 51, 60)
 QUIET: Color = (116, 123, 131)
 FAINT: Color = (221, 217, 209)
 
-# One color a curve: told apart in print and with color-blind eyes, and by none of them taken for a pressure.
+# One color a curve: they differ in print and to color-blind eyes, and none looks like a pressure.
 SERIES: tuple[Color, ...] = ((15, 118, 128), (137, 71, 145), (158, 122, 22), (74, 92, 160), (112, 112, 112))
 
 # "Pedestrians are injured if the sum of the magnitudes of the radial forces on them, divided by their circumference,

@@ -135,8 +135,8 @@ def test_a_still_shows_the_moment_of_most_pressure(tmp_path):
     pressure[18:23] = FULL_PRESSURE
     from dataclasses import replace
 
-    assert replace(film, pressure=pressure).most_telling_time() == pytest.approx(2.0, abs=0.11)
-    assert 0.0 < replace(film, pressure=0 * pressure).most_telling_time() < 4.0
+    assert replace(film, pressure=pressure).peak_time() == pytest.approx(2.0, abs=0.11)
+    assert 0.0 < replace(film, pressure=0 * pressure).peak_time() < 4.0
 
 
 def test_a_strip_shows_several_moments(tmp_path):

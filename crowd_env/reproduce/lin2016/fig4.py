@@ -23,7 +23,7 @@ TITLE = "Lin, Ma, Lo, Figure 4: 100 people at 1 m/s, by the strength A of the so
 PEOPLE, SPEED = 100, 1.0  # m/s
 STRENGTHS = (200.0, 300.0, 400.0, 500.0)  # N
 PRINTED = {200.0: "170", 300.0: "120"}  # s
-_SAID = "paper: barely differs from 300 N"
+_REMARK = "paper: barely differs from 300 N"
 
 
 def runs(settings: LinSettings) -> list[Run]:
@@ -37,7 +37,7 @@ def reproduce(settings: LinSettings, work: Work) -> Result:
     rows = []
     for strength, draws in found.items():
         paper = PRINTED.get(strength)
-        rows += clearance_rows(f"A = {strength:g} N", draws, paper, "" if paper else _SAID)
+        rows += clearance_rows(f"A = {strength:g} N", draws, paper, "" if paper else _REMARK)
     remarks = [*verdict(rows), *_plateau(found), *unfinished_remarks(found.values()), *settings.remarks()]
     raw = {"runs": raw_runs(found.values()), "exit-times": raw_exits(found.values())}
     return Result("lin-fig4", TITLE, rows, raw, partial(_draw, settings, found), remarks, settings.changed(), "s")

@@ -55,11 +55,11 @@ def _near_moment(run: Run, time: float) -> bool:
 
 
 def _draw(settings: LinSettings, run: Run, record: Record, path: Path) -> Path:
-    from crowd_env.reproduce.lin2016.figures.room import Moment, snapshots
+    from crowd_env.reproduce.lin2016.figures.room import RoomPanel, snapshots
 
     geometry = run.scenario().geometry
     moments = [
-        Moment(
+        RoomPanel(
             f"{letter}. t = {s.time:g} s, {len(s.x)} inside",
             np.column_stack([s.x, s.y]),
             np.array(s.radius),

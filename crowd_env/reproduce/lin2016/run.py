@@ -54,7 +54,7 @@ class Run:
     dt: float = 1e-3  # s
     time_limit: float = 1000.0  # s
     blocked_after: float = 120.0  # s    without anyone getting out
-    moments: tuple[float, ...] = field(default=(), compare=False)  # s    when everyone's place is kept
+    moments: tuple[float, ...] = field(default=(), compare=False)  # s    when positions are kept
 
     def scenario(self) -> Scenario:
         """Return the room and its people."""
@@ -198,5 +198,5 @@ def _snapshot(simulation: Simulation, time: float) -> Snapshot:
 
 @lru_cache(maxsize=8)
 def _field(target: Target, exit_depth: float) -> NavigationField:
-    """Return the way to the exit, which is the same for all sizes of the crowd."""
+    """Return the travel times to the exit, which do not depend on the size of the crowd."""
     return Run(1, 1.0, target=target, exit_depth=exit_depth).scenario().field()

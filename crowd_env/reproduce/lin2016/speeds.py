@@ -51,8 +51,8 @@ class BySpeed:
         found = {speed: sample(work.records, settings.draws(self.people, speed)) for speed in self.speeds}
         rows = []
         for speed, draws in found.items():
-            said = "paper: blocked" if speed >= PAPER_BLOCKED else ""
-            rows += clearance_rows(f"{speed:.1f} m/s", draws, self.printed.get(speed), said)
+            remark = "paper: blocked" if speed >= PAPER_BLOCKED else ""
+            rows += clearance_rows(f"{speed:.1f} m/s", draws, self.printed.get(speed), remark)
         if self.printed_mean is not None:
             rows.append(self._mean(found, self.printed_mean))
         remarks = [*verdict(rows), *states(found), *unfinished_remarks(found.values()), *settings.remarks()]

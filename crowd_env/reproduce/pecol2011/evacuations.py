@@ -107,7 +107,7 @@ def raw_times(settings: PecolSettings, results: list[Evacuations]) -> RawTable:
 
 
 def _exits(scheme: str, seed: int, times: Floats) -> list[tuple[object, ...]]:
-    return [(scheme, seed, place + 1, "" if np.isnan(time) else f"{time:.6f}") for place, time in enumerate(times)]
+    return [(scheme, seed, k + 1, "" if np.isnan(time) else f"{time:.6f}") for k, time in enumerate(times)]
 
 
 def room_remarks(settings: PecolSettings, results: list[Evacuations]) -> list[str]:

@@ -157,7 +157,7 @@ def _draw(drawn: Sequence[Meeting], measured: Sequence[Sequence[float | None]], 
     form = np.array([recoil_distance(SPEED, SPEED, tau) for tau in fine])
     points = np.array(measured, dtype=np.float64)
     labels = ("NSM2, $K_N \\to \\infty$", "DEM, $k = 1.2\\times10^5$ N/m")
-    touch = int(np.argmax(drawn[0].touching)) - 1  # the same for all: until then they walk at their desired speed
+    touch = int(np.argmax(drawn[0].touching)) - 1  # the same for every tau: until then they walk at their desired speed
     return meetings(
         path,
         TAUS,

@@ -186,7 +186,7 @@ def _draw(path: Path, traces: Sequence[Sequence[Instant]]) -> Path:
     panels = []
     for panel in "abcd":
         k = next(k for k, case in enumerate(CASES) if case.panel == panel)
-        places = [(at.x, at.y) for at in traces[k][:_DRAWN]]
+        positions = [(at.x, at.y) for at in traces[k][:_DRAWN]]
         title = f"{panel}. {CASES[k].title}"
-        panels.append((title, places, phases(traces[k])[:_DRAWN], avoided(traces[k]) if panel == "b" else None))
+        panels.append((title, positions, phases(traces[k])[:_DRAWN], avoided(traces[k]) if panel == "b" else None))
     return collisions(path, panels, RADIUS)

@@ -1,4 +1,4 @@
-"""Figure 6: egress curves of the movie theatre, on a synthetic plan; of the exercise's only what Table 7 tells."""
+"""Figure 6: egress curves of the movie theatre, on a synthetic plan; of the exercise only what Table 7 prints."""
 
 from functools import partial
 from pathlib import Path

@@ -108,8 +108,8 @@ def _effect(changes: Sequence[Row]) -> list[str]:
     for row in changes:
         assert row.ci95 is not None and row.here is not None
         name, (low, high) = row.quantity.partition(":")[0], row.ci95
-        told = f"{name} {row.here:+.2f} {row.unit} ({low:+.2f} to {high:+.2f})"
-        (still if low <= 0.0 <= high else moved).append(told)
+        change = f"{name} {row.here:+.2f} {row.unit} ({low:+.2f} to {high:+.2f})"
+        (still if low <= 0.0 <= high else moved).append(change)
     text = "The control rules change (mean of the draws, 95 % interval): " + ("; ".join(moved) or "nothing") + "."
     if still:
         text += " No difference is told from zero in " + "; ".join(still) + "."

@@ -28,7 +28,7 @@ class Series(NamedTuple):
 
 
 class EgressPanel(NamedTuple):
-    """People who left by one way."""
+    """People who left by one route."""
 
     title: str
     times: Floats  # (R, N) s, nan for those who did not leave by it
@@ -143,12 +143,12 @@ def _times(
 
     quiet_axes(axes, "", "time [s]", grid=True)
     colors = [hex_of(SERIES[3]), hex_of(SERIES[2])]
-    rng = np.random.default_rng(0)  # for the places of the points sideways
+    rng = np.random.default_rng(0)  # for the offsets of the points sideways
     for x, name in enumerate(exercise):
         for one, color, aside in zip(series, colors, (-0.12, 0.14), strict=True):
             values = one.values[name][np.isfinite(one.values[name])]
-            places = x + aside + rng.uniform(-0.07, 0.07, len(values))
-            axes.plot(places, values, ".", color=color, alpha=0.3, ms=4.5, mew=0, zorder=2)
+            columns = x + aside + rng.uniform(-0.07, 0.07, len(values))
+            axes.plot(columns, values, ".", color=color, alpha=0.3, ms=4.5, mew=0, zorder=2)
             if len(values):
                 axes.plot(x + aside, values.mean(), "o", color=color, mec="white", mew=1.0, ms=8, zorder=4)
         axes.plot(x - 0.32, exercise[name], "D", color="black", ms=7, zorder=5)
