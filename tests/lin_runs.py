@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from crowd_env.reproduce.lin2016 import store as lin_store
-from crowd_env.reproduce.lin2016.run import Record
+from crowd_env.reproduce.lin2016.record import Record, Snapshot
 
 
 def invented(run):
@@ -17,4 +16,4 @@ def invented(run):
         (moment, *(((5.0,) * int((times > moment).sum()),) * 2), *(((0.3,) * int((times > moment).sum()),) * 2))
         for moment in run.moments
     )
-    return Record(tuple(times.tolist()), 0, None, tuple(lin_store.Snapshot(*moment) for moment in moments))
+    return Record(tuple(times.tolist()), 0, None, tuple(Snapshot(*moment) for moment in moments))

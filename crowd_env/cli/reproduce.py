@@ -1,136 +1,56 @@
 """The command ``crowd-env reproduce``."""
 
 import json
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from crowd_env.cli.paper_options import takes_settings
 from crowd_env.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
-from crowd_env.physics import SCHEMES
-from crowd_env.reproduce import LIN, PECOL, REPRODUCTIONS, LinSettings, Reproduction, Result, Settings, find
-from crowd_env.reproduce.lin2016.settings import check
-from crowd_env.reproduce.lin2016.store import Store
-from crowd_env.reproduce.pecol2011.settings import flag
+from crowd_env.reproduce import FIGURES, PAPERS, Figure, Paper, Result, Settings, Work, find
 from crowd_env.reproduce.pool import Interrupted, all_cores, complete, distinct
 from crowd_env.reproduce.report import as_object, show, show_names
 from crowd_env.reproduce.result import Halfway, write_table
+from crowd_env.reproduce.settings import flag
+from crowd_env.reproduce.store import Store
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
-_ROOM = "Room of fig3 and table5"
-_LIN = "Lin, Ma, Lo"
+_KEPT = "Runs that are kept and shared by figures"
 
 
 @app.command()
+@takes_settings(PAPERS)
 def reproduce(
     name: Annotated[
         str,
         typer.Argument(
             metavar="NAME",
-            help=", ".join(REPRODUCTIONS) + "; those of one paper: pecol, lin; both: all; what they are: list.",
+            help=f"{', '.join(FIGURES)}; those of one paper: {', '.join(PAPERS)}; of every paper: all; what they are: list.",
         ),
     ],
-    runs: Annotated[
-        int | None,
-        typer.Option(
-            help="Draws of fig3 and table5, default 50; of table7 and fig6, default 100; of each point of lin-*, default 10."
-        ),
-    ] = None,
-    seed: Annotated[int | None, typer.Option(help="Draw k has the seed SEED + k; default 0.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
-    out: Annotated[Path, typer.Option(help="Folder for the CSV files, the figure and, of lin-*, the runs.")] = Path(
-        "reproduce"
-    ),
-    dt: Annotated[float | None, typer.Option(help="Time step, s; default 0.01, lin-* 0.001.")] = None,
-    target: Annotated[
-        str | None,
-        typer.Option(
-            help="What people walk to: path (shortest path of a disc, default of fig3 and table5), or straight to the "
-            "center of the door (default of lin-*), its nearest point that keeps off the jambs (nearest), or the nearest "
-            "point of its whole width."
-        ),
-    ] = None,
-    scheme: Annotated[
-        str | None,
-        typer.Option(
-            help="Scheme that fig3 draws: " + ", ".join(SCHEMES) + "; default nsm2-printed.", rich_help_panel=_ROOM
-        ),
-    ] = None,
-    door_width: Annotated[float | None, typer.Option(help="m; default 0.82.", rich_help_panel=_ROOM)] = None,
-    side: Annotated[float | None, typer.Option(help="Of the square room, m; default 5.", rich_help_panel=_ROOM)] = None,
-    n: Annotated[int | None, typer.Option(help="Number of people; default 20.", rich_help_panel=_ROOM)] = None,
-    exit_line: Annotated[
-        float | None,
-        typer.Option(
-            help="How far beyond the door people are counted and removed, m; default 0.", rich_help_panel=_ROOM
-        ),
-    ] = None,
-    stiffness: Annotated[
-        float | None, typer.Option(help="k of dem, N/m; default 1.2e5.", rich_help_panel=_ROOM)
-    ] = None,
-    k_normal: Annotated[
-        float | None, typer.Option(help="K_N of nsm2-printed, kg; default 1e5.", rich_help_panel=_ROOM)
-    ] = None,
-    k_tangent: Annotated[
-        float | None, typer.Option(help="K_T of nsm2-printed, kg; default 0.", rich_help_panel=_ROOM)
-    ] = None,
-    preset: Annotated[
-        str | None,
-        typer.Option(
-            help="calibrated (default): friction and social force of walls, which the paper leaves open, fitted to its "
-            "Figure 7; literal: its text as printed.",
-            rich_help_panel=_LIN,
-        ),
-    ] = None,
-    wall_friction: Annotated[
-        float | None,
-        typer.Option(help="Friction of people on walls; calibrated 0.1, literal 0.5.", rich_help_panel=_LIN),
-    ] = None,
-    wall_social: Annotated[
-        float | None,
-        typer.Option(
-            help="Social force of walls at zero distance, N; calibrated 300, literal 0.", rich_help_panel=_LIN
-        ),
-    ] = None,
-    anisotropy: Annotated[
-        float | None, typer.Option(help="phi of the social force; default 0.3.", rich_help_panel=_LIN)
-    ] = None,
-    no_rotation: Annotated[
-        bool, typer.Option("--no-rotation", help="Nobody turns (lin-fig5 compares both).", rich_help_panel=_LIN)
-    ] = False,
-    damping: Annotated[
-        str | None,
-        typer.Option(
-            help="Reading of gamma = 0.8: per-length (1/(m s), default), rate (1/s) or critical (share of the critical "
-            "damping).",
-            rich_help_panel=_LIN,
-        ),
-    ] = None,
-    exit_depth: Annotated[
-        float | None,
-        typer.Option(help="How far behind the wall people count as out, m; default 0.", rich_help_panel=_LIN),
-    ] = None,
-    cutoff: Annotated[
-        float | None,
-        typer.Option(help="Distance beyond which there is no social force, m; default 0.4.", rich_help_panel=_LIN),
-    ] = None,
+    out: Annotated[
+        Path, typer.Option(help="Folder for the CSV files, the figure and, in its folder runs, the runs that are kept.")
+    ] = Path("reproduce"),
     workers: Annotated[
         int | None,
-        typer.Option(help="Processes; default one a core. Results do not depend on it.", rich_help_panel=_LIN),
+        typer.Option(help="Processes; default one a core. Results do not depend on it.", rich_help_panel=_KEPT),
     ] = None,
     fresh: Annotated[
         bool,
-        typer.Option("--fresh", help="Compute all runs again instead of taking those kept.", rich_help_panel=_LIN),
+        typer.Option("--fresh", help="Compute all runs again instead of taking those kept.", rich_help_panel=_KEPT),
     ] = False,
+    **options: Any,
 ) -> None:
-    """Redo a table or figure of Pécol et al. 2011, or of Lin, Ma, Lo, and print the paper's numbers beside ours.
+    """Redo a table or figure of a paper, Pécol et al. 2011 or Lin, Ma, Lo, and print its numbers beside ours.
 
     Writes NAME.csv, the numbers behind it and NAME.png into the folder --out.
 
-    Runs of lin-* are kept in the folder runs inside it: after an interruption, or for another figure, they are there.
+    Runs that figures share (lin-*) are kept in the folder runs inside it, also after an interruption.
 
     Examples: crowd-env reproduce table3
 
@@ -141,72 +61,74 @@ def reproduce(
     if name == "list":
         show_names(as_json)
         return
-    asked = locals()
-    given = {key: asked[key] for key in _OPTIONS if asked[key] is not None and asked[key] is not False}
+    options |= {"workers": workers, "fresh": fresh}
     with friendly_errors():
-        work = _plan(name, given, out)
-    told: list[Result] = []
+        given = {key: value for key, value in options.items() if value is not None and value is not False}
+        selection = _select(name, given, out)
+    results: list[Result] = []
     stopped: str | None = None
     with friendly_errors():
         try:
-            for result in work.results():
+            for result in selection.results():
                 paths = _write(result, out)
-                told.append(result)
+                results.append(result)
                 if not as_json:
                     show(result)
                 notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
         except Interrupted as error:
             stopped = str(error)
         except KeyboardInterrupt as error:
-            stopped = _kept(list(work.chosen)[len(told)], error, out)
-    if as_json and (told or stopped is None):
-        typer.echo(json.dumps(as_object(name, told), allow_nan=False))
+            stopped = _kept(selection.names[len(results)], error, out)
+    if as_json and (results or stopped is None):
+        typer.echo(json.dumps(as_object(name, results), allow_nan=False))
     if stopped is not None:
-        done = ", ".join(result.name for result in told)
+        done = ", ".join(result.name for result in results)
         interrupted(stopped + (f"; whole: {done}" if done else ""))
 
 
 def _kept(name: str, error: KeyboardInterrupt, out: Path) -> str:
-    """Write what an interruption has left of a table or figure, and say it."""
+    """Write what an interruption has left of a table or figure, and return a sentence about it."""
     if not isinstance(error, Halfway) or not error.runs:
         return f"{name} is not finished"
     path = write_table(out / f"{name}-interrupted.csv", error.finished)
     return f"{counted(error.runs, 'run', 'runs')} of {name} were finished, their exits are in {path}"
 
 
-_OPTIONS = tuple({option: None for each in REPRODUCTIONS.values() for option in sorted(each.options)})
-
-
 @dataclass(frozen=True)
-class _Work:
+class _Selection:
     """What is to be done, all of it checked."""
 
-    chosen: Collection[str]
-    settings: Mapping[str, Settings]
-    lin_settings: LinSettings
+    parts: Sequence[tuple[Paper[Any], Mapping[str, Settings]]]  # papers, each with the settings of its chosen figures
     store: Store
     workers: int
     fresh: bool
 
+    @property
+    def names(self) -> list[str]:
+        """The chosen figures, in the order of the results."""
+        return [name for _, settings in self.parts for name in settings]
+
     def results(self) -> Iterator[Result]:
         """Yield one result after the other."""
-        for name in self.chosen:
-            if name in PECOL:
-                yield _run(name, PECOL[name], self.settings[name])
-        figures = [LIN[name] for name in self.chosen if name in LIN]
-        if not figures:
-            return
-        runs = distinct(run for figure in figures for run in figure.runs(self.lin_settings))
-        with progress_bar("runs", len(runs)) as progress:
-            records = complete(runs, self.store, workers=self.workers, fresh=self.fresh, progress=progress)
-        for figure in figures:
-            yield figure.tell(self.lin_settings, records)
+        for paper, settings in self.parts:
+            figures = {name: paper.figures[name] for name in settings}
+            made_of = {name: figure.runs(settings[name]) for name, figure in figures.items() if figure.runs is not None}
+            records = self._records([run for runs in made_of.values() for run in runs])
+            for name, figure in figures.items():
+                yield _run(name, figure, settings[name], records)
+
+    def _records(self, runs: list[Any]) -> Mapping[Any, Any]:
+        """Return what comes of runs, each computed once, or taken from the folder."""
+        if not runs:
+            return {}
+        with progress_bar("runs", len(distinct(runs))) as progress:
+            return complete(runs, self.store, workers=self.workers, fresh=self.fresh, progress=progress)
 
 
-def _plan(name: str, given: Mapping[str, Any], out: Path) -> _Work:
+def _select(name: str, given: Mapping[str, Any], out: Path) -> _Selection:
     """Return what is to be done.
 
-    An option goes to all the chosen that take it.
+    An option goes to all the chosen figures that take it.
 
     Raises
     ------
@@ -215,43 +137,37 @@ def _plan(name: str, given: Mapping[str, Any], out: Path) -> _Work:
     """
     chosen = find(name)
     for option in given:
-        if not any(option in each.options for each in chosen.values()):
+        if not any(FIGURES[figure].takes(option) for figures in chosen.values() for figure in figures):
             raise ValueError(f"{flag(option)} belongs to {_owners(option)}; {name} has no use for it")
-    pecol, lin = [name for name in chosen if name in PECOL], [name for name in chosen if name in LIN]
-    meant = _meant_for(pecol, given, Settings)
-    settings = {key: Settings(**{"runs": PECOL[key].runs, **meant}) for key in pecol}
-    schemes = [s for key in pecol if (of := PECOL[key].schemes) is not None for s in of(settings[key])]
-    if schemes:
-        Settings(**meant).check(dict.fromkeys(schemes))
-    lin_settings = LinSettings(**_meant_for(lin, given, LinSettings))
-    check(run for key in lin for run in LIN[key].runs(lin_settings))
+    parts = []
+    for key, figures in chosen.items():
+        settings = {figure: PAPERS[key].settings_of(figure, given) for figure in figures}
+        PAPERS[key].check(settings)
+        parts.append((PAPERS[key], settings))
     workers = given.get("workers", all_cores())
     if workers < 1:
         raise ValueError(f"--workers is {workers}; it must be at least 1")
     check_folder("--out", out)
-    return _Work(list(chosen), settings, lin_settings, Store(out / "runs"), workers, given.get("fresh", False))
-
-
-def _meant_for(
-    names: Collection[str], given: Mapping[str, Any], kind: type[Settings] | type[LinSettings]
-) -> dict[str, Any]:
-    taken = {option for name in names for option in REPRODUCTIONS[name].options} & {f.name for f in fields(kind)}
-    return {option: value for option, value in given.items() if option in taken}
+    return _Selection(parts, Store(out / "runs"), workers, given.get("fresh", False))
 
 
 def _owners(option: str) -> str:
-    """Return in words who takes an option."""
-    owners = [name for name in PECOL if option in PECOL[name].options]
-    lin = [name for name in LIN if option in LIN[name].options]
-    without = [name for name in LIN if name not in lin]
-    if lin:
-        owners.append("lin" + (f" (all but {', '.join(without)})" if without else ""))
+    """Return in words which figures take an option: "table5 and lin (all but lin-fig5)"."""
+    owners = []
+    for key, paper in PAPERS.items():
+        takers = [name for name, figure in paper.figures.items() if figure.takes(option)]
+        others = [name for name in paper.figures if name not in takers]
+        if len(takers) > len(others):
+            owners.append(key + (f" (all but {', '.join(others)})" if others else ""))
+        else:
+            owners += takers
     return " and ".join([", ".join(owners[:-1]), owners[-1]] if owners[:-1] else owners)
 
 
-def _run(name: str, reproduction: Reproduction, settings: Settings) -> Result:
-    with progress_bar(name, reproduction.steps(settings)) as progress:
-        return reproduction.run(settings, progress)
+def _run(name: str, figure: Figure[Any], settings: Settings, records: Mapping[Any, Any]) -> Result:
+    steps = 0 if figure.steps is None else figure.steps(settings)
+    with progress_bar(name, steps) as progress:
+        return figure.reproduce(settings, Work(progress, records))
 
 
 def _write(result: Result, out: Path) -> list[Path]:

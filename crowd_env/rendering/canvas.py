@@ -1,4 +1,8 @@
-"""What the figures of the papers share: paper, quiet axes, shades, and a file that appears whole or not at all."""
+"""What all figures share: a sheet, quiet axes, shades, and a file that appears whole or not at all.
+
+Figures are made of matplotlib's objects without ``pyplot``: no backend is chosen, no global setting is changed and nothing
+stays open.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -7,7 +11,7 @@ import numpy as np
 
 from crowd_env.files.atomic import check_suffix, written
 from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.palette import INK, QUIET, Color
+from crowd_env.rendering.palette import FLOOR, INK, QUIET, Color
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,8 +21,10 @@ _DPI = 160
 _LIGHT, _DARK = np.array([142, 203, 205]), np.array([8, 52, 66])  # teal
 
 
-def new_figure(size: tuple[float, float]) -> "Figure":
-    """Return an empty figure of ``size`` inches that belongs to no window.
+def new_figure(
+    size: tuple[float, float], *, dpi: float = _DPI, background: Color = FLOOR, constrained: bool = True
+) -> "Figure":
+    """Return an empty figure of ``size`` inches that belongs to no window; its axes are spread out if ``constrained``.
 
     Raises
     ------
@@ -28,8 +34,9 @@ def new_figure(size: tuple[float, float]) -> "Figure":
     with drawing_library():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
-    figure = Figure(figsize=size, dpi=_DPI, facecolor="white", layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)  # type: ignore[union-attr,call-arg]
+    figure = Figure(figsize=size, dpi=dpi, facecolor=hex_of(background))
+    if constrained:
+        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.08)
     FigureCanvasAgg(figure)
     return figure
 
@@ -53,7 +60,7 @@ def save_figure(figure: "Figure", path: str | Path) -> Path:
     """Write ``figure`` to ``path``, which ends in .png, and return it."""
     path = check_suffix(path, (".png",))
     with written(path) as part:
-        figure.savefig(part, format="png", dpi=_DPI)
+        figure.savefig(part, format="png", dpi="figure")
     return path
 
 

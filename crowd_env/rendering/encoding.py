@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,13 @@ from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import RAMP
 from crowd_env.rendering.text import Image
 
-_BITS = 5  # of each of red, green and blue, that decide the place in the palette
+if TYPE_CHECKING:
+    import PIL.Image
+
+_FLAT = 32  # colors of a film that are kept as they are
+# Pillow looks the nearest color up for cells of 4 levels a channel, by a corner of the cell: a color that is kept loses to
+# none that differs by so much in one channel.
+_APART = 9
 
 
 def write_png(path: Path, image: Image) -> Path:
@@ -51,13 +58,10 @@ def write_gif(path: Path, frames: Iterable[Image], step: float, sample: Sequence
     """
     with drawing_library():
         import PIL.Image
-    palette, nearest = _palette(sample)
-    colors = palette.tobytes()
+    palette = _palette(sample)
 
     def indexed(frame: Image) -> PIL.Image.Image:
-        image = PIL.Image.fromarray(nearest[_reduced(frame)])
-        image.putpalette(colors)
-        return image
+        return PIL.Image.fromarray(frame).quantize(palette=palette, dither=PIL.Image.Dither.NONE)
 
     frames = iter(frames)
     first = indexed(next(frames))
@@ -75,36 +79,22 @@ def write_gif(path: Path, frames: Iterable[Image], step: float, sample: Sequence
     return path
 
 
-def _palette(
-    sample: Sequence[Image], *, flat: int = 32, size: int = 192
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return colors (size, 3) for the images and, for every reduced color, which of them is nearest.
+def _palette(sample: Sequence[Image]) -> "PIL.Image.Image":
+    """Return an image with a palette for the images.
 
-    The ``flat`` commonest colors and the ramp of pressures are kept as they are; the others, of edges and letters, are
-    merged by median cut.
+    The commonest colors and the ramp of pressures are kept as they are; all others, of edges and letters, are merged by
+    median cut.
     """
     with drawing_library():
         import PIL.Image
-    packed = np.concatenate([image.reshape(-1, 3).astype(np.int32) @ (65536, 256, 1) for image in sample])
-    value, count = np.unique(packed, return_counts=True)
-    color = np.stack([value >> 16, value >> 8 & 255, value & 255], axis=1).astype(np.uint8)
-    order = np.argsort(-count, kind="stable")
-    kept, rest = np.concatenate([color[order[:flat]], RAMP[::8]]), order[flat:]
-    if len(rest):
-        weight = np.ceil(np.sqrt(count[rest])).astype(int)  # rare colors count too
-        line = PIL.Image.fromarray(np.repeat(color[rest], weight, axis=0)[None])
-        merged = line.quantize(size - len(kept), method=PIL.Image.Quantize.MEDIANCUT).getpalette() or []
-        kept = np.concatenate([kept, np.array(merged, dtype=np.uint8).reshape(-1, 3)[: size - len(kept)]])
-    steps = np.arange(2**_BITS) * 2.0 ** (8 - _BITS) + 2.0 ** (7 - _BITS) - 0.5
-    middle = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    middle[_reduced(color[order[::-1]])] = color[order[::-1]]  # the commonest color stands for its neighbors
-    apart = (
-        (middle**2).sum(axis=1)[:, None] - 2.0 * middle @ kept.T.astype(float) + (kept.astype(float) ** 2).sum(axis=1)
-    )
-    return kept, np.argmin(apart, axis=1).astype(np.uint8)
-
-
-def _reduced(colors: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Return the number (...) that the upper bits of ``colors`` (..., 3) make."""
-    high = (colors >> (8 - _BITS)).astype(np.int32)
-    return np.asarray(high[..., 0] << 2 * _BITS | high[..., 1] << _BITS | high[..., 2])
+    line = PIL.Image.fromarray(np.concatenate([image.reshape(1, -1, 3) for image in sample], axis=1))
+    counted: Any = line.getcolors(line.width)
+    commonest = [color for _, color in sorted(counted, reverse=True)[:_FLAT]]
+    merged = line.quantize(256, method=PIL.Image.Quantize.MEDIANCUT).getpalette() or []
+    kept: list[NDArray[np.int64]] = []
+    for color in np.concatenate([commonest, RAMP[::8], np.reshape(merged, (-1, 3))]).astype(np.int64):
+        if all(np.abs(color - other).max() >= _APART for other in kept):
+            kept.append(color)
+    palette = PIL.Image.new("P", (1, 1))
+    palette.putpalette(np.ravel(kept[:256]).tolist())
+    return palette

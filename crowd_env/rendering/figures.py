@@ -1,8 +1,4 @@
-"""Figures of results: egress curves, learning curves, and simulated beside recorded; one quiet style for all.
-
-They are made of matplotlib's objects without ``pyplot``: no backend is chosen, no global setting is changed and nothing
-stays open.
-"""
+"""Figures of results: egress curves, learning curves, and simulated beside recorded; one quiet style for all."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -11,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.files.atomic import check_suffix, written
-from crowd_env.rendering.libraries import drawing_library
+from crowd_env.files.atomic import check_suffix
+from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure
 from crowd_env.rendering.palette import INK, QUIET, SERIES, Color
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _SIZE = (6.4, 4.0)  # inch
 _DPI = 150
@@ -42,13 +39,13 @@ def egress_curves(path: str | Path, curves: Mapping[str, Iterable[ArrayLike]], *
     runs = {label: _exit_times(label, times) for label, times in curves.items()}
     if not runs:
         raise ValueError("egress curves need at least one label with evacuations")
-    axes = _axes(title, "time [s]", "people inside")
+    figure, axes = _axes(title, "time [s]", "people inside")
     end = 1.03 * max(_last(times) for times in runs.values())
     for k, (label, times) in enumerate(runs.items()):
         _draw_egress(axes, times, end, SERIES[k % len(SERIES)])
         _name_curve(axes, k, _egress_label(label, times), SERIES[k % len(SERIES)])
     _frame_egress(axes, end, max(len(run) for times in runs.values() for run in times))
-    return _save(axes, path)
+    return save_figure(figure, path)
 
 
 def egress_comparison(
@@ -75,14 +72,14 @@ def egress_comparison(
     """
     path = check_suffix(path, (".png",))
     times, real = _exit_times(simulated_label, simulated), [np.sort(np.asarray(recorded, dtype=np.float64))]
-    axes = _axes(title, "time [s]", "people inside")
+    figure, axes = _axes(title, "time [s]", "people inside")
     end = 1.03 * max(_last(times), _last(real))
     _draw_egress(axes, times, end, SERIES[0])
-    axes.step(*_steps(real[0], end), where="post", color=_hex(INK), linewidth=2.2, zorder=4)
+    axes.step(*_steps(real[0], end), where="post", color=hex_of(INK), linewidth=2.2, zorder=4)
     _name_curve(axes, 0, recorded_label, INK)
     _name_curve(axes, 1, _egress_label(simulated_label, times), SERIES[0])
     _frame_egress(axes, end, max(len(run) for run in [*times, *real]))
-    return _save(axes, path)
+    return save_figure(figure, path)
 
 
 def learning_curve(
@@ -118,7 +115,7 @@ def learning_curve(
     for label, error in (errors or {}).items():
         if label not in series or np.shape(error) != at.shape:
             raise ValueError(f"errors of {label!r} have shape {np.shape(error)}; they must be ({len(at)},) of a series")
-    axes = _axes(title, xlabel, ylabel)
+    figure, axes = _axes(title, xlabel, ylabel)
     labels: list[tuple[float, str, Color]] = []
     for k, (label, values) in enumerate(series.items()):
         runs, color = np.atleast_2d(np.asarray(values, dtype=np.float64)), SERIES[k % len(SERIES)]
@@ -126,20 +123,20 @@ def learning_curve(
             raise ValueError(f"series {label!r} has shape {np.shape(values)}; its last axis must have {len(at)} values")
         mean = runs.mean(axis=0)
         if len(runs) > 1:
-            axes.fill_between(at, runs.min(axis=0), runs.max(axis=0), color=_hex(color), alpha=0.15, linewidth=0)
+            axes.fill_between(at, runs.min(axis=0), runs.max(axis=0), color=hex_of(color), alpha=0.15, linewidth=0)
         if errors and label in errors:
             error = np.asarray(errors[label], dtype=np.float64)
-            axes.fill_between(at, mean - error, mean + error, color=_hex(color), alpha=0.25, linewidth=0)
-        axes.plot(at, mean, color=_hex(color), linewidth=2.0, marker="o" if len(at) < 2 else None)
+            axes.fill_between(at, mean - error, mean + error, color=hex_of(color), alpha=0.25, linewidth=0)
+        axes.plot(at, mean, color=hex_of(color), linewidth=2.0, marker="o" if len(at) < 2 else None)
         known = mean[np.isfinite(mean)]
         labels.append((float(known[-1]) if len(known) else np.nan, label, color))
     for label, value in (reference or {}).items():
-        axes.axhline(value, color=_hex(QUIET), linewidth=1.2, dashes=(4, 3), zorder=1)
+        axes.axhline(value, color=hex_of(QUIET), linewidth=1.2, dashes=(4, 3), zorder=1)
         labels.append((value, f"{label} {value:.3g}", QUIET))
     axes.margins(x=0.0)
     axes.ticklabel_format(axis="x", style="sci", scilimits=(-3, 5), useMathText=True)
     _name_at_right(axes, [entry for entry in labels if np.isfinite(entry[0])])
-    return _save(axes, path)
+    return save_figure(figure, path)
 
 
 def _exit_times(label: str, curves: Iterable[ArrayLike]) -> list[Floats]:
@@ -164,13 +161,13 @@ def _steps(times: Floats, end: float) -> tuple[Floats, Floats]:
 def _draw_egress(axes: "Axes", runs: Sequence[Floats], end: float, color: Color) -> None:
     for times in runs:
         faint = float(np.clip(3.0 / len(runs), 0.08, 0.35))
-        axes.step(*_steps(times, end), where="post", color=_hex(color), alpha=faint, linewidth=0.9)
+        axes.step(*_steps(times, end), where="post", color=hex_of(color), alpha=faint, linewidth=0.9)
     if len(runs) > 1:
         grid = np.linspace(0.0, end, 600)
         mean = np.mean([len(times) - np.searchsorted(times, grid, side="right") for times in runs], axis=0)
-        axes.plot(grid, mean, color=_hex(color), linewidth=2.2, zorder=3)
+        axes.plot(grid, mean, color=hex_of(color), linewidth=2.2, zorder=3)
     else:
-        axes.step(*_steps(runs[0], end), where="post", color=_hex(color), linewidth=2.2, zorder=3)
+        axes.step(*_steps(runs[0], end), where="post", color=hex_of(color), linewidth=2.2, zorder=3)
 
 
 def _egress_label(label: str, runs: Sequence[Floats]) -> str:
@@ -191,26 +188,12 @@ def _frame_egress(axes: "Axes", end: float, people: int) -> None:
     axes.locator_params(axis="y", integer=True)
 
 
-def _axes(title: str, xlabel: str, ylabel: str) -> "Axes":
-    with drawing_library():
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    figure = Figure(figsize=_SIZE, dpi=_DPI, facecolor="white", layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # type: ignore[union-attr,call-arg]
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color("#c9c6bf")
-    axes.tick_params(colors=_hex(QUIET), labelsize=9, length=3)
-    axes.grid(axis="y", color="#eeece7", linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.set_xlabel(xlabel, color=_hex(INK), fontsize=10)
-    axes.set_ylabel(ylabel, color=_hex(INK), fontsize=10)
+def _axes(title: str, xlabel: str, ylabel: str) -> "tuple[Figure, Axes]":
+    figure = new_figure(_SIZE, dpi=_DPI)
+    axes = quiet_axes(figure.add_subplot(), xlabel, ylabel, grid=True)
     if title:
-        axes.set_title(title, loc="left", color=_hex(INK), fontsize=11.5, fontweight="bold", pad=10)
-    return axes
+        axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11.5, fontweight="bold", pad=10)
+    return figure, axes
 
 
 def _name_curve(axes: "Axes", row: int, text: str, color: Color) -> None:
@@ -220,7 +203,7 @@ def _name_curve(axes: "Axes", row: int, text: str, color: Color) -> None:
         0.95 - 0.068 * row,
         text,
         transform=axes.transAxes,
-        color=_hex(color),
+        color=hex_of(color),
         fontsize=9.5,
         fontweight="bold",
         ha="right",
@@ -234,30 +217,18 @@ def _name_at_right(axes: "Axes", labels: Sequence[tuple[float, str, Color]]) -> 
     """Write each label beside the end of its line, moved apart where two would overlap."""
     low, high = axes.get_ylim()
     gap = 0.055 * (high - low)
-    place = -np.inf
+    height = -np.inf
     for value, text, color in sorted(labels):
-        place = max(value, place + gap)
+        height = max(value, height + gap)
         axes.annotate(
             text,
-            (1.0, place),
+            (1.0, height),
             xycoords=("axes fraction", "data"),
             xytext=(6, 0),
             textcoords="offset points",
-            color=_hex(color),
+            color=hex_of(color),
             fontsize=9.5,
             fontweight="bold",
             va="center",
             annotation_clip=False,
         )
-
-
-def _save(axes: "Axes", path: Path) -> Path:
-    figure = axes.get_figure()
-    assert figure is not None
-    with written(path) as part:
-        figure.savefig(part, format="png", dpi=_DPI)  # type: ignore[union-attr]
-    return path
-
-
-def _hex(color: Color) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*color)

@@ -31,7 +31,7 @@ def write_film(
 
     Parameters
     ----------
-    path : ends in .gif, .mp4, or .png (then only its most telling moment is written).
+    path : ends in .gif, .mp4, or .png (then only the moment of most pressure is written).
     fps : frames per second; a GIF counts in hundredths of a second, so that 30 becomes 33.3.
     width : px of the whole film; default 480 an evacuation, at most 1280.
     max_seconds : s of the evacuations to show; default all.
@@ -75,7 +75,7 @@ def write_still(
     path = check_suffix(path, (".png",))
     films = _several(recordings)
     end = max(film.end for film in films)
-    return write_png(path, _Stage(films, width, end).frame(films[0].most_telling_time() if time is None else time))
+    return write_png(path, _Stage(films, width, end).frame(films[0].peak_time() if time is None else time))
 
 
 def write_strip(path: str | Path, recording: Recording, times: Sequence[float], *, width: int = 1280) -> Path:

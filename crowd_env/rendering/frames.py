@@ -14,13 +14,13 @@ _STANDING = 0.1  # m/s, slower than this nobody has a heading
 
 
 class Renderer:
-    """Draws frames of one place; the place itself is drawn once and kept.
+    """Draws frames of one geometry, whose floor, walls and exits are drawn once and kept.
 
     Parameters
     ----------
-    geometry : the place.
-    width : px of a frame; the height follows from the place.
-    supersample : edges of the place are sampled so many times a pixel; people are drawn exactly.
+    geometry : floor, walls, obstacles and exits.
+    width : px of a frame; the height follows from the geometry.
+    supersample : edges of floor and walls are sampled so many times a pixel; people are drawn exactly.
     full_pressure : N/m, what the legend calls a color value of 1.
     text : px, size of letters; default by the width.
     scale_bar : show how long a meter is.

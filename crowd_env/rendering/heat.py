@@ -5,12 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowd_env.files.atomic import check_suffix
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
-from crowd_env.rendering.palette import EXIT, FAINT, FLOOR, INK, OBSTACLE, QUIET, WALL, Color, from_oklab, to_oklab
+from crowd_env.rendering.palette import EXIT, FAINT, FLOOR, INK, OBSTACLE, QUIET, WALL, Color, blend
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 _WIDTH, _TALLEST = 10.6, 9.0  # inch
 _BAR = 0.72  # inch, of a color bar with its numbers and the title above it
 # From hardly there to much: teal, and the warm part of the ramp of pressures.
-_COLOURS: dict[str, tuple[Color, ...]] = {
+_ANCHORS: dict[str, tuple[Color, ...]] = {
     "density": ((235, 243, 244), (142, 203, 205), (15, 118, 128), (8, 42, 60)),
     "pressure": ((240, 242, 243), (238, 186, 92), (222, 96, 46), (160, 16, 30)),
 }
@@ -98,7 +97,7 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
         np.ma.masked_less_equal(one.values, 0.0),
         origin="lower",
         extent=(left, left + cell * columns, low, low + cell * rows),
-        cmap=ListedColormap(_colors(one.colors) / 255.0),
+        cmap=ListedColormap(blend(_ANCHORS[one.colors], np.linspace(0.0, 1.0, 256)) / 255.0),
         vmin=0.0,
         vmax=full,
         interpolation="nearest",
@@ -124,13 +123,6 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
     bar.ax.tick_params(colors=hex_of(QUIET), labelsize=8.5, length=2)
     bar.ax.locator_params(nbins=6)
     bar.set_label(one.unit, color=hex_of(QUIET), fontsize=8.5)
-
-
-def _colors(kind: str) -> NDArray[np.uint8]:
-    """Return colors (256, 3) from little to much."""
-    lab = to_oklab(_COLOURS[kind])
-    at = np.linspace(0.0, len(lab) - 1.0, 256)
-    return from_oklab(np.stack([np.interp(at, np.arange(len(lab)), lab[:, k]) for k in range(3)], axis=1))
 
 
 def _outline(geometry: Geometry, *, filled: bool = False):  # type: ignore[no-untyped-def]  # a matplotlib path

@@ -9,9 +9,9 @@ INSTALL = "pip install pygame matplotlib pillow imageio-ffmpeg"
 
 # Suffix -> what draws such a picture.
 _NEEDED = {
-    ".png": ("matplotlib", "pygame", "PIL"),
-    ".gif": ("pygame", "PIL"),
-    ".mp4": ("pygame", "imageio_ffmpeg"),
+    ".png": ("matplotlib", "PIL"),
+    ".gif": ("PIL",),
+    ".mp4": ("PIL", "imageio_ffmpeg"),
 }
 
 

@@ -1,4 +1,6 @@
-"""The colors of frames, films and figures, and the ramp from walking freely to being crushed."""
+"""The colors of frames, films and figures, and the ramp from no contact to a pressure that injures."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +19,7 @@ INK: Color = (43, 51, 60)
 QUIET: Color = (116, 123, 131)
 FAINT: Color = (221, 217, 209)
 
-# One color a curve: told apart in print and with color-blind eyes, and by none of them taken for a pressure.
+# One color a curve: they differ in print and to color-blind eyes, and none looks like a pressure.
 SERIES: tuple[Color, ...] = ((15, 118, 128), (137, 71, 145), (158, 122, 22), (74, 92, 160), (112, 112, 112))
 
 # "Pedestrians are injured if the sum of the magnitudes of the radial forces on them, divided by their circumference,
@@ -55,14 +57,20 @@ def darker(colors: ArrayLike, by: float = 0.22) -> NDArray[np.uint8]:
     return from_oklab(lab)
 
 
+def blend(anchors: Sequence[Color], level: ArrayLike) -> NDArray[np.uint8]:
+    """Return (..., 3) the colors at ``level`` (...) in 0..1 between anchors, which are equally far apart."""
+    return from_oklab(_between(to_oklab(anchors), np.linspace(0.0, 1.0, len(anchors)), np.asarray(level)))
+
+
+def _between(corners: Floats, at: Floats, level: Floats) -> Floats:
+    return np.stack([np.interp(level, at, corners[:, k]) for k in range(3)], axis=-1)
+
+
 def _ramp(size: int = 256) -> NDArray[np.uint8]:
     """Return ``size`` colors along the anchors, at equal perceived distances."""
     corners = to_oklab(_ANCHORS)
-    at = np.linspace(0.0, len(corners) - 1.0, 1024)
-    path = np.stack([np.interp(at, np.arange(len(corners)), corners[:, k]) for k in range(3)], axis=1)
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    even = np.linspace(0.0, length[-1], size)
-    return from_oklab(np.stack([np.interp(even, length, path[:, k]) for k in range(3)], axis=1))
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
+    return from_oklab(_between(corners, length, np.linspace(0.0, length[-1], size)))
 
 
 _LMS_FROM_RGB = np.array(

@@ -55,7 +55,7 @@ def fit(geometry: Geometry, width: int, *, text: float | None = None) -> Layout:
 
 
 def draw_plan(geometry: Geometry, layout: Layout, supersample: int) -> Image:
-    """Return the image (H, W, 3) of an empty place; its edges are sampled ``supersample`` times a pixel and averaged."""
+    """Return the image (H, W, 3) of the empty geometry; its edges are sampled ``supersample`` times a pixel and averaged."""
     image = np.empty((layout.height, layout.width, 3), dtype=np.uint8)
     image[:] = BACKGROUND
 

@@ -68,7 +68,7 @@ class Recording:
 
     @property
     def end(self) -> float:
-        """When the last person left, or the last time recorded if somebody did not [s]."""
+        """When the last person left, or the last time recorded if someone stays inside [s]."""
         last = float(self.departure.max(initial=-np.inf))
         return last if np.isfinite(last) else float(self.time[-1])
 
@@ -105,7 +105,7 @@ class Recording:
         part = float(np.clip((time - self.time[k]) / span, 0.0, 1.0)) if span > 0 else 0.0
         return np.asarray((1.0 - part) * values[k] + part * values[after])
 
-    def most_telling_time(self) -> float:
+    def peak_time(self) -> float:
         """Return when people press each other most [s]; if they never do, when half of them are out."""
         total = np.where(self.active, self.pressure, 0.0).sum(axis=1)
         window = np.ones(5) / 5.0  # over neighboring samples: a crowd, not a collision

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crowd_env.files.atomic import check_suffix, written
-from crowd_env.rendering.libraries import drawing_library
+from crowd_env.files.atomic import check_suffix
+from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
 from crowd_env.rendering.palette import BACKGROUND, EXIT, FLOOR, INK, OBSTACLE, QUIET, SERIES, WALL, Color
 from crowd_env.scenarios.scenario import Scenario
 
@@ -39,23 +39,17 @@ def draw_sheet(path: str | Path, scenarios: Sequence[Scenario], *, seed: int = 0
     path = check_suffix(path, (".png",))
     if not scenarios:
         raise ValueError("a sheet needs at least one scenario")
-    with drawing_library():
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
     columns = min(_COLUMNS, len(scenarios))
     rows = -(-len(scenarios) // columns)
     zoom = 1.6 if len(scenarios) == 1 else 1.0
     size = (zoom * _PANEL[0] * columns, zoom * _PANEL[1] * rows)
-    figure = Figure(figsize=size, dpi=_DPI, facecolor=_hex(BACKGROUND), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(size, dpi=_DPI, background=BACKGROUND)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels:
         axes.set_axis_off()
     for axes, scenario in zip(panels, scenarios, strict=False):
         draw_scenario(axes, scenario, np.random.default_rng([seed, 0]))
-    with written(path) as part:
-        figure.savefig(part, format="png", dpi=_DPI)
-    return path
+    return save_figure(figure, path)
 
 
 def draw_scenario(axes: "Axes", scenario: Scenario, rng: np.random.Generator) -> None:
@@ -69,11 +63,11 @@ def draw_scenario(axes: "Axes", scenario: Scenario, rng: np.random.Generator) ->
     for name, area in geometry.regions.items():
         _draw_region(axes, name, area.intersection(geometry.walkable))
     fixed, thin = geometry.walls_when(())
-    axes.add_collection(LineCollection(list(fixed[~thin]), colors=_hex(WALL), linewidths=1.8, zorder=4))
-    axes.add_collection(LineCollection(list(fixed[thin]), colors=_hex(WALL), linewidths=1.0, zorder=4))
+    axes.add_collection(LineCollection(list(fixed[~thin]), colors=hex_of(WALL), linewidths=1.8, zorder=4))
+    axes.add_collection(LineCollection(list(fixed[thin]), colors=hex_of(WALL), linewidths=1.0, zorder=4))
     leaves = geometry.walls[geometry.door_of_wall >= 0]
-    axes.add_collection(LineCollection(list(leaves), colors=_hex(_DOOR), linewidths=2.4, zorder=5))
-    axes.add_collection(LineCollection(list(geometry.exits), colors=_hex(EXIT), linewidths=4.5, zorder=5))
+    axes.add_collection(LineCollection(list(leaves), colors=hex_of(_DOOR), linewidths=2.4, zorder=5))
+    axes.add_collection(LineCollection(list(geometry.exits), colors=hex_of(EXIT), linewidths=4.5, zorder=5))
     _name_exits(axes, scenario)
     _draw_people(axes, scenario, rng)
     x0, y0, x1, y1 = geometry.bounds
@@ -83,14 +77,16 @@ def draw_scenario(axes: "Axes", scenario: Scenario, rng: np.random.Generator) ->
     axes.set_aspect("equal")
     _scale_bar(axes, (x0, y0 - 0.62 * margin), x1 - x0)
     words = textwrap.wrap(scenario.title, 60)
-    axes.set_title(scenario.name, loc="left", color=_hex(INK), fontsize=11, fontweight="bold", pad=6 + 11 * len(words))
+    axes.set_title(
+        scenario.name, loc="left", color=hex_of(INK), fontsize=11, fontweight="bold", pad=6 + 11 * len(words)
+    )
     above: dict[str, Any] = {
         "xytext": (0, 4),
         "textcoords": "offset points",
         "xycoords": "axes fraction",
         "va": "bottom",
     }
-    axes.annotate("\n".join(words), (0.0, 1.0), color=_hex(QUIET), fontsize=8, **above)
+    axes.annotate("\n".join(words), (0.0, 1.0), color=hex_of(QUIET), fontsize=8, **above)
 
 
 def _draw_region(axes: "Axes", name: str, area: Any) -> None:
@@ -107,7 +103,7 @@ def _draw_region(axes: "Axes", name: str, area: Any) -> None:
         "zorder": 7,
     }
     background = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.6}
-    axes.annotate(name, (left, top), color=_hex(_REGION), bbox=background, **near)
+    axes.annotate(name, (left, top), color=hex_of(_REGION), bbox=background, **near)
 
 
 def _fill(axes: "Axes", area: Any, color: Color, alpha: float, layer: float) -> None:
@@ -119,7 +115,7 @@ def _fill(axes: "Axes", area: Any, color: Color, alpha: float, layer: float) -> 
             continue
         rings = [np.asarray(ring.coords)[:, :2] for ring in (part.exterior, *part.interiors)]
         outline = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
-        axes.add_patch(PathPatch(outline, facecolor=_hex(color), alpha=alpha, edgecolor="none", zorder=layer))
+        axes.add_patch(PathPatch(outline, facecolor=hex_of(color), alpha=alpha, edgecolor="none", zorder=layer))
 
 
 def _name_exits(axes: "Axes", scenario: Scenario) -> None:
@@ -137,7 +133,7 @@ def _name_exits(axes: "Axes", scenario: Scenario) -> None:
             x,
             y,
             name,
-            color=_hex(EXIT),
+            color=hex_of(EXIT),
             fontsize=8,
             fontweight="bold",
             ha="center",
@@ -155,7 +151,7 @@ def _draw_people(axes: "Axes", scenario: Scenario, rng: np.random.Generator) -> 
     for k, part in enumerate(scenario.population.parts):
         rows = slice(begin, begin + part.count)
         begin += part.count
-        color = _hex(_GROUPS[k % len(_GROUPS)])
+        color = hex_of(_GROUPS[k % len(_GROUPS)])
         size = 2.0 * bodies.radius[rows]
         discs = EllipseCollection(
             size, size, np.zeros(part.count), units="xy", offsets=position[rows], offset_transform=axes.transData
@@ -169,9 +165,5 @@ def _scale_bar(axes: "Axes", corner: tuple[float, float], width: float) -> None:
     power = 10.0 ** np.floor(np.log10(goal))
     meters = power * max(step for step in (1, 2, 5) if step * power <= goal)
     x, y = corner
-    axes.plot([x, x + meters], [y, y], color=_hex(QUIET), linewidth=1.5, solid_capstyle="butt")
-    axes.text(x + meters + 0.02 * width, y, f"{meters:g} m", color=_hex(QUIET), fontsize=7, va="center")
-
-
-def _hex(color: Color) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*color)
+    axes.plot([x, x + meters], [y, y], color=hex_of(QUIET), linewidth=1.5, solid_capstyle="butt")
+    axes.text(x + meters + 0.02 * width, y, f"{meters:g} m", color=hex_of(QUIET), fontsize=7, va="center")

@@ -1,9 +1,10 @@
 """Lines of text put into frames, at sizes in pixels."""
 
+import math
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,11 @@ from numpy.typing import NDArray
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import Color
 
+if TYPE_CHECKING:
+    from PIL.ImageFont import FreeTypeFont
+
 Image = NDArray[np.uint8]  # (H, W, 3)
 Side = Literal["left", "center", "right"]
-
-_FINER = 3  # rendered so many times larger and averaged: letters keep their shape at small sizes
 
 
 def text_width(text: str, size: float, *, bold: bool = False) -> int:
@@ -32,7 +34,7 @@ def put_text(
     side: Side = "left",
     bold: bool = False,
 ) -> None:
-    """Write ``text`` into ``image`` in place, centerd vertically on ``at`` = (x, y) [px] and horizontally by ``side``."""
+    """Write ``text`` into ``image`` in place, centered vertically on ``at`` = (x, y) [px] and horizontally by ``side``."""
     if not text:
         return
     mask = text_mask(text, size, bold)
@@ -52,24 +54,23 @@ def put_text(
 def text_mask(text: str, size: float, bold: bool) -> NDArray[np.float32]:
     """Return the coverage (h, w) in 0..1 of the pixels of ``text``; all texts of one size are equally high."""
     with drawing_library():
-        import pygame
-    if not pygame.font.get_init():
-        pygame.font.init()
-    # Not kept: a font dies when somebody else quits pygame.
-    font = pygame.font.Font(_font_file(bold), round(size * _FINER))
-    alpha = pygame.surfarray.array_alpha(font.render(text, True, (255, 255, 255))).T
-    height, width = -(-alpha.shape[0] // _FINER), -(-alpha.shape[1] // _FINER)
-    padded = np.zeros((height * _FINER, width * _FINER), dtype=np.float32)
-    padded[: alpha.shape[0], : alpha.shape[1]] = alpha / 255.0
-    return padded.reshape(height, _FINER, width, _FINER).mean(axis=(1, 3), dtype=np.float32)
+        import PIL.Image
+        import PIL.ImageDraw
+    font = _font(size, bold)
+    mask = PIL.Image.new("L", (math.ceil(font.getlength(text)), sum(font.getmetrics())))
+    PIL.ImageDraw.Draw(mask).text((0, 0), text, fill=255, font=font)
+    return np.asarray(mask, dtype=np.float32) / 255.0
 
 
-def _font_file(bold: bool) -> Path | None:
-    """Return the font that the figures use too; pygame's own (None) where matplotlib is not installed."""
+@lru_cache(maxsize=32)
+def _font(size: float, bold: bool) -> "FreeTypeFont":
+    """Return the font that the figures use too; Pillow's own where matplotlib is not installed."""
+    with drawing_library():
+        import PIL.ImageFont
     spec = find_spec("matplotlib")
-    if spec is None or spec.origin is None:
-        return None
-    file = (
-        Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")
-    )
-    return file if file.exists() else None
+    if spec is not None and spec.origin is not None:
+        name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+        file = Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / name
+        if file.exists():
+            return PIL.ImageFont.truetype(file, size, layout_engine=PIL.ImageFont.Layout.BASIC)
+    return cast("FreeTypeFont", PIL.ImageFont.load_default(size))

@@ -83,5 +83,5 @@ class Window:
             return
         now = time.monotonic()
         time.sleep(max(self._due - now, 0.0))
-        # Whoever is late does not hurry afterwards: the next frame is due one interval from when this one was shown.
+        # A late frame hastens no other: the next frame is due one interval from when this one was shown.
         self._due = max(self._due, now) + 1.0 / self.fps

@@ -8,25 +8,25 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import replace
 from multiprocessing.synchronize import Event
 from pathlib import Path
+from typing import Any
 
-from crowd_env.reproduce.lin2016.run import Record, Run, simulate
-from crowd_env.reproduce.lin2016.store import Store
 from crowd_env.reproduce.result import Progress
+from crowd_env.reproduce.run import AnyRun, Record, Run
+from crowd_env.reproduce.store import Store
 
 
 class Interrupted(Exception):
     """The user stopped the work; finished runs are kept."""
 
 
-def distinct(runs: Iterable[Run]) -> list[Run]:
-    """Return every run once, with all the moments that anyone wants of it."""
-    moments: dict[Run, set[float]] = {}
+def distinct(runs: Iterable[AnyRun]) -> list[AnyRun]:
+    """Return every run once, such that its record serves all that are equal to it."""
+    found: dict[AnyRun, AnyRun] = {}
     for run in runs:
-        moments.setdefault(run, set()).update(run.moments)
-    return [replace(run, moments=tuple(sorted(kept))) for run, kept in moments.items()]
+        found[run] = found[run].merge(run) if run in found else run
+    return list(found.values())
 
 
 def all_cores() -> int:
@@ -35,8 +35,8 @@ def all_cores() -> int:
 
 
 def complete(
-    runs: Iterable[Run], store: Store, *, workers: int = 1, fresh: bool = False, progress: Progress
-) -> dict[Run, Record]:
+    runs: Iterable[Run[Record]], store: Store, *, workers: int = 1, fresh: bool = False, progress: Progress
+) -> dict[Run[Record], Record]:
     """Return the record of every run, from the store or computed now.
 
     Parameters
@@ -54,14 +54,15 @@ def complete(
     FloatingPointError
         If a position is no longer finite.
     """
-    wanted, records = distinct(runs), {}
+    wanted = distinct(runs)
+    records: dict[Run[Record], Record] = {}
     try:
         for run in wanted:
             record = None if fresh else store.load(run)
             if record is not None:
                 records[run] = record
                 progress(1)
-        todo = sorted((run for run in wanted if run not in records), key=_length, reverse=True)
+        todo = sorted((run for run in wanted if run not in records), key=lambda run: run.cost(), reverse=True)
         for run, record in _computed(todo, store, min(workers, len(todo))):
             records[run] = record
             progress(1)
@@ -76,28 +77,23 @@ def complete(
     return records
 
 
-def _kept(wanted: Sequence[Run], store: Store) -> str:
+def _kept(wanted: Sequence[Run[Any]], store: Store) -> str:
     kept = sum(store.load(run) is not None for run in wanted)
     return (
         f"{kept} of {len(wanted)} runs are kept in {store.folder}; without --fresh, the same command goes on from there"
     )
 
 
-def _length(run: Run) -> float:
-    """Return roughly how long a run takes: people times seconds times steps a second."""
-    return run.count**2 / min(max(run.desired_speed, 0.1), 1.4) / run.dt
-
-
-def _computed(todo: Sequence[Run], store: Store, workers: int) -> Iterator[tuple[Run, Record]]:
+def _computed(todo: Sequence[Run[Record]], store: Store, workers: int) -> Iterator[tuple[Run[Record], Record]]:
     """Yield runs with their records as they are finished and kept."""
     if workers <= 1:
         for run in todo:
-            record = simulate(run)
+            record = run.simulate()
             store.keep(run, record)
             yield run, record
         return
     # Compile here, once: processes that start together would each compile for themselves.
-    simulate(replace(todo[0], count=2, time_limit=todo[0].dt, moments=()))
+    todo[0].smallest().simulate()
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
     pool = ProcessPoolExecutor(workers, context, _begin, (stop,))
@@ -144,8 +140,8 @@ def _follow_parent() -> None:
         os._exit(1)
 
 
-def _complete(run: Run, folder: Path) -> Record:
+def _complete(run: Run[Record], folder: Path) -> Record:
     assert _stop is not None
-    record = simulate(run, _stop.is_set)
+    record = run.simulate(_stop.is_set)
     Store(folder).keep(run, record)
     return record

@@ -1,4 +1,4 @@
-"""How results are told: as a table of at most 100 columns, or as one JSON object."""
+"""Results in print: as a table of at most 100 columns, or as one JSON object."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -10,8 +10,9 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from crowd_env.reproduce import GROUPS, REPRODUCTIONS, Result, Row
-from crowd_env.reproduce.pecol2011.settings import flag
+from crowd_env.reproduce import FIGURES, PAPERS
+from crowd_env.reproduce.result import Result, Row
+from crowd_env.reproduce.settings import flag
 
 _WIDTH = 100
 
@@ -38,11 +39,11 @@ def show(result: Result) -> None:
     console.print()
 
 
-def as_object(name: str, told: Sequence[Result]) -> dict[str, Any]:
+def as_object(name: str, results: Sequence[Result]) -> dict[str, Any]:
     """Return what ``--json`` prints: a result, or those of a group put together."""
-    if name not in GROUPS:
-        return told[0].as_json()
-    parts = [result.as_json() for result in told]
+    if name in FIGURES:
+        return results[0].as_json()
+    parts = [result.as_json() for result in results]
     rows = [{"of": part["name"], **row} for part in parts for row in part["rows"]]
     remarks = [f"{part['name']}: {remark}" for part in parts for remark in part["remarks"]]
     options = {key: value for part in parts for key, value in part["options"].items()}
@@ -52,23 +53,29 @@ def as_object(name: str, told: Sequence[Result]) -> dict[str, Any]:
 def show_names(as_json: bool) -> None:
     """Print what can be redone."""
     if as_json:
-        titles = {name: each.title for name, each in REPRODUCTIONS.items()}
-        about = {name: each.about for name, each in REPRODUCTIONS.items()}
-        typer.echo(json.dumps({"names": titles, "groups": {k: list(v) for k, v in GROUPS.items()}, "cpu_time": about}))
+        titles = {name: figure.title for name, figure in FIGURES.items()}
+        groups = {**{name: list(paper.figures) for name, paper in PAPERS.items()}, "all": list(FIGURES)}
+        times = {name: _duration(figure.cpu_time) for name, figure in FIGURES.items()}
+        typer.echo(json.dumps({"names": titles, "groups": groups, "cpu_time": times}))
         return
     table = Table("name", "table or figure", "about", box=SIMPLE_HEAD, pad_edge=False)
-    sections = [list(GROUPS["pecol"]), list(GROUPS["lin"])]
-    for names in sections:
-        for name in names:
-            table.add_row(name, REPRODUCTIONS[name].title, REPRODUCTIONS[name].about, end_section=name == names[-1])
-    table.add_row("pecol", "all of Pécol et al. 2011", "1 min")
-    table.add_row("lin", "all of Lin, Ma, Lo; they share runs", "12 min")
-    table.add_row("all", "both", "13 min")
+    for paper in PAPERS.values():
+        for name, figure in paper.figures.items():
+            table.add_row(name, figure.title, _duration(figure.cpu_time), end_section=name == list(paper.figures)[-1])
+    sharing = [name for name, paper in PAPERS.items() if any(figure.runs for figure in paper.figures.values())]
+    for name, paper in PAPERS.items():
+        shared = "; they share runs" if name in sharing else ""
+        table.add_row(name, f"all of {paper.title}{shared}", _duration(paper.cpu_time))
+    table.add_row("all", "all papers", _duration(sum(paper.cpu_time for paper in PAPERS.values())))
     console = _console()
     console.print(table)
     console.print(
-        "about: time on one core with the default draws; lin-* spread over the cores, and keep finished runs."
+        f"about: time on one core with the default draws; runs of {', '.join(sharing)} spread over the cores and are kept."
     )
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:g} s" if seconds < 60 else f"{seconds / 60:g} min"
 
 
 def _console() -> Console:

@@ -29,7 +29,7 @@ class Row:
     closes: bool = False  # the last of a section of the table
 
     @property
-    def places(self) -> int:
+    def decimals(self) -> int:
         """Number of decimals that the paper prints."""
         return len((self.paper or "").partition(".")[2])
 
@@ -38,8 +38,8 @@ class Row:
         if self.here is None:
             return "-"
         value = 0.0 if abs(self.here) < 1e-12 else self.here
-        if self.places >= 4:
-            return f"{value:.{self.places}f}"
+        if self.decimals >= 4:
+            return f"{value:.{self.decimals}f}"
         if self.unit == "s":
             return f"{value:.1f}"
         return f"{value:.2f}" if self.unit in ("1/s", "share") else f"{value:.6g}"
@@ -54,7 +54,7 @@ class Row:
         apart = self.here - float(self.paper)
         if self.unit in ("1/s", "s"):
             return _percent(self.here, float(self.paper), 1) if float(self.paper) else f"{apart:+.2f}"
-        if self._rounds_to_it() and (self.places >= 4 or abs(apart) < _EQUAL):
+        if self._rounds_to_it() and (self.decimals >= 4 or abs(apart) < _EQUAL):
             return "exact"
         return f"{apart:+.2g}"
 
@@ -75,7 +75,7 @@ class Row:
     def _rounds_to_it(self) -> bool:
         if self.here is None or self.paper is None:
             return False
-        return float(f"{self.here:.{self.places}f}") == float(self.paper)
+        return float(f"{self.here:.{self.decimals}f}") == float(self.paper)
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
@@ -92,10 +92,10 @@ class Row:
         }
 
 
-def _percent(value: float, other: float, places: int = 2) -> str:
+def _percent(value: float, other: float, decimals: int = 2) -> str:
     if abs(value - other) <= _EQUAL * max(1.0, abs(other)):
         return "0"
-    return f"{100 * (value / other - 1):+.{places}f} %" if other else f"{value:+.1e}"
+    return f"{100 * (value / other - 1):+.{decimals}f} %" if other else f"{value:+.1e}"
 
 
 @dataclass(frozen=True)

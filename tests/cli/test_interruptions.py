@@ -164,11 +164,11 @@ def test_a_film_that_cannot_be_written_loses_no_figures(monkeypatch, tmp_path):
 
 
 def test_a_missing_library_of_films_is_said_before_the_work(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "pygame", None)
+    monkeypatch.setitem(sys.modules, "PIL", None)
     monkeypatch.setattr(cli, "run_episodes", None)
     result = call(f"run --film {tmp_path / 'a.gif'}")
     assert result.exit_code == 2 and result.stdout == "" and result.stderr.count("\n") == 1
-    assert "needs pygame" in result.stderr and "pip install pygame matplotlib pillow imageio-ffmpeg" in result.stderr
+    assert "needs PIL" in result.stderr and "pip install pygame matplotlib pillow imageio-ffmpeg" in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -2,19 +2,20 @@
 
 import pytest
 from lin_runs import invented
-from reproductions import nothing
+from reproductions import ALONE
 
-from crowd_env.reproduce import REPRODUCTIONS, Settings, pool
+from crowd_env.reproduce import PAPERS
+from crowd_env.reproduce.lin2016.run import Run
 
 
 @pytest.fixture(scope="module")
 def results():
     """Return name -> its result with the defaults, made once."""
-    made = {}
+    paper, made = PAPERS["pecol"], {}
 
     def get(name):
         if name not in made:
-            made[name] = REPRODUCTIONS[name].run(Settings(), nothing)
+            made[name] = paper.figures[name].reproduce(paper.settings_of(name, {}), ALONE)
         return made[name]
 
     return get
@@ -29,5 +30,5 @@ def computed(monkeypatch):
         runs.append(run)
         return invented(run)
 
-    monkeypatch.setattr(pool, "simulate", instead)
+    monkeypatch.setattr(Run, "simulate", instead)
     return runs

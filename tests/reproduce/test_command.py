@@ -5,12 +5,12 @@ import json
 
 import pytest
 import typer
-from reproductions import call, told
+from reproductions import call, reported
 from typer.testing import CliRunner
 
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.files.atomic import written
-from crowd_env.reproduce import REPRODUCTIONS, Row
+from crowd_env.reproduce import FIGURES, Row
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -21,7 +21,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-# ---------------------------------------------------------------------------------------------------- how it is told
+# ---------------------------------------------------------------------------------------------------- how it is said
 
 
 KEYS = {"quantity", "paper", "here", "unit", "n"}
@@ -29,7 +29,7 @@ KEYS = {"quantity", "paper", "here", "unit", "n"}
 
 @pytest.mark.parametrize("name", ["table3", "fig2", "fig3"])
 def test_json_files_and_figure(name, folder):
-    object = told(f"{name} --runs 2 --n 6 --seed 3" if name == "fig3" else f"{name} --runs 2 --seed 3")
+    object = reported(f"{name} --runs 2 --n 6 --seed 3" if name == "fig3" else f"{name} --runs 2 --seed 3")
     assert object["name"] == name and object["rows"]
     for row in object["rows"]:
         assert set(row) >= KEYS
@@ -68,18 +68,18 @@ def test_table_is_readable_and_fits(folder):
 
 
 def test_the_same_command_gives_the_same_numbers(folder):
-    assert told("fig3 --runs 2 --n 6") == told("fig3 --runs 2 --n 6")
-    assert told("fig3 --runs 2 --n 6") != told("fig3 --runs 2 --n 6 --seed 9")
+    assert reported("fig3 --runs 2 --n 6") == reported("fig3 --runs 2 --n 6")
+    assert reported("fig3 --runs 2 --n 6") != reported("fig3 --runs 2 --n 6 --seed 9")
 
 
-def test_other_options_are_told(folder):
-    object = told("fig3 --runs 1 --n 5 --scheme dem --stiffness 5e4 --door-width 0.9")
+def test_other_options_are_reported(folder):
+    object = reported("fig3 --runs 1 --n 5 --scheme dem --stiffness 5e4 --door-width 0.9")
     assert object["options"] == {"scheme": "dem", "n": 5, "stiffness": 5e4, "door_width": 0.9}
-    assert told("table3")["options"] == {}
+    assert reported("table3")["options"] == {}
 
 
 def test_list_names_everything():
-    names = told("list")["names"]
+    names = reported("list")["names"]
     assert list(names)[:5] == ["table3", "fig1", "fig2", "fig3", "table5"]
     assert all(name in call("list").stdout for name in names)
 
@@ -89,7 +89,7 @@ def test_it_is_a_command_of_a_larger_one():
     parent.command("reproduce")(reproduce)
     parent.command("other")(lambda: None)
     result = CliRunner().invoke(parent, ["reproduce", "list", "--json"])
-    assert result.exit_code == 0 and set(json.loads(result.stdout)["names"]) == set(REPRODUCTIONS)
+    assert result.exit_code == 0 and set(json.loads(result.stdout)["names"]) == set(FIGURES)
 
 
 @pytest.mark.parametrize(
@@ -100,6 +100,8 @@ def test_it_is_a_command_of_a_larger_one():
         ("fig1 --scheme dem", "--scheme fig3 fig1"),
         ("table5 --scheme dem", "--scheme fig3 table5"),
         ("fig3 --scheme glue", "glue dem nsm1 nsm2-printed"),
+        ("fig3 --scheme hertz", "--scheme hertz dem nsm1 nsm2-printed"),
+        ("fig3 --scheme nsm2", "--scheme nsm2 dem nsm1 nsm2-printed"),
         ("fig3 --stiffness 1e5 --scheme nsm1", "--stiffness dem nsm1"),
         ("fig3 --k-normal 1e4 --scheme dem", "--k-normal nsm2-printed dem"),
         ("table5 --runs 0", "--runs 0 at least 1"),
@@ -204,10 +206,10 @@ def test_a_row_says_how_far_it_is_from_the_paper(paper, here, unit, shown, diffe
 
 @pytest.mark.slow
 def test_all_runs_everything(folder):
-    object = told("all --runs 2 --n 8")
+    object = reported("all --runs 2 --n 8")
     assert object["name"] == "all" and object["options"] == {"n": 8}
-    assert [name for name in REPRODUCTIONS if any(row["of"] == name for row in object["rows"])] == list(REPRODUCTIONS)
-    for name in REPRODUCTIONS:
+    assert [name for name in FIGURES if any(row["of"] == name for row in object["rows"])] == list(FIGURES)
+    for name in FIGURES:
         assert (folder / "reproduce" / f"{name}.png").read_bytes()[:8] == PNG
         assert (folder / "reproduce" / f"{name}.csv").stat().st_size > 200
     result = call("all --runs 1 --n 5")

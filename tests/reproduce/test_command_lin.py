@@ -1,36 +1,26 @@
 """The command that reproduces the figures of Lin, Ma, Lo."""
 
 import csv
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from lin_runs import invented
-from typer.testing import CliRunner
+from reproductions import call, reported
 
-from crowd_env.cli.reproduce import app
-from crowd_env.reproduce import LIN, LinSettings, pool
+from crowd_env.reproduce import PAPERS
 from crowd_env.reproduce.lin2016 import fig9
-from crowd_env.reproduce.lin2016.run import Record, Run
+from crowd_env.reproduce.lin2016.record import Record
+from crowd_env.reproduce.lin2016.run import Run
 from crowd_env.reproduce.lin2016.sample import clearance_rows, sample
+from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.pool import distinct
 
+LIN = PAPERS["lin"].figures
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
 KEYS = {"quantity", "paper", "here", "unit", "n", "reading", "closed_form", "sd", "ci95"}
-
-
-def call(line):
-    return CliRunner().invoke(app, line.split())
-
-
-def told(line):
-    result = call(line + " --json")
-    assert result.exit_code == 0, result.stderr
-    assert result.stdout.count("\n") == 1
-    return json.loads(result.stdout)
 
 
 def all_runs(settings):
@@ -49,13 +39,13 @@ def undrawn(monkeypatch):
     monkeypatch.setattr("crowd_env.cli.reproduce._write", lambda result, out: [out / f"{result.name}.csv"])
 
 
-# ---------------------------------------------------------------------------------------------------- how it is told
+# ---------------------------------------------------------------------------------------------------- how it is said
 
 
 @pytest.mark.parametrize("name", list(LIN))
 def test_json_files_and_figure(name, folder, computed):
     draws = "" if name == "lin-fig6" else "--runs 4 "
-    object = told(f"{name} {draws}--seed 2 --workers 1")
+    object = reported(f"{name} {draws}--seed 2 --workers 1")
     assert object["name"] == name and object["rows"] and object["options"] == {}
     for row in object["rows"]:
         assert set(row) == KEYS
@@ -76,15 +66,15 @@ def test_json_files_and_figure(name, folder, computed):
 
 
 def test_all_figures_share_their_runs(folder, computed, undrawn):
-    object = told("lin --runs 2 --workers 1")
+    object = reported("lin --runs 2 --workers 1")
     assert list(dict.fromkeys(row["of"] for row in object["rows"])) == list(LIN)
     needed = all_runs(LinSettings(runs=2))
     alone = sum(len(distinct(figure.runs(LinSettings(runs=2)))) for figure in LIN.values())
     assert len(computed) == len(set(computed)) == len(needed) < alone
-    again = [told(f"{name}{'' if name == 'lin-fig6' else ' --runs 2'}") for name in LIN]
+    again = [reported(f"{name}{'' if name == 'lin-fig6' else ' --runs 2'}") for name in LIN]
     assert len(computed) == len(needed)  # all there
     assert [row["here"] for each in again for row in each["rows"]] == [row["here"] for row in object["rows"]]
-    told("lin-fig4 --runs 2 --workers 1 --fresh")
+    reported("lin-fig4 --runs 2 --workers 1 --fresh")
     assert len(computed) == len(needed) + 8
 
 
@@ -115,9 +105,9 @@ def test_blocked_draws_are_counted_and_left_out_of_medians():
     assert stuck.mostly_blocked and stuck.times == [None, None] and len(stuck.mean_flows) == 0
 
 
-def test_everything_blocked_is_told_and_drawn(folder, monkeypatch):
-    monkeypatch.setattr(pool, "simulate", lambda run: Record((), run.count, 0.0, invented(run).snapshots))
-    object = told("lin --runs 2 --workers 1")
+def test_everything_blocked_is_said_and_drawn(folder, monkeypatch):
+    monkeypatch.setattr(Run, "simulate", lambda run: Record((), run.count, 0.0, invented(run).snapshots))
+    object = reported("lin --runs 2 --workers 1")
     for row in object["rows"]:
         if row["unit"] == "s":
             assert row["here"] is None and row["n"] == 0
@@ -127,7 +117,7 @@ def test_everything_blocked_is_told_and_drawn(folder, monkeypatch):
 
 
 def test_remarks_follow_the_figures(folder, computed, undrawn, monkeypatch):
-    text = " ".join(told("lin --runs 4 --workers 1")["remarks"])
+    text = " ".join(reported("lin --runs 4 --workers 1")["remarks"])
     assert "Within 10 %: clearance, A = 200 N (171.5 s, printed 170), clearance, A = 300 N" in text
     assert "+42 % in the paper" in text and "(as the paper says: barely)" in text
     assert "half of the draws or more block from 1.8 m/s on; the paper: from 1.8 m/s on" in text
@@ -141,19 +131,19 @@ def test_remarks_follow_the_figures(folder, computed, undrawn, monkeypatch):
         slow = (run.strength == 500.0) + 1.0
         return replace(record, exit_times=tuple(slow * t for t in record.exit_times)) if run.strength != 200 else record
 
-    monkeypatch.setattr(pool, "simulate", faster)
-    text = " ".join(told("lin --runs 4 --workers 1 --fresh --preset literal")["remarks"])
+    monkeypatch.setattr(Run, "simulate", faster)
+    text = " ".join(reported("lin --runs 4 --workers 1 --fresh --preset literal")["remarks"])
     assert "NOT barely" in text and "At no speed do half of the draws block" in text
     assert "more likely without: reproduced" in text
     assert "FITTED" not in text and "the text as printed" in text
-    assert "as asked for" in " ".join(told("lin-fig4 --runs 1 --workers 1 --wall-social 100")["remarks"])
+    assert "as asked for" in " ".join(reported("lin-fig4 --runs 1 --workers 1 --wall-social 100")["remarks"])
 
 
-def test_options_that_differ_are_told(folder, computed, undrawn):
+def test_options_that_differ_are_reported(folder, computed, undrawn):
     line = (
         "lin-fig4 --runs 1 --workers 1 --preset literal --wall-friction 0.2 --dt 0.002 --damping rate --target nearest"
     )
-    object = told(line + " --exit-depth 0.1 --cutoff 0.3 --anisotropy 0.2 --no-rotation --wall-social 50")
+    object = reported(line + " --exit-depth 0.1 --cutoff 0.3 --anisotropy 0.2 --no-rotation --wall-social 50")
     assert object["options"] == {
         "preset": "literal", "wall_friction": 0.2, "dt": 0.002, "damping": "rate", "target": "nearest", "exit_depth": 0.1,
         "cutoff": 0.3, "anisotropy": 0.2, "no_rotation": True, "wall_social": 50.0,
@@ -168,7 +158,7 @@ def test_windows_hold_every_exit():
 
 
 def test_list_names_both_papers():
-    listed = told("list")
+    listed = reported("list")
     assert listed["groups"]["all"] == [*listed["groups"]["pecol"], *listed["groups"]["lin"]] == list(listed["names"])
     assert listed["groups"]["lin"] == list(LIN)
     shown = call("list").stdout
@@ -209,7 +199,7 @@ def test_list_names_both_papers():
 )
 def test_a_mistake_is_one_plain_line_before_anything_runs(line, words, folder, monkeypatch):
     (folder / "taken").write_text("a file")
-    monkeypatch.setattr(pool, "simulate", lambda *_: pytest.fail("ran"))
+    monkeypatch.setattr(Run, "simulate", lambda *_: pytest.fail("ran"))
     monkeypatch.setattr("crowd_env.cli.reproduce._run", lambda *_: pytest.fail("ran"))
     result = call(line)
     assert result.exit_code == 2, result.output

@@ -1,4 +1,4 @@
-"""The tables and figures of Pécol et al. 2011 from the command line: the numbers, their estimators, and how they are told."""
+"""The tables and figures of Pécol et al. 2011: the numbers, their estimators, and how they are reported."""
 
 from itertools import pairwise
 
@@ -7,9 +7,11 @@ import pytest
 from reproductions import nothing
 
 from crowd_env.envs.rollout import run_episodes
-from crowd_env.reproduce import REPRODUCTIONS, Settings, fig1, fig2, table3, table5
+from crowd_env.reproduce import FIGURES, Work
+from crowd_env.reproduce.pecol2011 import fig1, fig2, table3, table5
 from crowd_env.reproduce.pecol2011.evacuations import Evacuations, evacuate, flow_rows, raw_times, room_remarks
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, pooled_line, run_slopes
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.scenarios import make_scenario
 
 # ----------------------------------------------------------------------------------------------------------- Table 3
@@ -24,7 +26,7 @@ def test_table_3_digit_by_digit(results):
     assert rows["u_y, every h"].difference() == "exact"
 
 
-def test_table_3_what_is_not_exact_is_told(results):
+def test_table_3_what_is_not_exact_is_said(results):
     rows = {row.quantity: row for row in results("table3").rows}
     # The last of the 16 digits is rounding: exact arithmetic gives ...2919, the paper prints ...293.
     first = rows["u_x, h = 0.1 s"]
@@ -133,7 +135,7 @@ def test_every_estimator_finds_the_slope_of_an_even_flow():
         assert (low, high) == pytest.approx((3.0, 3.0))
 
 
-def test_slopes_per_run_are_averaged_and_their_spread_told():
+def test_slopes_per_run_are_averaged_and_their_spread_reported():
     estimate = ESTIMATORS["per run"].estimate(np.array([even(2.0), even(3.0, 0.7), even(4.0, 2.0)]))
     assert (estimate.value, estimate.sd, estimate.n) == (pytest.approx(3.0), pytest.approx(1.0), 3)
     assert estimate.ci95[0] < 3.0 < estimate.ci95[1]
@@ -179,10 +181,10 @@ def test_people_who_stay_inside_do_not_count():
     assert pooled_line(times)[2] == 27
     done = Evacuations("nsm1", np.sort(times, axis=1), 0)
     assert done.unfinished == (13, 1)
-    told = {row.quantity: row.here for row in flow_rows(done)}
-    assert (told["left inside, nsm1"], told["unfinished, nsm1"]) == (13, 1)
-    assert any("13 people in 1 run still inside" in remark for remark in room_remarks(Settings(), [done]))
-    assert sum(row[3] == "" for row in raw_times(Settings(), [done]).rows) == 13
+    found = {row.quantity: row.here for row in flow_rows(done)}
+    assert (found["left inside, nsm1"], found["unfinished, nsm1"]) == (13, 1)
+    assert any("13 people in 1 run still inside" in remark for remark in room_remarks(PecolSettings(), [done]))
+    assert sum(row[3] == "" for row in raw_times(PecolSettings(), [done]).rows) == 13
 
 
 def test_nobody_out_is_no_number():
@@ -227,7 +229,7 @@ def test_the_statement_follows_the_figures():
 
 
 def test_draws_are_those_of_the_run_command_and_the_same_for_every_scheme():
-    settings = Settings(runs=3, seed=4)
+    settings = PecolSettings(runs=3, seed=4)
     for scheme in ("dem", "nsm2-printed"):
         episodes = run_episodes(make_scenario("room-v0"), 3, scheme=scheme, seed=4)
         assert evacuate(settings, scheme, nothing).slopes == pytest.approx(
@@ -236,28 +238,28 @@ def test_draws_are_those_of_the_run_command_and_the_same_for_every_scheme():
 
 
 def test_options_reach_the_room():
-    wide = evacuate(Settings(runs=3, door_width=1.6, n=12), "nsm2-printed", nothing)
-    narrow = evacuate(Settings(runs=3, door_width=0.7, n=12), "nsm2-printed", nothing)
+    wide = evacuate(PecolSettings(runs=3, door_width=1.6, n=12), "nsm2-printed", nothing)
+    narrow = evacuate(PecolSettings(runs=3, door_width=0.7, n=12), "nsm2-printed", nothing)
     assert wide.exit_times.shape == (3, 12)
     assert wide.slopes.mean() > narrow.slopes.mean() + 1.0
-    settings = Settings(stiffness=3e4, k_normal=100.0, k_tangent=5.0, side=6.0, target="centre", exit_line=-0.1)
+    settings = PecolSettings(stiffness=3e4, k_normal=100.0, k_tangent=5.0, side=6.0, target="centre", exit_line=-0.1)
     assert settings.contact("dem").stiffness == 3e4
     assert (
         settings.contact("nsm2-printed").normal_dissipation,
         settings.contact("nsm2-printed").tangential_dissipation,
     ) == (100, 5)
-    assert settings.place().target == "centre" and settings.place().geometry.bounds[2] < 6.1
+    assert settings.room().target == "centre" and settings.room().geometry.bounds[2] < 6.1
     assert settings.changed() == {
         "side": 6.0, "target": "centre", "exit_line": -0.1, "stiffness": 3e4, "k_normal": 100.0, "k_tangent": 5.0,
     }  # fmt: skip
-    assert Settings(runs=3, seed=9).changed() == {}
+    assert PecolSettings(runs=3, seed=9).changed() == {}
 
 
 def test_progress_adds_up():
     for name in ("table3", "fig2", "fig3"):
-        settings, counts = Settings(runs=2, n=5), []
-        REPRODUCTIONS[name].run(settings, counts.append)
-        assert sum(counts) == REPRODUCTIONS[name].steps(settings), name
+        settings, counts = PecolSettings(runs=2, n=5), []
+        FIGURES[name].reproduce(settings, Work(counts.append, {}))
+        assert sum(counts) == FIGURES[name].steps(settings), name
 
 
 @pytest.mark.slow

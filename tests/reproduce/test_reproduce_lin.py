@@ -1,4 +1,4 @@
-"""The figures of Lin, Ma, Lo from the command line: runs computed once and kept, what blocked, and how it is told."""
+"""The figures of Lin, Ma, Lo: runs computed once and kept, what blocked, and what the paper shows."""
 
 import json
 import os
@@ -12,24 +12,22 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from lin_runs import invented
+from reproductions import nothing
 
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.physics import SCHEMES
-from crowd_env.reproduce import LinSettings, pool
-from crowd_env.reproduce.lin2016 import store as lin_store
-from crowd_env.reproduce.lin2016.run import Run, Stopped, simulate, until_blocked
+from crowd_env.reproduce import pool
+from crowd_env.reproduce import store as store_of_runs
+from crowd_env.reproduce.lin2016.run import Run, Stopped, until_blocked
 from crowd_env.reproduce.lin2016.sample import sample
-from crowd_env.reproduce.lin2016.store import Store, identity
+from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.pool import Interrupted, complete
+from crowd_env.reproduce.store import Store, identity
 
 # Six people are out within seconds; nothing else is smaller than in the figures.
 SMALL = [
     Run(6, speed, seed, rotation=rotation) for speed in (1.0, 2.0) for seed in (0, 1) for rotation in (True, False)
 ]
-
-
-def nothing(count):
-    """Report progress to nobody."""
 
 
 # ---------------------------------------------------------------------------------------------------------- one run
@@ -41,8 +39,8 @@ def test_a_run_is_the_evacuation_of_the_run_command():
     env.reset([3])
     while not env.finished.all():
         env.step(None)
-    assert simulate(run).exit_times == tuple(np.sort(env.simulation.state.exit_time).tolist())
-    assert simulate(run).left == 0 and simulate(run).blocked_since is None
+    assert run.simulate().exit_times == tuple(np.sort(env.simulation.state.exit_time).tolist())
+    assert run.simulate().left == 0 and run.simulate().blocked_since is None
 
 
 def test_presets_are_those_of_the_schemes():
@@ -74,13 +72,13 @@ def test_every_reading_reaches_the_run():
 @pytest.mark.parametrize("change", [{"wall_social": 0.0}, {"target": "nearest"}, {"exit_depth": 0.3}, {"dt": 2e-3}])
 def test_readings_change_the_outcome(change):
     run = Run(6, 1.0)
-    assert simulate(replace(run, **change)).exit_times != simulate(run).exit_times
+    assert replace(run, **change).simulate().exit_times != run.simulate().exit_times
 
 
 def test_keeping_moments_changes_nothing():
     run = Run(6, 1.0)
-    kept = simulate(replace(run, moments=(0.0, 1.2345, 4.0, 60.0)))
-    assert replace(kept, snapshots=()) == simulate(run)
+    kept = replace(run, moments=(0.0, 1.2345, 4.0, 60.0)).simulate()
+    assert replace(kept, snapshots=()) == run.simulate()
     assert [snapshot.time for snapshot in kept.snapshots] == pytest.approx([0.0, 1.234, 4.0, 60.0], abs=5e-4)
     inside = [len(snapshot.x) for snapshot in kept.snapshots]
     assert inside[0] == 6 and inside[-1] == 0 and sorted(inside, reverse=True) == inside
@@ -89,18 +87,18 @@ def test_keeping_moments_changes_nothing():
 
 def test_a_blocked_run_has_no_clearance_time():
     # Nobody can be out within half a second: blocked from the start, by the rule.
-    record = simulate(Run(6, 1.0, blocked_after=0.5))
+    record = Run(6, 1.0, blocked_after=0.5).simulate()
     assert (record.blocked_since, record.left, record.clearance_time) == (0.0, 6, None)
-    whole = simulate(Run(6, 1.0))
+    whole = Run(6, 1.0).simulate()
     pauses = np.diff([0.0, *whole.exit_times])
-    record = simulate(Run(6, 1.0, blocked_after=float(pauses.max()) - 1e-6))
+    record = Run(6, 1.0, blocked_after=float(pauses.max()) - 1e-6).simulate()
     k = int(np.argmax(pauses))
     assert record.exit_times == whole.exit_times[:k] and record.left == 6 - k and record.clearance_time is None
-    assert simulate(Run(6, 1.0, blocked_after=float(pauses.max()) + 1e-6)) == whole
+    assert Run(6, 1.0, blocked_after=float(pauses.max()) + 1e-6).simulate() == whole
 
 
 def test_a_run_at_the_end_of_its_time_is_neither_cleared_nor_blocked():
-    record = simulate(Run(6, 1.0, time_limit=1.0))
+    record = Run(6, 1.0, time_limit=1.0).simulate()
     assert (record.blocked_since, record.clearance_time, record.left) == (None, None, 6)
     found = sample({Run(6, 1.0): record}, [Run(6, 1.0)])
     assert (found.blocked, found.unfinished, found.median) == (0, 1, None)
@@ -126,7 +124,7 @@ def test_blocked_means_nobody_out_for_two_minutes(exits, now, out, since):
 
 def test_a_run_can_be_given_up():
     with pytest.raises(Stopped):
-        simulate(Run(6, 1.0), lambda: True)
+        Run(6, 1.0).simulate(lambda: True)
 
 
 # -------------------------------------------------------------------------------------------- many runs, kept in files
@@ -156,7 +154,7 @@ def test_the_longest_runs_come_first(computed, tmp_path):
 
 
 def test_interrupted_and_resumed_is_uninterrupted(uninterrupted, tmp_path, monkeypatch):
-    done = []
+    done, simulate = [], Run.simulate
 
     def interrupted(run, stopped=None):
         if len(done) == 3:
@@ -164,12 +162,12 @@ def test_interrupted_and_resumed_is_uninterrupted(uninterrupted, tmp_path, monke
         done.append(run)
         return simulate(run)
 
-    monkeypatch.setattr(pool, "simulate", interrupted)
+    monkeypatch.setattr(Run, "simulate", interrupted)
     with pytest.raises(Interrupted, match=r"^3 of 8 runs are kept in .*runs.*goes on from there$"):
         complete(SMALL, Store(tmp_path / "runs"), progress=nothing)
     assert len(list((tmp_path / "runs").iterdir())) == 3
     again = []
-    monkeypatch.setattr(pool, "simulate", lambda run: again.append(run) or simulate(run))
+    monkeypatch.setattr(Run, "simulate", lambda run: again.append(run) or simulate(run))
     assert complete(SMALL, Store(tmp_path / "runs"), progress=nothing) == uninterrupted
     assert len(again) == 5 and not set(again) & set(done)
 
@@ -190,7 +188,7 @@ def test_an_error_in_another_process_arrives_and_the_rest_is_kept(tmp_path):
 
 def test_what_is_kept_is_what_was_computed(tmp_path):
     store, run = Store(tmp_path), Run(6, 1.0, moments=(0.0, 2.0))
-    record = simulate(run)
+    record = run.simulate()
     store.keep(run, record)
     assert store.load(run) == record  # every bit of every number
     assert store.load(replace(run, moments=())) == record
@@ -243,14 +241,14 @@ def test_another_run_is_another_file(change, tmp_path):
 def test_a_change_of_the_physics_never_serves_old_runs(tmp_path, computed, monkeypatch):
     store, run = Store(tmp_path), Run(6, 1.0)
     complete([run], store, progress=nothing)
-    monkeypatch.setattr(lin_store.jit, "STAMP", "0123456789abcdef")
+    monkeypatch.setattr(store_of_runs.jit, "STAMP", "0123456789abcdef")
     assert store.load(run) is None
     complete([run], store, progress=nothing)
     assert len(computed) == 2
     assert identity(run)["kernels"] == "0123456789abcdef"
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "runs").write_text("a file")
     with pytest.raises(ValueError, match="cannot keep the runs in"):
         complete(SMALL[:1], Store(tmp_path / "runs"), progress=nothing)

@@ -10,7 +10,9 @@ from typer.testing import CliRunner
 
 from crowd_env.cli.reproduce import app
 from crowd_env.envs.crowd import CrowdEnv
-from crowd_env.reproduce import REPRODUCTIONS, Settings, fig6, table7, theatre
+from crowd_env.reproduce import PAPERS, Work
+from crowd_env.reproduce.pecol2011 import fig6, table7, theatre
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pecol2011.theatre import SCHEME, Egress, evacuate
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.population import Population, Uniform
@@ -304,15 +306,15 @@ def test_table_7_stands_beside_the_paper_and_says_what_rules_change(scripted, fo
 
 def test_no_difference_is_a_result_too(monkeypatch, folder):
     monkeypatch.setattr(table7, "evacuate", lambda settings, rules, progress: invented(settings.runs))
-    text = " ".join(table7.reproduce(Settings(runs=3), nothing).remarks)
+    text = " ".join(table7.reproduce(PecolSettings(runs=3), Work(nothing, {})).remarks)
     assert "change (mean of the draws, 95 % interval): nothing." in text and "do not shorten" in text
-    text = " ".join(table7.reproduce(Settings(runs=1), nothing).remarks)
+    text = " ".join(table7.reproduce(PecolSettings(runs=1), Work(nothing, {})).remarks)
     assert "One draw says nothing" in text
 
 
 def test_rules_that_help_are_said_to(monkeypatch):
     monkeypatch.setattr(table7, "evacuate", lambda s, rules, progress: invented(s.runs, -3.0 if rules else 0.0))
-    assert "they shorten the evacuation" in " ".join(table7.reproduce(Settings(runs=3), nothing).remarks)
+    assert "they shorten the evacuation" in " ".join(table7.reproduce(PecolSettings(runs=3), Work(nothing, {})).remarks)
 
 
 def test_figure_6_draws_what_table_7_tells_of_the_exercise(scripted, folder):
@@ -326,12 +328,12 @@ def test_figure_6_draws_what_table_7_tells_of_the_exercise(scripted, folder):
 
 def test_a_hundred_runs_are_the_default(scripted, folder):
     assert {row["n"] for row in told("table7 --json")["rows"] if row["unit"] == "s"} == {100}
-    assert REPRODUCTIONS["table5"].runs == 50
+    assert PAPERS["pecol"].settings_of("table5", {}).runs == 50
 
 
 def test_both_rest_on_the_same_draws_which_are_those_of_the_run_command(monkeypatch):
     monkeypatch.setattr(theatre, "_made", {})
-    settings, counts = Settings(runs=1, seed=3), []
+    settings, counts = PecolSettings(runs=1, seed=3), []
     ruled = evacuate(settings, True, counts.append)
     assert evacuate(settings, True, counts.append) is ruled and sum(counts) == 2
     env = CrowdEnv("theatre-v0", scheme=SCHEME)

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowd_env.analysis.pressure import ContactForces, contact_forces
-from crowd_env.files.atomic import check_suffix, written
+from crowd_env.files.atomic import check_suffix
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering.canvas import hex_of
+from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
 from crowd_env.rendering.discs import put_discs
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, QUIET, RAMP, Color
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DPI = 160
-_BIG = 9.0  # m, of a longer place only the surroundings of an exit are shown
+_BIG = 9.0  # m, of a longer geometry only the surroundings of an exit are shown
 _AROUND = 3.5  # m
 _MARGIN = 0.35  # m, seen of the outside
 _WIDTH = 1280  # px, of the longer side of the picture
@@ -52,8 +52,8 @@ def write_force_network(
     path : ends in .png.
     crowd : a simulation, after a step, or forces kept from one.
     e : environment of the simulation.
-    around : m, how far around the exit at which people press most is shown; inf for the whole place.  Default 3.5 m, or the
-        whole place if its longer side is at most 9 m.
+    around : m, how far around the exit at which people press most is shown; inf for all of it.  Default 3.5 m, or the
+        whole geometry if its longer side is at most 9 m.
     full_force : N, the force of the widest line; default the largest seen.  Give the same to pictures to be compared.
     color : give lines the colors of pressure too, from blue-grey (none) to red (``full_force``); else they are dark.
     title : what is seen.
@@ -66,9 +66,7 @@ def write_force_network(
     path = check_suffix(path, (".png",))
     forces = contact_forces(crowd, e) if isinstance(crowd, Simulation) else crowd
     figure = force_network_figure(forces, around=around, full_force=full_force, color=color, title=title)
-    with written(path) as part:
-        figure.savefig(part, format="png", dpi=_DPI)
-    return path
+    return save_figure(figure, path)
 
 
 def force_network_figure(
@@ -84,14 +82,11 @@ def force_network_figure(
         if value is not None and not value > 0:
             raise ValueError(f"{name} is {value!r}; it must be > 0")
     with drawing_library():
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.collections import LineCollection
-        from matplotlib.figure import Figure
     layout = _layout(forces.geometry, _window(forces, around))
     plan = draw_plan(forces.geometry, layout, 2)
     size = (layout.width, _HEADER + layout.height + _FOOTER)
-    figure = Figure(figsize=(size[0] / _DPI, size[1] / _DPI), dpi=_DPI, facecolor=hex_of(BACKGROUND))
-    FigureCanvasAgg(figure)
+    figure = new_figure((size[0] / _DPI, size[1] / _DPI), dpi=_DPI, background=BACKGROUND, constrained=False)
     axes = figure.add_axes((0.0, _FOOTER / size[1], 1.0, layout.height / size[1]))
     extent = (0, layout.width, layout.height, 0)
     axes.imshow(_with_people(plan, forces, layout), extent=extent, interpolation="none")
@@ -120,7 +115,7 @@ def force_network_figure(
 
 
 def _window(forces: ContactForces, around: float | None) -> tuple[float, float, float, float]:
-    """Return the part of the place that is shown (min x, min y, max x, max y) [m]."""
+    """Return the part of the geometry that is shown (min x, min y, max x, max y) [m]."""
     geometry = forces.geometry
     min_x, min_y, max_x, max_y = geometry.bounds
     if around is None:
@@ -134,7 +129,7 @@ def _window(forces: ContactForces, around: float | None) -> tuple[float, float, 
 
 
 def _span(middle: float, around: float, low: float, high: float) -> tuple[float, float]:
-    """Return 2 ``around`` about ``middle``, moved inwards where it reaches beyond the place and cut where that is smaller."""
+    """Return 2 ``around`` about ``middle``, moved inwards to stay within the geometry, and cut where that is smaller."""
     low, high = low - _MARGIN, high + _MARGIN
     if high - low <= 2.0 * around:
         return low, high
@@ -167,7 +162,7 @@ def _layout(geometry: Geometry, window: tuple[float, float, float, float]) -> La
 
 
 def _with_people(plan: Image, forces: ContactForces, layout: Layout) -> Image:
-    """Return the image of the place with the people drawn lightly."""
+    """Return the image of the geometry with the people drawn lightly."""
     image, inside = plan.copy(), forces.active
     center, radius = layout.pixels(forces.position[inside]), layout.scale * forces.radius[inside]
     for color, smaller in ((_RIM, 0.0), (_PERSON, _RIM_WIDTH)):
@@ -178,7 +173,7 @@ def _with_people(plan: Image, forces: ContactForces, layout: Layout) -> Image:
 
 
 def _walls_only(plan: Image) -> Image:
-    """Return the image (H, W, 4) of a place that is transparent where people can be."""
+    """Return the image (H, W, 4) of the geometry, transparent where people can be."""
     floor = np.zeros(plan.shape[:2], dtype=bool)
     for color in (FLOOR, EXIT, EXIT_MAT):
         floor |= (plan == color).all(axis=2)
@@ -222,10 +217,10 @@ def _draw_legend(
     x += 172
     for force in _round_forces(full):
         (shade,) = _colors(np.array([force / full]), color)
-        said = f"{force:g} N" if full < 1e4 else f"{force / 1e3:g} kN"
+        label = f"{force:g} N" if full < 1e4 else f"{force / 1e3:g} kN"
         axes.plot([x, x + 70], [y, y], color=shade, linewidth=width * force / full, solid_capstyle="butt")
-        axes.text(x + 84, y, said, **text)
-        x += 124 + 12 * len(said)
+        axes.text(x + 84, y, label, **text)
+        x += 124 + 12 * len(label)
 
 
 def _round_forces(full: float) -> list[float]:

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.reproduce.lin2016.sample import Records, Sample, raw_runs, sample, unfinished_remarks
+from crowd_env.reproduce.lin2016.sample import Sample, raw_runs, sample, unfinished_remarks
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.lin2016.speeds import SPEEDS
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import Result, Row
 from crowd_env.state import Floats
 
@@ -28,9 +29,9 @@ def runs(settings: LinSettings) -> list[Run]:
     return [run for people in CROWDS for speed in SPEEDS for run in settings.draws(people, speed)]
 
 
-def tell(settings: LinSettings, records: Records) -> Result:
-    """Return the figure, from what came of its runs."""
-    found = {(n, v): sample(records, settings.draws(n, v)) for n in CROWDS for v in SPEEDS}
+def reproduce(settings: LinSettings, work: Work) -> Result:
+    """Return the figure, made of the records of its runs."""
+    found = {(n, v): sample(work.records, settings.draws(n, v)) for n in CROWDS for v in SPEEDS}
     rows = [row for people in CROWDS for row in _rows(found, people)]
     rows += _transition(found)
     rows += _separation(found)

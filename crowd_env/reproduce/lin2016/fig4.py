@@ -6,7 +6,6 @@ from pathlib import Path
 
 from crowd_env.reproduce.lin2016.run import Run
 from crowd_env.reproduce.lin2016.sample import (
-    Records,
     Sample,
     clearance_rows,
     raw_exits,
@@ -16,6 +15,7 @@ from crowd_env.reproduce.lin2016.sample import (
     verdict,
 )
 from crowd_env.reproduce.lin2016.settings import LinSettings
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import Result
 
 TITLE = "Lin, Ma, Lo, Figure 4: 100 people at 1 m/s, by the strength A of the social force"
@@ -23,7 +23,7 @@ TITLE = "Lin, Ma, Lo, Figure 4: 100 people at 1 m/s, by the strength A of the so
 PEOPLE, SPEED = 100, 1.0  # m/s
 STRENGTHS = (200.0, 300.0, 400.0, 500.0)  # N
 PRINTED = {200.0: "170", 300.0: "120"}  # s
-_SAID = "paper: barely differs from 300 N"
+_REMARK = "paper: barely differs from 300 N"
 
 
 def runs(settings: LinSettings) -> list[Run]:
@@ -31,13 +31,13 @@ def runs(settings: LinSettings) -> list[Run]:
     return [run for strength in STRENGTHS for run in settings.draws(PEOPLE, SPEED, strength=strength)]
 
 
-def tell(settings: LinSettings, records: Records) -> Result:
-    """Return the figure, from what came of its runs."""
-    found = {a: sample(records, settings.draws(PEOPLE, SPEED, strength=a)) for a in STRENGTHS}
+def reproduce(settings: LinSettings, work: Work) -> Result:
+    """Return the figure, made of the records of its runs."""
+    found = {a: sample(work.records, settings.draws(PEOPLE, SPEED, strength=a)) for a in STRENGTHS}
     rows = []
     for strength, draws in found.items():
         paper = PRINTED.get(strength)
-        rows += clearance_rows(f"A = {strength:g} N", draws, paper, "" if paper else _SAID)
+        rows += clearance_rows(f"A = {strength:g} N", draws, paper, "" if paper else _REMARK)
     remarks = [*verdict(rows), *_plateau(found), *unfinished_remarks(found.values()), *settings.remarks()]
     raw = {"runs": raw_runs(found.values()), "exit-times": raw_exits(found.values())}
     return Result("lin-fig4", TITLE, rows, raw, partial(_draw, settings, found), remarks, settings.changed(), "s")

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from crowd_env.reproduce.lin2016.run import Run
 from crowd_env.reproduce.lin2016.sample import (
-    Records,
     Sample,
     clearance_rows,
     raw_exits,
@@ -15,13 +14,14 @@ from crowd_env.reproduce.lin2016.sample import (
     unfinished_remarks,
 )
 from crowd_env.reproduce.lin2016.settings import LinSettings
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import Result
 
 TITLE = "Lin, Ma, Lo, Figure 5: 100 people with and without rotation"
 
 PEOPLE = 100
 SPEEDS = (1.0, 2.0)  # m/s, panels a and b
-_SAID = {
+_REMARKS = {
     (1.0, True): "",
     (1.0, False): "paper: basically the same as with rotation",
     (2.0, True): "",
@@ -31,16 +31,16 @@ _SAID = {
 
 def runs(settings: LinSettings) -> list[Run]:
     """Return the runs that the figure needs."""
-    return [run for speed, turning in _SAID for run in settings.draws(PEOPLE, speed, rotation=turning)]
+    return [run for speed, turning in _REMARKS for run in settings.draws(PEOPLE, speed, rotation=turning)]
 
 
-def tell(settings: LinSettings, records: Records) -> Result:
-    """Return the figure, from what came of its runs."""
-    found = {key: sample(records, settings.draws(PEOPLE, key[0], rotation=key[1])) for key in _SAID}
+def reproduce(settings: LinSettings, work: Work) -> Result:
+    """Return the figure, made of the records of its runs."""
+    found = {key: sample(work.records, settings.draws(PEOPLE, key[0], rotation=key[1])) for key in _REMARKS}
     rows = []
     for (speed, turning), draws in found.items():
         of = f"{speed:g} m/s, {'rotation' if turning else 'no rotation'}"
-        rows += clearance_rows(of, draws, None, _SAID[speed, turning])
+        rows += clearance_rows(of, draws, None, _REMARKS[speed, turning])
     remarks = [_slow(found), _fast(found), *unfinished_remarks(found.values()), *settings.remarks()]
     raw = {"runs": raw_runs(found.values()), "exit-times": raw_exits(found.values())}
     return Result("lin-fig5", TITLE, rows, raw, partial(_draw, settings, found), remarks, settings.changed(), "s")

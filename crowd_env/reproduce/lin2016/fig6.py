@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from crowd_env.reproduce.lin2016.run import Record, Run
-from crowd_env.reproduce.lin2016.sample import Records
+from crowd_env.reproduce.lin2016.record import Record
+from crowd_env.reproduce.lin2016.run import Run
 from crowd_env.reproduce.lin2016.settings import LinSettings
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import RawTable, Result, Row
 
 TITLE = "Lin, Ma, Lo, Figure 6: 200 people at 0, 30, 60 and 120 s"
@@ -21,10 +22,10 @@ def runs(settings: LinSettings) -> list[Run]:
     return list(settings.draws(PEOPLE, SPEED, moments=MOMENTS)[:1])
 
 
-def tell(settings: LinSettings, records: Records) -> Result:
-    """Return the figure, from what came of its run."""
+def reproduce(settings: LinSettings, work: Work) -> Result:
+    """Return the figure, made of the record of its run."""
     (run,) = runs(settings)
-    record = records[run]
+    record = work.records[run]
     shown = [snapshot for snapshot in record.snapshots if _near_moment(run, snapshot.time)]
     rows = [
         Row(f"inside, t = {s.time:g} s", None, len(s.x), "people", 1, "one draw; the paper shows it only")
@@ -54,11 +55,11 @@ def _near_moment(run: Run, time: float) -> bool:
 
 
 def _draw(settings: LinSettings, run: Run, record: Record, path: Path) -> Path:
-    from crowd_env.reproduce.lin2016.figures.room import Moment, snapshots
+    from crowd_env.reproduce.lin2016.figures.room import RoomPanel, snapshots
 
     geometry = run.scenario().geometry
     moments = [
-        Moment(
+        RoomPanel(
             f"{letter}. t = {s.time:g} s, {len(s.x)} inside",
             np.column_stack([s.x, s.y]),
             np.array(s.radius),

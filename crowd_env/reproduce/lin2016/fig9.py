@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from crowd_env.reproduce.lin2016.run import Record, Run
-from crowd_env.reproduce.lin2016.sample import Records, Sample, sample, unfinished_remarks
+from crowd_env.reproduce.lin2016.record import Record
+from crowd_env.reproduce.lin2016.run import Run
+from crowd_env.reproduce.lin2016.sample import Sample, sample, unfinished_remarks
 from crowd_env.reproduce.lin2016.settings import LinSettings
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import RawTable, Result, Row
 from crowd_env.state import Floats
 
@@ -49,9 +51,9 @@ def inner_flow(record: Record, window: float = WINDOW) -> Floats:
     return window_flow(exits, exits[-1], window)[first:last]
 
 
-def tell(settings: LinSettings, records: Records) -> Result:
-    """Return the figure, from what came of its runs."""
-    found = {(n, v): sample(records, settings.draws(n, v)) for n in CROWDS for v in SPEEDS}
+def reproduce(settings: LinSettings, work: Work) -> Result:
+    """Return the figure, made of the records of its runs."""
+    found = {(n, v): sample(work.records, settings.draws(n, v)) for n in CROWDS for v in SPEEDS}
     rows = [row for people in CROWDS for state in STATES for row in _rows(found, people, state)]
     remarks = [
         "A window of 10 s with k exits has the flow k/10: a single window is uncertain by about 0.2 to 0.3 /s. The lowest and "

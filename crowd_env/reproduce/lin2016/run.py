@@ -1,16 +1,17 @@
 """One evacuation of the room of Lin, Ma, Lo: the unit of work of all their figures."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from crowd_env.navigation.field import NavigationField
 from crowd_env.physics import Hertz, SocialForce
 from crowd_env.physics.hertz import DampingUnit
-from crowd_env.reproduce.sound import require_nobody_outside
+from crowd_env.reproduce.lin2016.record import Record, Snapshot
+from crowd_env.reproduce.sound import require_none_escaped
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.groups import extreme_bodies
@@ -19,7 +20,11 @@ from crowd_env.simulation.arguments import check_step
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import Floats, make_state
 
-_LOOK = 1.0  # s, how often we look whether it is over; the result does not depend on it
+_CHECK_INTERVAL = 1.0  # s, between looks at whether it is over; the result does not depend on it
+
+
+class Stopped(Exception):
+    """A run was given up half way."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +54,7 @@ class Run:
     dt: float = 1e-3  # s
     time_limit: float = 1000.0  # s
     blocked_after: float = 120.0  # s    without anyone getting out
-    moments: tuple[float, ...] = field(default=(), compare=False)  # s    when everyone's place is kept
+    moments: tuple[float, ...] = field(default=(), compare=False)  # s    when positions are kept
 
     def scenario(self) -> Scenario:
         """Return the room and its people."""
@@ -80,77 +85,94 @@ class Run:
         people.draw(np.random.default_rng([self.seed, 0]), scenario.geometry)
         check_step(scheme, extreme_bodies(people), self.dt)
 
+    def simulate(self, stopped: Callable[[], bool] | None = None) -> Record:
+        """Return what comes of a run: it ends when all are out, the exit has blocked, or the time is over.
 
-class Snapshot(NamedTuple):
-    """Where those who are inside are at one moment; K people."""
+        Parameters
+        ----------
+        stopped : called after every simulated second; True gives up.
 
-    time: float  # s
-    x: tuple[float, ...]  # (K,) m
-    y: tuple[float, ...]  # (K,) m
-    radius: tuple[float, ...]  # (K,) m
-    angle: tuple[float, ...]  # (K,) rad    turned since the start
+        Raises
+        ------
+        Stopped
+            If ``stopped`` says so.
+        FloatingPointError
+            If someone goes too far in a step or is found outside of the room.
+        """
+        scenario = self.scenario()
+        bodies, position = scenario.population.draw(np.random.default_rng([self.seed, 0]), scenario.geometry)
+        simulation = Simulation(
+            scenario.geometry,
+            bodies,
+            make_state(position),
+            scheme=self.scheme(),
+            dt=self.dt,
+            fields=[_field(self.target, self.exit_depth)],
+        )
+        kept = sorted({round(moment / self.dt) for moment in self.moments})
+        limit, interval = round(self.time_limit / self.dt), max(1, round(_CHECK_INTERVAL / self.dt))
+        done, snapshots = 0, []
+        while True:
+            if kept and done == kept[0]:
+                snapshots.append(_snapshot(simulation, kept.pop(0) * self.dt))
+            exits = np.sort(simulation.state.exit_time[~simulation.state.active])
+            exits, blocked_since = until_blocked(exits, done * self.dt, self.count, self.blocked_after)
+            left = self.count - len(exits)
+            if not kept and (left == 0 or blocked_since is not None or done >= limit):
+                return Record(tuple(exits.tolist()), left, blocked_since, tuple(snapshots))
+            if stopped is not None and stopped():
+                raise Stopped
+            ahead = min([interval - done % interval, *(step - done for step in kept[:1])])
+            simulation.advance(n_substeps=ahead)
+            require_none_escaped(simulation.scheme.info.name, int(simulation.escaped.sum()))
+            done += ahead
 
+    def merge(self, other: "Run") -> "Run":
+        """Return this run with the moments of an equal one too."""
+        return replace(self, moments=tuple(sorted({*self.moments, *other.moments})))
 
-@dataclass(frozen=True)
-class Record:
-    """What came of a run."""
+    def smallest(self) -> "Run":
+        """Return two people for one step."""
+        return replace(self, count=2, time_limit=self.dt, moments=())
 
-    exit_times: tuple[float, ...]  # s    ascending, of those who got out before the exit blocked
-    left: int  # people inside at the end
-    blocked_since: float | None = None  # s    when the last one got out before the exit blocked; 0 if nobody did
-    snapshots: tuple[Snapshot, ...] = ()
+    def cost(self) -> float:
+        """Return about people squared times simulated seconds times steps a second."""
+        return self.count**2 / min(max(self.desired_speed, 0.1), 1.4) / self.dt
 
-    @property
-    def clearance_time(self) -> float | None:
-        """When the last one got out [s]; None if someone did not, blocked or not."""
-        return self.exit_times[-1] if self.left == 0 else None
+    def label(self) -> str:
+        """Return the beginning of the name of its file."""
+        return f"{self.count}-people-{self.desired_speed:g}-mps-seed-{self.seed}"
 
+    def identity(self) -> dict[str, Any]:
+        """Return the parameters, and the scheme, people and room that they stand for, ready for JSON."""
+        scenario, parameters = self.scenario(), asdict(self)
+        del parameters["moments"]
+        return {
+            "run": parameters,
+            "scheme": repr(self.scheme()),
+            "people": repr(scenario.population),
+            "walls": scenario.geometry.walls.tolist(),
+            "exits": scenario.geometry.exits.tolist(),
+        }
 
-class Stopped(Exception):
-    """A run was given up half way."""
+    def encode(self, record: Record) -> dict[str, Any]:
+        """Return the record, ready for JSON."""
+        return record.as_json()
 
+    def decode(self, content: dict[str, Any]) -> Record:
+        """Return the record that was encoded.
 
-def simulate(run: Run, stopped: Callable[[], bool] | None = None) -> Record:
-    """Return what comes of a run: it ends when all are out, the exit has blocked, or the time is over.
-
-    Parameters
-    ----------
-    stopped : asked after every simulated second whether to give up.
-
-    Raises
-    ------
-    Stopped
-        If ``stopped`` says so.
-    FloatingPointError
-        If someone goes too far in a step or is found outside of the room.
-    """
-    scenario = run.scenario()
-    bodies, position = scenario.population.draw(np.random.default_rng([run.seed, 0]), scenario.geometry)
-    simulation = Simulation(
-        scenario.geometry,
-        bodies,
-        make_state(position),
-        scheme=run.scheme(),
-        dt=run.dt,
-        fields=[_field(run.target, run.exit_depth)],
-    )
-    kept = sorted({round(moment / run.dt) for moment in run.moments})
-    limit, look = round(run.time_limit / run.dt), max(1, round(_LOOK / run.dt))
-    done, snapshots = 0, []
-    while True:
-        if kept and done == kept[0]:
-            snapshots.append(_snapshot(simulation, kept.pop(0) * run.dt))
-        exits = np.sort(simulation.state.exit_time[~simulation.state.active])
-        exits, blocked_since = until_blocked(exits, done * run.dt, run.count, run.blocked_after)
-        left = run.count - len(exits)
-        if not kept and (left == 0 or blocked_since is not None or done >= limit):
-            return Record(tuple(exits.tolist()), left, blocked_since, tuple(snapshots))
-        if stopped is not None and stopped():
-            raise Stopped
-        ahead = min([look - done % look, *(step - done for step in kept[:1])])
-        simulation.advance(n_substeps=ahead)
-        require_nobody_outside(simulation)
-        done += ahead
+        Raises
+        ------
+        ValueError, KeyError, TypeError
+            If it cannot be a record of this run, or one of its moments is missing.
+        """
+        record = Record.from_json(content)
+        if len(record.exit_times) + record.left != self.count:
+            raise ValueError(f"the record has {len(record.exit_times) + record.left} people, the run {self.count}")
+        if not {round(moment / self.dt) * self.dt for moment in self.moments} <= {s.time for s in record.snapshots}:
+            raise ValueError("the record lacks a moment that the run asks for")
+        return record
 
 
 def until_blocked(exits: Floats, now: float, count: int, patience: float) -> tuple[Floats, float | None]:
@@ -168,13 +190,13 @@ def until_blocked(exits: Floats, now: float, count: int, patience: float) -> tup
 
 def _snapshot(simulation: Simulation, time: float) -> Snapshot:
     inside = simulation.state.active
-    place, radius = simulation.state.position[inside], simulation.bodies.radius[inside]
-    columns = (place[:, 0], place[:, 1], radius, simulation.state.angle[inside])
+    position, radius = simulation.state.position[inside], simulation.bodies.radius[inside]
+    columns = (position[:, 0], position[:, 1], radius, simulation.state.angle[inside])
     x, y, radii, angle = (tuple(column.tolist()) for column in columns)
     return Snapshot(time, x, y, radii, angle)
 
 
 @lru_cache(maxsize=8)
 def _field(target: Target, exit_depth: float) -> NavigationField:
-    """Return the way to the exit, which is the same for all sizes of the crowd."""
+    """Return the travel times to the exit, which do not depend on the size of the crowd."""
     return Run(1, 1.0, target=target, exit_depth=exit_depth).scenario().field()

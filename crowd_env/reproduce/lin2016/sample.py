@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crowd_env.reproduce.lin2016.run import Record, Run
+from crowd_env.reproduce.lin2016.record import Record
+from crowd_env.reproduce.lin2016.run import Run
 from crowd_env.reproduce.result import RawTable, Row
 from crowd_env.state import Floats
 
@@ -80,14 +81,14 @@ def sample(records: Records, runs: Sequence[Run]) -> Sample:
     return Sample(tuple(runs), tuple(records[run] for run in runs))
 
 
-def clearance_rows(of: str, found: Sample, paper: str | None = None, said: str = "") -> list[Row]:
+def clearance_rows(of: str, found: Sample, paper: str | None = None, remark: str = "") -> list[Row]:
     """Return two rows: the median clearance time, and the number of draws that blocked.
 
-    ``paper`` is the printed time, ``said`` what the paper says in words.
+    ``paper`` is the printed time, ``remark`` what the paper prints in words.
     """
     times = found.cleared
     spread = f"median, {times.min():.0f} to {times.max():.0f}" if len(times) > 1 else "one draw" if len(times) else ""
-    reading = "; ".join(text for text in (spread, found.count_blocked(), said) if text)
+    reading = "; ".join(text for text in (spread, found.count_blocked(), remark) if text)
     return [Row(f"clearance, {of}", paper, found.median, "s", len(times), reading), blocked_row(of, found)]
 
 
@@ -113,9 +114,9 @@ def verdict(rows: Iterable[Row]) -> list[str]:
     for row in rows:
         if row.paper is None:
             continue
-        told = f"{row.quantity} ({row.shown()} {row.unit}, printed {row.paper})"
+        number = f"{row.quantity} ({row.shown()} {row.unit}, printed {row.paper})"
         met = row.here is not None and abs(row.here / float(row.paper) - 1) <= _CLOSE
-        (close if met else far).append(told)
+        (close if met else far).append(number)
     if not close and not far:
         return []
     return [f"Within 10 %: {', '.join(close) or 'none'}" + (f"; NOT reproduced: {', '.join(far)}." if far else ".")]
@@ -147,10 +148,10 @@ def raw_runs(samples: Iterable[Sample]) -> RawTable:
 def raw_exits(samples: Iterable[Sample]) -> RawTable:
     """Return every exit: the run, how many are out by then, and when."""
     rows = [
-        (*_key(run), place + 1, f"{time:.6f}")
+        (*_key(run), k + 1, f"{time:.6f}")
         for found in samples
         for run, record in zip(found.runs, found.records, strict=True)
-        for place, time in enumerate(record.exit_times)
+        for k, time in enumerate(record.exit_times)
     ]
     return RawTable((*_HEADER, "number_out", "time_s"), rows)
 

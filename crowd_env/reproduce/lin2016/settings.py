@@ -1,14 +1,12 @@
 """What the reproductions of Lin, Ma, Lo may vary: the draws, and the readings of what their paper leaves open."""
 
-import math
-from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
-from typing import Any, Literal, get_args
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 from crowd_env.physics import Hertz
 from crowd_env.physics.hertz import DampingUnit
 from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.reproduce.pecol2011.settings import flag
+from crowd_env.reproduce.settings import TARGET_HELP, Settings, flag, option
 from crowd_env.routing.route_set import Target
 
 Preset = Literal["calibrated", "literal"]
@@ -19,8 +17,8 @@ _DAMPING_UNITS: dict[str, DampingUnit] = {"per-length": "rate per length", "rate
 
 
 @dataclass(frozen=True)
-class LinSettings:
-    """Options of a reproduction; None means what the preset says.
+class LinSettings(Settings):
+    """Options of the paper's figures; None means what the preset says.
 
     Raises
     ------
@@ -28,33 +26,24 @@ class LinSettings:
         In one sentence, if an option is out of range.
     """
 
-    preset: Preset = "calibrated"
-    runs: int = 10
-    seed: int = 0  # draw k is made from seed + k, the same start in every configuration
-    dt: float = 1e-3  # s
-    wall_friction: float | None = None
-    wall_social: float | None = None  # N
-    anisotropy: float = 0.3  # phi
-    no_rotation: bool = False
-    damping: Damping = "per-length"  # reading of gamma
-    target: Target = "centre"
-    exit_depth: float = 0.0  # m
-    cutoff: float = 0.4  # m
-
-    def __post_init__(self) -> None:
-        if self.runs < 1:
-            raise ValueError(f"--runs is {self.runs}; it must be at least 1")
-        if self.seed < 0:
-            raise ValueError(f"--seed is {self.seed}; it must be >= 0")
-        for name, kind in (("preset", Preset), ("damping", Damping), ("target", Target)):
-            if getattr(self, name) not in get_args(kind):
-                raise ValueError(f"unknown {flag(name)} {getattr(self, name)!r}; known: {', '.join(get_args(kind))}")
-        for name in ("dt", "wall_friction", "wall_social", "anisotropy", "exit_depth", "cutoff"):
-            value = getattr(self, name)
-            if value is not None and not math.isfinite(value):
-                raise ValueError(f"{flag(name)} is {value}; it must be a finite number")
-        if not self.dt > 0:
-            raise ValueError(f"--dt is {self.dt:g} s; it must be > 0")
+    runs: int = option(10, "Draws of each point")
+    preset: Preset = option(
+        "calibrated",
+        "calibrated: friction and social force of walls, which the paper leaves open, fitted to its Figure 7; literal: its "
+        "text as printed",
+    )
+    dt: float = option(1e-3, "Time step, s")
+    wall_friction: float | None = option(None, "Friction of people on walls; calibrated 0.1, literal 0.5")
+    wall_social: float | None = option(None, "Social force of walls at zero distance, N; calibrated 300, literal 0")
+    anisotropy: float = option(0.3, "phi of the social force")
+    no_rotation: bool = option(False, "Nobody turns (lin-fig5 compares both)")
+    damping: Damping = option(
+        "per-length",
+        "Reading of gamma = 0.8: per-length (1/(m s)), rate (1/s) or critical (share of the critical damping)",
+    )
+    target: Target = option("centre", TARGET_HELP)
+    exit_depth: float = option(0.0, "How far behind the wall people count as out, m")
+    cutoff: float = option(0.4, "Distance beyond which there is no social force, m")
 
     @property
     def walls(self) -> tuple[float, float]:
@@ -64,11 +53,6 @@ class LinSettings:
         friction = preset.wall_friction if self.wall_friction is None else self.wall_friction
         social = preset.social.wall_strength if self.wall_social is None else self.wall_social
         return friction, social
-
-    def changed(self) -> dict[str, object]:
-        """Return the options that differ from the defaults, without how many draws are made."""
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("runs", "seed")}
-        return {name: value for name, value in values.items() if value != getattr(LinSettings, name)}
 
     def draws(self, count: int, desired_speed: float, **more: Any) -> tuple[Run, ...]:
         """Return every draw of ``count`` people who want ``desired_speed`` [m/s]; ``more`` are parameters of `Run`."""
@@ -124,9 +108,3 @@ class LinSettings:
             f"{seeds} the same start in every configuration. A run is blocked, as in the paper, when nobody has got out for "
             "2 minutes; it has no clearance time, and medians are over the runs that cleared.",
         ]
-
-
-def check(runs: Iterable[Run]) -> None:
-    """Raise ValueError, before anything runs, if one of the configurations cannot be used; one draw of each is tried."""
-    for run in dict.fromkeys(replace(run, seed=0) for run in runs):
-        run.check()

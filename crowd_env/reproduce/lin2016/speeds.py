@@ -10,7 +10,6 @@ import numpy as np
 
 from crowd_env.reproduce.lin2016.run import Run
 from crowd_env.reproduce.lin2016.sample import (
-    Records,
     Sample,
     clearance_rows,
     raw_exits,
@@ -20,6 +19,7 @@ from crowd_env.reproduce.lin2016.sample import (
     verdict,
 )
 from crowd_env.reproduce.lin2016.settings import LinSettings
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import Result, Row
 
 SPEEDS = (0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0)  # m/s
@@ -46,13 +46,13 @@ class BySpeed:
         """Return the runs that the figure needs."""
         return [run for speed in self.speeds for run in settings.draws(self.people, speed)]
 
-    def tell(self, settings: LinSettings, records: Records) -> Result:
-        """Return the figure, from what came of its runs."""
-        found = {speed: sample(records, settings.draws(self.people, speed)) for speed in self.speeds}
+    def reproduce(self, settings: LinSettings, work: Work) -> Result:
+        """Return the figure, made of the records of its runs."""
+        found = {speed: sample(work.records, settings.draws(self.people, speed)) for speed in self.speeds}
         rows = []
         for speed, draws in found.items():
-            said = "paper: blocked" if speed >= PAPER_BLOCKED else ""
-            rows += clearance_rows(f"{speed:.1f} m/s", draws, self.printed.get(speed), said)
+            remark = "paper: blocked" if speed >= PAPER_BLOCKED else ""
+            rows += clearance_rows(f"{speed:.1f} m/s", draws, self.printed.get(speed), remark)
         if self.printed_mean is not None:
             rows.append(self._mean(found, self.printed_mean))
         remarks = [*verdict(rows), *states(found), *unfinished_remarks(found.values()), *settings.remarks()]

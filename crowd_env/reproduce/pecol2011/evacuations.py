@@ -6,10 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from crowd_env.console import counted
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, Estimate, run_slopes
-from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
 from crowd_env.reproduce.sound import require_none_escaped
 from crowd_env.state import Floats
@@ -47,7 +46,7 @@ class Evacuations:
         return int(inside.sum()), int((inside > 0).sum())
 
 
-def evacuate(settings: Settings, scheme: str, progress: Progress) -> Evacuations:
+def evacuate(settings: PecolSettings, scheme: str, progress: Progress) -> Evacuations:
     """Run the draws ``seed`` to ``seed + runs - 1`` under a scheme, everyone walking the shortest path.
 
     They are the draws of ``crowd-env run``.
@@ -60,7 +59,7 @@ def evacuate(settings: Settings, scheme: str, progress: Progress) -> Evacuations
     contact = settings.contact(scheme)
     try:
         episodes = run_episodes(
-            settings.place(),
+            settings.room(),
             settings.runs,
             seed=settings.seed,
             progress=progress,
@@ -101,17 +100,17 @@ def flow_rows(done: Evacuations) -> list[Row]:
     return rows
 
 
-def raw_times(settings: Settings, results: list[Evacuations]) -> RawTable:
+def raw_times(settings: PecolSettings, results: list[Evacuations]) -> RawTable:
     """Return every exit: scheme, seed of the run, how many are out by then, and when (empty if never)."""
     runs = [(done.scheme, settings.seed + k, run) for done in results for k, run in enumerate(done.exit_times)]
     return RawTable(_HEADER, [row for run in runs for row in _exits(*run)])
 
 
 def _exits(scheme: str, seed: int, times: Floats) -> list[tuple[object, ...]]:
-    return [(scheme, seed, place + 1, "" if np.isnan(time) else f"{time:.6f}") for place, time in enumerate(times)]
+    return [(scheme, seed, k + 1, "" if np.isnan(time) else f"{time:.6f}") for k, time in enumerate(times)]
 
 
-def room_remarks(settings: Settings, results: list[Evacuations]) -> list[str]:
+def room_remarks(settings: PecolSettings, results: list[Evacuations]) -> list[str]:
     """Return the readings behind the flows, and what went wrong."""
     remarks = [
         f"Runs are the draws {settings.seed} to {settings.seed + settings.runs - 1}, the same for every scheme: uniform "
@@ -122,9 +121,10 @@ def room_remarks(settings: Settings, results: list[Evacuations]) -> list[str]:
     for done in results:
         people, runs = done.unfinished
         if people:
+            left = f"{people} {'person' if people == 1 else 'people'} in {runs} {'run' if runs == 1 else 'runs'}"
             remarks.append(
-                f"{done.scheme}: {counted(people, 'person', 'people')} in {counted(runs, 'run', 'runs')} still inside after "
-                f"{settings.time_limit:g} s, as in a static arch at the door; slopes are over those who got out."
+                f"{done.scheme}: {left} still inside after {settings.time_limit:g} s, as in a static arch at "
+                "the door; slopes are over those who got out."
             )
         if done.unconverged:
             remarks.append(f"{done.scheme}: {done.unconverged} steps did not meet the solver's tolerance.")

@@ -9,7 +9,8 @@ import numpy as np
 
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.physics import DEM, NSM2, ContactScheme
-from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.paper import Work
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Progress, RawTable, Result, Row
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import Floats, make_bodies, make_state
@@ -77,22 +78,22 @@ def recoil(meeting: Meeting) -> tuple[float, float]:
     return float(x[0] - x[turn]), -float(meeting.velocity[last, 0, 0])
 
 
-def steps(settings: Settings) -> int:
-    """Return how much there is to do, in what ``progress`` counts."""
+def steps(settings: PecolSettings) -> int:
+    """Return how much there is to do, in what ``work.progress`` counts."""
     return 3 * len(TAUS)
 
 
-def reproduce(settings: Settings, progress: Progress) -> Result:
+def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Figure 1."""
     rows, drawn, measured = [], [], []
     for tau in TAUS:
-        rows += _head_on(tau, progress)
+        rows += _head_on(tau, work.progress)
         measured.append([row.here for row in rows[-2:]])
     for tau in TAUS:
         meeting = meet(_ELASTIC, tau, offset=OFFSET, dt=_DRAWN_STEP, duration=2.0 + 4.0 * tau)
         drawn.append(meeting)
         rows += _sideways(tau, meeting)
-        progress(1)
+        work.progress(1)
     worst = max(abs(row.here / row.expected - 1.0) for row in rows if row.here and row.expected)
     again = [f"{tau:g}" for tau, meeting in zip(TAUS, drawn, strict=True) if meeting.contacts > 1]
     remarks = [
@@ -156,7 +157,7 @@ def _draw(drawn: Sequence[Meeting], measured: Sequence[Sequence[float | None]], 
     form = np.array([recoil_distance(SPEED, SPEED, tau) for tau in fine])
     points = np.array(measured, dtype=np.float64)
     labels = ("NSM2, $K_N \\to \\infty$", "DEM, $k = 1.2\\times10^5$ N/m")
-    touch = int(np.argmax(drawn[0].touching)) - 1  # the same for all: until then they walk at their desired speed
+    touch = int(np.argmax(drawn[0].touching)) - 1  # the same for every tau: until then they walk at their desired speed
     return meetings(
         path,
         TAUS,

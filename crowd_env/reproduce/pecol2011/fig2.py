@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, RADIUS, STEP, VELOCITY, Instant, instants
-from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Progress, RawTable, Result, Row
 
 TITLE = "Figure 2: a particle against a wall under the three schemes"
@@ -91,21 +92,21 @@ CASES = (
 )
 
 
-def steps(settings: Settings) -> int:
-    """Return how much there is to do, in what ``progress`` counts."""
+def steps(settings: PecolSettings) -> int:
+    """Return how much there is to do, in what ``work.progress`` counts."""
     return len(CASES) + len(_FINE)
 
 
-def reproduce(settings: Settings, progress: Progress) -> Result:
+def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return the four panels."""
     traces, rows = [], []
     for case in CASES:
         traces.append(instants(case.scheme, STEP, _DURATION))
         rows += _rows(case, traces[-1])
-        progress(1)
+        work.progress(1)
     along = max((at.u_y for trace in traces for at in trace), key=lambda u: abs(u - VELOCITY[1]))
     rows.append(Row("a-d: u_y, every case and step", "-1", along, "m/s", len(CASES) * _STEPS, "frictionless"))
-    rows += _finer(progress)
+    rows += _finer(work.progress)
     forms = [row for row in rows if row.expected is not None]
     off = [
         row.quantity for row in forms if row.here is None or row.expected is None or abs(row.here - row.expected) > 1e-9
@@ -185,7 +186,7 @@ def _draw(path: Path, traces: Sequence[Sequence[Instant]]) -> Path:
     panels = []
     for panel in "abcd":
         k = next(k for k, case in enumerate(CASES) if case.panel == panel)
-        places = [(at.x, at.y) for at in traces[k][:_DRAWN]]
+        positions = [(at.x, at.y) for at in traces[k][:_DRAWN]]
         title = f"{panel}. {CASES[k].title}"
-        panels.append((title, places, phases(traces[k])[:_DRAWN], avoided(traces[k]) if panel == "b" else None))
+        panels.append((title, positions, phases(traces[k])[:_DRAWN], avoided(traces[k]) if panel == "b" else None))
     return collisions(path, panels, RADIUS)

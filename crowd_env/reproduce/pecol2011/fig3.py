@@ -3,27 +3,28 @@
 from functools import partial
 from pathlib import Path
 
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.pecol2011.evacuations import PRINTED, Evacuations, evacuate, flow_rows, raw_times, room_remarks
 from crowd_env.reproduce.pecol2011.flow import pooled_line
-from crowd_env.reproduce.pecol2011.settings import Settings
-from crowd_env.reproduce.result import Progress, Result
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
+from crowd_env.reproduce.result import Result
 
 TITLE = "Figure 3: pedestrians out of the room against time; flows in persons/s"
 
 
-def steps(settings: Settings) -> int:
-    """Return how much there is to do, in what ``progress`` counts."""
+def steps(settings: PecolSettings) -> int:
+    """Return how much there is to do, in what ``work.progress`` counts."""
     return settings.runs
 
 
-def schemes(settings: Settings) -> tuple[str, ...]:
+def schemes(settings: PecolSettings) -> tuple[str, ...]:
     """Return the schemes that are run in the room."""
     return (settings.scheme,)
 
 
-def reproduce(settings: Settings, progress: Progress) -> Result:
+def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Figure 3 for the scheme of the settings; the paper draws NSM2."""
-    done = evacuate(settings, settings.scheme, progress)
+    done = evacuate(settings, settings.scheme, work.progress)
     slope, start, exits = pooled_line(done.exit_times)
     mean = done.estimates["per run"].value
     remarks = [
@@ -47,7 +48,7 @@ def reproduce(settings: Settings, progress: Progress) -> Result:
     )
 
 
-def _draw(settings: Settings, done: Evacuations, path: Path) -> Path:
+def _draw(settings: PecolSettings, done: Evacuations, path: Path) -> Path:
     from crowd_env.reproduce.pecol2011.figures.room import exits_against_time
 
     slope, start, _ = pooled_line(done.exit_times)

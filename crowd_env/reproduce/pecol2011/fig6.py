@@ -1,11 +1,12 @@
-"""Figure 6: egress curves of the movie theatre, on a synthetic plan; of the exercise's only what Table 7 tells."""
+"""Figure 6: egress curves of the movie theatre, on a synthetic plan; of the exercise only what Table 7 prints."""
 
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.paper import Work
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pecol2011.theatre import (
     IMPLIED,
     PRINTED,
@@ -19,21 +20,21 @@ from crowd_env.reproduce.pecol2011.theatre import (
     rows_with_rules,
     unfinished_row,
 )
-from crowd_env.reproduce.result import Progress, Result, Row
+from crowd_env.reproduce.result import Result, Row
 
 TITLE = "Figure 6: people out of a movie theatre (synthetic plan) against time, in s"
 
 _SHARES = (0.1, 0.5, 0.9)
 
 
-def steps(settings: Settings) -> int:
-    """Return how much there is to do, in what ``progress`` counts."""
+def steps(settings: PecolSettings) -> int:
+    """Return how much there is to do, in what ``work.progress`` counts."""
     return settings.runs
 
 
-def reproduce(settings: Settings, progress: Progress) -> Result:
+def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Figure 6."""
-    done = evacuate(settings, True, progress)
+    done = evacuate(settings, True, work.progress)
     rows = [*rows_with_rules(done), unfinished_row("left inside", done), *_share_rows(done)]
     remarks = [
         SYNTHETIC,

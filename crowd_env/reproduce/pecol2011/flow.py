@@ -1,4 +1,4 @@
-"""Ways to read one flow off many evacuations.
+"""Readings of one flow from many evacuations.
 
 The paper says "linear regression of the 50 simulations" and "the slope allows us to obtain the average flow", but not over
 which exits, nor whether the runs are put together first.  Here are the readings that can be meant, side by side.
@@ -25,7 +25,7 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True)
 class Estimator:
-    """A way to read the flow off exit times (R, N)."""
+    """One reading of the flow from exit times (R, N)."""
 
     label: str
     reading: str

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from crowd_env.physics import DEM
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, VELOCITY, particle
-from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Progress, RawTable, Result, Row
 from crowd_env.state import Floats
 
@@ -28,15 +29,15 @@ _AFTER = 0.4  # s, the contact is over
 _SWEEP = np.geomspace(4e-5, 3e-2, 160)  # steps between the printed ones, for the figure
 
 
-def steps(settings: Settings) -> int:
-    """Return how much there is to do, in what ``progress`` counts."""
+def steps(settings: PecolSettings) -> int:
+    """Return how much there is to do, in what ``work.progress`` counts."""
     return len(PRINTED) + len(_SWEEP)
 
 
-def reproduce(settings: Settings, progress: Progress) -> Result:
+def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Table 3."""
-    after = np.array([_after_contact(h, progress) for h in PRINTED])
-    sweep = np.array([_after_contact(float(h), progress)[0] for h in _SWEEP])
+    after = np.array([_after_contact(h, work.progress) for h in PRINTED])
+    sweep = np.array([_after_contact(float(h), work.progress)[0] for h in _SWEEP])
     h = np.array(list(PRINTED))
     error = np.abs(after[:, 0] - 2.0)
     stable = h <= _STABLE

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.pecol2011.evacuations import (
     EXPERIMENT,
     PRINTED,
@@ -18,8 +19,8 @@ from crowd_env.reproduce.pecol2011.evacuations import (
     room_remarks,
 )
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS
-from crowd_env.reproduce.pecol2011.settings import Settings
-from crowd_env.reproduce.result import Halfway, Progress, Result, Row
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
+from crowd_env.reproduce.result import Halfway, Result, Row
 
 TITLE = "Table 5: average flow through the door, persons/s"
 
@@ -30,22 +31,22 @@ _PAIRS = (("nsm1", "dem"), ("nsm1-inertial", "dem"), ("dem", "nsm2-printed"))
 _CLOSE = 0.10
 
 
-def steps(settings: Settings) -> int:
-    """Return how much there is to do, in what ``progress`` counts."""
+def steps(settings: PecolSettings) -> int:
+    """Return how much there is to do, in what ``work.progress`` counts."""
     return len(SCHEMES) * settings.runs
 
 
-def schemes(settings: Settings) -> tuple[str, ...]:
+def schemes(settings: PecolSettings) -> tuple[str, ...]:
     """Return the schemes that are run in the room."""
     return SCHEMES
 
 
-def reproduce(settings: Settings, progress: Progress) -> Result:
+def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Table 5."""
     done: dict[str, Evacuations] = {}
     for name in SCHEMES:
         try:
-            done[name] = evacuate(settings, name, progress)
+            done[name] = evacuate(settings, name, work.progress)
         except Halfway as halfway:
             before = list(done.values())
             raise halfway.after(raw_times(settings, before), len(before) * settings.runs) from None
@@ -149,7 +150,7 @@ def _explanation(flow: Mapping[str, float]) -> str:
     )
 
 
-def _draw(settings: Settings, done: Mapping[str, Evacuations], path: Path) -> Path:
+def _draw(settings: PecolSettings, done: Mapping[str, Evacuations], path: Path) -> Path:
     from crowd_env.reproduce.pecol2011.figures.room import flows
 
     title = f"Flow through a door of {100 * settings.door_width:g} cm, {settings.runs} draws of {settings.n} people"

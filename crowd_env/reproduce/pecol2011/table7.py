@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.paper import Work
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pecol2011.theatre import (
     IMPLIED,
     PRINTED,
@@ -16,12 +17,12 @@ from crowd_env.reproduce.pecol2011.theatre import (
     draws_remark,
     evacuate,
     mean_row,
-    place,
     raw_times,
     rows_with_rules,
+    theatre,
     unfinished_row,
 )
-from crowd_env.reproduce.result import Progress, Result, Row
+from crowd_env.reproduce.result import Result, Row
 from crowd_env.state import Floats
 
 TITLE = "Table 7: evacuation of a movie theatre (synthetic plan), times in s"
@@ -30,14 +31,14 @@ _CLOSE = 0.10
 _NAMES = (*PRINTED, *IMPLIED)
 
 
-def steps(settings: Settings) -> int:
-    """Return how much there is to do, in what ``progress`` counts."""
+def steps(settings: PecolSettings) -> int:
+    """Return how much there is to do, in what ``work.progress`` counts."""
     return 2 * settings.runs
 
 
-def reproduce(settings: Settings, progress: Progress) -> Result:
+def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Table 7, and what the control rules change in it."""
-    ruled, free = (evacuate(settings, rules, progress) for rules in (True, False))
+    ruled, free = (evacuate(settings, rules, work.progress) for rules in (True, False))
     rows = [*rows_with_rules(ruled), unfinished_row("left inside", ruled)]
     rows += [_without(name, free.quantities[name]) for name in _NAMES]
     rows.append(unfinished_row("left inside, no rules", free))
@@ -107,8 +108,8 @@ def _effect(changes: Sequence[Row]) -> list[str]:
     for row in changes:
         assert row.ci95 is not None and row.here is not None
         name, (low, high) = row.quantity.partition(":")[0], row.ci95
-        told = f"{name} {row.here:+.2f} {row.unit} ({low:+.2f} to {high:+.2f})"
-        (still if low <= 0.0 <= high else moved).append(told)
+        change = f"{name} {row.here:+.2f} {row.unit} ({low:+.2f} to {high:+.2f})"
+        (still if low <= 0.0 <= high else moved).append(change)
     text = "The control rules change (mean of the draws, 95 % interval): " + ("; ".join(moved) or "nothing") + "."
     if still:
         text += " No difference is told from zero in " + "; ".join(still) + "."
@@ -132,4 +133,4 @@ def _draw(ruled: Egress, free: Egress, path: Path) -> Path:
     ]
     exercise = {name: float(values[0]) for name, values in PRINTED.items()}
     paper = {name: float(values[1]) for name, values in PRINTED.items()}
-    return theatre_table(path, place(), series, exercise, paper)
+    return theatre_table(path, theatre(), series, exercise, paper)

@@ -3,16 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.metrics import summarise
+from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
 from crowd_env.physics import NSM2, SocialForce
-from crowd_env.reproduce.pecol2011.settings import Settings
+from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pool import all_cores
 from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
-from crowd_env.reproduce.sound import require_nobody_outside
+from crowd_env.reproduce.sound import require_none_escaped
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Floats, Ints
@@ -44,7 +46,6 @@ SYNTHETIC = (
     "to part the audience about as Table 7 implies. This is an illustration, not a validation."
 )
 
-_AT_ONCE = 10  # environments in a batch
 _HEADER = ("rules", "seed", "person", "route", "time_s")
 
 
@@ -87,12 +88,12 @@ class Egress:
 _made: dict[tuple[int, int, bool], Egress] = {}  # Figure 6 rests on half of the runs of Table 7
 
 
-def place() -> Scenario:
+def theatre() -> Scenario:
     """Return the theatre."""
     return make_scenario("theatre-v0")
 
 
-def evacuate(settings: Settings, rules: bool, progress: Progress) -> Egress:
+def evacuate(settings: PecolSettings, rules: bool, progress: Progress) -> Egress:
     """Run the draws ``seed`` to ``seed + runs - 1``, with or without the control rules; once for the same settings.
 
     Raises
@@ -104,59 +105,50 @@ def evacuate(settings: Settings, rules: bool, progress: Progress) -> Egress:
     if key in _made:
         progress(settings.runs)
         return _made[key]
-    parts: list[tuple[Floats, Ints, Floats, Ints]] = []
-    env, under_way = None, False
+    options: dict[str, Any] = {"scheme": SCHEME, "rules": rules, "threads": all_cores(), "progress": progress}
+    recorder = _RulesRecorder() if rules else None
     try:
-        for begin in range(0, settings.runs, _AT_ONCE):
-            seeds = list(range(settings.seed + begin, settings.seed + min(begin + _AT_ONCE, settings.runs)))
-            if env is None or env.num_envs != len(seeds):
-                env = CrowdEnv(place(), num_envs=len(seeds), scheme=SCHEME, rules=rules, threads=all_cores())
-            env.reset(seeds)
-            under_way = True
-            ruled, turned = np.zeros((len(seeds), 3)), np.zeros(env.num_people, dtype=np.bool_)
-            while not env.finished.all():
-                going = ~env.finished
-                ended = env.step(None).info["finished"]
-                state = env.simulation.state
-                if rules:
-                    ruled += env.decision_dt * (env.simulation.history.rule_on & going[:, None])
-                    turned |= state.active & (env.simulation.history.followed != state.route)
-                if ended.any():
-                    progress(int(ended.sum()))
-            require_nobody_outside(env.simulation)
-            parts.append((_times(env), _routes(env), ruled, turned.reshape(len(seeds), -1).sum(axis=1)))
-            under_way = False
-    except KeyboardInterrupt:
+        episodes = run_episodes(theatre(), settings.runs, seed=settings.seed, recorder=recorder, **options)
+    except RunsInterrupted as stopped:
         name = "yes" if rules else "no"
-        runs = [
-            (settings.seed + k, *run)
-            for k, run in enumerate((t, r) for part in parts for t, r in zip(*part[:2], strict=True))
-        ]
-        if env is not None and under_way:
-            here = np.flatnonzero(env.finished)
-            runs += [
-                (seeds[e], times, by) for e, times, by in zip(here, _times(env)[here], _routes(env)[here], strict=True)
-            ]
-        halfway = Halfway(RawTable(_HEADER, [row for run in runs for row in _exits(name, *run)]), len(runs))
+        rows = [row for e in stopped.episodes for row in _exits(name, e.seed, e.exit_time, _routes(e))]
+        halfway = Halfway(RawTable(_HEADER, rows), len(stopped.episodes))
         earlier = _made.get((settings.runs, settings.seed, True)) if not rules else None
         if earlier is not None:
             halfway = halfway.after(raw_times(settings, [("yes", earlier)]), settings.runs)
         raise halfway from None
-    _made[key] = Egress(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    require_none_escaped(SCHEME.info.name, sum(episode.metrics.escaped for episode in episodes))
+    kept = [episode.record or (np.zeros(3), 0) for episode in episodes]
+    _made[key] = Egress(
+        np.stack([episode.exit_time for episode in episodes]),
+        np.stack([_routes(episode) for episode in episodes]),
+        np.stack([ruled for ruled, _ in kept]),
+        np.array([turned for _, turned in kept]),
+    )
     return _made[key]
 
 
-def _times(env: CrowdEnv) -> Floats:
-    """Return when everyone got out (E, N) [s]; nan for those who did not."""
-    return env.simulation.state.exit_time.reshape(env.num_envs, -1).copy()
+class _RulesRecorder:
+    """Keeps how long each rule was on (3,) [s] in an evacuation, and how many people one turned away."""
+
+    def begin(self, env: CrowdEnv) -> None:
+        self._ruled, self._turned = np.zeros((env.num_envs, 3)), np.zeros(env.num_people, dtype=np.bool_)
+        self._running = np.ones(env.num_envs, dtype=np.bool_)
+
+    def add(self, env: CrowdEnv, step: Step) -> None:
+        state, history = env.simulation.state, env.simulation.history
+        self._ruled += env.decision_dt * (history.rule_on & self._running[:, None])
+        self._turned |= state.active & (history.followed != state.route)
+        self._running = ~env.finished
+
+    def record(self, env: CrowdEnv, e: int) -> tuple[Floats, int]:
+        return self._ruled[e].copy(), int(self._turned[env.people(e)].sum())
 
 
-def _routes(env: CrowdEnv) -> Ints:
-    """Return by which of `ROUTES` everyone got out (E, N); -1 for nobody's."""
-    names = env.scenarios[0].geometry.exit_names
-    row = np.array([*(ROUTES.index(name) for name in names), -1], dtype=np.int64)
-    index = env.simulation.state.exit_index  # counted within the geometry; -1 takes the last entry
-    return np.asarray(row[index]).reshape(env.num_envs, -1)
+def _routes(episode: Episode) -> Ints:
+    """Return by which of `ROUTES` people got out (N,); -1 for people who did not."""
+    row = np.array([*(ROUTES.index(name) for name in theatre().geometry.exit_names), -1], dtype=np.int64)
+    return np.asarray(row[episode.exit_index])  # -1 takes the last entry
 
 
 def mean_row(quantity: str, values: Floats, unit: str, reading: str, paper: str | None = None) -> Row:
@@ -187,7 +179,7 @@ def unfinished_row(quantity: str, done: Egress) -> Row:
     return Row(quantity, None, done.unfinished, "people", done.time.size, "at the time limit", closes=True)
 
 
-def draws_remark(settings: Settings) -> str:
+def draws_remark(settings: PecolSettings) -> str:
     """Return which draws were made, and of what."""
     last = settings.seed + settings.runs - 1
     draws = f"Draw {last} is" if settings.runs == 1 else f"Draws {settings.seed} to {last} are"
@@ -197,7 +189,7 @@ def draws_remark(settings: Settings) -> str:
     )
 
 
-def raw_times(settings: Settings, results: Sequence[tuple[str, Egress]]) -> RawTable:
+def raw_times(settings: PecolSettings, results: Sequence[tuple[str, Egress]]) -> RawTable:
     """Return everybody's exit: rules, seed of the run, person, route and time (empty if never)."""
     runs = [
         (name, settings.seed + k, *run)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure
-from crowd_env.rendering.palette import INK, QUIET, SERIES, from_oklab, to_oklab
+from crowd_env.rendering.palette import INK, QUIET, SERIES, blend
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:
@@ -44,10 +44,7 @@ def series(k: int) -> str:
 
 def speed_color(level: float) -> str:
     """Return the color of a speed between the slowest (0) and the fastest (1) of a figure."""
-    corners = to_oklab(_SPEEDS)
-    at = level * (len(corners) - 1.0)
-    mixed = [np.interp(at, np.arange(len(corners)), corners[:, k]) for k in range(3)]
-    r, g, b = (int(value) for value in from_oklab(mixed))
+    r, g, b = (int(value) for value in blend(_SPEEDS, level))
     return hex_of((r, g, b))
 
 

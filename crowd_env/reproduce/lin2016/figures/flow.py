@@ -45,9 +45,9 @@ def window_flows(
             quiet_axes(axes, "time [s]" if row == len(speeds) - 1 else "", "people/s" if column == 0 else "", grid=True)
             _windows(axes, flows[speed], window, paper.get(speed))
             lost = blocked[people, speed]
-            told = f"{speed:g} m/s" + (f", {lost} of {len(flows[speed])} blocked" if lost else "")
+            label = f"{speed:g} m/s" + (f", {lost} of {len(flows[speed])} blocked" if lost else "")
             axes.text(
-                0.995, 0.97, told, transform=axes.transAxes, ha="right", va="top", fontsize=9.5, fontweight="bold",
+                0.995, 0.97, label, transform=axes.transAxes, ha="right", va="top", fontsize=9.5, fontweight="bold",
                 color=BLOCKED if lost else hex_of(INK),
                 bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1},
             )  # fmt: skip

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 _BODY, _RIM = "#c3d4e0", "#4f6f88"
 
 
-class Moment(NamedTuple):
-    """Where K people are."""
+class RoomPanel(NamedTuple):
+    """One panel: K people in the room at one time."""
 
     title: str
     position: Floats  # (K, 2) m
@@ -26,7 +26,7 @@ class Moment(NamedTuple):
     angle: Floats  # (K,) rad, of the line from the center to the rim
 
 
-def snapshots(path: str | Path, moments: Sequence[Moment], walls: Floats, exits: Floats, rests_on: str) -> Path:
+def snapshots(path: str | Path, moments: Sequence[RoomPanel], walls: Floats, exits: Floats, rests_on: str) -> Path:
     """Draw the room at four moments, two by two; return the path.
 
     Parameters
@@ -43,7 +43,7 @@ def snapshots(path: str | Path, moments: Sequence[Moment], walls: Floats, exits:
     return save_figure(figure, path)
 
 
-def _room(axes: "Axes", moment: Moment, walls: Floats, exits: Floats) -> None:
+def _room(axes: "Axes", moment: RoomPanel, walls: Floats, exits: Floats) -> None:
     from matplotlib.collections import LineCollection, PatchCollection
     from matplotlib.patches import Circle
 

@@ -72,14 +72,14 @@ def collisions(
     Parameters
     ----------
     path : ends in .png.
-    panels : title, places of the center [m] at the steps, "before", "during" or "after" the contact for each, and a place
+    panels : title, positions of the center [m] at the steps, "before", "during" or "after" the contact for each, and a position
         that was avoided or None.
     radius : m.
     """
     figure = new_figure((9.6, 8.4))
     grid = figure.subplots(2, 2, sharex=True, sharey=True)
-    for axes, (title, places, phases, avoided) in zip(grid.flat, panels, strict=True):
-        _collision(axes, places, phases, avoided, radius)
+    for axes, (title, positions, phases, avoided) in zip(grid.flat, panels, strict=True):
+        _collision(axes, positions, phases, avoided, radius)
         axes.set_title(title, loc="left", fontsize=11, color=hex_of(INK))
         axes.set_aspect("equal")
         axes.set_xlim(-0.28, 1.2)
@@ -95,7 +95,7 @@ def collisions(
 
 def _collision(
     axes: "Axes",
-    places: Sequence[tuple[float, float]],
+    positions: Sequence[tuple[float, float]],
     phases: Sequence[str],
     avoided: tuple[float, float] | None,
     radius: float,
@@ -109,17 +109,17 @@ def _collision(
         x, y = avoided[0] + radius * np.cos(angle), avoided[1] + radius * np.sin(angle)
         axes.plot(x, y, "-o", color=_PHASES["during"], lw=1.0, markersize=3.6, mfc="white", zorder=2)
         axes.plot(*avoided, "o", color=_PHASES["during"], markersize=4, mfc="white", zorder=2)
-    for order, (place, phase) in enumerate(zip(places, phases, strict=True)):
+    for order, (position, phase) in enumerate(zip(positions, phases, strict=True)):
         weight = 2.2 if phase == "during" else 1.5
-        axes.add_patch(Circle(place, radius, fill=False, ec=_PHASES[phase], lw=weight, zorder=3 + 0.01 * order))
-    for start, end, phase in zip(places, places[1:], phases[1:], strict=False):
+        axes.add_patch(Circle(position, radius, fill=False, ec=_PHASES[phase], lw=weight, zorder=3 + 0.01 * order))
+    for start, end, phase in zip(positions, positions[1:], phases[1:], strict=False):
         axes.plot(*zip(start, end, strict=True), color=_PHASES[phase], lw=0.9, zorder=4)
-    for k, (place, phase) in enumerate(zip(places, phases, strict=True)):
-        axes.plot(*place, "o", color=_PHASES[phase], markersize=4.5, zorder=5)
-        if k in (0, len(places) - 1):
+    for k, (position, phase) in enumerate(zip(positions, phases, strict=True)):
+        axes.plot(*position, "o", color=_PHASES[phase], markersize=4.5, zorder=5)
+        if k in (0, len(positions) - 1):
             axes.annotate(
                 f"$t$ = {0.1 * k:.1g} s",
-                place,
+                position,
                 (8, 2),
                 textcoords="offset points",
                 fontsize=8.5,
@@ -155,7 +155,7 @@ def meetings(
     ----------
     path : ends in .png.
     taus : s.
-    trajectories : for each tau, (T, 2, 2) m, places of both from their first touch on, which is the same for all.
+    trajectories : for each tau, (T, 2, 2) m, positions of both from their first touch on, which is the same for all.
     radius : m.
     form : tau and closed form of the recoil distance.
     recoils : label -> measured recoil for each tau [m].
@@ -184,10 +184,12 @@ def _meeting(axes: "Axes", taus: Sequence[float], trajectories: Sequence[Floats]
         arrow = {"arrowstyle": "-|>", "color": "black", "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", (side * 0.72, y), (side * 1.2, y), arrowprops=arrow, zorder=6)
         axes.text(side * (reach - 0.08), y, f"${name}$", ha="center", va="center", fontsize=13)
-    for k, (tau, places) in enumerate(zip(taus, trajectories, strict=True)):
+    for k, (tau, positions) in enumerate(zip(taus, trajectories, strict=True)):
         color = shade(k / max(len(taus) - 1, 1))
         for who in (0, 1):
-            axes.plot(*places[:, who].T, color=color, lw=1.7, zorder=3, label=None if who else rf"$\tau$ = {tau:g} s")
+            axes.plot(
+                *positions[:, who].T, color=color, lw=1.7, zorder=3, label=None if who else rf"$\tau$ = {tau:g} s"
+            )
     axes.plot(*touch.T, "o", color="black", markersize=4.5, zorder=5)
     axes.set_xlim(-reach, reach)
     axes.set_aspect("equal", adjustable="box")
@@ -218,7 +220,7 @@ def exits_against_time(
     for k, times in enumerate(np.sort(exit_times, axis=1)):
         out = times[np.isfinite(times)]
         count = np.arange(1.0, len(out) + 1.0)
-        if len(out) < people:  # whoever is left stays
+        if len(out) < people:  # people inside at the end stay
             out, count = np.append(out, end), np.append(count, len(out))
         label = f"{len(exit_times)} simulations" if k == 0 else None
         axes.plot(out, count, color="#b4b9bf", lw=0.9, alpha=0.8, label=label, zorder=2)
@@ -265,7 +267,7 @@ def flows(
     axes = quiet_axes(figure.add_subplot(), "", "flow through the door [persons/s]", grid=True)
     from matplotlib.lines import Line2D
 
-    rng = np.random.default_rng(0)  # for the places of the points sideways
+    rng = np.random.default_rng(0)  # for the offsets of the points sideways
     axes.axhline(experiment, color=hex_of(QUIET), lw=1.2, dashes=(4, 3), zorder=1)
     axes.annotate(
         f"experiment {experiment:g}", (1.0, experiment), (4, 0), xycoords=("axes fraction", "data"),

@@ -28,7 +28,7 @@ class Series(NamedTuple):
 
 
 class EgressPanel(NamedTuple):
-    """People who left by one way."""
+    """People who left by one route."""
 
     title: str
     times: Floats  # (R, N) s, nan for those who did not leave by it
@@ -42,7 +42,7 @@ class EgressPanel(NamedTuple):
 
 def theatre_table(
     path: str | Path,
-    place: Scenario,
+    scenario: Scenario,
     series: Sequence[Series],
     exercise: Mapping[str, float],
     simulation: Mapping[str, float],
@@ -52,30 +52,30 @@ def theatre_table(
     Parameters
     ----------
     path : ends in .png.
-    place : the theatre; its population has recorded starts.
+    scenario : the theatre; its population has recorded starts.
     series : two, each with the quantities of ``exercise``.
     exercise, simulation : quantity -> what the paper prints [s].
     """
     figure = new_figure((9.4, 9.6))
     above, below = figure.subplots(2, 1, height_ratios=[1.25, 1.0])
-    _plan(above, place)
+    _plan(above, scenario)
     _times(below, series, exercise, simulation)
     return save_figure(figure, path)
 
 
-def _plan(axes: "Axes", place: Scenario) -> None:
+def _plan(axes: "Axes", scenario: Scenario) -> None:
     from matplotlib.collections import LineCollection, PatchCollection
     from matplotlib.patches import Circle, Polygon, Rectangle
 
-    geometry, people = place.geometry, place.population.parts[0]
-    route_set = {way.name: way.field for way in place.route_set().routes}
+    geometry, people = scenario.geometry, scenario.population.parts[0]
+    route_set = {route.name: route.field for route in scenario.route_set().routes}
     shells = [np.asarray(geometry.walkable.exterior.coords)]
     holes = [np.asarray(ring.coords) for ring in geometry.walkable.interiors]
     axes.add_collection(PatchCollection([Polygon(ring) for ring in shells], facecolor=hex_of(FLOOR), lw=0.0, zorder=0))
     axes.add_collection(
         PatchCollection([Polygon(ring) for ring in holes], facecolor=hex_of(OBSTACLE), lw=0.0, zorder=1)
     )
-    for zone in place.zones:
+    for zone in scenario.zones:
         x0, y0, x1, y1 = geometry.regions[zone.region].bounds
         steps = np.arange(x0, x1 + 1e-9, _STAIR)
         lines = [[(x, y0), (x, y1)] for x in steps]
@@ -97,7 +97,7 @@ def _plan(axes: "Axes", place: Scenario) -> None:
             middle[0] + aside, middle[1], text, color=color, fontsize=13, fontweight="bold", va="center",
             ha="left" if name == "B" else "right",
         )  # fmt: skip
-    for rule in place.rules:
+    for rule in scenario.rules:
         x0, y0, x1, y1 = geometry.regions[rule.region].bounds
         axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, ec=_DARK, lw=1.1, ls=(0, (3, 2)), zorder=5))
         axes.text(x0 + 0.14, y1 - 0.1, rule.region, fontsize=10.5, fontweight="bold", va="top", zorder=6)
@@ -143,12 +143,12 @@ def _times(
 
     quiet_axes(axes, "", "time [s]", grid=True)
     colors = [hex_of(SERIES[3]), hex_of(SERIES[2])]
-    rng = np.random.default_rng(0)  # for the places of the points sideways
+    rng = np.random.default_rng(0)  # for the offsets of the points sideways
     for x, name in enumerate(exercise):
         for one, color, aside in zip(series, colors, (-0.12, 0.14), strict=True):
             values = one.values[name][np.isfinite(one.values[name])]
-            places = x + aside + rng.uniform(-0.07, 0.07, len(values))
-            axes.plot(places, values, ".", color=color, alpha=0.3, ms=4.5, mew=0, zorder=2)
+            columns = x + aside + rng.uniform(-0.07, 0.07, len(values))
+            axes.plot(columns, values, ".", color=color, alpha=0.3, ms=4.5, mew=0, zorder=2)
             if len(values):
                 axes.plot(x + aside, values.mean(), "o", color=color, mec="white", mew=1.0, ms=8, zorder=4)
         axes.plot(x - 0.32, exercise[name], "D", color="black", ms=7, zorder=5)
