@@ -11,46 +11,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd_env._kernels.jit import inner_kernel, kernel
+from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import check_fields, require_positive
-from crowd_env.physics.bounds import MARGIN, hold_lanes_at_walls, speed_limit
-from crowd_env.physics.contacts import find_contacts
-from crowd_env.physics.dem_lanes.contact import (
+from crowd_env.physics.contacts import gap_to_feature
+from crowd_env.physics.dem_lanes.barrier import wait_for_all
+from crowd_env.physics.dem_lanes.gather import gather_crowd, scatter_slab
+from crowd_env.physics.dem_lanes.partition import (
     CARRIED,
-    COUNT,
-    FASTEST,
-    FURTHEST,
+    DEEPEST,
+    LAST_REACHED,
     OUTSIDE,
-    STRAYS,
-    push_off_walls,
-    push_people,
-    receive,
+    OVERLAP,
+    OVERLAPS,
+    SLABS,
+    count_slabs,
 )
-from crowd_env.physics.dem_lanes.lanes import (
-    accelerate,
-    accelerate_freely,
-    book,
-    count_strays,
-    greatest_speed,
-    move,
-    show_positions,
-)
-from crowd_env.physics.dem_lanes.partition import SLABS, slab_start, slabs_of, wait_for_all
 from crowd_env.physics.dem_lanes.stages import (
-    aim,
-    begin_call,
-    copy_forces,
-    finish,
-    follow_list,
-    leave_lanes,
-    press,
-    write_impulses,
+    detect,
+    leave,
+    merge_slabs,
+    move_slab,
+    plan_steering,
+    regular_forces,
 )
-from crowd_env.physics.driving_force import LOOK_EVERY, choose_turn, follow_rules, influences, update_steering
-from crowd_env.physics.neighbors.update import OK, update_neighbors
+from crowd_env.physics.driving_force import influences
 from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social_force import SocialForce, SocialLaw, add_social_forces
+from crowd_env.physics.social_force import SocialForce, SocialLaw
 from crowd_env.physics.step import tick
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
@@ -65,10 +52,6 @@ INFO = SchemeInfo(
     stable_step="2 / sqrt(2 k / m_min), from h omega < 2 for two bodies of the smallest mass, and 2 tau_min",
     uses=("lanes",),
 )
-
-
-# What a step has to do about where people want to go: nothing, turn commands anew, or look up the way first.
-_NOTHING, _AIM, _LOOK = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -111,7 +94,7 @@ class DEM:
 
     def slabs(self, people: int, driving: bool) -> int:
         """Return into how many slabs a crowd of so many is cut; the social force is not shared out."""
-        return 1 if self.social is not None and driving else int(slabs_of(people))
+        return 1 if self.social is not None and driving else int(count_slabs(people))
 
     def advance(
         self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
@@ -121,148 +104,119 @@ class DEM:
         _advance_range(batch, dt, n_substeps, first, stop, self.stiffness, *acting, thread, threads)
 
 
-@inner_kernel
-def _prepare(
-    e: int,
-    slabs: int,
-    batch: Batch,
-    dt: float,
-    n_substeps: int,
-    stiffness: float,
-    reach: float,
-    regions: bool | None,
-    fresh: bool,
-) -> None:
-    """What one thread does before a step: the list, what is to be looked up, and the contacts of the last step of a call."""
-    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
-    near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
-    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    cut.go[e] = memory.status[e] == OK and memory.progress[e] < n_substeps and cut.inside[e] > 0
-    if cut.go[e] and cut.stray[e]:
-        show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
-        show_positions(begin, end, state.active, lanes.vx, lanes.vy, state.velocity)
-        memory.status[e] = update_neighbors(e, batch, reach)
-        cut.go[e] = memory.status[e] == OK
-        follow_list(e, slabs, batch)
-    if not cut.go[e]:
-        return
-    cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
-    if memory.direction_age[e] > LOOK_EVERY - 0.5 * dt:
-        cut.turn[e] = choose_turn(e, batch, regions)
-        memory.direction_age[e] = 0.0
-        cut.look[e] = _LOOK
-        if regions is not None:
-            show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
-            follow_rules(e, batch)
-    memory.direction_age[e] += dt
-    if memory.progress[e] == n_substeps - 1:
-        show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
-        find_contacts(e, g, world.boundary, bodies, state, near, contacts, 0.0)
-        write_impulses(near.entry_start[e], contacts.number[e], contacts.gap, contacts.impulse, dt, stiffness)
+# ------------------------------------------------------------------------------------------------------------- the law
 
 
 @inner_kernel
-def _push(
-    e: int,
-    low: int,
-    high: int,
-    row: int,
-    batch: Batch,
-    dt: float,
-    stiffness: float,
-    social: SocialLaw | None,
-) -> None:
-    """Find the forces on and among the people ``low:high`` of one slab."""
-    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
-    near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
-    first, last = cut.inside_start[row], cut.inside_stop[row]
-    if cut.look[e] > _NOTHING:
-        if cut.look[e] == _LOOK:
-            show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
-            update_steering(e, first, last, batch, dt, cut.turn[e])
-        aim(first, last, e, batch)
-    if social is not None:
-        show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
-        show_positions(low, high, state.active, lanes.wish_x, lanes.wish_y, memory.desired)
-        copy_forces(low, high, batch.control.external_force, memory.force)
-        add_social_forces(e, last, batch, social)
-        press(low, high, state.active, memory.force, lanes.gx, lanes.gy)
-    push_people(
-        cut.pair_start[row],
-        cut.pair_stop[row],
-        high,
+def _spring_force(stiffness: float, gap: float) -> float:
+    """Return the force [N] that pushes two surfaces apart which overlap: -k D (eq 5), for a gap D < 0."""
+    return -stiffness * gap
+
+
+@inner_kernel
+def _push_people(row: int, batch: Batch, stiffness: float) -> None:
+    """Add the spring forces (eqs 4, 5) between the people of one slab, and note how many and how deep their overlaps are.
+
+    The first loop writes down every pair of the neighbor list and keeps its place only if the pair overlaps: a branch would be
+    guessed wrong every third time.  The second one does the root and the division for those alone.  A force on someone of a
+    later slab is carried: that slab adds it in `_receive_forces`.
+    """
+    near, soa, partition, hit = batch.memory.near, batch.memory.lanes, batch.memory.cut, batch.memory.contacts.hit
+    owner, partner, touch, slab_end = near.owner, near.partner, near.touch, partition.slot_stop[row]
+    x, y, fx, fy, magnitude = soa.x, soa.y, soa.fx, soa.fy, soa.force_magnitude
+    carried_to, carried_force, found = partition.carried_to, partition.carried_force, partition.found
+    first, hits = partition.pair_start[row], index(partition.pair_start[row])
+    for entry in range(index(first), index(partition.pair_stop[row])):
+        i, j = owner[entry], partner[entry]
+        dx, dy = x[i] - x[j], y[i] - y[j]
+        hit[hits] = entry
+        hits += index(dx * dx + dy * dy < touch[entry] * touch[entry])
+    deepest, total, carried, last_reached = 0.0, 0.0, index(first), -1.0
+    for h in range(index(first), hits):
+        entry = hit[h]
+        i, j = owner[entry], partner[entry]
+        dx, dy = x[i] - x[j], y[i] - y[j]
+        distance = np.sqrt(dx * dx + dy * dy)
+        gap = distance - touch[entry]
+        size = _spring_force(stiffness, gap)
+        deepest, total = max(deepest, -gap), total - gap
+        px, py = size, 0.0  # coincident centers: as `find_contacts` has it
+        if distance > 0.0:
+            per_distance = size / distance
+            px, py = per_distance * dx, per_distance * dy
+        fx[i] += px
+        fy[i] += py
+        magnitude[i] += size
+        if j < slab_end:
+            fx[j] -= px
+            fy[j] -= py
+            magnitude[j] += size
+        else:
+            carried_to[carried] = j
+            carried_force[carried, 0], carried_force[carried, 1] = px, py
+            carried += index(1)
+            last_reached = max(last_reached, float(j))
+    found[row, DEEPEST], found[row, OVERLAP], found[row, OVERLAPS] = deepest, total, np.int64(hits) - first
+    found[row, LAST_REACHED], found[row, CARRIED] = last_reached, np.int64(carried) - first
+
+
+@inner_kernel
+def _push_off_walls(e: int, row: int, batch: Batch, stiffness: float) -> None:
+    """Add the spring forces of walls on the people of one slab, and note how many and how deep these overlaps are."""
+    near, soa, found = batch.memory.near, batch.memory.lanes, batch.memory.cut.found
+    boundary, radius, g = batch.world.boundary, batch.bodies.radius, batch.world.geometry_of_env[e]
+    x, y, fx, fy, magnitude, owner, partner = (
+        soa.x,
+        soa.y,
+        soa.fx,
+        soa.fy,
+        soa.force_magnitude,
         near.owner,
         near.partner,
-        near.touch,
-        lanes.x,
-        lanes.y,
-        stiffness,
-        contacts.hit,
-        lanes.fx,
-        lanes.fy,
-        lanes.squeeze,
-        contacts.old_key,
-        contacts.old_memory,
-        cut.seen,
-        row,
     )
-    if cut.wall_start[row] < cut.wall_stop[row]:
-        push_off_walls(
-            g,
-            cut.wall_start[row],
-            cut.wall_stop[row],
-            world.boundary,
-            near.owner,
-            near.partner,
-            bodies.radius,
-            lanes.x,
-            lanes.y,
-            stiffness,
-            lanes.fx,
-            lanes.fy,
-            lanes.squeeze,
-            cut.seen,
-            row,
-        )
+    found[row, OUTSIDE] = 0.0
+    for entry in range(index(batch.memory.cut.wall_start[row]), index(batch.memory.cut.wall_stop[row])):
+        i = owner[entry]
+        gap, nx, ny = gap_to_feature(x[i], y[i], radius[i], boundary, g, np.int64(partner[entry]))
+        if gap < 0.0:
+            size = _spring_force(stiffness, gap)
+            fx[i] += size * nx
+            fy[i] += size * ny
+            magnitude[i] += size
+            found[row, OUTSIDE] = max(found[row, OUTSIDE], -gap)
+            found[row, OVERLAP] -= gap
+            found[row, OVERLAPS] += 1
 
 
 @inner_kernel
-def _walk(e: int, low: int, high: int, row: int, batch: Batch, dt: float, reach: float) -> None:
-    """Move the people ``low:high`` of one slab, and see who has gone far."""
-    contacts, lanes, cut, near = batch.memory.contacts, batch.memory.lanes, batch.memory.cut, batch.memory.near
-    touched = cut.seen[row, COUNT] > 0.0
+def _receive_forces(e: int, row: int, batch: Batch) -> bool:
+    """Add the forces that earlier slabs carry for the people of this one, in order; returns whether any contact touches it."""
+    soa, partition = batch.memory.lanes, batch.memory.cut
+    found, begin, end = partition.found, partition.slot_start[row], partition.slot_stop[row]
+    is_touched = found[row, OVERLAPS] > 0.0
     for other in range(SLABS * e, row):
-        if cut.seen[other, FURTHEST] >= low:
-            touched = True
-            receive(
-                cut.pair_start[other],
-                int(cut.seen[other, CARRIED]),
-                low,
-                high,
-                contacts.old_key,
-                contacts.old_memory,
-                lanes.fx,
-                lanes.fy,
-                lanes.squeeze,
-            )
-    if touched or cut.pressed[e] or reach > 0.0:
-        accelerate(low, high, dt, lanes.fx, lanes.gx, lanes.per_mass, lanes.wish_x, lanes.per_tau, lanes.vx)
-        accelerate(low, high, dt, lanes.fy, lanes.gy, lanes.per_mass, lanes.wish_y, lanes.per_tau, lanes.vy)
-    else:
-        accelerate_freely(low, high, dt, lanes.wish_x, lanes.per_tau, lanes.vx)
-        accelerate_freely(low, high, dt, lanes.wish_y, lanes.per_tau, lanes.vy)
-    fastest = greatest_speed(low, high, lanes.vx, lanes.vy, speed_limit(batch))
-    move(low, high, dt, lanes.vx, lanes.x)
-    move(low, high, dt, lanes.vy, lanes.y)
-    cut.seen[row, FASTEST] = fastest
-    if batch.control.bounded and cut.seen[row, OUTSIDE] + dt * fastest > cut.smallest[e] - 2.0 * MARGIN:
-        first, last, g = cut.wall_start[row], cut.wall_stop[row], batch.world.geometry_of_env[e]
-        hold_lanes_at_walls(g, first, last, batch.world.boundary, near.owner, near.partner, lanes, dt)
-    if touched:
-        book(low, high, dt, lanes.fx, lanes.push_x)
-        book(low, high, dt, lanes.fy, lanes.push_y)
-        book(low, high, dt, lanes.squeeze, lanes.crush)
-    cut.seen[row, STRAYS] = count_strays(low, high, lanes.x, lanes.y, near.origin_x, near.origin_y, near.allowed)
+        if found[other, LAST_REACHED] >= begin:
+            is_touched = True
+            for k in range(partition.pair_start[other], partition.pair_start[other] + int(found[other, CARRIED])):
+                j = partition.carried_to[k]
+                if begin <= j < end:
+                    px, py = partition.carried_force[k, 0], partition.carried_force[k, 1]
+                    soa.fx[j] -= px
+                    soa.fy[j] -= py
+                    soa.force_magnitude[j] += np.sqrt(px * px + py * py)
+    return is_touched
+
+
+@inner_kernel
+def _write_impulses(e: int, batch: Batch, dt: float, stiffness: float) -> None:
+    """Write the impulses of this step into the contact list; the forces are those of `_push_people` and `_push_off_walls`."""
+    contacts, first = batch.memory.contacts, batch.memory.near.entry_start[e]
+    gap, impulse = contacts.gap, contacts.impulse
+    for c in range(first, first + contacts.number[e]):
+        impulse[c, 0], impulse[c, 1] = _spring_force(stiffness, gap[c]) * dt, 0.0
+
+
+# ---------------------------------------------------------------------------------------------------------------- steps
 
 
 @kernel
@@ -274,42 +228,53 @@ def _advance_range(
     stop: int,
     stiffness: float,
     social: SocialLaw | None,
-    reach: float,
+    cutoff: float,
     regions: bool | None,
     thread: int,
     threads: int,
 ) -> None:
     """Advance the environments ``first:stop``; several threads may do so together, each with its share of the slabs.
 
-    Between two gates nobody writes what another reads; what is not worth sharing is left to thread 0.
+    A crowd lies in buffers while it is stepped (`dem_lanes.buffers`), and a large one is cut into slabs, each a row of
+    `dem_lanes.partition`.  Between two barriers no thread writes what another reads; small stages are left to thread 0.
     """
-    memory, cut, env_start = batch.memory, batch.memory.cut, batch.bodies.env_start
+    partition, env_start = batch.memory.cut, batch.bodies.env_start
     for e in range(first, stop):
-        begin, end = env_start[e], env_start[e + 1]
-        slabs = slabs_of(end - begin) if reach == 0.0 else 1
-        together = threads if slabs > 1 else 1
-        if thread >= together or memory.progress[e] >= n_substeps:
+        slabs = count_slabs(env_start[e + 1] - env_start[e]) if cutoff == 0.0 else 1
+        team = threads if slabs > 1 else 1
+        if thread >= team or batch.memory.progress[e] >= n_substeps:
             continue
-        fresh = True
+        row_start, row_stop = SLABS * e + thread, SLABS * e + slabs
+        if thread == 0:
+            gather_crowd(e, slabs, batch, dt, cutoff, regions)
         while True:
             if thread == 0:
-                if fresh:
-                    begin_call(e, slabs, batch, regions)
-                else:
-                    finish(e, slabs, batch, dt)
-                    tick(e, batch, dt)
-                _prepare(e, slabs, batch, dt, n_substeps, stiffness, reach, regions, fresh)
-            fresh = False
-            wait_for_all(cut.gate, together)
-            if not cut.go[e]:
+                # Contacts: a new neighbor list if the old one is stale; the list of contacts in the last step of the call.
+                partition.run[e] = detect(e, slabs, batch, n_substeps, cutoff)
+                if partition.run[e]:
+                    plan_steering(e, batch, dt, regions)
+                    if batch.memory.progress[e] == n_substeps - 1:
+                        _write_impulses(e, batch, dt, stiffness)
+            wait_for_all(partition.barrier, team)
+            if not partition.run[e]:
                 break
-            for s in range(thread, slabs, together):
-                low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
-                _push(e, low, high, SLABS * e + s, batch, dt, stiffness, social)
-            wait_for_all(cut.gate, together)
-            for s in range(thread, slabs, together):
-                low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
-                _walk(e, low, high, SLABS * e + s, batch, dt, reach)
-            wait_for_all(cut.gate, together)
-        for s in range(thread, slabs, together):
-            leave_lanes(slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end), batch)
+            for row in range(row_start, row_stop, team):
+                # Forces: directions and desired velocities where they are due, external and social force.
+                regular_forces(e, row, batch, dt, social)
+                # The law: springs between people, and between people and walls.
+                _push_people(row, batch, stiffness)
+                _push_off_walls(e, row, batch, stiffness)
+            wait_for_all(partition.barrier, team)
+            for row in range(row_start, row_stop, team):
+                # Move: velocities, with the springs that reach from slab to slab, then positions; bounds; sums of impulses.
+                is_touched = _receive_forces(e, row, batch)
+                move_slab(e, row, batch, dt, is_touched)
+            wait_for_all(partition.barrier, team)
+            if thread == 0:
+                merge_slabs(e, slabs, batch, dt)
+                # Exits: people whose center crossed one are out.
+                leave(e, slabs, batch, dt)
+                # Clock.
+                tick(e, batch, dt)
+        for row in range(row_start, row_stop, team):
+            scatter_slab(row, batch)

@@ -10,8 +10,8 @@ from crowd_env.geometry.geometry import Boundary
 from crowd_env.navigation.field import FieldArrays
 from crowd_env.physics.constraints import Problem, allocate_problem
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
-from crowd_env.physics.dem_lanes.lanes import Lanes, allocate_lanes
-from crowd_env.physics.dem_lanes.partition import Cut, allocate_cut
+from crowd_env.physics.dem_lanes.buffers import SoABuffers, allocate_buffers
+from crowd_env.physics.dem_lanes.partition import Partition, allocate_partition
 from crowd_env.physics.neighbors.lists import NeighborList, Places, allocate_neighbors
 from crowd_env.routing.rules import Guidance
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
@@ -73,8 +73,8 @@ class Memory(NamedTuple):
     near: NeighborList
     contacts: Contacts
     problem: Problem
-    lanes: Lanes
-    cut: Cut
+    lanes: SoABuffers
+    cut: Partition
     inside: Places  # (P,)   who is inside, environment e from env_start[e] on: see `step.list_active`
     way: Floats  # (P, 2) direction of the shortest path when it was last looked up
     direction_age: Floats  # (E,)   s since then; infinite = it must be looked up for everyone
@@ -174,8 +174,8 @@ def allocate_memory(
         near=near,
         contacts=allocate_contacts(near),
         problem=allocate_problem(room("problem"), len(near.touch) if "problem" in uses else 0, environments),
-        lanes=allocate_lanes(room("lanes")),
-        cut=allocate_cut(environments),
+        lanes=allocate_buffers(room("lanes")),
+        cut=allocate_partition(bodies.env_start, len(near.touch) if "lanes" in uses else 0),
         inside=np.zeros(people, dtype=np.uint32),
         way=reals(people, 2),
         direction_age=np.full(environments, np.inf),
@@ -222,4 +222,6 @@ def grow_memory(memory: Memory, bodies: Bodies, uses: Collection[str] = SCRATCH)
         memory = memory._replace(noticed=allocate_noticed(len(near.touch)))
     if "problem" in uses:
         memory = memory._replace(problem=allocate_problem(people, len(near.touch), len(bodies.env_start) - 1))
+    if "lanes" in uses:
+        memory = memory._replace(cut=allocate_partition(bodies.env_start, len(near.touch)))
     return memory._replace(near=near, contacts=contacts)

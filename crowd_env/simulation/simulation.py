@@ -185,7 +185,7 @@ class Simulation:
         check_routes(self.state.route, self._routes_of_person)
         memory = self.memory
         memory.status[:] = OK
-        for sums in (memory.push, memory.crush, memory.progress, memory.cut.gate, *memory.diagnostics):
+        for sums in (memory.push, memory.crush, memory.progress, memory.cut.barrier, *memory.diagnostics):
             sums[:] = 0
         if self._sorted is None:
             set_command(self._control, asked)

@@ -16,6 +16,7 @@ from crowd_env.physics import DEM
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
 
+pytestmark = pytest.mark.kernels
 STIFFNESS = 1.2e5  # N/m
 
 
