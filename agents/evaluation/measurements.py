@@ -94,7 +94,7 @@ class Recorder:
         late = np.ceil(state.exit_time[out] / simulation.dt - 1e-9) * simulation.dt - state.exit_time[out]
         self._walked[out] -= np.hypot(*state.velocity[out].T) * late
         self._position[:] = state.position
-        pressure = contact_pressure(simulation.memory.crush, env.decision_dt, simulation.bodies.radius)
+        pressure = contact_pressure(simulation.results.impulse_magnitude, env.decision_dt, simulation.bodies.radius)
         pressure = np.where(was_inside, pressure, 0.0)
         np.maximum(self._max_pressure, as_grid(pressure, env.num_envs).max(axis=1), out=self._max_pressure)
         self._see(env, inside, pressure)

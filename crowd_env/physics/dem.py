@@ -14,8 +14,9 @@ import numpy as np
 from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import check_fields, require_positive
-from crowd_env.physics.contacts import gap_to_feature
+from crowd_env.physics.contacts import find_contacts, gap_to_feature
 from crowd_env.physics.dem_lanes.barrier import wait_for_all
+from crowd_env.physics.dem_lanes.buffers import interleave
 from crowd_env.physics.dem_lanes.gather import gather_crowd, scatter_slab
 from crowd_env.physics.dem_lanes.partition import (
     CARRIED,
@@ -50,7 +51,7 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=True,
     overlap="v / omega, some centimeters at k = 1.2e5 N/m; it is the softness, not an error of the time step",
     stable_step="2 / sqrt(2 k / m_min), from h omega < 2 for two bodies of the smallest mass, and 2 tau_min",
-    uses=("lanes",),
+    uses=("soa",),
 )
 
 
@@ -121,11 +122,11 @@ def _push_people(row: int, batch: Batch, stiffness: float) -> None:
     guessed wrong every third time.  The second one does the root and the division for those alone.  A force on someone of a
     later slab is carried: that slab adds it in `_receive_forces`.
     """
-    near, soa, partition, hit = batch.memory.near, batch.memory.lanes, batch.memory.cut, batch.memory.contacts.hit
-    owner, partner, touch, slab_end = near.owner, near.partner, near.touch, partition.slot_stop[row]
+    near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
+    owner, partner, touch, hit = near.owner, near.partner, near.touch, batch.history.contacts.hit
     x, y, fx, fy, magnitude = soa.x, soa.y, soa.fx, soa.fy, soa.force_magnitude
     carried_to, carried_force, found = partition.carried_to, partition.carried_force, partition.found
-    first, hits = partition.pair_start[row], index(partition.pair_start[row])
+    slab_end, first, hits = partition.slot_stop[row], partition.pair_start[row], index(partition.pair_start[row])
     for entry in range(index(first), index(partition.pair_stop[row])):
         i, j = owner[entry], partner[entry]
         dx, dy = x[i] - x[j], y[i] - y[j]
@@ -163,19 +164,12 @@ def _push_people(row: int, batch: Batch, stiffness: float) -> None:
 @inner_kernel
 def _push_off_walls(e: int, row: int, batch: Batch, stiffness: float) -> None:
     """Add the spring forces of walls on the people of one slab, and note how many and how deep these overlaps are."""
-    near, soa, found = batch.memory.near, batch.memory.lanes, batch.memory.cut.found
+    near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
     boundary, radius, g = batch.world.boundary, batch.bodies.radius, batch.world.geometry_of_env[e]
-    x, y, fx, fy, magnitude, owner, partner = (
-        soa.x,
-        soa.y,
-        soa.fx,
-        soa.fy,
-        soa.force_magnitude,
-        near.owner,
-        near.partner,
-    )
+    owner, partner, found = near.owner, near.partner, partition.found
+    x, y, fx, fy, magnitude = soa.x, soa.y, soa.fx, soa.fy, soa.force_magnitude
     found[row, OUTSIDE] = 0.0
-    for entry in range(index(batch.memory.cut.wall_start[row]), index(batch.memory.cut.wall_stop[row])):
+    for entry in range(index(partition.wall_start[row]), index(partition.wall_stop[row])):
         i = owner[entry]
         gap, nx, ny = gap_to_feature(x[i], y[i], radius[i], boundary, g, np.int64(partner[entry]))
         if gap < 0.0:
@@ -191,7 +185,7 @@ def _push_off_walls(e: int, row: int, batch: Batch, stiffness: float) -> None:
 @inner_kernel
 def _receive_forces(e: int, row: int, batch: Batch) -> bool:
     """Add the forces that earlier slabs carry for the people of this one, in order; returns whether any contact touches it."""
-    soa, partition = batch.memory.lanes, batch.memory.cut
+    soa, partition = batch.workspace.soa, batch.workspace.partition
     found, begin, end = partition.found, partition.slot_start[row], partition.slot_stop[row]
     is_touched = found[row, OVERLAPS] > 0.0
     for other in range(SLABS * e, row):
@@ -208,10 +202,17 @@ def _receive_forces(e: int, row: int, batch: Batch) -> bool:
 
 
 @inner_kernel
-def _write_impulses(e: int, batch: Batch, dt: float, stiffness: float) -> None:
-    """Write the impulses of this step into the contact list; the forces are those of `_push_people` and `_push_off_walls`."""
-    contacts, first = batch.memory.contacts, batch.memory.near.entry_start[e]
-    gap, impulse = contacts.gap, contacts.impulse
+def _list_contacts(e: int, batch: Batch, dt: float, stiffness: float) -> None:
+    """Write the contacts of this step and their impulses into the list that everyone else reads.
+
+    This is a second narrow phase, in the last step of a call only: the first one, in `_push_people`, keeps no normals.  The
+    gaps are the same, and so are the forces.
+    """
+    world, state, near, contacts = batch.world, batch.state, batch.workspace.neighbors, batch.history.contacts
+    soa, begin, end = batch.workspace.soa, batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    interleave(begin, end, state.active, soa.x, soa.y, state.position)
+    find_contacts(e, world.geometry_of_env[e], world.boundary, batch.bodies, state, near, contacts, 0.0)
+    gap, impulse, first = contacts.gap, contacts.impulse, near.entry_start[e]
     for c in range(first, first + contacts.number[e]):
         impulse[c, 0], impulse[c, 1] = _spring_force(stiffness, gap[c]) * dt, 0.0
 
@@ -238,39 +239,41 @@ def _advance_range(
     A crowd lies in buffers while it is stepped (`dem_lanes.buffers`), and a large one is cut into slabs, each a row of
     `dem_lanes.partition`.  Between two barriers no thread writes what another reads; small stages are left to thread 0.
     """
-    partition, env_start = batch.memory.cut, batch.bodies.env_start
+    partition, env_start, substep = batch.workspace.partition, batch.bodies.env_start, batch.workspace.substep
     for e in range(first, stop):
         slabs = count_slabs(env_start[e + 1] - env_start[e]) if cutoff == 0.0 else 1
         team = threads if slabs > 1 else 1
-        if thread >= team or batch.memory.progress[e] >= n_substeps:
+        if thread >= team or substep[e] >= n_substeps:
             continue
         row_start, row_stop = SLABS * e + thread, SLABS * e + slabs
         if thread == 0:
+            # People: those inside are listed, cut into slabs and copied into the buffers.
             gather_crowd(e, slabs, batch, dt, cutoff, regions)
         while True:
             if thread == 0:
-                # Contacts: a new neighbor list if the old one is stale; the list of contacts in the last step of the call.
+                # Neighbors: a new list if the old one is stale.  Contacts are listed in the last step of the call alone.
                 partition.run[e] = detect(e, slabs, batch, n_substeps, cutoff)
                 if partition.run[e]:
                     plan_steering(e, batch, dt, regions)
-                    if batch.memory.progress[e] == n_substeps - 1:
-                        _write_impulses(e, batch, dt, stiffness)
+                    if substep[e] == n_substeps - 1:
+                        _list_contacts(e, batch, dt, stiffness)
             wait_for_all(partition.barrier, team)
             if not partition.run[e]:
                 break
             for row in range(row_start, row_stop, team):
-                # Forces: directions and desired velocities where they are due, external and social force.
+                # Regular forces: directions and desired velocities where they are due, social force.
                 regular_forces(e, row, batch, dt, social)
                 # The law: springs between people, and between people and walls.
                 _push_people(row, batch, stiffness)
                 _push_off_walls(e, row, batch, stiffness)
             wait_for_all(partition.barrier, team)
             for row in range(row_start, row_stop, team):
-                # Move: velocities, with the springs that reach from slab to slab, then positions; bounds; sums of impulses.
+                # Motion: the springs that reach from slab to slab, then velocities, positions, bounds and sums of impulses.
                 is_touched = _receive_forces(e, row, batch)
                 move_slab(e, row, batch, dt, is_touched)
             wait_for_all(partition.barrier, team)
             if thread == 0:
+                # Diagnostics: the sums of all slabs; whether someone has gone too far.
                 merge_slabs(e, slabs, batch, dt)
                 # Exits: people whose center crossed one are out.
                 leave(e, slabs, batch, dt)

@@ -12,10 +12,10 @@ from crowd_env.state import Floats
 def leave(e: int, last: int, batch: Batch, dt: float) -> int:
     """Take out everyone whose center crossed an exit line outwards during this step.
 
-    People inside are listed up to place ``last`` of `Memory.inside`; returns how far they are now.
+    People inside are listed up to place ``last`` of `Workspace.inside`; returns how far they are now.
     """
     boundary, g, begin, left = batch.world.boundary, batch.world.geometry_of_env[e], batch.bodies.env_start[e], False
-    inside, previous, position = batch.memory.inside, batch.memory.previous, batch.state.position
+    inside, previous, position = batch.workspace.inside, batch.workspace.previous_position, batch.state.position
     for exit_number in range(boundary.exit_start[g + 1] - boundary.exit_start[g]):
         for place in range(index(begin), index(last)):
             i = inside[place]

@@ -14,7 +14,9 @@ def _pressure(env: CrowdEnv, e: int) -> Floats:
     """Return the contact pressure (N,) [N/m] on everyone since the last decision."""
     people = env.people(e)
     simulation = env.simulation
-    return contact_pressure(simulation.memory.crush[people], env.decision_dt, simulation.bodies.radius[people])
+    return contact_pressure(
+        simulation.results.impulse_magnitude[people], env.decision_dt, simulation.bodies.radius[people]
+    )
 
 
 def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tuple[np.ndarray, Renderer]:

@@ -66,9 +66,9 @@ def test_even_in_a_corner_a_person_is_one_person_on_the_map():
 def test_pressure_is_force_over_circumference_where_the_person_stands():
     env, recorder = recorded(hall(starts=[(3.1, 2.3), (7.1, 4.3)], speed=0.0))
     step = env.step(None)
-    env.simulation.memory.crush[:] = 50.0, 20.0  # N s in 0.1 s: 500 N and 200 N
+    env.simulation.results.impulse_magnitude[:] = 50.0, 20.0  # N s in 0.1 s: 500 N and 200 N
     recorder.add(env, step)
-    env.simulation.memory.crush[:] = 10.0, 0.0
+    env.simulation.results.impulse_magnitude[:] = 10.0, 0.0
     recorder.add(env, step)
     recorder.end(env)
     found = recorder.measured(0.0, 0.0)

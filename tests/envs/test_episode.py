@@ -170,7 +170,7 @@ def test_whatever_happens_the_sum_is_that_of_the_ends():
 
     def now():
         """Return the travel time of everyone by the potential of the way that he follows, looked up from outside."""
-        rows = simulation.planner.potential_of_route[env.env_of_person, simulation.memory.followed]
+        rows = simulation.planner.potential_of_route[env.env_of_person, simulation.history.followed]
         time = [
             travel_time_at(simulation.world.field, boundary, f, x, y, r)
             for f, (x, y), r in zip(rows, simulation.state.position, simulation.bodies.radius, strict=True)

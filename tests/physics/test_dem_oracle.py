@@ -28,21 +28,22 @@ class PlainDEM:
         self.position, self.velocity, self.time = position.copy(), velocity.copy(), 0.0
         self.inside = list(range(len(position)))
         self.exit_time = np.full(len(position), np.nan)  # s
+        self.impulse = np.zeros((len(position), 2))  # N s  from contacts, in the last step
 
     def step(self, desired_direction, external_force, dt):
         """Advance everyone inside by ``dt`` [s]."""
         bodies, before = self.bodies, self.position.copy()
-        force = external_force + self.driving_force(desired_direction)
+        force, contact_force = external_force + self.driving_force(desired_direction), np.zeros_like(before)
         for i, j, gap, normal in self.contacts():
             spring = -STIFFNESS * min(0.0, gap) * normal  # eq 5
-            force[i] += spring
+            contact_force[i] += spring
             if j is not None:
-                force[j] -= spring
+                contact_force[j] -= spring
         for i in self.inside:
-            self.velocity[i] += dt * force[i] / bodies.mass[i]  # eq 3
+            self.velocity[i] += dt * (force[i] + contact_force[i]) / bodies.mass[i]  # eq 3
             self.position[i] += dt * self.velocity[i]
         self.inside = [i for i in self.inside if not self.leaves(i, before[i], self.position[i], dt)]
-        self.time += dt
+        self.impulse, self.time = dt * contact_force, self.time + dt
 
     def driving_force(self, desired_direction):
         """Return m (v_d e_d - u) / tau (eq 11), (P, 2) [N]; until the response time is over the desired velocity is 0."""
@@ -149,6 +150,7 @@ def test_dem_is_the_law_written_plainly(dt, steps):
         np.testing.assert_allclose(state.position, plain.position, rtol=0, atol=1e-10)
         np.testing.assert_allclose(state.velocity, plain.velocity, rtol=0, atol=1e-9)
         np.testing.assert_allclose(state.exit_time, plain.exit_time, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(fast.results.impulse, plain.impulse, rtol=0, atol=1e-7)
         found = fast.contacts()
         listed = sorted(zip(found.i.tolist(), np.maximum(found.j, -1).tolist(), found.gap.tolist(), strict=True))
         assert [(i, j) for i, j, _ in listed] == [(i, j) for i, j, _ in contacts]

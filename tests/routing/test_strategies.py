@@ -171,7 +171,7 @@ def test_people_walk_as_fast_as_the_zones_say_after_relaxation(name, zones, spee
     simulation.advance(n_substeps=60)  # three relaxation times; nobody is in another zone yet, or in reach of another
     speed = np.hypot(*simulation.state.velocity.T)
     np.testing.assert_allclose(speed, speeds, rtol=0.06)
-    np.testing.assert_allclose(simulation.memory.pace, speeds)
+    np.testing.assert_allclose(simulation.history.local_speed, speeds)
 
 
 @every_scheme
@@ -212,8 +212,8 @@ def test_a_rule_is_on_at_so_many_and_sends_only_those_who_would_come_through(wai
     simulation = ruled([ControlRule("gate", 2, "left")], waiting=waiting)
     simulation.advance(n_substeps=1)
     on = waiting >= 2
-    assert simulation.memory.rule_on.tolist() == [[on]]
-    followed, left = simulation.memory.followed, rule_ways(ControlRule("gate", 2, "left")).number("left")
+    assert simulation.history.rule_on.tolist() == [[on]]
+    followed, left = simulation.history.followed, rule_ways(ControlRule("gate", 2, "left")).number("left")
     assert (followed[:waiting] == 1).all()  # whoever stands in the region goes on
     assert followed[waiting:].tolist() == ([left, left, 1, left] if on else [1] * 4)  # the third one is past it
     assert (simulation.state.route == 1).all()  # they still mean to go where they wanted to
@@ -226,29 +226,29 @@ def test_regions_are_bits_and_counts_are_those_of_brute_force():
     simulation = simulate(route_set, rng.uniform((0.1, 0.1), (11.9, 3.9), (40, 2)), speed=0.0)
     state = simulation.state
     state.active[::5] = False
-    simulation.memory.near.reach[:] = -1
+    simulation.workspace.neighbors.reach[:] = -1
     x = state.position.copy()
     simulation.advance(n_substeps=1)
     inside = region_masks(geometry, *x.T)
     near = np.abs(x[:, :1] - [[2, 4, 8, 10]]).min(axis=1) < 0.05
-    np.testing.assert_array_equal(simulation.memory.here[state.active & ~near], inside[state.active & ~near])
-    counts = [int((simulation.memory.here[state.active] >> k & 1).sum()) for k in range(3)]
-    assert simulation.memory.rule_on[0].tolist() == [n <= count for count in counts for n in (3, 6, 9)]
+    np.testing.assert_array_equal(simulation.history.region_bits[state.active & ~near], inside[state.active & ~near])
+    counts = [int((simulation.history.region_bits[state.active] >> k & 1).sum()) for k in range(3)]
+    assert simulation.history.rule_on[0].tolist() == [n <= count for count in counts for n in (3, 6, 9)]
 
 
 def test_a_rule_goes_off_below_and_not_before_hold():
     for below, hold, off_at in ((None, 0.0, 2), (1, 0.0, 0), (0, 0.0, None), (2, 1.5, 1)):
         simulation = ruled([ControlRule("gate", 3, "left", below=below, hold=hold)])
         simulation.advance(n_substeps=1)
-        assert simulation.memory.rule_on[0, 0]
+        assert simulation.history.rule_on[0, 0]
         for k in range(3):  # one after the other is gone
             simulation.state.active[k] = False
             simulation.advance(n_substeps=20)
             held = simulation.state.time[0] < hold
             fewer = 2 - k < (3 if below is None else below)
-            assert simulation.memory.rule_on[0, 0] == (held or not fewer), (below, hold, k)
+            assert simulation.history.rule_on[0, 0] == (held or not fewer), (below, hold, k)
         simulation.advance(n_substeps=100)
-        assert simulation.memory.rule_on[0, 0] == (off_at is None)
+        assert simulation.history.rule_on[0, 0] == (off_at is None)
 
 
 @pytest.mark.parametrize("commits", [False, True])
@@ -259,7 +259,7 @@ def test_whoever_was_sent_another_way_keeps_to_it_if_the_rule_commits(commits):
     simulation.advance(n_substeps=5)
     left = simulation.planner.route_set(0).number("left")
     expected = [left, left, 1, left] if commits else [1] * 4
-    assert simulation.state.route[3:].tolist() == simulation.memory.followed[3:].tolist() == expected
+    assert simulation.state.route[3:].tolist() == simulation.history.followed[3:].tolist() == expected
     simulation.advance(n_substeps=1300)
     assert simulation.state.exit_index[3:].tolist() == ([0, 0, 1, 0] if commits else [1] * 4)
 
@@ -271,7 +271,7 @@ def test_of_several_rules_the_first_that_applies_counts():
         simulation.advance(n_substeps=1)
         left = simulation.planner.route_set(0).number("left")
         # 1: through both; 2, 3: stand in the lobby, so that only the rule on the gate concerns them.
-        assert simulation.memory.followed.tolist() == [1, left if order[0] == "gate" else 0, left, left]
+        assert simulation.history.followed.tolist() == [1, left if order[0] == "gate" else 0, left, left]
 
 
 @every_scheme
@@ -287,8 +287,8 @@ def test_a_rule_switches_at_the_look_after_the_count_is_reached(name):
             if per_call == 1 and runs[0].state.position[1, 0] < 8.0:
                 crossed = runs[0].state.time[0]
     for run in runs:
-        assert run.memory.rule_on[0, 0]
-        assert run.memory.rule_since[0, 0] == pytest.approx(crossed, abs=0.0201)
+        assert run.history.rule_on[0, 0]
+        assert run.history.rule_since[0, 0] == pytest.approx(crossed, abs=0.0201)
 
 
 @pytest.mark.parametrize("name", ["dem", "nsm1", "nsm2", "hertz"])

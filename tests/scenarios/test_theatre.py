@@ -150,7 +150,7 @@ def followed_routes(starts, **options):
     env = CrowdEnv(place)
     env.reset(seed=0)
     env.step(None)
-    return [env.route_set[0].route_set[k].name for k in env.simulation.memory.followed]
+    return [env.route_set[0].route_set[k].name for k in env.simulation.history.followed]
 
 
 UPPER = [(18.0 + 0.55 * (k // 2), 8.1 + 0.6 * (k % 2)) for k in range(6)]  # in rectangle 1

@@ -145,7 +145,7 @@ class RoutingBatch:
         state.route[told] = self._way[choice[told]]
 
     def _closed(self, e: int) -> set[str]:
-        stands_open = self.env.simulation.memory.door_open[e]
+        stands_open = self.env.simulation.history.door_open[e]
         return {name for k, name in enumerate(self.scenario.geometry.doors) if not stands_open[k]}
 
     def _observe(self, inside: Bools, left: Bools) -> np.ndarray:

@@ -15,22 +15,19 @@ from crowd_env.physics.workspace import Batch
 def gather_crowd(e: int, slabs: int, batch: Batch, dt: float, cutoff: float, regions: bool | None) -> None:
     """Cut the crowd of environment ``e`` into slabs and copy it into the buffers; the neighbor list counts as stale."""
     bodies, state, driving, external = batch.bodies, batch.state, batch.control.driving, batch.control.external_force
-    mass, relaxation_time, response_time, radius = (
-        bodies.mass,
-        bodies.relaxation_time,
-        bodies.response_time,
-        bodies.radius,
-    )
+    mass, radius = bodies.mass, bodies.radius
+    relaxation_time, response_time = bodies.relaxation_time, bodies.response_time
     position, velocity, active = state.position, state.velocity, state.active
-    push, crush, soa, near = batch.memory.push, batch.memory.crush, batch.memory.lanes, batch.memory.near
+    impulse, magnitude = batch.results.impulse, batch.results.impulse_magnitude
+    soa, near = batch.workspace.soa, batch.workspace.neighbors
     x, y, vx, vy, regular_fx, regular_fy = soa.x, soa.y, soa.vx, soa.vy, soa.regular_fx, soa.regular_fy
-    fx, fy, magnitude, inv_mass, inv_tau = soa.fx, soa.fy, soa.force_magnitude, soa.inv_mass, soa.inv_tau
+    fx, fy, force_magnitude, inv_mass, inv_tau = soa.fx, soa.fy, soa.force_magnitude, soa.inv_mass, soa.inv_tau
     impulse_x, impulse_y, impulse_magnitude = soa.impulse_x, soa.impulse_y, soa.impulse_magnitude
-    begin, end, partition = bodies.env_start[e], bodies.env_start[e + 1], batch.memory.cut
+    begin, end, partition = bodies.env_start[e], bodies.env_start[e + 1], batch.workspace.partition
     is_pushed, latest, smallest = cutoff > 0.0, 0.0, np.inf
     for i in range(index(begin), index(end)):
-        fx[i] = fy[i] = magnitude[i] = 0.0
-        impulse_x[i], impulse_y[i], impulse_magnitude[i] = push[i, 0], push[i, 1], crush[i]
+        fx[i] = fy[i] = force_magnitude[i] = 0.0
+        impulse_x[i], impulse_y[i], impulse_magnitude[i] = impulse[i, 0], impulse[i, 1], magnitude[i]
         latest = max(latest, response_time[i])
         if active[i]:
             x[i], y[i] = position[i, 0], position[i, 1]
@@ -49,7 +46,7 @@ def gather_crowd(e: int, slabs: int, batch: Batch, dt: float, cutoff: float, reg
     # The command of a call is new in its first step; after that people begin to walk until the last one has responded.
     partition.desired_until[e] = max(latest + dt, state.time[e])
     partition.list_is_stale[e] = True
-    batch.memory.status[e] = OK
+    batch.workspace.status[e] = OK
     list_active_by_slab(e, slabs, batch)
     reset_routes(e, batch, regions)
 
@@ -57,19 +54,20 @@ def gather_crowd(e: int, slabs: int, batch: Batch, dt: float, cutoff: float, reg
 @inner_kernel
 def scatter_slab(row: int, batch: Batch) -> None:
     """Copy the people of one slab back, and the contact impulses that they have got in this call."""
-    soa, active, push, crush = batch.memory.lanes, batch.state.active, batch.memory.push, batch.memory.crush
-    begin, end = batch.memory.cut.slot_start[row], batch.memory.cut.slot_stop[row]
+    soa, active, partition = batch.workspace.soa, batch.state.active, batch.workspace.partition
+    impulse, magnitude = batch.results.impulse, batch.results.impulse_magnitude
+    begin, end = partition.slot_start[row], partition.slot_stop[row]
     interleave(begin, end, active, soa.x, soa.y, batch.state.position)
     interleave(begin, end, active, soa.vx, soa.vy, batch.state.velocity)
     impulse_x, impulse_y, impulse_magnitude = soa.impulse_x, soa.impulse_y, soa.impulse_magnitude
     for i in range(index(begin), index(end)):
-        push[i, 0], push[i, 1], crush[i] = impulse_x[i], impulse_y[i], impulse_magnitude[i]
+        impulse[i, 0], impulse[i, 1], magnitude[i] = impulse_x[i], impulse_y[i], impulse_magnitude[i]
 
 
 @inner_kernel
 def list_active_by_slab(e: int, slabs: int, batch: Batch) -> None:
     """List who is inside, and note which part of that list belongs to which slab."""
-    partition, inside = batch.memory.cut, batch.memory.inside
+    partition, inside = batch.workspace.partition, batch.workspace.inside
     begin, rank_end = batch.bodies.env_start[e], list_active(e, batch)
     partition.people_inside[e] = rank_end - begin
     for row in range(SLABS * e, SLABS * e + slabs):
@@ -80,7 +78,8 @@ def list_active_by_slab(e: int, slabs: int, batch: Batch) -> None:
 @inner_kernel
 def cut_neighbor_list(e: int, slabs: int, batch: Batch) -> None:
     """Note which entries of a new neighbor list belong to which slab."""
-    near, soa, partition, active = batch.memory.near, batch.memory.lanes, batch.memory.cut, batch.state.active
+    near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
+    active = batch.state.active
     origin_x, origin_y, x, y = near.origin_x, near.origin_y, soa.x, soa.y
     for i in range(index(batch.bodies.env_start[e]), index(batch.bodies.env_start[e + 1])):
         if not active[i]:

@@ -4,7 +4,6 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.physics.bounds import MARGIN, slide, speed_limit, stop_at_walls
-from crowd_env.physics.contacts import find_contacts
 from crowd_env.physics.dem_lanes.buffers import (
     FAR_AWAY,
     add_impulse,
@@ -26,7 +25,7 @@ from crowd_env.physics.dem_lanes.partition import (
     SLABS,
     TOO_FAR,
 )
-from crowd_env.physics.driving_force import LOOK_EVERY, choose_turn, follow_rules, update_steering
+from crowd_env.physics.driving_force import LOOK_EVERY, choose_turn, desired_velocity, follow_rules, update_steering
 from crowd_env.physics.exits import mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
 from crowd_env.physics.social_force import SocialLaw, add_social_forces
@@ -41,26 +40,21 @@ KEEP, COMPUTE, LOOK_UP = 0, 1, 2
 
 @inner_kernel
 def detect(e: int, slabs: int, batch: Batch, n_substeps: int, cutoff: float) -> bool:
-    """Bring the neighbor list up to date; in the last step of a call also the list of contacts, which only others read.
+    """Bring the neighbor list of environment ``e`` up to date; returns whether there is a step to do.
 
-    Returns whether there is a step to do: False after the last one, for an empty place, or (with the reason in `status`) if
-    the list does not fit.
+    There is none after the last one of the call, in an empty place, or (with the reason in `status`) if the list does not fit.
     """
-    world, state, soa = batch.world, batch.state, batch.memory.lanes
-    begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    if batch.memory.status[e] != OK or batch.memory.progress[e] >= n_substeps or batch.memory.cut.people_inside[e] == 0:
+    work, state, active = batch.workspace, batch.state, batch.state.active
+    if work.status[e] != OK or work.substep[e] >= n_substeps or work.partition.people_inside[e] == 0:
         return False
-    if batch.memory.cut.list_is_stale[e]:
-        interleave(begin, end, state.active, soa.x, soa.y, state.position)
-        interleave(begin, end, state.active, soa.vx, soa.vy, state.velocity)
-        batch.memory.status[e] = update_neighbors(e, batch, cutoff)
-        if batch.memory.status[e] != OK:
+    soa, begin, end = work.soa, batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    if work.partition.list_is_stale[e]:
+        interleave(begin, end, active, soa.x, soa.y, state.position)
+        interleave(begin, end, active, soa.vx, soa.vy, state.velocity)
+        work.status[e] = update_neighbors(e, batch, cutoff)
+        if work.status[e] != OK:
             return False
         cut_neighbor_list(e, slabs, batch)
-    if batch.memory.progress[e] == n_substeps - 1:
-        interleave(begin, end, state.active, soa.x, soa.y, state.position)
-        near, contacts, g = batch.memory.near, batch.memory.contacts, world.geometry_of_env[e]
-        find_contacts(e, g, world.boundary, batch.bodies, state, near, contacts, 0.0)
     return True
 
 
@@ -70,7 +64,7 @@ def detect(e: int, slabs: int, batch: Batch, n_substeps: int, cutoff: float) -> 
 @inner_kernel
 def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None) -> None:
     """Say what this step has to do about desired velocities, and let control rules act when directions are due."""
-    partition, direction_age, state = batch.memory.cut, batch.memory.direction_age, batch.state
+    partition, direction_age, state = batch.workspace.partition, batch.history.direction_age, batch.state
     partition.steering[e] = COMPUTE if state.time[e] <= partition.desired_until[e] else KEEP
     if direction_age[e] > LOOK_EVERY - 0.5 * dt:
         partition.turn[e] = choose_turn(e, batch, regions)
@@ -78,7 +72,7 @@ def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None) -> None
         partition.steering[e] = LOOK_UP
         if regions is not None:
             begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-            interleave(begin, end, state.active, batch.memory.lanes.x, batch.memory.lanes.y, state.position)
+            interleave(begin, end, state.active, batch.workspace.soa.x, batch.workspace.soa.y, state.position)
             follow_rules(e, batch)
     direction_age[e] += dt
 
@@ -89,18 +83,22 @@ def regular_forces(e: int, row: int, batch: Batch, dt: float, social: SocialLaw 
 
     The driving force needs no array: `integrate_velocity` forms it from the desired velocity.
     """
-    state, soa, partition = batch.state, batch.memory.lanes, batch.memory.cut
-    begin, end, rank_stop = partition.slot_start[row], partition.slot_stop[row], partition.rank_stop[row]
+    state, soa, partition = batch.state, batch.workspace.soa, batch.workspace.partition
+    begin, end = partition.slot_start[row], partition.slot_stop[row]
+    rank_start, rank_stop, inside = partition.rank_start[row], partition.rank_stop[row], batch.workspace.inside
     if partition.steering[e] > KEEP:
         if partition.steering[e] == LOOK_UP:
             interleave(begin, end, state.active, soa.x, soa.y, state.position)
-            update_steering(e, partition.rank_start[row], rank_stop, batch, dt, partition.turn[e])
-        _compute_desired_velocities(e, partition.rank_start[row], rank_stop, batch)
+            update_steering(e, rank_start, rank_stop, batch, dt, partition.turn[e])
+        time, desired_vx, desired_vy = state.time[e], soa.desired_vx, soa.desired_vy
+        for rank in range(index(rank_start), index(rank_stop)):
+            i = inside[rank]
+            desired_vx[i], desired_vy[i] = desired_velocity(i, time, batch)
     if social is not None:
-        force, external, active = batch.memory.force, batch.control.external_force, state.active
+        force, external, active = batch.history.force, batch.control.external_force, state.active
         regular_fx, regular_fy = soa.regular_fx, soa.regular_fy
         interleave(begin, end, active, soa.x, soa.y, state.position)
-        interleave(begin, end, active, soa.desired_vx, soa.desired_vy, batch.memory.desired)
+        interleave(begin, end, active, soa.desired_vx, soa.desired_vy, batch.workspace.desired_velocity)
         for i in range(index(begin), index(end)):
             force[i, 0], force[i, 1] = external[i, 0], external[i, 1]
         add_social_forces(e, rank_stop, batch, social)
@@ -109,30 +107,13 @@ def regular_forces(e: int, row: int, batch: Batch, dt: float, social: SocialLaw 
                 regular_fx[i], regular_fy[i] = force[i, 0], force[i, 1]
 
 
-@inner_kernel
-def _compute_desired_velocities(e: int, rank_start: int, rank_stop: int, batch: Batch) -> None:
-    """Write the desired velocities of a part of the people inside; see `crowd_env.physics.driving_force`."""
-    time, inside, response_time = batch.state.time[e], batch.memory.inside, batch.bodies.response_time
-    command, relative = batch.control.command, batch.control.relative
-    direction, local_speed = batch.memory.way, batch.memory.pace
-    desired_vx, desired_vy = batch.memory.lanes.desired_vx, batch.memory.lanes.desired_vy
-    for rank in range(index(rank_start), index(rank_stop)):
-        i = inside[rank]
-        speed = local_speed[i] if time >= response_time[i] else 0.0
-        cx, cy = command[i, 0], command[i, 1]
-        if relative[i]:
-            ex, ey = direction[i, 0], direction[i, 1]
-            cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
-        desired_vx[i], desired_vy[i] = speed * cx, speed * cy
-
-
 # ----------------------------------------------------------------------------------------------------- motion and bounds
 
 
 @inner_kernel
 def move_slab(e: int, row: int, batch: Batch, dt: float, is_touched: bool) -> None:
     """Advance velocities, then positions, of one slab by symplectic Euler (eq 3), within the bounds of speed and of walls."""
-    soa, partition, near = batch.memory.lanes, batch.memory.cut, batch.memory.near
+    soa, partition, near = batch.workspace.soa, batch.workspace.partition, batch.workspace.neighbors
     begin, end, found = partition.slot_start[row], partition.slot_stop[row], partition.found
     vx, vy, inv_mass, inv_tau = soa.vx, soa.vy, soa.inv_mass, soa.inv_tau
     if is_touched or partition.has_regular_force[e]:
@@ -157,9 +138,10 @@ def move_slab(e: int, row: int, batch: Batch, dt: float, is_touched: bool) -> No
 @inner_kernel
 def _hold_at_walls(e: int, row: int, batch: Batch, dt: float) -> None:
     """Let nobody of one slab cross a wall in this step, which began ``dt`` times the velocity before; see `bounds`."""
-    near, soa, boundary, g = batch.memory.near, batch.memory.lanes, batch.world.boundary, batch.world.geometry_of_env[e]
+    near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
+    boundary, g = batch.world.boundary, batch.world.geometry_of_env[e]
     owner, partner, x, y, vx, vy, inv_mass = near.owner, near.partner, soa.x, soa.y, soa.vx, soa.vy, soa.inv_mass
-    entry, entry_end = batch.memory.cut.wall_start[row], batch.memory.cut.wall_stop[row]
+    entry, entry_end = partition.wall_start[row], partition.wall_stop[row]
     while entry < entry_end:
         i, stop = owner[entry], entry + 1
         while stop < entry_end and owner[stop] == i:
@@ -181,7 +163,8 @@ def _hold_at_walls(e: int, row: int, batch: Batch, dt: float) -> None:
 @inner_kernel
 def merge_slabs(e: int, slabs: int, batch: Batch, dt: float) -> None:
     """Add what the slabs have found to the sums of the call; see whether someone went too far for a step, or for the list."""
-    soa, partition, sums, found = batch.memory.lanes, batch.memory.cut, batch.memory.diagnostics, batch.memory.cut.found
+    soa, partition, sums = batch.workspace.soa, batch.workspace.partition, batch.results.diagnostics
+    found = partition.found
     too_far, count, fastest = 0.0, 0.0, 0.0
     for row in range(SLABS * e, SLABS * e + slabs):
         sums.max_overlap[e] = max(sums.max_overlap[e], found[row, DEEPEST], found[row, OUTSIDE])
@@ -196,9 +179,9 @@ def merge_slabs(e: int, slabs: int, batch: Batch, dt: float) -> None:
         radius, vx, vy = batch.bodies.radius, soa.vx, soa.vy
         for i in range(batch.bodies.env_start[e], batch.bodies.env_start[e + 1]):
             if dt * dt * (vx[i] * vx[i] + vy[i] * vy[i]) > radius[i] * radius[i]:
-                batch.memory.status[e] = TOO_FAST
+                batch.workspace.status[e] = TOO_FAST
     partition.list_is_stale[e] = too_far > 0.0
-    batch.memory.near.age[e] += 1
+    batch.workspace.neighbors.age[e] += 1
 
 
 # ---------------------------------------------------------------------------------------------------------------- exits
@@ -207,10 +190,10 @@ def merge_slabs(e: int, slabs: int, batch: Batch, dt: float) -> None:
 @inner_kernel
 def leave(e: int, slabs: int, batch: Batch, dt: float) -> None:
     """Take out everyone whose center crossed an exit line outwards during this step."""
-    boundary, state, near, soa = batch.world.boundary, batch.state, batch.memory.near, batch.memory.lanes
+    boundary, state, near, soa = batch.world.boundary, batch.state, batch.workspace.neighbors, batch.workspace.soa
     begin, end, g = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], batch.world.geometry_of_env[e]
     left = 0
-    if batch.memory.cut.list_is_stale[e]:  # it may lack someone who has come near an exit
+    if batch.workspace.partition.list_is_stale[e]:  # it may lack someone who has come near an exit
         for exit_number in range(boundary.exit_start[g + 1] - boundary.exit_start[g]):
             for i in range(index(begin), index(end)):
                 left += _crosses(e, i, exit_number, batch, dt)
@@ -229,6 +212,6 @@ def leave(e: int, slabs: int, batch: Batch, dt: float) -> None:
 @inner_kernel
 def _crosses(e: int, i: int, exit_number: int, batch: Batch, dt: float) -> bool:
     """Mark person ``i`` as out if the last step led through an exit; returns whether the person was inside until then."""
-    soa = batch.memory.lanes
+    soa = batch.workspace.soa
     x, y = soa.x[i], soa.y[i]
     return mark_crossing(e, i, exit_number, batch, dt, x - dt * soa.vx[i], y - dt * soa.vy[i], x, y)

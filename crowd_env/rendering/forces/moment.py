@@ -46,5 +46,5 @@ def _most_telling(env: CrowdEnv, seed: int) -> int:
     borne = []
     while not env.finished.all():
         env.step(None)
-        borne.append(float(env.simulation.memory.crush.sum()))
+        borne.append(float(env.simulation.results.impulse_magnitude.sum()))
     return len(borne) if np.isfinite(env.metrics(0).blocked_since) else int(np.argmax(borne)) + 1
