@@ -121,7 +121,7 @@ class StateReader:
         self._lines = (geometry.exits - self._corner).reshape(-1, _LINE)
         names, doors = geometry.exit_names, geometry.exits_of_door
         # (ways, X) and (doors, X); of an exit of several lines all are meant
-        self._leads_to = np.array([[name in (way.exits or names) for name in names] for way in route_set.route_set])
+        self._leads_to = np.array([[name in (way.exits or names) for name in names] for way in route_set.routes])
         self._barred_by = np.array([[name == barred for name in names] for barred in doors]).reshape(-1, len(names))
 
     def read(self) -> np.ndarray:

@@ -10,8 +10,8 @@ from crowd_env.physics.neighbors.lists import NeighborList
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.spatial_order import Order
 from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, World
-from crowd_env.routing.door_schedule import DoorsThen
-from crowd_env.routing.replanning import WaysThen
+from crowd_env.routing.door_schedule import DoorState
+from crowd_env.routing.replanning import PlannerState
 from crowd_env.state import Bodies, CrowdState, Ints
 
 Arrays = dict[str, np.ndarray]
@@ -34,8 +34,8 @@ class Checkpoint(NamedTuple):
     history: SavedHistory
     results: Results  # of the last call
     diagnostics: Diagnostics  # of the episodes so far
-    doors: DoorsThen
-    route_set: WaysThen
+    doors: DoorState
+    route_set: PlannerState
     order: Order | None  # None = no crowd is large
     escaped: np.ndarray  # (P,)  who was found outside of the walkable area
 

@@ -119,7 +119,8 @@ class Simulation:
         self.planner = RoutePlanner(self.fields, which, boundary, replan_every)
         guidance = self.planner.guidance
         self.world = World(boundary, self.planner.field, which, guidance)
-        closed, events = ([getattr(place, name, ()) for place in self.fields] for name in ("closed_at_start", "events"))
+        plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
+        closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
         self._doorkeeper = DoorSchedule(self.geometries, closed, events, which)
         doors = max(len(place.doors) for place in self.geometries)
         rules = int(np.diff(guidance.rule.start).max(initial=0))

@@ -15,7 +15,7 @@ from crowd_env.navigation.field import direction_at
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.dem_lanes.partition import SLABS, count_slabs
 from crowd_env.physics.workspace import allocate_workspace
-from crowd_env.routing.route_set import build_routes
+from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import Route
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
@@ -237,7 +237,7 @@ def test_whoever_is_given_another_route_turns_at_once(name):
     rng = np.random.default_rng(0)
     exits = {"east": [(side, 12), (side, 16)], "west": [(0, 16), (0, 12)]}
     place = Geometry.from_polygon(box(0, 0, side, side), exits=exits)
-    route_set = build_routes(place, 0.2, routes=[Route("right", ("east",)), Route("left", ("west",))])
+    route_set = RoutePlan(place, 0.2, routes=[Route("right", ("east",)), Route("left", ("west",))]).build()
     lattice = np.stack(np.meshgrid(np.arange(34), np.arange(34)), -1).reshape(-1, 2)[:count]
     bodies = make_bodies(np.full(count, 0.2), np.full(count, 70.0), desired_speed=1.0)
     state = make_state(2.0 + 0.7 * lattice + rng.uniform(-0.05, 0.05, (count, 2)))

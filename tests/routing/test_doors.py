@@ -12,7 +12,7 @@ from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.observation.layout import SIGHT, ObservationLayout
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import SCHEMES
-from crowd_env.routing.route_set import build_routes
+from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import DoorEvent, Route
 from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
@@ -36,7 +36,7 @@ def hall(doors=True):
 
 @cache
 def ways_of(doors=True, closed=(), events=(), routes=()):
-    return build_routes(hall(doors), 0.25, min_radius=0.2, closed_at_start=closed, events=events, routes=routes)
+    return RoutePlan(hall(doors), 0.25, min_radius=0.2, closed_at_start=closed, events=events, routes=routes).build()
 
 
 def simulate(route_set, *crowds, name="nsm2", **options):
@@ -312,9 +312,12 @@ def test_events_that_make_no_sense_are_refused_in_one_sentence(options, message)
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"closed": ("x",)}, "unknown door 'x' in what happens to doors; known: gate, west door, east door"),
+        ({"closed": ("x",)}, "unknown door 'x'; known: gate, west door, east door"),
         ({"events": (DoorEvent("x", True, at=1.0),)}, "unknown door 'x'"),
-        ({"events": (DoorEvent("gate", True, at_least=1, exit="x"),)}, "unknown exit 'x' in .*; known: west, east"),
+        (
+            {"events": (DoorEvent("gate", True, at_least=1, exit="x"),)},
+            "names an unknown exit 'x'; known: west, east",
+        ),
     ],
 )
 def test_unknown_names_of_events_are_refused_in_one_sentence(options, message):

@@ -9,7 +9,8 @@ import pytest
 
 from crowd_env import CrowdEnv, LogNormal, Normal, Population, Uniform, make_scenario
 from crowd_env.navigation.field import OneWay
-from crowd_env.routing.spec import Comfort, ControlRule, DoorEvent, Route, SpeedZone
+from crowd_env.routing.spec import ControlRule, DoorEvent, Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios.file.numbers import evaluate, fill_in
 
 if sys.version_info >= (3, 11):
@@ -312,7 +313,7 @@ def test_braces_hold_nothing_else(expression):
         (small(end="[[rules]]\nregion = 'back'\nat_least = 3\nroute = 'door'\nbelo = 2"), r"did you mean 'below'"),
         (
             small(end="[[routes]]\nname = 'a'\nstrategy = 'fast'"),
-            r"routes\[0\]\.strategy: is 'fast'; allowed: shortest, fastest",
+            r"routes\[0\]: route 'a': unknown strategy 'fast'; known: shortest, fastest",
         ),
         (small(end="[[routes]]\nname = 'a'\nexits = ['b']"), r"route 'a' names an unknown exit 'b'; known: door"),
         (small(end="[[routes]]\nname = 'out'"), r"route 'out': the name is taken"),

@@ -26,7 +26,7 @@ class Observer:
     ----------
     direction : (P, 2) of the shortest path, of whoever was last seen.
     travel_time : (P,) s, of the rest of the way at the own desired speed.
-    potential : (P,) s, travel time by which progress is counted, see `crowd_env.routing.route_set.Way.potential`.
+    potential : (P,) s, travel time by which progress is counted, see `crowd_env.routing.route_set.RouteField.potential`.
     rows : where the memory of observations comes from.
     """
 

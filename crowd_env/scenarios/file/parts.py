@@ -11,7 +11,8 @@ import numpy as np
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import Shape
 from crowd_env.navigation.field import OneWay
-from crowd_env.routing.spec import Comfort, ControlRule, DoorEvent, Route, SpeedZone
+from crowd_env.routing.spec import ControlRule, DoorEvent, Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios.distributions import read_distribution
 from crowd_env.scenarios.file.entry import Entry
 from crowd_env.scenarios.floor_plan import read_starts

@@ -48,7 +48,8 @@ import numpy as np
 from crowd_env.files.foreign import read_text
 from crowd_env.navigation.field import OneWay
 from crowd_env.routing.route_set import Target
-from crowd_env.routing.spec import Comfort, ControlRule, DoorEvent, Route, SpeedZone
+from crowd_env.routing.spec import ControlRule, DoorEvent, Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios.file.entry import Entry, nearest
 from crowd_env.scenarios.file.parts import GROUP_KEYS, read_geometry, read_group, read_record
 from crowd_env.scenarios.groups import Groups
