@@ -106,7 +106,7 @@ def room(scheme: str) -> Scene:
 
 
 def crowd(scheme: str) -> Scene:
-    """More than a thousand people, whose arrays are sorted by place, and more than four thousand, cut into lanes."""
+    """More than a thousand people, whose arrays are sorted by place, and more than four thousand, cut into slabs."""
     for count, side, steps in ((1100, 24.0, 15), (4200, 42.0, 4)):
         options: dict[str, Any] = {"count": count, "side": side, "scheme": scheme, "ruled": 0.95}
         one, other = (_episode(steps, "room-v0", threads=threads, **options) for threads in (1, 3))

@@ -18,7 +18,6 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.physics.dem_lanes.lanes import Lanes
 from crowd_env.physics.neighbors.lists import Places
 from crowd_env.physics.neighbors.update import TOO_FAST
 from crowd_env.physics.workspace import Batch
@@ -115,12 +114,12 @@ def _hold_at_walls(e: int, batch: Batch) -> None:
         while entry_stop < entry_end and owner[entry_stop] == i:
             entry_stop += 1
         if active[i]:
-            x, y, nx, ny, mx, my = _held(
+            x, y, nx, ny, mx, my = stop_at_walls(
                 boundary, g, partner, entry, entry_stop, previous[i, 0], previous[i, 1], position[i, 0], position[i, 1]
             )
             if nx != 0.0 or ny != 0.0:
                 position[i, 0], position[i, 1] = x, y
-                ux, uy = _without(velocity[i, 0], velocity[i, 1], nx, ny, mx, my)
+                ux, uy = slide(velocity[i, 0], velocity[i, 1], nx, ny, mx, my)
                 px, py = bodies.mass[i] * (ux - velocity[i, 0]), bodies.mass[i] * (uy - velocity[i, 1])
                 batch.results.impulse[i, 0] += px
                 batch.results.impulse[i, 1] += py
@@ -130,36 +129,10 @@ def _hold_at_walls(e: int, batch: Batch) -> None:
 
 
 @inner_kernel
-def hold_lanes_at_walls(
-    g: int, first: int, last: int, boundary: Boundary, owner: Places, partner: Places, lanes: Lanes, dt: float
-) -> None:
-    """The same on lanes, for the wall entries ``first:last``; the step began ``dt`` times the velocity before."""
-    x, y, vx, vy, per_mass = lanes.x, lanes.y, lanes.vx, lanes.vy, lanes.per_mass
-    push_x, push_y, crush = lanes.push_x, lanes.push_y, lanes.crush
-    begin = first
-    while begin < last:
-        i, stop = owner[begin], begin + 1
-        while stop < last and owner[stop] == i:
-            stop += 1
-        if per_mass[i] > 0.0:  # not parked
-            x0, y0 = x[i] - dt * vx[i], y[i] - dt * vy[i]
-            x1, y1, nx, ny, mx, my = _held(boundary, g, partner, begin, stop, x0, y0, x[i], y[i])
-            if nx != 0.0 or ny != 0.0:
-                x[i], y[i] = x1, y1
-                ux, uy = _without(vx[i], vy[i], nx, ny, mx, my)
-                px, py = (ux - vx[i]) / per_mass[i], (uy - vy[i]) / per_mass[i]
-                push_x[i] += px
-                push_y[i] += py
-                crush[i] += np.sqrt(px * px + py * py)
-                vx[i], vy[i] = ux, uy
-        begin = stop
-
-
-@inner_kernel
-def _held(
+def stop_at_walls(
     boundary: Boundary, g: int, partner: Places, begin: int, stop: int, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Return where the path from 0 to 1 ends that crosses none of the walls ``begin:stop``, and the normals of those it met.
+    """Return the end of a path from 0 to 1 that crosses none of the walls ``begin:stop``, and the normals of those it met.
 
     The first wall is slid along; a second one ends the path.  A normal of zero: no wall was met.
     """
@@ -219,8 +192,8 @@ def _crossing(boundary: Boundary, k: int, x0: float, y0: float, x1: float, y1: f
 
 
 @inner_kernel
-def _without(vx: float, vy: float, nx: float, ny: float, mx: float, my: float) -> tuple[float, float]:
-    """Return a velocity without what leads against the normals n and m; nothing is left between two walls that close up."""
+def slide(vx: float, vy: float, nx: float, ny: float, mx: float, my: float) -> tuple[float, float]:
+    """Return a velocity without its parts against the normals n and m; it is zero between two walls that close up."""
     into = min(0.0, vx * nx + vy * ny)
     vx, vy = vx - into * nx, vy - into * ny
     into = min(0.0, vx * mx + vy * my)

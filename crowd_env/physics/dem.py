@@ -11,47 +11,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd_env._kernels.jit import inner_kernel, kernel
+from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import check_fields, require_positive
-from crowd_env.physics.bounds import MARGIN, hold_lanes_at_walls, speed_limit
-from crowd_env.physics.contacts import find_contacts
-from crowd_env.physics.dem_lanes.contact import (
+from crowd_env.physics.contacts import find_contacts, gap_to_feature
+from crowd_env.physics.dem_lanes.barrier import wait_for_all
+from crowd_env.physics.dem_lanes.buffers import interleave
+from crowd_env.physics.dem_lanes.gather import gather_crowd, scatter_slab
+from crowd_env.physics.dem_lanes.partition import (
     CARRIED,
-    COUNT,
-    FASTEST,
-    FURTHEST,
+    DEEPEST,
+    LAST_REACHED,
     OUTSIDE,
-    STRAYS,
-    push_off_walls,
-    push_people,
-    receive,
+    OVERLAP,
+    OVERLAPS,
+    SLABS,
+    count_slabs,
 )
-from crowd_env.physics.dem_lanes.lanes import (
-    accelerate,
-    accelerate_freely,
-    book,
-    count_strays,
-    greatest_speed,
-    move,
-    show_positions,
-)
-from crowd_env.physics.dem_lanes.partition import SLABS, slab_start, slabs_of, wait_for_all
 from crowd_env.physics.dem_lanes.stages import (
-    aim,
-    begin_call,
-    copy_forces,
-    finish,
-    follow_list,
-    leave_lanes,
-    press,
-    write_impulses,
+    detect,
+    leave,
+    merge_slabs,
+    move_slab,
+    plan_steering,
+    regular_forces,
 )
 from crowd_env.physics.driving_force import influences
-from crowd_env.physics.neighbors.update import OK, update_neighbors
 from crowd_env.physics.scheme import ContactScheme, SchemeInfo
-from crowd_env.physics.social_force import SocialParams, add_social_forces
-from crowd_env.physics.steering import LOOK_EVERY, choose_turn, follow_rules, update_steering
+from crowd_env.physics.social_force import SocialParams
 from crowd_env.physics.step import tick
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
@@ -64,12 +51,8 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=True,
     overlap="v / omega, some centimeters at k = 1.2e5 N/m; it is the softness, not an error of the time step",
     stable_step="2 / sqrt(2 k / m_min), from h omega < 2 for two bodies of the smallest mass, and 2 tau_min",
-    uses=("lanes",),
+    uses=("soa",),
 )
-
-
-# What a step has to do about where people want to go: nothing, turn commands anew, or look up the way first.
-_NOTHING, _AIM, _LOOK = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -109,174 +92,141 @@ class DEM(ContactScheme):
 
     def slabs(self, people: int, driving: bool) -> int:
         """Return into how many slabs a crowd of so many is cut; the social force is not shared out."""
-        return 1 if self.social is not None and driving else int(slabs_of(people))
+        return 1 if self.social is not None and driving else int(count_slabs(people))
 
     def advance(
-        self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self,
+        batch: StructRef,
+        dt: float,
+        n_substeps: int,
+        env_first: int,
+        env_stop: int,
+        thread: int = 0,
+        threads: int = 1,
     ) -> None:
-        """Advance the environments ``first:stop`` in place."""
+        """Advance the environments ``env_first:env_stop`` in place."""
         acting = influences(self.social, batch)
-        _advance_range(batch, dt, n_substeps, first, stop, self.stiffness, *acting, thread, threads)
+        _advance_range(batch, dt, n_substeps, env_first, env_stop, self.stiffness, *acting, thread, threads)
+
+
+# ------------------------------------------------------------------------------------------------------------- the law
 
 
 @inner_kernel
-def _prepare(
-    e: int,
-    slabs: int,
-    batch: Batch,
-    dt: float,
-    n_substeps: int,
-    stiffness: float,
-    reach: float,
-    regions: bool | None,
-    fresh: bool,
-) -> None:
-    """What one thread does before a step: the list, what is to be looked up, and the contacts of the last step of a call."""
-    world, bodies, state = batch.world, batch.bodies, batch.state
-    near, contacts, lanes, cut, g = (
-        batch.workspace.neighbors,
-        batch.history.contacts,
-        batch.workspace.lanes,
-        batch.workspace.cut,
-        world.geometry_of_env[e],
-    )
-    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    cut.go[e] = batch.workspace.status[e] == OK and batch.workspace.substep[e] < n_substeps and cut.inside[e] > 0
-    if cut.go[e] and cut.stray[e]:
-        show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
-        show_positions(begin, end, state.active, lanes.vx, lanes.vy, state.velocity)
-        batch.workspace.status[e] = update_neighbors(e, batch, reach)
-        cut.go[e] = batch.workspace.status[e] == OK
-        follow_list(e, slabs, batch)
-    if not cut.go[e]:
-        return
-    cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
-    if batch.history.direction_age[e] > LOOK_EVERY - 0.5 * dt:
-        cut.turn[e] = choose_turn(e, batch, regions)
-        batch.history.direction_age[e] = 0.0
-        cut.look[e] = _LOOK
-        if regions is not None:
-            show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
-            follow_rules(e, batch)
-    if batch.workspace.substep[e] == n_substeps - 1:
-        show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
-        find_contacts(e, g, world.boundary, bodies, state, near, contacts, 0.0)
-        write_impulses(near.entry_start[e], contacts.number[e], contacts.gap, contacts.impulse, dt, stiffness)
+def _spring_force(stiffness: float, gap: float) -> float:
+    """Return the force [N] that pushes two surfaces apart which overlap: -k D (eq 5), for a gap D < 0."""
+    return -stiffness * gap
 
 
 @inner_kernel
-def _push(
-    e: int,
-    low: int,
-    high: int,
-    row: int,
-    batch: Batch,
-    dt: float,
-    stiffness: float,
-    social: SocialParams | None,
-) -> None:
-    """Find the forces on and among the people ``low:high`` of one slab."""
-    world, bodies, state = batch.world, batch.bodies, batch.state
-    near, contacts, lanes, cut, g = (
-        batch.workspace.neighbors,
-        batch.history.contacts,
-        batch.workspace.lanes,
-        batch.workspace.cut,
-        world.geometry_of_env[e],
-    )
-    first, last = cut.inside_start[row], cut.inside_stop[row]
-    if cut.look[e] > _NOTHING:
-        if cut.look[e] == _LOOK:
-            show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
-            update_steering(e, first, last, batch, dt, cut.turn[e])
-        aim(first, last, e, batch)
-    if social is not None:
-        show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
-        show_positions(low, high, state.active, lanes.wish_x, lanes.wish_y, batch.workspace.desired_velocity)
-        copy_forces(low, high, batch.control.external_force, batch.history.force)
-        add_social_forces(e, last, batch, social)
-        press(low, high, state.active, batch.history.force, lanes.gx, lanes.gy)
-    push_people(
-        cut.pair_start[row],
-        cut.pair_stop[row],
-        high,
+def _push_people(row: int, batch: Batch, stiffness: float) -> None:
+    """Add the spring forces (eqs 4, 5) between the people of one slab, and note how many and how deep their overlaps are.
+
+    The first loop writes down every pair of the neighbor list and keeps its place only if the pair overlaps: a branch would be
+    guessed wrong every third time.  The second one does the root and the division for those alone.  A force on someone of a
+    later slab is carried: that slab adds it in `_receive_forces`.
+    """
+    near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
+    owner, partner, contact_distance, candidates = (
         near.owner,
         near.partner,
         near.contact_distance,
-        lanes.x,
-        lanes.y,
-        stiffness,
-        contacts.candidates,
-        lanes.fx,
-        lanes.fy,
-        lanes.squeeze,
-        contacts.old_key,
-        contacts.old_history,
-        cut.seen,
-        row,
+        batch.history.contacts.candidates,
     )
-    if cut.wall_start[row] < cut.wall_stop[row]:
-        push_off_walls(
-            g,
-            cut.wall_start[row],
-            cut.wall_stop[row],
-            world.boundary,
-            near.owner,
-            near.partner,
-            bodies.radius,
-            lanes.x,
-            lanes.y,
-            stiffness,
-            lanes.fx,
-            lanes.fy,
-            lanes.squeeze,
-            cut.seen,
-            row,
-        )
+    x, y, fx, fy, magnitude = soa.x, soa.y, soa.fx, soa.fy, soa.force_magnitude
+    carried_to, carried_force, found = partition.carried_to, partition.carried_force, partition.found
+    slab_end, first, hits = partition.slot_stop[row], partition.pair_start[row], index(partition.pair_start[row])
+    for entry in range(index(first), index(partition.pair_stop[row])):
+        i, j = owner[entry], partner[entry]
+        dx, dy = x[i] - x[j], y[i] - y[j]
+        candidates[hits] = entry
+        hits += index(dx * dx + dy * dy < contact_distance[entry] * contact_distance[entry])
+    deepest, total, carried, last_reached = 0.0, 0.0, index(first), -1.0
+    for h in range(index(first), hits):
+        entry = candidates[h]
+        i, j = owner[entry], partner[entry]
+        dx, dy = x[i] - x[j], y[i] - y[j]
+        distance = np.sqrt(dx * dx + dy * dy)
+        gap = distance - contact_distance[entry]
+        size = _spring_force(stiffness, gap)
+        deepest, total = max(deepest, -gap), total - gap
+        px, py = size, 0.0  # coincident centers: as `find_contacts` has it
+        if distance > 0.0:
+            per_distance = size / distance
+            px, py = per_distance * dx, per_distance * dy
+        fx[i] += px
+        fy[i] += py
+        magnitude[i] += size
+        if j < slab_end:
+            fx[j] -= px
+            fy[j] -= py
+            magnitude[j] += size
+        else:
+            carried_to[carried] = j
+            carried_force[carried, 0], carried_force[carried, 1] = px, py
+            carried += index(1)
+            last_reached = max(last_reached, float(j))
+    found[row, DEEPEST], found[row, OVERLAP], found[row, OVERLAPS] = deepest, total, np.int64(hits) - first
+    found[row, LAST_REACHED], found[row, CARRIED] = last_reached, np.int64(carried) - first
 
 
 @inner_kernel
-def _walk(e: int, low: int, high: int, row: int, batch: Batch, dt: float, reach: float) -> None:
-    """Move the people ``low:high`` of one slab, and see who has gone far."""
-    contacts, lanes, cut, near = (
-        batch.history.contacts,
-        batch.workspace.lanes,
-        batch.workspace.cut,
-        batch.workspace.neighbors,
-    )
-    touched = cut.seen[row, COUNT] > 0.0
+def _push_off_walls(e: int, row: int, batch: Batch, stiffness: float) -> None:
+    """Add the spring forces of walls on the people of one slab, and note how many and how deep these overlaps are."""
+    near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
+    boundary, radius, g = batch.world.boundary, batch.bodies.radius, batch.world.geometry_of_env[e]
+    owner, partner, found = near.owner, near.partner, partition.found
+    x, y, fx, fy, magnitude = soa.x, soa.y, soa.fx, soa.fy, soa.force_magnitude
+    found[row, OUTSIDE] = 0.0
+    for entry in range(index(partition.wall_start[row]), index(partition.wall_stop[row])):
+        i = owner[entry]
+        gap, nx, ny = gap_to_feature(x[i], y[i], radius[i], boundary, g, np.int64(partner[entry]))
+        if gap < 0.0:
+            size = _spring_force(stiffness, gap)
+            fx[i] += size * nx
+            fy[i] += size * ny
+            magnitude[i] += size
+            found[row, OUTSIDE] = max(found[row, OUTSIDE], -gap)
+            found[row, OVERLAP] -= gap
+            found[row, OVERLAPS] += 1
+
+
+@inner_kernel
+def _receive_forces(e: int, row: int, batch: Batch) -> bool:
+    """Add the forces that earlier slabs carry for the people of this one, in order; returns whether any contact touches it."""
+    soa, partition = batch.workspace.soa, batch.workspace.partition
+    found, begin, end = partition.found, partition.slot_start[row], partition.slot_stop[row]
+    is_touched = found[row, OVERLAPS] > 0.0
     for other in range(SLABS * e, row):
-        if cut.seen[other, FURTHEST] >= low:
-            touched = True
-            receive(
-                cut.pair_start[other],
-                int(cut.seen[other, CARRIED]),
-                low,
-                high,
-                contacts.old_key,
-                contacts.old_history,
-                lanes.fx,
-                lanes.fy,
-                lanes.squeeze,
-            )
-    if touched or cut.pressed[e] or reach > 0.0:
-        accelerate(low, high, dt, lanes.fx, lanes.gx, lanes.per_mass, lanes.wish_x, lanes.per_tau, lanes.vx)
-        accelerate(low, high, dt, lanes.fy, lanes.gy, lanes.per_mass, lanes.wish_y, lanes.per_tau, lanes.vy)
-    else:
-        accelerate_freely(low, high, dt, lanes.wish_x, lanes.per_tau, lanes.vx)
-        accelerate_freely(low, high, dt, lanes.wish_y, lanes.per_tau, lanes.vy)
-    fastest = greatest_speed(low, high, lanes.vx, lanes.vy, speed_limit(batch))
-    move(low, high, dt, lanes.vx, lanes.x)
-    move(low, high, dt, lanes.vy, lanes.y)
-    cut.seen[row, FASTEST] = fastest
-    if batch.control.bounded and cut.seen[row, OUTSIDE] + dt * fastest > cut.smallest[e] - 2.0 * MARGIN:
-        first, last, g = cut.wall_start[row], cut.wall_stop[row], batch.world.geometry_of_env[e]
-        hold_lanes_at_walls(g, first, last, batch.world.boundary, near.owner, near.partner, lanes, dt)
-    if touched:
-        book(low, high, dt, lanes.fx, lanes.push_x)
-        book(low, high, dt, lanes.fy, lanes.push_y)
-        book(low, high, dt, lanes.squeeze, lanes.crush)
-    cut.seen[row, STRAYS] = count_strays(low, high, lanes.x, lanes.y, near.origin_x, near.origin_y, near.allowed)
+        if found[other, LAST_REACHED] >= begin:
+            is_touched = True
+            for k in range(partition.pair_start[other], partition.pair_start[other] + int(found[other, CARRIED])):
+                j = partition.carried_to[k]
+                if begin <= j < end:
+                    px, py = partition.carried_force[k, 0], partition.carried_force[k, 1]
+                    soa.fx[j] -= px
+                    soa.fy[j] -= py
+                    soa.force_magnitude[j] += np.sqrt(px * px + py * py)
+    return is_touched
+
+
+@inner_kernel
+def _list_contacts(e: int, batch: Batch, dt: float, stiffness: float) -> None:
+    """Write the contacts of this step and their impulses into the list that everyone else reads.
+
+    This is a second narrow phase, in the last step of a call only: the first one, in `_push_people`, keeps no normals.  The
+    gaps are the same, and so are the forces.
+    """
+    world, state, near, contacts = batch.world, batch.state, batch.workspace.neighbors, batch.history.contacts
+    soa, begin, end = batch.workspace.soa, batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    interleave(begin, end, state.active, soa.x, soa.y, state.position)
+    find_contacts(e, world.geometry_of_env[e], world.boundary, batch.bodies, state, near, contacts, 0.0)
+    gap, impulse, first = contacts.gap, contacts.impulse, near.entry_start[e]
+    for c in range(first, first + contacts.number[e]):
+        impulse[c, 0], impulse[c, 1] = _spring_force(stiffness, gap[c]) * dt, 0.0
+
+
+# ---------------------------------------------------------------------------------------------------------------- steps
 
 
 @kernel
@@ -284,46 +234,59 @@ def _advance_range(
     batch: Batch,
     dt: float,
     n_substeps: int,
-    first: int,
-    stop: int,
+    env_first: int,
+    env_stop: int,
     stiffness: float,
     social: SocialParams | None,
-    reach: float,
+    cutoff: float,
     regions: bool | None,
     thread: int,
     threads: int,
 ) -> None:
-    """Advance the environments ``first:stop``; several threads may do so together, each with its share of the slabs.
+    """Advance the environments ``env_first:env_stop``; several threads may do so together, each with its share of the slabs.
 
-    Between two gates nobody writes what another reads; what is not worth sharing is left to thread 0.
+    A crowd lies in buffers while it is stepped (`dem_lanes.buffers`), and a large one is cut into slabs, each a row of
+    `dem_lanes.partition`.  Between two barriers no thread writes what another reads; small stages are left to thread 0.
     """
-    cut, env_start = batch.workspace.cut, batch.bodies.env_start
-    for e in range(first, stop):
-        begin, end = env_start[e], env_start[e + 1]
-        slabs = slabs_of(end - begin) if reach == 0.0 else 1
-        together = threads if slabs > 1 else 1
-        if thread >= together or batch.workspace.substep[e] >= n_substeps:
+    partition, env_start, substep = batch.workspace.partition, batch.bodies.env_start, batch.workspace.substep
+    for e in range(env_first, env_stop):
+        slabs = count_slabs(env_start[e + 1] - env_start[e]) if cutoff == 0.0 else 1
+        team = threads if slabs > 1 else 1
+        if thread >= team or substep[e] >= n_substeps:
             continue
-        fresh = True
+        row_start, row_stop = SLABS * e + thread, SLABS * e + slabs
+        if thread == 0:
+            # People: those inside are listed, cut into slabs and copied into the buffers.
+            gather_crowd(e, slabs, batch, dt, cutoff, regions)
         while True:
             if thread == 0:
-                if fresh:
-                    begin_call(e, slabs, batch, regions)
-                else:
-                    finish(e, slabs, batch, dt)
-                    tick(e, batch, dt)
-                _prepare(e, slabs, batch, dt, n_substeps, stiffness, reach, regions, fresh)
-            fresh = False
-            wait_for_all(cut.gate, together)
-            if not cut.go[e]:
+                # Neighbors: a new list if the old one is stale.  Contacts are listed in the last step of the call alone.
+                partition.run[e] = detect(e, slabs, batch, n_substeps, cutoff)
+                if partition.run[e]:
+                    plan_steering(e, batch, dt, regions)
+                    if substep[e] == n_substeps - 1:
+                        _list_contacts(e, batch, dt, stiffness)
+            wait_for_all(partition.barrier, team)
+            if not partition.run[e]:
                 break
-            for s in range(thread, slabs, together):
-                low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
-                _push(e, low, high, SLABS * e + s, batch, dt, stiffness, social)
-            wait_for_all(cut.gate, together)
-            for s in range(thread, slabs, together):
-                low, high = slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
-                _walk(e, low, high, SLABS * e + s, batch, dt, reach)
-            wait_for_all(cut.gate, together)
-        for s in range(thread, slabs, together):
-            leave_lanes(slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end), batch)
+            for row in range(row_start, row_stop, team):
+                # Regular forces: directions and desired velocities where they are due, social force.
+                regular_forces(e, row, batch, dt, social)
+                # The law: springs between people, and between people and walls.
+                _push_people(row, batch, stiffness)
+                _push_off_walls(e, row, batch, stiffness)
+            wait_for_all(partition.barrier, team)
+            for row in range(row_start, row_stop, team):
+                # Motion: the springs that reach from slab to slab, then velocities, positions, bounds and sums of impulses.
+                is_touched = _receive_forces(e, row, batch)
+                move_slab(e, row, batch, dt, is_touched)
+            wait_for_all(partition.barrier, team)
+            if thread == 0:
+                # Diagnostics: the sums of all slabs; whether someone has gone too far.
+                merge_slabs(e, slabs, batch, dt)
+                # Exits: people whose center crossed one are out.
+                leave(e, slabs, batch, dt)
+                # Clock.
+                tick(e, batch, dt)
+        for row in range(row_start, row_stop, team):
+            scatter_slab(row, batch)

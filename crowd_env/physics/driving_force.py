@@ -34,26 +34,31 @@ def regular_forces(e: int, rank_stop: int, batch: Batch, social: SocialParams | 
 
 
 @inner_kernel
+def desired_velocity(i: int, time: float, batch: Batch) -> tuple[float, float]:
+    """Return the desired velocity [m/s]: the command, turned with the direction if it is relative, times the desired speed."""
+    command, direction = batch.control.command, batch.history.direction
+    speed = batch.history.local_speed[i] if time >= batch.bodies.response_time[i] else 0.0
+    cx, cy = command[i, 0], command[i, 1]
+    if batch.control.relative[i]:
+        ex, ey = direction[i, 0], direction[i, 1]
+        cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
+    return speed * cx, speed * cy
+
+
+@inner_kernel
 def _drive(e: int, rank_stop: int, batch: Batch) -> None:
     """Write desired velocities, and external and driving forces (eq 11)."""
-    control, bodies, history, driving = batch.control, batch.bodies, batch.history, batch.control.driving
-    command, relative, external = control.command, control.relative, control.external_force
-    mass, relaxation_time, response_time = bodies.mass, bodies.relaxation_time, bodies.response_time
-    direction, local_speed, velocity, time = (
-        history.direction,
-        history.local_speed,
+    bodies, driving, external = batch.bodies, batch.control.driving, batch.control.external_force
+    mass, relaxation_time, velocity, time = (
+        bodies.mass,
+        bodies.relaxation_time,
         batch.state.velocity,
         batch.state.time[e],
     )
-    inside, desired, force = batch.workspace.inside, batch.workspace.desired_velocity, history.force
+    inside, desired, force = batch.workspace.inside, batch.workspace.desired_velocity, batch.history.force
     for rank in range(index(bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
-        speed = local_speed[i] if time >= response_time[i] else 0.0
-        cx, cy = command[i, 0], command[i, 1]
-        if relative[i]:
-            ex, ey = direction[i, 0], direction[i, 1]
-            cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
-        vx, vy = speed * cx, speed * cy
+        vx, vy = desired_velocity(i, time, batch)
         fx, fy = external[i, 0], external[i, 1]
         if driving:
             rate = mass[i] / relaxation_time[i]

@@ -10,8 +10,8 @@ from crowd_env.geometry.geometry import Boundary
 from crowd_env.navigation.field import FieldArrays
 from crowd_env.physics.constraints import Constraints, allocate_constraints
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
-from crowd_env.physics.dem_lanes.lanes import Lanes, allocate_lanes
-from crowd_env.physics.dem_lanes.partition import Cut, allocate_cut
+from crowd_env.physics.dem_lanes.buffers import SoABuffers, allocate_buffers
+from crowd_env.physics.dem_lanes.partition import Partition, allocate_partition
 from crowd_env.physics.neighbors.lists import NeighborList, Places, allocate_neighbors, entries_per_person
 from crowd_env.routing.rules import Guidance
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
@@ -109,8 +109,8 @@ class Workspace(NamedTuple):
 
     neighbors: NeighborList
     constraints: Constraints
-    lanes: Lanes
-    cut: Cut
+    soa: SoABuffers
+    partition: Partition
     social_pairs: SocialPairs
     inside: Places  # (P,)   who is inside, environment e from env_start[e] on: see `step.list_active`
     desired_velocity: Floats  # (P, 2) m/s
@@ -173,7 +173,7 @@ def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
 # What not every scheme works with: arrays that are left empty unless it says so (`SchemeInfo.uses`).
 OPTIONAL = (
     "constraints",
-    "lanes",
+    "soa",
     "social_pairs",
     "desired_velocity",
     "heading",
@@ -234,8 +234,8 @@ def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[st
         constraints=allocate_constraints(
             room("constraints"), len(neighbors.contact_distance) if "constraints" in uses else 0, environments
         ),
-        lanes=allocate_lanes(room("lanes")),
-        cut=allocate_cut(environments),
+        soa=allocate_buffers(room("soa")),
+        partition=allocate_partition(bodies.env_start, len(neighbors.contact_distance) if "soa" in uses else 0),
         social_pairs=allocate_social_pairs(len(neighbors.contact_distance) if "social_pairs" in uses else 0),
         inside=np.zeros(people, dtype=np.uint32),
         desired_velocity=np.zeros((room("desired_velocity"), 2)),
@@ -270,4 +270,6 @@ def grow(
         workspace = workspace._replace(
             constraints=allocate_constraints(people, len(neighbors.contact_distance), environments)
         )
+    if "soa" in uses:
+        workspace = workspace._replace(partition=allocate_partition(bodies.env_start, len(neighbors.contact_distance)))
     return history._replace(contacts=contacts), workspace

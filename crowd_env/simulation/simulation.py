@@ -198,7 +198,7 @@ class Simulation:
         check_routes(self.state.route, self._routes_of_person)
         results, workspace = self.results, self.workspace
         workspace.status[:] = OK
-        for sums in (*results[:-1], *results.diagnostics, workspace.substep, workspace.cut.gate):
+        for sums in (*results[:-1], *results.diagnostics, workspace.substep, workspace.partition.barrier):
             sums[:] = 0
         if self._sorted is None:
             set_command(self._control, asked)

@@ -13,7 +13,7 @@ from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import direction_at
 from crowd_env.physics import SCHEMES
-from crowd_env.physics.dem_lanes.partition import SLABS, slabs_of
+from crowd_env.physics.dem_lanes.partition import SLABS, count_slabs
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.workspace import allocate_workspace
 from crowd_env.routing.route_set import RoutePlan
@@ -84,7 +84,7 @@ def test_one_large_crowd_is_the_same_for_any_number_of_threads():
     hashes, sums = set(), set()
     for threads in (1, 2, 8):
         simulation = crowd("dem", 4200, threads=threads)
-        assert simulation.scheme.slabs(4200, driving=True) == SLABS > 1 == slabs_of(2000)
+        assert simulation.scheme.slabs(4200, driving=True) == SLABS > 1 == count_slabs(2000)
         for _ in range(2):
             simulation.advance(n_substeps=35)
         assert len(simulation.contacts().gap) > 1000

@@ -1,18 +1,13 @@
-"""One big crowd on several threads: slabs of people that are stepped side by side, and where threads wait for each other.
+"""How one large crowd is shared out to several threads: slabs of people that are stepped side by side.
 
 A crowd is cut into as many slabs as its size says, whatever the number of threads, and every sum has the order of the slabs:
-the result is the same, bit by bit, for any number of threads.  A slab is a range of people; people lie in the order of space
+the result is the same, bit by bit, for any number of threads.  A slab is a range of slots; people lie in the order of space
 (`crowd_env.physics.spatial_order`), so few pairs reach from one slab into another.
 """
 
-import os
-import threading
-import time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import config, types
-from numba.extending import intrinsic
 
 from crowd_env._kernels.jit import inner_kernel, kernel
 from crowd_env.physics.neighbors.lists import Places
@@ -20,128 +15,90 @@ from crowd_env.state import Bools, Floats, Ints
 
 _MANY = 4000  # people from which on a crowd is cut
 SLABS = 16
-_SPINS = 2000  # looks at the counter before a thread lets others run
+
+# What a slab has found in a step: the columns of `Partition.found`.
+DEEPEST = 0  # m    deepest overlap of two people
+OUTSIDE = 1  # m    deepest overlap with a wall
+OVERLAP = 2  # m    sum of all overlaps
+OVERLAPS = 3  # how many they are
+FASTEST = 4  # m/s
+TOO_FAR = 5  # people who have gone further than the neighbor list allows for
+CARRIED = 6  # forces on people of later slabs
+LAST_REACHED = 7  # the last slot among these people, -1 if there are none
 
 
-class Cut(NamedTuple):
-    """How crowds are cut, and where their steps stand: what the threads of a step tell each other."""
+class Partition(NamedTuple):
+    """How crowds are cut, and what the threads of a step tell each other; slab s of environment e is row SLABS * e + s."""
 
-    gate: Ints  # (8,)     [0] counts who has come to `wait_for_all`
-    go: Bools  # (E,)     another step is to be done
-    stray: Bools  # (E,)     someone may have gone further than the list allows for
-    look: Ints  # (E,)     what this step has to do about where people want to go
-    turn: Ints  # (E,)     whose turn it is to look, see `forces.choose_turn`
-    inside: Ints  # (E,)     people
-    pressed: Bools  # (E,)     external or social forces act
-    last_response: Floats  # (E,)  s    when the last one begins to walk
-    smallest: Floats  # (E,)  m    least radius
-    inside_start: Ints  # (E * SLABS,)  places of each slab in `Workspace.inside`
-    inside_stop: Ints
-    pair_start: Ints  # (E * SLABS,)  entries of each slab
+    barrier: Ints  # (8,)     [0] counts who has come to `wait_for_all`
+    run: Bools  # (E,)     another step is to be done
+    list_is_stale: Bools  # (E,)     someone may have gone further than the neighbor list allows for
+    steering: Ints  # (E,)     what this step has to do about desired velocities, see `stages.plan_steering`
+    turn: Ints  # (E,)     whose turn it is to look up the direction, see `steering.choose_turn`
+    desired_until: Floats  # (E,)  s    up to when each step has to compute desired velocities anew
+    people_inside: Ints  # (E,)
+    smallest_radius: Floats  # (E,)  m
+    has_regular_force: Bools  # (E,)     external or social forces act
+    slot_start: Ints  # (E * SLABS,)  people of each slab
+    slot_stop: Ints
+    rank_start: Ints  # (E * SLABS,)  where they stand in the list of people inside
+    rank_stop: Ints
+    pair_start: Ints  # (E * SLABS,)  pairs of each slab in the neighbor list
     pair_stop: Ints
-    wall_start: Ints
+    wall_start: Ints  # (E * SLABS,)  walls near each slab in the neighbor list
     wall_stop: Ints
-    seen: Floats  # (E * SLABS, 8)  overlaps of the step, and more; see `soft_contact`
+    found: Floats  # (E * SLABS, 8)  what each slab has found in this step: a cache line each, so that no two threads share one
+    carried_to: Places  # (M,)     people of later slabs whom a slab has found a force on, from its first pair on
+    carried_force: Floats  # (M, 2)  N    and the opposite of that force
 
 
-def allocate_cut(environments: int) -> Cut:
-    """Return the cuts of so many environments."""
+def allocate_partition(env_start: Ints, entries: int) -> Partition:
+    """Return the partition of these crowds, whose neighbor list has room for ``entries``."""
+    environments = len(env_start) - 1
+    if np.diff(env_start).max(initial=0) < _MANY:
+        entries = 0  # nothing is carried within one slab
 
     def counts(size: int) -> Ints:
         return np.zeros(size, dtype=np.int64)
 
     rows = environments * SLABS
-    return Cut(
-        gate=counts(8),
-        go=np.zeros(environments, dtype=np.bool_),
-        stray=np.zeros(environments, dtype=np.bool_),
-        look=counts(environments),
+    return Partition(
+        barrier=counts(8),
+        run=np.zeros(environments, dtype=np.bool_),
+        list_is_stale=np.zeros(environments, dtype=np.bool_),
+        steering=counts(environments),
         turn=counts(environments),
-        inside=counts(environments),
-        pressed=np.zeros(environments, dtype=np.bool_),
-        last_response=np.zeros(environments),
-        smallest=np.zeros(environments),
-        inside_start=counts(rows),
-        inside_stop=counts(rows),
+        desired_until=np.zeros(environments),
+        people_inside=counts(environments),
+        smallest_radius=np.zeros(environments),
+        has_regular_force=np.zeros(environments, dtype=np.bool_),
+        slot_start=counts(rows),
+        slot_stop=counts(rows),
+        rank_start=counts(rows),
+        rank_stop=counts(rows),
         pair_start=counts(rows),
         pair_stop=counts(rows),
         wall_start=counts(rows),
         wall_stop=counts(rows),
-        seen=np.zeros((rows, 8)),
+        found=np.zeros((rows, 8)),
+        carried_to=np.zeros(entries, dtype=np.uint32),
+        carried_force=np.zeros((entries, 2)),
     )
 
 
 @kernel
-def slabs_of(people: int) -> int:
+def count_slabs(people: int) -> int:
     """Return into how many slabs so many people are cut."""
     return SLABS if people >= _MANY else 1
 
 
 @inner_kernel
-def slab_start(s: int, slabs: int, begin: int, end: int) -> int:
-    """Return the first person of slab ``s`` of the people ``begin:end``."""
-    return begin + s * (end - begin) // slabs
-
-
-@inner_kernel
-def first_entry(person: int, first: int, last: int, owner: Places) -> int:
-    """Return the first of the sorted entries ``first:last`` whose owner is not before ``person``."""
-    while first < last:
-        middle = (first + last) // 2
-        if owner[middle] < person:
-            first = middle + 1
+def first_entry(slot: int, entry: int, entry_end: int, owner: Places) -> int:
+    """Return the first of the sorted entries ``entry:entry_end`` whose owner is not before ``slot``."""
+    while entry < entry_end:
+        middle = (entry + entry_end) // 2
+        if owner[middle] < slot:
+            entry = middle + 1
         else:
-            last = middle
-    return first
-
-
-def _declare_atomic_add(_context: Any, array: Any, index: Any, value: Any) -> Any:
-    """Add to an element and return what it was; all threads see one order of such calls."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        data = context.make_array(signature.args[0])(context, builder, args[0]).data
-        return builder.atomic_rmw("add", builder.gep(data, [args[1]]), args[2], "seq_cst")
-
-    return types.int64(array, types.int64, types.int64), generate
-
-
-_CAN_YIELD = hasattr(os, "sched_yield")  # not on Windows: there a thread that waits only spins
-_sched_yield = types.ExternalFunction("sched_yield", types.int32())
-
-
-@inner_kernel
-def _yield_processor() -> None:
-    if _CAN_YIELD:
-        _sched_yield()
-
-
-_one_at_a_time = threading.Lock()
-
-
-def _add_in_turn(array: Ints, index: int, value: int) -> int:
-    with _one_at_a_time:
-        before = int(array[index])
-        array[index] += value
-    return before
-
-
-def _release_interpreter() -> None:
-    time.sleep(0.0)
-
-
-# Without numba's compiler there are neither atomics nor foreign functions.
-_add_atomically: Any = _add_in_turn if config.DISABLE_JIT else intrinsic(_declare_atomic_add)  # type: ignore[attr-defined]
-_let_others_run: Any = _release_interpreter if config.DISABLE_JIT else _yield_processor  # type: ignore[attr-defined]
-
-
-@inner_kernel
-def wait_for_all(gate: Ints, threads: int) -> None:
-    """Return when all ``threads`` have come here; ``gate`` is a counter that starts at 0 and is used for nothing else."""
-    if threads == 1:
-        return
-    turn = _add_atomically(gate, 0, 1) // threads + 1
-    looks = 0
-    while _add_atomically(gate, 0, 0) < turn * threads:
-        looks += 1
-        if looks > _SPINS:
-            _let_others_run()
+            entry_end = middle
+    return entry

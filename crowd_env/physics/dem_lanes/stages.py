@@ -1,218 +1,217 @@
-"""What a step of the soft scheme does besides pushing and walking: people in and out of the lanes, the list, the exits."""
+"""The stages of a `dem` step besides its law: lists, regular forces, motion and bounds, exits."""
 
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.physics.dem_lanes.contact import COUNT, DEEPEST, FASTEST, OUTSIDE, STRAYS, SUM
-from crowd_env.physics.dem_lanes.lanes import park, show_positions
-from crowd_env.physics.dem_lanes.partition import SLABS, first_entry, slab_start
-from crowd_env.physics.exits import leave_lanes_anywhere, leave_lanes_by_list, take_out_of_lanes
-from crowd_env.physics.neighbors.update import OK, TOO_FAST
-from crowd_env.physics.steering import reset_routes
-from crowd_env.physics.step import list_active
+from crowd_env.physics.bounds import MARGIN, slide, speed_limit, stop_at_walls
+from crowd_env.physics.dem_lanes.buffers import (
+    FAR_AWAY,
+    add_impulse,
+    count_too_far,
+    integrate_free,
+    integrate_position,
+    integrate_velocity,
+    interleave,
+    limit_speed,
+    move_out,
+)
+from crowd_env.physics.dem_lanes.gather import cut_neighbor_list, list_active_by_slab
+from crowd_env.physics.dem_lanes.partition import (
+    DEEPEST,
+    FASTEST,
+    OUTSIDE,
+    OVERLAP,
+    OVERLAPS,
+    SLABS,
+    TOO_FAR,
+)
+from crowd_env.physics.driving_force import desired_velocity
+from crowd_env.physics.exits import mark_crossing
+from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
+from crowd_env.physics.social_force import SocialParams, add_social_forces
+from crowd_env.physics.steering import LOOK_EVERY, choose_turn, follow_rules, update_steering
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import Bools, Floats
+
+# What a step has to do about desired velocities: keep them, compute them from the directions, or look up the directions first.
+KEEP, COMPUTE, LOOK_UP = 0, 1, 2
+
+
+# ------------------------------------------------------------------------------------------------------------- contacts
 
 
 @inner_kernel
-def begin_call(e: int, slabs: int, batch: Batch, regions: bool | None) -> None:
-    """Copy everyone into the lanes; whether the list still holds is to be seen."""
-    bodies, state, driving = batch.bodies, batch.state, batch.control.driving
-    mass, relaxation_time, response_time = bodies.mass, bodies.relaxation_time, bodies.response_time
-    position, velocity, active, external = state.position, state.velocity, state.active, batch.control.external_force
-    push, crush, lanes, near, cut = (
-        batch.results.impulse,
-        batch.results.impulse_magnitude,
-        batch.workspace.lanes,
-        batch.workspace.neighbors,
-        batch.workspace.cut,
-    )
-    x, y, vx, vy, gx, gy = lanes.x, lanes.y, lanes.vx, lanes.vy, lanes.gx, lanes.gy
-    fx, fy, squeeze, per_mass, per_tau = lanes.fx, lanes.fy, lanes.squeeze, lanes.per_mass, lanes.per_tau
-    push_x, push_y, crushed = lanes.push_x, lanes.push_y, lanes.crush
-    pressed, latest, radius, smallest = False, 0.0, bodies.radius, np.inf
-    for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
-        fx[i] = fy[i] = squeeze[i] = 0.0
-        push_x[i], push_y[i], crushed[i] = push[i, 0], push[i, 1], crush[i]
-        latest = max(latest, response_time[i])
-        if active[i]:
-            x[i], y[i] = position[i, 0], position[i, 1]
-            vx[i], vy[i] = velocity[i, 0], velocity[i, 1]
-            gx[i], gy[i] = external[i, 0], external[i, 1]
-            pressed |= external[i, 0] != 0.0 or external[i, 1] != 0.0
-            per_mass[i] = 1.0 / mass[i]
-            smallest = min(smallest, radius[i])
-            per_tau[i] = 1.0 / relaxation_time[i] if driving else 0.0
-        else:
-            park(i, lanes, near.origin_x, near.origin_y)
-    cut.pressed[e], cut.last_response[e], cut.smallest[e], cut.stray[e] = pressed, latest, smallest, True
-    batch.workspace.status[e] = OK
-    muster_slabs(e, slabs, batch)
-    reset_routes(e, batch, regions)
+def detect(e: int, slabs: int, batch: Batch, n_substeps: int, cutoff: float) -> bool:
+    """Bring the neighbor list of environment ``e`` up to date; returns whether there is a step to do.
+
+    There is none after the last one of the call, in an empty place, or (with the reason in `status`) if the list does not fit.
+    """
+    work, state, active = batch.workspace, batch.state, batch.state.active
+    if work.status[e] != OK or work.substep[e] >= n_substeps or work.partition.people_inside[e] == 0:
+        return False
+    soa, begin, end = work.soa, batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    if work.partition.list_is_stale[e]:
+        interleave(begin, end, active, soa.x, soa.y, state.position)
+        interleave(begin, end, active, soa.vx, soa.vy, state.velocity)
+        work.status[e] = update_neighbors(e, batch, cutoff)
+        if work.status[e] != OK:
+            return False
+        cut_neighbor_list(e, slabs, batch)
+    return True
+
+
+# ------------------------------------------------------------------------------------------------------- regular forces
 
 
 @inner_kernel
-def muster_slabs(e: int, slabs: int, batch: Batch) -> None:
-    """List who is inside, and who of them belongs to which slab."""
-    cut, inside = batch.workspace.cut, batch.workspace.inside
-    begin, end, last = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], list_active(e, batch)
-    cut.inside[e] = last - begin
-    for s in range(slabs):
-        cut.inside_start[SLABS * e + s] = first_entry(slab_start(s, slabs, begin, end), begin, last, inside)
-        cut.inside_stop[SLABS * e + s] = first_entry(slab_start(s + 1, slabs, begin, end), begin, last, inside)
+def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None) -> None:
+    """Say what this step has to do about desired velocities, and let control rules act when directions are due."""
+    partition, direction_age, state = batch.workspace.partition, batch.history.direction_age, batch.state
+    partition.steering[e] = COMPUTE if state.time[e] <= partition.desired_until[e] else KEEP
+    if direction_age[e] > LOOK_EVERY - 0.5 * dt:
+        partition.turn[e] = choose_turn(e, batch, regions)
+        direction_age[e] = 0.0
+        partition.steering[e] = LOOK_UP
+        if regions is not None:
+            begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+            interleave(begin, end, state.active, batch.workspace.soa.x, batch.workspace.soa.y, state.position)
+            follow_rules(e, batch)
 
 
 @inner_kernel
-def aim(first: int, last: int, e: int, batch: Batch) -> None:
-    """Write the desired velocity of the places ``first:last`` of `Workspace.inside`; see `crowd_env.physics.driving_force`."""
-    time, inside, response_time = batch.state.time[e], batch.workspace.inside, batch.bodies.response_time
-    command, relative, way, pace = (
-        batch.control.command,
-        batch.control.relative,
-        batch.history.direction,
-        batch.history.local_speed,
-    )
-    wish_x, wish_y = batch.workspace.lanes.wish_x, batch.workspace.lanes.wish_y
-    for place in range(index(first), index(last)):
-        i = inside[place]
-        speed = pace[i] if time >= response_time[i] else 0.0
-        cx, cy = command[i, 0], command[i, 1]
-        if relative[i]:
-            ex, ey = way[i, 0], way[i, 1]
-            cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
-        wish_x[i], wish_y[i] = speed * cx, speed * cy
+def regular_forces(e: int, row: int, batch: Batch, dt: float, social: SocialParams | None) -> None:
+    """Bring the desired velocities of one slab up to date, and the sum of external and social forces where there are any.
+
+    The driving force needs no array: `integrate_velocity` forms it from the desired velocity.
+    """
+    state, soa, partition = batch.state, batch.workspace.soa, batch.workspace.partition
+    begin, end = partition.slot_start[row], partition.slot_stop[row]
+    rank_start, rank_stop, inside = partition.rank_start[row], partition.rank_stop[row], batch.workspace.inside
+    if partition.steering[e] > KEEP:
+        if partition.steering[e] == LOOK_UP:
+            interleave(begin, end, state.active, soa.x, soa.y, state.position)
+            update_steering(e, rank_start, rank_stop, batch, dt, partition.turn[e])
+        time, desired_vx, desired_vy = state.time[e], soa.desired_vx, soa.desired_vy
+        for rank in range(index(rank_start), index(rank_stop)):
+            i = inside[rank]
+            desired_vx[i], desired_vy[i] = desired_velocity(i, time, batch)
+    if social is not None:
+        force, external, active = batch.history.force, batch.control.external_force, state.active
+        regular_fx, regular_fy = soa.regular_fx, soa.regular_fy
+        interleave(begin, end, active, soa.x, soa.y, state.position)
+        interleave(begin, end, active, soa.desired_vx, soa.desired_vy, batch.workspace.desired_velocity)
+        for i in range(index(begin), index(end)):
+            force[i, 0], force[i, 1] = external[i, 0], external[i, 1]
+        add_social_forces(e, rank_stop, batch, social)
+        for i in range(index(begin), index(end)):
+            if active[i]:
+                regular_fx[i], regular_fy[i] = force[i, 0], force[i, 1]
+
+
+# ----------------------------------------------------------------------------------------------------- motion and bounds
 
 
 @inner_kernel
-def leave_lanes(begin: int, end: int, batch: Batch) -> None:
-    """Copy the people ``begin:end`` back, and the impulses that they have got in this call."""
-    lanes, active, push, crush = (
-        batch.workspace.lanes,
-        batch.state.active,
-        batch.results.impulse,
-        batch.results.impulse_magnitude,
-    )
-    show_positions(begin, end, active, lanes.x, lanes.y, batch.state.position)
-    show_positions(begin, end, active, lanes.vx, lanes.vy, batch.state.velocity)
-    push_x, push_y, crushed = lanes.push_x, lanes.push_y, lanes.crush
-    for i in range(index(begin), index(end)):
-        push[i, 0], push[i, 1], crush[i] = push_x[i], push_y[i], crushed[i]
+def move_slab(e: int, row: int, batch: Batch, dt: float, is_touched: bool) -> None:
+    """Advance velocities, then positions, of one slab by symplectic Euler (eq 3), within the bounds of speed and of walls."""
+    soa, partition, near = batch.workspace.soa, batch.workspace.partition, batch.workspace.neighbors
+    begin, end, found = partition.slot_start[row], partition.slot_stop[row], partition.found
+    vx, vy, inv_mass, inv_tau = soa.vx, soa.vy, soa.inv_mass, soa.inv_tau
+    if is_touched or partition.has_regular_force[e]:
+        integrate_velocity(begin, end, dt, soa.fx, soa.regular_fx, inv_mass, soa.desired_vx, inv_tau, vx)
+        integrate_velocity(begin, end, dt, soa.fy, soa.regular_fy, inv_mass, soa.desired_vy, inv_tau, vy)
+    else:
+        integrate_free(begin, end, dt, soa.desired_vx, inv_tau, vx)
+        integrate_free(begin, end, dt, soa.desired_vy, inv_tau, vy)
+    fastest = limit_speed(begin, end, vx, vy, speed_limit(batch))
+    integrate_position(begin, end, dt, vx, soa.x)
+    integrate_position(begin, end, dt, vy, soa.y)
+    found[row, FASTEST] = fastest
+    if batch.control.bounded and found[row, OUTSIDE] + dt * fastest > partition.smallest_radius[e] - 2.0 * MARGIN:
+        _hold_at_walls(e, row, batch, dt)
+    if is_touched:
+        add_impulse(begin, end, dt, soa.fx, soa.impulse_x)
+        add_impulse(begin, end, dt, soa.fy, soa.impulse_y)
+        add_impulse(begin, end, dt, soa.force_magnitude, soa.impulse_magnitude)
+    found[row, TOO_FAR] = count_too_far(begin, end, soa, near)
 
 
 @inner_kernel
-def follow_list(e: int, slabs: int, batch: Batch) -> None:
-    """Note which entries belong to which slab; whoever is parked stays so."""
-    near, lanes, cut, active = batch.workspace.neighbors, batch.workspace.lanes, batch.workspace.cut, batch.state.active
-    begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    origin_x, origin_y, x, y = near.origin_x, near.origin_y, lanes.x, lanes.y
-    for i in range(index(begin), index(end)):
-        if not active[i]:
-            origin_x[i], origin_y[i] = x[i], y[i]
-    cut.stray[e] = False
-    first, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
-    for s in range(slabs):
-        row, low, high = SLABS * e + s, slab_start(s, slabs, begin, end), slab_start(s + 1, slabs, begin, end)
-        cut.pair_start[row] = first_entry(low, first, pair_end, near.owner)
-        cut.pair_stop[row] = first_entry(high, first, pair_end, near.owner)
-        cut.wall_start[row] = first_entry(low, pair_end, wall_end, near.owner)
-        cut.wall_stop[row] = first_entry(high, pair_end, wall_end, near.owner)
+def _hold_at_walls(e: int, row: int, batch: Batch, dt: float) -> None:
+    """Let nobody of one slab cross a wall in this step, which began ``dt`` times the velocity before; see `bounds`."""
+    near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
+    boundary, g = batch.world.boundary, batch.world.geometry_of_env[e]
+    owner, partner, x, y, vx, vy, inv_mass = near.owner, near.partner, soa.x, soa.y, soa.vx, soa.vy, soa.inv_mass
+    entry, entry_end = partition.wall_start[row], partition.wall_stop[row]
+    while entry < entry_end:
+        i, stop = owner[entry], entry + 1
+        while stop < entry_end and owner[stop] == i:
+            stop += 1
+        if inv_mass[i] > 0.0:  # inside
+            x0, y0 = x[i] - dt * vx[i], y[i] - dt * vy[i]
+            x1, y1, nx, ny, mx, my = stop_at_walls(boundary, g, partner, entry, stop, x0, y0, x[i], y[i])
+            if nx != 0.0 or ny != 0.0:
+                x[i], y[i] = x1, y1
+                ux, uy = slide(vx[i], vy[i], nx, ny, mx, my)
+                px, py = (ux - vx[i]) / inv_mass[i], (uy - vy[i]) / inv_mass[i]
+                soa.impulse_x[i] += px
+                soa.impulse_y[i] += py
+                soa.impulse_magnitude[i] += np.sqrt(px * px + py * py)
+                vx[i], vy[i] = ux, uy
+        entry = stop
 
 
 @inner_kernel
-def finish(e: int, slabs: int, batch: Batch, dt: float) -> None:
-    """Add up what the slabs have seen, and take out whoever crossed an exit."""
-    boundary, state, g = batch.world.boundary, batch.state, batch.world.geometry_of_env[e]
-    near, lanes, cut, sums = (
-        batch.workspace.neighbors,
-        batch.workspace.lanes,
-        batch.workspace.cut,
-        batch.results.diagnostics,
-    )
-    bodies, seen = batch.bodies, cut.seen
-    begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    strays, count, fastest = 0.0, 0.0, 0.0
+def merge_slabs(e: int, slabs: int, batch: Batch, dt: float) -> None:
+    """Add what the slabs have found to the sums of the call; see whether someone went too far for a step, or for the list."""
+    soa, partition, sums = batch.workspace.soa, batch.workspace.partition, batch.results.diagnostics
+    found = partition.found
+    too_far, count, fastest = 0.0, 0.0, 0.0
     for row in range(SLABS * e, SLABS * e + slabs):
-        sums.max_overlap[e] = max(sums.max_overlap[e], seen[row, DEEPEST], seen[row, OUTSIDE])
-        sums.max_outside[e] = max(sums.max_outside[e], seen[row, OUTSIDE])
-        sums.overlap_sum[e] += seen[row, SUM]
-        count += seen[row, COUNT]
-        strays += seen[row, STRAYS]
-        fastest = max(fastest, seen[row, FASTEST])
+        sums.max_overlap[e] = max(sums.max_overlap[e], found[row, DEEPEST], found[row, OUTSIDE])
+        sums.max_outside[e] = max(sums.max_outside[e], found[row, OUTSIDE])
+        sums.overlap_sum[e] += found[row, OVERLAP]
+        count += found[row, OVERLAPS]
+        too_far += found[row, TOO_FAR]
+        fastest = max(fastest, found[row, FASTEST])
     sums.overlap_count[e] += int(count)
     sums.max_speed[e] = max(sums.max_speed[e], fastest)
-    bounded = batch.control.bounded
-    if bounded and dt * fastest > cut.smallest[e] and _is_too_far(begin, end, dt, lanes.vx, lanes.vy, bodies.radius):
-        batch.workspace.status[e] = TOO_FAST
-    cut.stray[e] = strays > 0.0
-    near.age[e] += 1
-    exits, stop = boundary.exit_start[g], boundary.exit_start[g + 1]
+    if batch.control.bounded and dt * fastest > partition.smallest_radius[e]:
+        radius, vx, vy = batch.bodies.radius, soa.vx, soa.vy
+        for i in range(batch.bodies.env_start[e], batch.bodies.env_start[e + 1]):
+            if dt * dt * (vx[i] * vx[i] + vy[i] * vy[i]) > radius[i] * radius[i]:
+                batch.workspace.status[e] = TOO_FAST
+    partition.list_is_stale[e] = too_far > 0.0
+    batch.workspace.neighbors.age[e] += 1
+
+
+# ---------------------------------------------------------------------------------------------------------------- exits
+
+
+@inner_kernel
+def leave(e: int, slabs: int, batch: Batch, dt: float) -> None:
+    """Take out everyone whose center crossed an exit line outwards during this step."""
+    boundary, state, near, soa = batch.world.boundary, batch.state, batch.workspace.neighbors, batch.workspace.soa
+    begin, end, g = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], batch.world.geometry_of_env[e]
     left = 0
-    if strays > 0.0:
-        left = leave_lanes_anywhere(
-            begin,
-            end,
-            boundary.exit,
-            exits,
-            stop,
-            lanes.x,
-            lanes.y,
-            lanes.vx,
-            lanes.vy,
-            state.time[e],
-            dt,
-            state.active,
-            state.exit_time,
-            state.exit_index,
-        )
-    elif near.wall_end[e] < near.exit_end[e]:
-        left = leave_lanes_by_list(
-            near.wall_end[e],
-            near.exit_end[e],
-            near.owner,
-            near.partner,
-            boundary.exit,
-            exits,
-            lanes.x,
-            lanes.y,
-            lanes.vx,
-            lanes.vy,
-            state.time[e],
-            dt,
-            state.active,
-            state.exit_time,
-            state.exit_index,
-        )
+    if batch.workspace.partition.list_is_stale[e]:  # it may lack someone who has come near an exit
+        for exit_number in range(boundary.exit_start[g + 1] - boundary.exit_start[g]):
+            for i in range(index(begin), index(end)):
+                left += _crosses(e, i, exit_number, batch, dt)
+    else:
+        for entry in range(near.wall_end[e], near.exit_end[e]):
+            left += _crosses(e, near.owner[entry], np.int64(near.partner[entry]), batch, dt)
     if left > 0:
-        take_out_of_lanes(begin, end, state.active, lanes, near.origin_x, near.origin_y, state.position, state.velocity)
-        muster_slabs(e, slabs, batch)
+        for i in range(index(begin), index(end)):
+            if not state.active[i] and soa.x[i] < FAR_AWAY:  # left in this step: stays there for all to see
+                state.position[i, 0], state.position[i, 1] = soa.x[i], soa.y[i]
+                state.velocity[i, 0], state.velocity[i, 1] = soa.vx[i], soa.vy[i]
+                move_out(i, soa, near)
+        list_active_by_slab(e, slabs, batch)
 
 
 @inner_kernel
-def _is_too_far(begin: int, end: int, dt: float, vx: Floats, vy: Floats, radius: Floats) -> bool:
-    """Whether anyone has moved further than the own radius in this step."""
-    for i in range(begin, end):
-        if dt * dt * (vx[i] * vx[i] + vy[i] * vy[i]) > radius[i] * radius[i]:
-            return True
-    return False
-
-
-@inner_kernel
-def write_impulses(first: int, number: int, gap: Floats, impulse: Floats, dt: float, stiffness: float) -> None:
-    """The contacts of the last step of a call are listed for those who ask; their forces are those that it pushed with."""
-    for c in range(first, first + number):
-        impulse[c, 0], impulse[c, 1] = -stiffness * gap[c] * dt, 0.0
-
-
-@inner_kernel
-def copy_forces(begin: int, end: int, source: Floats, target: Floats) -> None:
-    """Begin the regular forces with the external ones."""
-    for i in range(index(begin), index(end)):
-        target[i, 0], target[i, 1] = source[i, 0], source[i, 1]
-
-
-@inner_kernel
-def press(begin: int, end: int, active: Bools, force: Floats, gx: Floats, gy: Floats) -> None:
-    """Put the regular forces on those inside into their lanes."""
-    for i in range(index(begin), index(end)):
-        if active[i]:
-            gx[i], gy[i] = force[i, 0], force[i, 1]
+def _crosses(e: int, i: int, exit_number: int, batch: Batch, dt: float) -> bool:
+    """Mark person ``i`` as out if the last step led through an exit; returns whether the person was inside until then."""
+    soa = batch.workspace.soa
+    x, y = soa.x[i], soa.y[i]
+    return mark_crossing(e, i, exit_number, batch, dt, x - dt * soa.vx[i], y - dt * soa.vy[i], x, y)
