@@ -1,15 +1,15 @@
 """Trained networks as policies and controllers.  Nothing here needs torch: a file holds numbers, see `agents.network`."""
 
-from dataclasses import asdict
+import math
 from pathlib import Path
-from typing import Any, Union
+from typing import Any, Union, cast
 
 import gymnasium
 import numpy as np
 
 from agents.network import Network, read_network, write_network
 from crowd_env import ObservationLayout
-from crowd_env.envs.action import action_space, check_frame
+from crowd_env.envs.action import check_frame, make_action, plain_name
 from crowd_env.envs.routing.batch import RoutingBatch
 
 PICKLE, NUMBERS = ".zip", ".npz"
@@ -40,8 +40,11 @@ class LearnedPolicy:
     ) -> None:
         self.network, self.env_options, self.trained, self.name = network, env_options, trained or {}, name
         check_frame(env_options["frame"])
-        self._space = action_space(env_options["action"])
-        outputs = int(self._space.n) if isinstance(self._space, gymnasium.spaces.Discrete) else self._space.shape[0]
+        self._space = make_action(env_options["action"]).space
+        if isinstance(self._space, gymnasium.spaces.Discrete):
+            outputs = int(self._space.n)
+        else:
+            outputs = math.prod(self._space.shape or ())
         expected = (env_options["observation"].size, outputs)
         if (network.inputs, network.outputs) != expected:
             raise ValueError(
@@ -67,15 +70,16 @@ class LearnedPolicy:
         out = self.network(observation)
         if isinstance(self._space, gymnasium.spaces.Discrete):
             return np.asarray(out.argmax(axis=1))
-        return np.clip(out, self._space.low, self._space.high)
+        box = cast(gymnasium.spaces.Box, self._space)
+        return np.clip(out.reshape(-1, *box.shape), box.low, box.high)
 
     def save(self, path: str | Path) -> None:
         """Write the network and what it was made for to one .npz file, whole or not at all."""
         options = self.env_options
         facts = {
             "kind": "policy",
-            "observation": asdict(options["observation"]),
-            "action": {"kind": options["action"], "frame": options["frame"]},
+            "observation": options["observation"].as_table(),
+            "action": {"kind": plain_name(options["action"]), "frame": options["frame"]},
             "trained": self.trained,
         }
         write_network(_checked(path), self.network, facts)

@@ -7,12 +7,14 @@ import gymnasium
 import pettingzoo
 
 from crowd_env.analysis.pressure import contact_pressure, crowd_pressure
+from crowd_env.envs.action import ActionKind
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.gymnasium_env import CrowdGymEnv, CrowdVectorEnv, make_vec
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
+from crowd_env.envs.observation.terms import ObservationTerm
 from crowd_env.envs.parallel import CrowdParallelEnv, parallel_env
-from crowd_env.envs.reward import RewardWeights
+from crowd_env.envs.reward import RewardTerm, RewardWeights
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import OneWay
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
@@ -37,6 +39,7 @@ __all__ = [
     "SCENARIOS",
     "SCHEMES",
     "SOCIAL_FORCES",
+    "ActionKind",
     "Bodies",
     "Comfort",
     "ControlRule",
@@ -53,8 +56,10 @@ __all__ = [
     "LogNormal",
     "Normal",
     "ObservationLayout",
+    "ObservationTerm",
     "OneWay",
     "Population",
+    "RewardTerm",
     "RewardWeights",
     "Route",
     "Scenario",

@@ -315,6 +315,23 @@ def from_table(where: str, kind: type[Thing], table: Mapping[str, Any]) -> Thing
     return kind(**table)
 
 
+def from_data(what: str, kind: type[Thing], value: Any, allowed: str) -> Thing:
+    """Return a dataclass that is given as an object, as plain data, or as None: then its defaults.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, saying what is ``allowed``, or for what `from_table` refuses.
+    """
+    if value is None:
+        return kind()
+    if isinstance(value, Mapping):
+        return from_table(what, kind, value)
+    if not isinstance(value, kind):
+        refuse(what, value, allowed)
+    return value
+
+
 def check_keys(where: str, table: Mapping[str, Any], names: Collection[str]) -> None:
     """Raise ValueError, listing the known ones, if a key of plain data is not among ``names``."""
     for key in table:

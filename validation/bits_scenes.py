@@ -76,7 +76,7 @@ def _run(env: Any, steps: int, seed: int, ruled: float = 0.5) -> Scene:
     """Yield what follows from seeded random actions; a share ``ruled`` of the people walks by the rule."""
     rng = np.random.default_rng(seed)
     for _ in range(steps):
-        if env.action_kind == "continuous":
+        if env.single_action_space.shape:
             action = rng.uniform(-1.0, 1.0, (env.num_people, 2))
         else:
             action = rng.integers(0, env.single_action_space.n, env.num_people)

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
+import gymnasium
+import numpy as np
 import torch
 from stable_baselines3 import PPO
 
@@ -54,8 +56,8 @@ def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path |
         seed=seed,
         device="cpu",
     )
-    if env.action_kind == "continuous" and env.frame == "path":
+    if isinstance(env.single_action_space, gymnasium.spaces.Box) and env.frame == "path":
         with torch.no_grad():
             mean = cast(torch.nn.Linear, model.policy.action_net)
-            mean.bias.copy_(torch.tensor([1.0, 0.0]))
+            mean.bias.copy_(torch.tensor(np.ravel(env.action_kind.neutral)))
     return model

@@ -1,8 +1,7 @@
 """CrowdEnv: a batch of evacuations over arrays; the only place where learning meets physics."""
 
 import copy
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -10,12 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env._kernels.struct_ref import struct_ref
-from crowd_env.checks import COUNT, POSITIVE, Range, array, flag, number, refuse, text, whole
-from crowd_env.envs.action import ActionKind, Frame, action_space, check_frame, to_command
-from crowd_env.envs.episode import open_books, settle
+from crowd_env.checks import COUNT, POSITIVE, Range, array, flag, number, text, whole
+from crowd_env.envs.action import ActionKind, Frame, check_frame, make_action, to_command
+from crowd_env.envs.arguments import bodies_before_reset, check_size, scenarios_of, substeps_of
+from crowd_env.envs.episode import EnvCheckpoint, init_episode, update_episode
 from crowd_env.envs.metrics import EpisodeMetrics, summarise_exits
 from crowd_env.envs.observation.layout import ObservationLayout, make_layout
 from crowd_env.envs.observation.observer import Observer
+from crowd_env.envs.observation.view import allocate_route_ahead
 from crowd_env.envs.reward import RewardFunction, RewardWeights, Transition, make_weights
 from crowd_env.envs.seeding import seed_words
 from crowd_env.physics import ContactScheme, make_scheme
@@ -23,11 +24,10 @@ from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.groups import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.simulation.arguments import check_step
-from crowd_env.simulation.checkpoint import EnvCheckpoint, copy_arrays, write_arrays
+from crowd_env.simulation.checkpoint import copy_arrays, require_checkpoint, write_arrays
 from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import Bodies, Bools, Floats, Ints, make_state
+from crowd_env.state import Bools, Floats, Ints, make_state
 
-MOST_PEOPLE_IN_BATCH = 10_000_000
 _THREADS = Range(1, 1024)
 
 
@@ -45,13 +45,14 @@ class CrowdEnv:
     """A batch of evacuations.
 
     Observation
-        (P, D) float32 in [-1, 1], columns as ``layout`` says.  The row of someone who got out is his last one in the step
-        in which he got out, zero afterwards.
+        (P, D) float32 in [-1, 1], columns as ``layout`` says.  The row of someone who gets out holds the last observation in
+        that step, zeros afterwards.
     Action
-        (P, 2) in [-1, 1]: the desired velocity as a multiple of the own desired speed, in ``frame``; or (P,) 0..8.  Where
-        ``rule`` is true, or if the action is None, the pedestrian walks the shortest path instead.
+        (P, 2) in [-1, 1]: the desired velocity as a multiple of the own desired speed, in ``frame``; or (P,) 0..8, or what
+        another kind of action takes.  Where ``rule`` is true, or if the action is None, the pedestrian walks the shortest
+        path instead.
     Reward
-        (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.  0 for those who are out, but for
+        (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.  Those who are out get nothing but
         their ``team_share``.
     Termination
         A pedestrian terminates when its center crosses an exit line, and is truncated at the scenario's time limit.  An
@@ -69,14 +70,14 @@ class CrowdEnv:
     num_envs : number of environments E.
     scheme : name in ``SCHEMES``, a scheme, or plain data: ``{"name": "nsm2", "tolerance": 1e-3, "social": "lin"}``.
     dt, decision_dt : s, physics step (default: the scheme's) and decision step, a whole multiple of the first.
-    frame, action : see `crowd_env.envs.action`.
+    frame, action : axes of the actions, and a name in ``ACTIONS`` or an `ActionKind`: see `crowd_env.envs.action`.
     observation, reward : layout and weights, or plain data: ``{"terms": ["velocity"], "rays": 16}``, ``{"time": 1.0}``.
     time_limit : s, replaces the scenario's.
     autoreset : start a new episode in the step in which an environment finishes; the last observations of the finished one
         are then in ``info["final_observation"]``.
     threads : spread environments over threads; results do not depend on it.
-    strategy, rules : how people choose their way, and whether the scenario's control rules are in force, see
-        `Scenario.ways`.
+    strategy, rules : how people choose their route, and whether the scenario's control rules are in force, see
+        `Scenario.route_set`.
     scenario_options : options of the scenario if it is given by name.
 
     Raises
@@ -102,9 +103,9 @@ class CrowdEnv:
         dt: float | None = None,
         decision_dt: float = 0.1,
         frame: Frame = "path",
-        action: ActionKind = "continuous",
+        action: str | ActionKind = "continuous",
         observation: ObservationLayout | Mapping[str, Any] | None = None,
-        reward: RewardWeights | Mapping[str, Any] | None = None,
+        reward: RewardWeights | Mapping[Any, Any] | None = None,
         time_limit: float | None = None,
         autoreset: bool = False,
         threads: int = 1,
@@ -117,38 +118,37 @@ class CrowdEnv:
         scheme = make_scheme(scheme)
         dt = scheme.info.default_dt if dt is None else number("dt", dt, POSITIVE, "s")
         decision_dt = number("decision_dt", decision_dt, POSITIVE, "s")
-        self.n_substeps = _whole_number(decision_dt, dt)
+        self.n_substeps = substeps_of(decision_dt, dt)
         if time_limit is not None:
             time_limit = number("time_limit", time_limit, POSITIVE, "s")
         rules, autoreset = flag("rules", rules), flag("autoreset", autoreset)
         text("strategy", strategy, "the name of a strategy")
         self.layout, self.reward_weights = make_layout(observation), make_weights(reward)
-        self.single_action_space = action_space(action)
-        self.scenarios = [make_scenario(kind, **scenario_options) for kind in _as_several(scenario)]
+        self.action_kind = make_action(action)
+        self.scenarios = [make_scenario(kind, **scenario_options) for kind in scenarios_of(scenario)]
         self.num_envs = num_envs
         self.decision_dt = decision_dt
         self.frame: Frame = frame
-        self.action_kind: ActionKind = action
         self.autoreset = autoreset
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
-        _check_size(self.scenarios, num_envs)
+        self.single_action_space = copy.deepcopy(self.action_kind.space)  # whoever seeds it seeds no other
+        check_size(self.scenarios, num_envs)
+        for each in self.scenarios:
+            check_step(scheme, extreme_bodies(each.population), dt)  # every draw, not only the first
         which = np.arange(num_envs) % len(self.scenarios)
-        for place in self.scenarios:
-            check_step(make_scheme(scheme), extreme_bodies(place.population), dt)  # every draw, not only the first
-        time_limits = np.array([time_limit or self.scenarios[k].time_limit for k in which])
         self.scenario_of_env = [self.scenarios[k] for k in which]
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
-        draws = [
-            s.population.draw(rng, s.geometry) for s, rng in zip(self.scenario_of_env, self._generators, strict=True)
-        ]
-        self.env_start = np.concatenate([[0], np.cumsum([len(position) for _, position in draws])]).astype(np.int64)
-        columns = [np.concatenate(column) for column in zip(*(bodies[:-1] for bodies, _ in draws), strict=True)]
+        bodies = bodies_before_reset(self.scenario_of_env)
+        people = len(bodies.radius)
+        self.env_start = bodies.env_start
+        self.env_of_person = np.repeat(np.arange(num_envs), np.diff(self.env_start))
         self.strategy = strategy
-        self.route_set = [s.route_set(strategy, rules=rules) for s in self.scenarios]
+        self.route_set = [each.route_set(strategy, rules=rules) for each in self.scenarios]
+        self._usual_route: list[Ints | None] = [None] * len(self.scenarios)  # known where it is that of every episode
         self.simulation = Simulation(
-            [s.geometry for s in self.scenarios],
-            Bodies._make([*columns, self.env_start]),
-            make_state(np.concatenate([position for _, position in draws]), environments=num_envs),
+            [each.geometry for each in self.scenarios],
+            bodies,
+            make_state(np.zeros((people, 2)), environments=num_envs),
             scheme=scheme,
             dt=dt,
             fields=self.route_set,
@@ -156,41 +156,39 @@ class CrowdEnv:
             threads=threads,
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
-        people = int(self.env_start[-1])
-        self.env_of_person = np.repeat(np.arange(num_envs), np.diff(self.env_start))
-        self._observer = Observer(self.simulation, self.layout, in_world=frame == "world", threads=threads)
-        self._route_of_all: list[Ints | None] = [None] * len(
-            self.scenarios
-        )  # known when it is the same in each episode
+        self._ahead = allocate_route_ahead(people)  # the observer writes it, the reward reads its potential
+        in_world = frame == "world"
+        self._observer = Observer(self.simulation, self.layout, self._ahead, in_world=in_world, threads=threads)
         self._transition = struct_ref(
             Transition(
                 inside=np.zeros(people, dtype=np.bool_),
                 left=np.zeros(people, dtype=np.bool_),
                 travel_time_before=np.zeros(people),
-                travel_time_after=self._observer.potential,
+                travel_time_after=self._ahead.potential,
                 duration=np.zeros(people),
-                crush=self.simulation.results.impulse_magnitude,
-                mass=self.simulation.bodies.mass,
-                env_start=self.env_start,
+                impulse_magnitude=self.simulation.results.impulse_magnitude,
+                bodies=self.simulation.bodies,
+                state=self.simulation.state,
             )
         )
-        blocked_after = np.array([place.blocked_after for place in self.scenario_of_env])
-        self._books = open_books(self._transition, self.simulation.state, time_limits, blocked_after)
+        time_limits = np.array([time_limit or each.time_limit for each in self.scenario_of_env])
+        blocked_after = np.array([each.blocked_after for each in self.scenario_of_env])
+        self._episode = init_episode(self._transition, time_limits, blocked_after)
         self._reward = RewardFunction(self.reward_weights, people)
         self._started = False
         self._times_restored = 0
-        self._unsettled = False  # a step was begun whose books were never closed: Ctrl-C, or a crowd that diverged
+        self._interrupted = False  # a step was begun and never came to its end: Ctrl-C, or a crowd that diverged
 
     @property
     def time_limit(self) -> Floats:
         """Time limit of each environment (E,) [s]; what is written into it counts from the next step on."""
-        limits: Floats = self._books.fields.time_limit
+        limits: Floats = self._episode.fields.time_limit
         return limits
 
     @property
     def finished(self) -> Bools:
         """Which environments wait for a reset (E,): all of them until the first."""
-        finished: Bools = self._books.fields.finished
+        finished: Bools = self._episode.fields.finished
         return finished
 
     @property
@@ -200,7 +198,7 @@ class CrowdEnv:
 
     @property
     def active(self) -> Bools:
-        """Who is still inside (P,): an array of one's own, which later steps do not change."""
+        """Who is still inside (P,): a copy, which later steps do not change."""
         return self.simulation.state.active.copy()
 
     def people(self, e: int) -> slice:
@@ -234,7 +232,7 @@ class CrowdEnv:
         fresh = chosen[self.env_of_person]
         transition.travel_time_before[fresh] = transition.travel_time_after[fresh]
         if chosen.all():
-            self._times_restored, self._unsettled = self.simulation.times_restored, False
+            self._times_restored, self._interrupted = self.simulation.times_restored, False
         return observation, {}
 
     def step(self, action: ArrayLike | None = None, rule: ArrayLike | None = None) -> Step:
@@ -258,23 +256,24 @@ class CrowdEnv:
                 "the simulation alone was restored, the environment was not; restore or reset the environment"
             )
         command, relative = self._command(action, rule)
-        transition, books = self._transition.fields, self._books.fields
-        if not self._unsettled:  # else this step goes on with the one before: who got out in between has left
-            transition.inside[:], books.started[:] = state.active, state.time
-        self._unsettled = True
+        transition, episode = self._transition.fields, self._episode.fields
+        if not self._interrupted:  # else this step goes on with the one before: who got out in between has left
+            transition.inside[:], episode.step_start[:] = state.active, state.time
+        self._interrupted = True
         simulation.advance(command, relative=relative, n_substeps=self.n_substeps)
+        # Before the end of an episode takes out those who are truncated: they are still seen, by themselves and by others,
+        # and what is left of their route is not yet 0, which would pay them as if they had got out.
         observation = self._observer.observe(transition.inside)
-        settle(self._books, simulation.dt)
-        self._unsettled = False
-        left, truncated, ended = transition.left.copy(), books.truncated.copy(), books.ended.copy()
+        update_episode(self._episode, simulation.dt)
+        self._interrupted = False
+        left, truncated, ended = transition.left.copy(), episode.truncated.copy(), episode.ended.copy()
         reward, terms = self._reward(self._transition)
         over = np.flatnonzero(ended)
         info: dict[str, Any] = {**terms, "finished": ended}
         info["diagnostics"] = simulation.results.diagnostics.copy()
         info["metrics"] = {int(e): self.metrics(int(e)) for e in over}
         if self.autoreset and len(over):
-            info["final_observation"] = final = self._observer.rows.take()
-            final[:] = observation
+            info["final_observation"] = observation.copy()
             for e in over:
                 self._restart(int(e))
             self._observer.observe(state.active, over, observation)
@@ -283,16 +282,16 @@ class CrowdEnv:
 
     def metrics(self, e: int) -> EpisodeMetrics:
         """Return the metrics of the episode of environment ``e`` so far."""
-        people, sums, books = self.people(e), self.simulation.diagnostics, self._books.fields
+        people, sums, episode = self.people(e), self.simulation.diagnostics, self._episode.fields
         exits = summarise_exits(np.sort(self.simulation.state.exit_time[people]))
-        blocked = books.clock[e] - books.last_exit[e] > books.blocked_after[e]
+        blocked = self.simulation.state.time[e] - episode.last_exit[e] > episode.blocked_after[e]
         return EpisodeMetrics(
             evacuation_time=exits.last,
             mean_exit_time=exits.mean,
             unfinished=exits.missing,
-            blocked_since=float(books.last_exit[e]) if exits.missing and blocked else float("nan"),
+            blocked_since=float(episode.last_exit[e]) if exits.missing and blocked else float("nan"),
             flow=exits.flow,
-            contact_impulse=float(books.impulse[people].mean()),
+            contact_impulse=float(episode.impulse[people].mean()),
             max_overlap=float(sums.max_overlap[e]),
             mean_overlap=float(sums.overlap_sum[e] / max(sums.overlap_count[e], 1)),
             max_outside=float(sums.max_outside[e]),
@@ -305,16 +304,16 @@ class CrowdEnv:
     def checkpoint(self) -> EnvCheckpoint:
         """Return a copy of all that the future depends on, to `restore` here, or in an environment made like this one.
 
-        The last observation is the caller's, who keeps it beside the checkpoint if he needs it.
+        The last observation is no part of it: callers who need it keep it beside the checkpoint.
         """
         return EnvCheckpoint(
             self.simulation.checkpoint(),
-            copy_arrays(self._books.fields),
+            copy_arrays(self._episode.fields),
             copy_arrays(self._transition.fields),
-            tuple(array.copy() for array in self._observer.kept),
+            copy_arrays(self._ahead),
             tuple(copy.deepcopy(rng.bit_generator.state) for rng in self._generators),
             self._started,
-            self._unsettled,
+            self._interrupted,
         )
 
     def restore(self, checkpoint: EnvCheckpoint) -> None:
@@ -327,23 +326,21 @@ class CrowdEnv:
         ValueError
             If the checkpoint is of an environment of other people, places, scheme or steps.
         """
-        if not isinstance(checkpoint, EnvCheckpoint):
-            raise TypeError(f"restore takes a checkpoint() of an environment, not {type(checkpoint).__name__}")
+        require_checkpoint(checkpoint, EnvCheckpoint, "an environment")
         self.simulation.restore(checkpoint.simulation)
-        write_arrays(self._books.fields, checkpoint.books)
+        write_arrays(self._episode.fields, checkpoint.episode)
         write_arrays(self._transition.fields, checkpoint.step)
-        for kept, then in zip(self._observer.kept, checkpoint.seen, strict=True):
-            kept[:] = then
+        write_arrays(self._ahead, checkpoint.ahead)
         for rng, state in zip(self._generators, checkpoint.generators, strict=True):
             rng.bit_generator.state = copy.deepcopy(state)
-        self._started, self._unsettled = checkpoint.started, checkpoint.unsettled
+        self._started, self._interrupted = checkpoint.started, checkpoint.interrupted
         self._times_restored = self.simulation.times_restored
 
     def _restart(self, e: int) -> None:
         scenario = self.scenario_of_env[e]
         bodies, position = scenario.population.draw(self._generators[e], scenario.geometry)
         kind = e % len(self.scenarios)
-        route = self._route_of_all[kind]
+        route = self._usual_route[kind]
         self.simulation.restart(e, bodies, position, route=0 if route is None else route)
         if route is None:
             route_set = self.simulation.planner.route_set(e)  # as the doors stand at the start
@@ -351,47 +348,18 @@ class CrowdEnv:
             chosen = scenario.choose(route_set, self.strategy, position)
             self.simulation.send(e, chosen)
             if not scenario.depends_on_place(self.strategy):
-                self._route_of_all[kind] = chosen
-        self._books.fields.impulse[self.people(e)] = 0.0
-        self._books.fields.last_exit[e] = 0.0
-        self._books.fields.started[e] = 0.0
+                self._usual_route[kind] = chosen
+        self._episode.fields.impulse[self.people(e)] = 0.0
+        self._episode.fields.last_exit[e] = 0.0
+        self._episode.fields.step_start[e] = 0.0
         self._transition.fields.inside[self.people(e)] = True
         self.finished[e] = False
 
     def _command(self, action: ArrayLike | None, rule: ArrayLike | None) -> tuple[Floats | None, Bools | None]:
         if action is None:
             return None, None
-        asked = self.active
+        controlled = self.active
         if rule is not None:
-            asked = asked & ~array("rule", rule, (self.num_people,), "b")
-        command = to_command(action, self.action_kind, self.num_people, asked)
-        return command, (~asked if self.frame == "world" else None)
-
-
-def _as_several(scenario: Any) -> list[Any]:
-    """Return the scenarios; one alone is a name, a file or a Scenario."""
-    if isinstance(scenario, str | Path | Scenario):
-        return [scenario]
-    if not isinstance(scenario, Iterable) or isinstance(scenario, Mapping | bytes):
-        refuse("scenario", scenario, "the name of a scenario, its file, a Scenario, or a list of them")
-    kinds = list(scenario)
-    if not kinds:
-        raise ValueError("no scenario; give at least one")
-    return kinds
-
-
-def _check_size(scenarios: Sequence[Scenario], num_envs: int) -> None:
-    """Raise ValueError if a batch has more people than any memory has room for, before anything is allocated."""
-    each = sum(place.population.count for place in scenarios) / len(scenarios)
-    if num_envs * each > MOST_PEOPLE_IN_BATCH:
-        raise ValueError(
-            f"num_envs is {num_envs}; with {each:g} people in each it must be at most {int(MOST_PEOPLE_IN_BATCH // each)}: "
-            f"a batch has room for {MOST_PEOPLE_IN_BATCH} people"
-        )
-
-
-def _whole_number(decision_dt: float, dt: float) -> int:
-    ratio = decision_dt / dt
-    if not 0.5 < ratio < 1e9 or abs(ratio - round(ratio)) > 1e-6:
-        raise ValueError(f"decision_dt = {decision_dt:g} s is not a whole number of physics steps of dt = {dt:g} s")
-    return round(ratio)
+            controlled &= ~array("rule", rule, (self.num_people,), "b")
+        command = to_command(action, self.action_kind, controlled)
+        return command, (~controlled if self.frame == "world" else None)

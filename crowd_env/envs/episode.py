@@ -7,69 +7,82 @@ import numpy as np
 from crowd_env._kernels.jit import kernel
 from crowd_env._kernels.struct_ref import StructRef, struct_ref
 from crowd_env.envs.reward import Transition
-from crowd_env.state import Bools, CrowdState, Floats
+from crowd_env.simulation.checkpoint import Arrays, Checkpoint
+from crowd_env.state import Bools, Floats
 
 
-class Books(NamedTuple):
+class EpisodeState(NamedTuple):
     """What is kept of a step and of the episodes so far."""
 
     step: Transition  # who was inside at its start, and what became of them
-    active: Bools  # (P,)
-    exit_time: Floats  # (P,)  s
-    clock: Floats  # (E,)  s
-    started: Floats  # (E,)  s    when the step started
+    step_start: Floats  # (E,)  s    when the step started
     time_limit: Floats  # (E,)  s
     blocked_after: Floats  # (E,)  s
-    last_exit: Floats  # (E,)  s    of the episode
-    impulse: Floats  # (P,)  N s  of the episode, sum of contact impulse magnitudes
-    finished: Bools  # (E,)
-    truncated: Bools  # (P,)   whom the end of the episode found inside
-    ended: Bools  # (E,)   whose episode ended in this step
+    last_exit: Floats  # (E,)  s    when somebody last got out in this episode; 0 = nobody has
+    impulse: Floats  # (P,)  N s  sum of the contact impulse magnitudes of the episode
+    finished: Bools  # (E,)   the episode is over, or none has begun
+    truncated: Bools  # (P,)   still inside when the episode ended in this step
+    ended: Bools  # (E,)   the episode ended in this step
 
 
-def open_books(step: Any, state: CrowdState, time_limit: Floats, blocked_after: Floats) -> StructRef:
-    """Return empty `Books` for a reference ``step`` to a `Transition`; all episodes are finished, none has begun."""
-    people, rooms = len(state.active), len(state.time)
+class EnvCheckpoint(NamedTuple):
+    """A moment of a `CrowdEnv`; made by `CrowdEnv.checkpoint`, taken up by `CrowdEnv.restore`.  It can be pickled."""
+
+    simulation: Checkpoint
+    episode: Arrays  # of the `EpisodeState`
+    step: Arrays  # of the `Transition`
+    ahead: Arrays  # of the `RouteAhead`
+    generators: tuple[Any, ...]  # states
+    started: bool
+    interrupted: bool
+
+
+def init_episode(step: Any, time_limit: Floats, blocked_after: Floats) -> StructRef:
+    """Return an `EpisodeState` for a reference ``step`` to a `Transition`; no episode has begun."""
+    people, environments = len(step.fields.inside), len(time_limit)
     return struct_ref(
-        Books(
+        EpisodeState(
             step=step,
-            active=state.active,
-            exit_time=state.exit_time,
-            clock=state.time,
-            started=np.zeros(rooms),
+            step_start=np.zeros(environments),
             time_limit=time_limit,
             blocked_after=blocked_after,
-            last_exit=np.zeros(rooms),
+            last_exit=np.zeros(environments),
             impulse=np.zeros(people),
-            finished=np.ones(rooms, dtype=np.bool_),
+            finished=np.ones(environments, dtype=np.bool_),
             truncated=np.zeros(people, dtype=np.bool_),
-            ended=np.zeros(rooms, dtype=np.bool_),
+            ended=np.zeros(environments, dtype=np.bool_),
         )
     )
 
 
 @kernel
-def settle(books: Books, dt: float) -> None:
-    """Close the books of a step; who is truncated is no longer active."""
-    step, active, exit_time = books.step, books.active, books.exit_time
-    left, truncated, duration = step.left, books.truncated, step.duration
-    for e in range(len(books.clock)):
-        begin, end = step.env_start[e], step.env_start[e + 1]
-        now, started, last, still = books.clock[e], books.started[e], books.last_exit[e], 0
+def update_episode(episode: EpisodeState, dt: float) -> None:
+    """Write what became of everyone in a step that is over; those who are truncated are no longer active.
+
+    Parameters
+    ----------
+    dt : s, physics step: the time limit is reached when less than half of one is left.
+    """
+    step, env_start = episode.step, episode.step.bodies.env_start
+    active, exit_time, time = step.state.active, step.state.exit_time, step.state.time
+    left, truncated, duration = step.left, episode.truncated, step.duration
+    for e in range(len(time)):
+        begin, end = env_start[e], env_start[e + 1]
+        now, start, last, inside = time[e], episode.step_start[e], episode.last_exit[e], 0
         for i in range(begin, end):
             left[i] = step.inside[i] and not active[i]
             truncated[i] = False
-            books.impulse[i] += step.crush[i]
-            duration[i] = now - started
-            still += active[i]
+            episode.impulse[i] += step.impulse_magnitude[i]
+            duration[i] = now - start
+            inside += active[i]
             if left[i]:
-                duration[i] = exit_time[i] - started
+                duration[i] = exit_time[i] - start
                 last = max(last, exit_time[i])
-        books.last_exit[e] = last
-        stopped = now > books.time_limit[e] - 0.5 * dt or now - last > books.blocked_after[e]
-        books.ended[e] = (stopped or still == 0) and not books.finished[e]
-        books.finished[e] |= books.ended[e]
-        if stopped and still > 0:
+        episode.last_exit[e] = last
+        stopped = now > episode.time_limit[e] - 0.5 * dt or now - last > episode.blocked_after[e]
+        episode.ended[e] = (stopped or inside == 0) and not episode.finished[e]
+        episode.finished[e] |= episode.ended[e]
+        if stopped and inside > 0:
             for i in range(begin, end):
                 truncated[i] = active[i]
                 active[i] = False

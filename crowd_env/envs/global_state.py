@@ -15,7 +15,7 @@ _LINE = 4  # columns of an exit: its two ends
 
 
 class SplitState(NamedTuple):
-    """A state in its parts; the arrays look at its memory."""
+    """The parts of a state, as views of it."""
 
     people: np.ndarray  # (N, F)  a row each; columns as `StateLayout` says
     exits: np.ndarray  # (X, 5)  x and y of both ends of each exit line [m], 1 = open
@@ -24,7 +24,7 @@ class SplitState(NamedTuple):
 
 @dataclass(frozen=True)
 class StateLayout:
-    """Where the parts of `CrowdParallelEnv.state` are.
+    """Positions of the parts of `CrowdParallelEnv.state`.
 
     A state has N F + 5 X + 1 numbers for N people and X exit lines: a row of F = 11 + X columns for each person, a row of 5
     for each exit line in the order of `Geometry.exits` (both ends, x and y in turn, [m]; 1 if no closed door bars it), and the
@@ -41,11 +41,11 @@ class StateLayout:
     ``desired_speed``    1        m/s
     ``relaxation_time``  1        s
     ``response_time``    1        s, stands still until then
-    ``route``            1        number of the way that the person means to take
-    ``exit``             X        1 for each exit line that this way may lead to
+    ``route``            1        number of the route that the person means to take
+    ``exit``             X        1 for each exit line that this route may lead to
     ===================  =======  ================================================================
 
-    Of someone who is out all columns are 0, but for the 1 at the exit line that was crossed.
+    For someone who is out all columns are 0, but for the 1 at the exit line that was crossed.
 
     Parameters
     ----------
@@ -106,11 +106,11 @@ class StateReader:
 
     Parameters
     ----------
-    env : whose state.
+    env : the batch.
 
     Attributes
     ----------
-    layout : what the numbers mean.
+    layout : positions of the parts of a state.
     """
 
     def __init__(self, env: CrowdEnv) -> None:
@@ -120,7 +120,7 @@ class StateReader:
         self._corner = np.array(geometry.bounds[:2])
         self._lines = (geometry.exits - self._corner).reshape(-1, _LINE)
         names, doors = geometry.exit_names, geometry.exits_of_door
-        # (ways, X) and (doors, X); of an exit of several lines all are meant
+        # (routes, X) and (doors, X); an exit of several lines is all of them
         self._leads_to = np.array([[name in (way.exits or names) for name in names] for way in route_set.routes])
         self._barred_by = np.array([[name == barred for name in names] for barred in doors]).reshape(-1, len(names))
 

@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
 
 from crowd_env.envs.client_input import as_numbers, check_options
 from crowd_env.envs.crowd import CrowdEnv, Step
@@ -23,11 +24,8 @@ def _spaces(env: CrowdEnv) -> tuple[gymnasium.spaces.Box, gymnasium.Space]:
     if (sizes != sizes[0]).any():
         raise ValueError("a Gymnasium batch needs the same number of people in every scenario; use CrowdEnv otherwise")
     people = int(sizes[0])
-    single = env.single_action_space
     observation = gymnasium.spaces.Box(-1.0, 1.0, (people, env.layout.size), np.float32)
-    if isinstance(single, gymnasium.spaces.Discrete):
-        return observation, gymnasium.spaces.MultiDiscrete([int(single.n)] * people)
-    return observation, gymnasium.spaces.Box(-1.0, 1.0, (people, 2), np.float32)
+    return observation, batch_space(env.single_action_space, people)
 
 
 def _per_room(env: CrowdEnv, step: Step) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""What a finished evacuation is judged by, and the mean of many with its interval."""
+"""Metrics of a finished evacuation, and the mean of many with its interval."""
 
 import functools
 import math
@@ -12,37 +12,35 @@ from crowd_env.state import Floats
 
 
 class EpisodeMetrics(NamedTuple):
-    """One evacuation of one crowd."""
+    """Metrics of one evacuation of one crowd."""
 
     evacuation_time: float  # s    when the last person got out; nan if someone did not
     mean_exit_time: float  # s    over those who got out
     unfinished: int  # people still inside at the time limit, or when the exits were found blocked
-    blocked_since: float  # s    when the last one got out before the exits blocked for good; nan if they did not
+    blocked_since: float  # s    when the last person got out before the exits blocked for good; nan if they did not
     flow: float  # 1/s  least-squares slope of the number out against time; nan with fewer than 3 exits
     contact_impulse: float  # N s  contact impulse magnitudes per person, summed over the episode
     max_overlap: float  # m
     mean_overlap: float  # m    over all overlapping contacts of all steps
     max_outside: float  # m    furthest reach of a body beyond a wall
     max_speed: float  # m/s  of anyone, after any physics step
-    escaped: (
-        int  # people found outside of the walkable area after any decision, by position; 0 unless something is wrong
-    )
+    escaped: int  # people found outside of the walkable area after any decision; 0 unless something is wrong
     residual: float  # m/s  worst solver residual
     unconverged: int  # physics steps that ended above the solver's tolerance
 
 
 class Exits(NamedTuple):
-    """When the people of one crowd got out."""
+    """Exit times of one crowd, summed up."""
 
     last: float  # s    nan if someone did not get out
-    mean: float  # s    over those who did; nan if nobody
+    mean: float  # s    over those who got out; nan if nobody did
     missing: int  # people who did not get out
     flow: float  # 1/s  see `flow_slope`
 
 
 @kernel
 def summarise_exits(times: Floats) -> Exits:
-    """Return what there is to say of the ascending ``times`` of exit [s], those of people still inside, nan, at the end."""
+    """Sum up exit times [s] that ascend, with nan at the end for people still inside."""
     count = len(times)
     while count > 0 and not times[count - 1] < np.inf:
         count -= 1
@@ -83,7 +81,7 @@ def summarise(values: Floats | list[float]) -> Summary:
 
     The interval is mean ± t sd / √n with Student's t of n - 1 degrees of freedom: exact for normal values of any number, two
     included.  (Intervals of a bootstrap are too short for few runs: of 5 they hold the true mean in 83 to 86 % of cases.)
-    Of one value there is no spread and no interval: nan.
+    One value has no spread and no interval: nan.
     """
     sample = np.asarray(values, dtype=np.float64)
     sample = sample[np.isfinite(sample)]
@@ -140,9 +138,9 @@ def _within(angle: float, freedom: int) -> float:
 
 
 def share_interval(count: int, of: int, coverage: float = 0.95) -> tuple[float, float]:
-    """Return the Wilson interval of a share of which ``count`` cases in ``of`` were seen; nan of none.
+    """Return the Wilson interval of a share, from ``count`` cases seen in ``of``; nan if ``of`` is 0.
 
-    It holds near 0 and 1 too: 0 of 20 leaves shares up to 0.16 possible (Wilson 1927; Brown, Cai and DasGupta 2001).
+    It is right near 0 and 1 too: 0 of 20 leaves shares up to 0.16 possible (Wilson 1927; Brown, Cai and DasGupta 2001).
 
     Raises
     ------

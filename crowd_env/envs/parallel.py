@@ -11,7 +11,6 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
 
 from crowd_env.checks import shown
-from crowd_env.envs.action import action_space
 from crowd_env.envs.client_input import as_numbers, check_options
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.global_state import StateLayout, StateReader
@@ -92,7 +91,7 @@ class CrowdParallelEnv(ParallelEnv):
         self._begun = False
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.env.decision_dt)}
         self._observation_spaces = {a: copy.deepcopy(self.env.single_observation_space) for a in self.possible_agents}
-        self._action_spaces = {a: action_space(self.env.action_kind) for a in self.possible_agents}
+        self._action_spaces = {a: copy.deepcopy(self.env.single_action_space) for a in self.possible_agents}
         self._canvas: Any = None
         self._window: Any = None
 

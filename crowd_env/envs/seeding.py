@@ -1,4 +1,4 @@
-"""What the random generator of each environment is made of."""
+"""Seeds of the random generators of a batch."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,7 +7,17 @@ import numpy as np
 
 
 def seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[int] | None]:
-    """Return what each environment's generator is made of."""
+    """Return the words that seed each environment's generator; None = go on drawing from the present one.
+
+    Parameters
+    ----------
+    seed : an int gives environment ``e`` the words (seed, e); a sequence gives each (its own, 0).
+
+    Raises
+    ------
+    ValueError
+        If a seed is no whole number >= 0, or there are not as many as environments.
+    """
     if seed is None:
         return [None] * num_envs
     words: list[list[int] | None]

@@ -40,18 +40,6 @@ class Checkpoint(NamedTuple):
     escaped: np.ndarray  # (P,)  who was found outside of the walkable area
 
 
-class EnvCheckpoint(NamedTuple):
-    """A moment of a `CrowdEnv`; made by `CrowdEnv.checkpoint`, taken up by `CrowdEnv.restore`.  It can be pickled."""
-
-    simulation: Checkpoint
-    books: Arrays
-    step: Arrays
-    seen: tuple[np.ndarray, ...]
-    generators: tuple[Any, ...]  # states
-    started: bool
-    unsettled: bool
-
-
 def copy_arrays(fields: Any) -> Arrays:
     """Return copies of the arrays of a NamedTuple, by name."""
     return {name: array.copy() for name, array in zip(fields._fields, fields, strict=True) if _is_array(array)}
@@ -100,6 +88,12 @@ def _rows_of_all(contacts: Contacts, neighbors: NeighborList) -> Ints:
     """Return where the contacts of all environments are."""
     rows = [rows_of(e, contacts, neighbors) for e in range(len(contacts.number))]
     return np.concatenate([np.arange(row.start, row.stop) for row in rows])
+
+
+def require_checkpoint(checkpoint: Any, kind: type, of: str) -> None:
+    """Raise TypeError unless this is a checkpoint of that kind."""
+    if not isinstance(checkpoint, kind):
+        raise TypeError(f"restore takes a checkpoint() of {of}, not {type(checkpoint).__name__}")
 
 
 def made_by(

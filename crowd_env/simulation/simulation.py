@@ -49,6 +49,7 @@ from crowd_env.simulation.checkpoint import (
     has_room,
     load_history,
     made_by,
+    require_checkpoint,
     require_same,
     save_history,
     write_arrays,
@@ -353,8 +354,7 @@ class Simulation:
         ValueError
             If the checkpoint is of a simulation of other people, places, scheme or steps.
         """
-        if not isinstance(checkpoint, Checkpoint):
-            raise TypeError(f"restore takes a checkpoint() of a simulation, not {type(checkpoint).__name__}")
+        require_checkpoint(checkpoint, Checkpoint, "a simulation")
         require_same(self._made_like(), checkpoint.made_by)
         while not has_room(self.workspace, checkpoint.history):
             self._grow()

@@ -1,5 +1,6 @@
 """What `CrowdEnv` and its faces are given: refused in one sentence before anything is run, or taken as plain data."""
 
+import json
 import re
 
 import gymnasium
@@ -26,6 +27,7 @@ from crowd_env import (
     make_vec,
     parallel_env,
 )
+from crowd_env.envs.action import ACTIONS
 
 
 def of(name, make=CrowdEnv, **others):
@@ -254,6 +256,61 @@ def test_plain_data_configure_every_face(name):
     made = MAKERS[name](count=2, scheme={"name": "dem"}, observation={"terms": ["velocity"]}, reward={"time": 1})
     inner = made.unwrapped.env
     assert inner.layout == ObservationLayout(("velocity",)) and inner.simulation.scheme == make_scheme("dem")
+
+
+TEXT = """{
+    "scheme": {"name": "nsm2", "tolerance": 1e-3, "social": "lin"},
+    "observation": {"terms": ["velocity", "walls"], "rays": 4},
+    "reward": {"weights": {"time": 1, "contact": 0.05}, "team_share": 0.5},
+    "population": {"count": 4, "radius": [0.2, 0.22], "mass": 70},
+    "action": "discrete", "frame": "world", "time_limit": 3, "strategy": "nearest"
+}"""
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_a_json_text_configures_every_interface_as_objects_do(name):
+    inner = MAKERS[name](**json.loads(TEXT)).unwrapped.env
+    objects = CrowdEnv(
+        "room-v0",
+        scheme=NSM2(tolerance=1e-3, social=SocialForce()),
+        observation=ObservationLayout(("velocity", "walls"), rays=4),
+        reward=RewardWeights({"time": 1.0, "contact": 0.05}, 0.5),
+        population=Population(4, radius=(0.2, 0.22), mass=70.0),
+        action=ACTIONS["discrete"],
+        frame="world",
+        time_limit=3.0,
+        strategy="nearest",
+    )
+    assert inner.layout == objects.layout and inner.reward_weights == objects.reward_weights
+    assert inner.simulation.scheme == objects.simulation.scheme and inner.action_kind is objects.action_kind
+    seen = [env.reset([3])[0] for env in (inner, objects)]
+    np.testing.assert_array_equal(*seen)
+    for action in ([0, 1, 2, 8], [7, 0, 0, 0]):
+        here, there = inner.step(action), objects.step(action)
+        np.testing.assert_array_equal(here.observation, there.observation)
+        np.testing.assert_array_equal(here.reward, there.reward)
+
+
+@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"observation": {"terms": "velocity"}}', ("terms", "'velocity'", "tuple of names")),
+        ('{"observation": {"terms": ["velocity", 3]}}', ("observation terms", "3", "name")),
+        ('{"observation": {"terms": []}}', ("observation", "at least one")),
+        ('{"observation": {"terms": ["smell"]}}', ("'smell'", "known: velocity")),
+        ('{"observation": {"rays": "8"}}', ("rays", "'8'", "whole number")),
+        ('{"reward": {"time": null}}', ("'time'", "None", "number")),
+        ('{"reward": {"weights": null}}', ("weights", "None")),
+        ('{"reward": {"tme": 1}}', ("'tme'", "known: progress")),
+        ('{"scheme": {"tolerance": 1e-3}}', ("contact scheme", "known: ")),
+        ('{"scheme": {"name": "nsm2", "tolerance": "1e-3"}}', ("tolerance", "'1e-3'")),
+        ('{"action": {"name": "discrete"}}', ("action kind", "known: continuous, discrete")),
+        ('{"population": {"radius": 0.2}}', ("population", "'count' is missing")),
+    ],
+)
+def test_each_mistake_in_a_json_text_is_one_sentence(name, text, words):
+    refuses(lambda: MAKERS[name](**json.loads(text)), words)
 
 
 def test_every_scenario_says_which_options_it_has():

@@ -8,7 +8,7 @@ import shapely
 from crowds import cluttered
 
 from crowd_env import CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform, make_scenario
-from crowd_env.envs.observation.layout import TERMS
+from crowd_env.envs.observation.terms import TERMS
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
 FULL = ObservationLayout(neighbors=7, rays=12)

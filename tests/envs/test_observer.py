@@ -4,11 +4,18 @@ import numpy as np
 import pytest
 from crowds import cluttered
 
-from crowd_env import CrowdEnv, ObservationLayout, Population, RewardWeights, Scenario, make_scenario
+from crowd_env import (
+    CrowdEnv,
+    ObservationLayout,
+    ObservationTerm,
+    Population,
+    RewardTerm,
+    RewardWeights,
+    Scenario,
+    make_scenario,
+)
 from crowd_env._kernels.struct_ref import struct_ref
-from crowd_env.envs.buffers import BufferPool
-from crowd_env.envs.observation.layout import TERMS
-from crowd_env.envs.reward import REWARDS
+from crowd_env.envs.observation.terms import TERMS
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
 HALL = make_scenario("room-v0", count=300, side=16.0)
@@ -80,26 +87,18 @@ def test_what_was_shown_stays_as_it_was():
         np.testing.assert_array_equal(shown, copy)
 
 
-def test_memory_is_used_again_when_nobody_holds_it_nor_a_view_of_it():
-    arrays = BufferPool((3, 2))
-    first = arrays.take()
-    address = first.ctypes.data
-    row = first[1]
-    assert arrays.take().ctypes.data != address
-    del first
-    held = arrays.take()
-    assert held.ctypes.data != address
-    del row, held
-    assert arrays.take().ctypes.data == address
+def speed(view, out):
+    """Own speed / 1 m/s."""
+    out[:, 0] = np.hypot(*view.state.velocity.T)
 
 
-def test_a_term_of_ones_own_stands_beside_the_compiled_ones(monkeypatch):
-    def speed(view, out):
-        """Own speed / 1 m/s."""
-        out[:, 0] = np.hypot(*view.state.velocity.T)
+def heavy(transition):
+    """Own mass / 100 kg."""
+    return transition.bodies.mass / 100.0
 
-    monkeypatch.setitem(TERMS, "speed", (speed, 1))
-    layout = ObservationLayout(terms=("velocity", "speed", "crush"))
+
+def test_a_term_of_ones_own_stands_beside_the_compiled_ones():
+    layout = ObservationLayout(terms=("velocity", ObservationTerm("speed", 1, speed), "crush"))
     env = CrowdEnv("room-v0", num_envs=3, count=8, autoreset=True, observation=layout)
     env.reset(seed=0)
     restarted = 0
@@ -116,9 +115,8 @@ def test_a_term_of_ones_own_stands_beside_the_compiled_ones(monkeypatch):
     assert restarted > 0
 
 
-def test_a_reward_of_ones_own_stands_beside_the_compiled_ones(monkeypatch):
-    monkeypatch.setitem(REWARDS, "heavy", lambda step: step.mass / 100.0)
-    env = CrowdEnv("room-v0", reward=RewardWeights({"heavy": 2.0, "exit": 1.0}))
+def test_a_reward_of_ones_own_stands_beside_the_compiled_ones():
+    env = CrowdEnv("room-v0", reward=RewardWeights({RewardTerm("heavy", heavy): 2.0, "exit": 1.0}))
     env.reset(seed=0)
     for _ in range(50):
         inside = env.active.copy()

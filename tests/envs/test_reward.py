@@ -7,6 +7,7 @@ from crowd_env import CrowdEnv, EpisodeMetrics, RewardWeights, make_scenario
 from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env.envs.metrics import flow_slope, summarise
 from crowd_env.envs.reward import REWARDS, RewardFunction, Transition
+from crowd_env.state import make_bodies, make_state
 
 TERMS = tuple(REWARDS)
 
@@ -16,7 +17,7 @@ def episodes(policy, reward=None, *, num_envs=4, **options):
     env = CrowdEnv("room-v0", num_envs=num_envs, reward=reward, **{"time_limit": 12.0, **options})
     env.reset(seed=2)
     rng = np.random.default_rng(0)
-    first = env._observer.travel_time.copy()
+    first = env._ahead.travel_time.copy()
     steps = []
     while not env.finished.all():
         inside = env.active.copy()
@@ -56,7 +57,7 @@ def test_progress_sums_to_the_travel_time_from_the_start_whatever_the_way(policy
     out = np.isfinite(env.simulation.state.exit_time)
     assert out.sum() > 5 and (policy is rule or not out.all())
     np.testing.assert_allclose(total(steps, "progress")[out], first[out], atol=1e-9)
-    left = env._observer.travel_time[~out]
+    left = env._ahead.travel_time[~out]
     np.testing.assert_allclose(total(steps, "progress")[~out], first[~out] - left, atol=1e-9)
 
 
@@ -67,7 +68,7 @@ def test_the_first_travel_time_is_the_length_of_the_way_over_the_own_speed():
     time = 5.0 * seen / (1.0 - seen)
     distance = np.hypot(5.0 - env.simulation.state.position[:, 0], 0.0)
     assert (time * env.simulation.bodies.desired_speed > distance - 0.05).all()
-    np.testing.assert_allclose(time, env._observer.travel_time, rtol=1e-5)
+    np.testing.assert_allclose(time, env._ahead.travel_time, rtol=1e-5)
 
 
 def test_walking_away_costs_progress():
@@ -151,9 +152,9 @@ def test_one_step_by_hand():
         travel_time_before=np.array([3.0, 0.1, 2.0, 0.0, 1.0]),
         travel_time_after=np.array([2.8, 0.0, 2.1, 0.0, 0.9]),
         duration=np.array([0.1, 0.06, 0.1, 0.1, 0.1]),
-        crush=np.array([8.0, 0.0, 0.0, 0.0, 0.0]),
-        mass=np.full(5, 80.0),
-        env_start=np.array([0, 4, 5]),
+        impulse_magnitude=np.array([8.0, 0.0, 0.0, 0.0, 0.0]),
+        bodies=make_bodies(np.full(5, 0.2), 80.0, env_start=np.array([0, 4, 5])),
+        state=make_state(np.zeros((5, 2)), environments=2),
     )
     weights = RewardWeights({"progress": 1.0, "exit": 2.0, "time": 5.0, "contact": 1.0}, team_share=0.5)
     reward, terms = RewardFunction(weights, 5)(struct_ref(step))
@@ -164,28 +165,7 @@ def test_one_step_by_hand():
     np.testing.assert_allclose(reward, [0.5 * r + 0.5 * mean for r in own[:4]] + [-0.4], atol=1e-12)
 
 
-# ---------------------------------------------------------------------------------------------------------- registry
-
-
-def test_a_term_registered_later_reaches_later_environments_alone(monkeypatch):
-    env = CrowdEnv("room-v0", count=3)
-    env.reset(seed=0)
-    monkeypatch.setitem(REWARDS, "late", lambda step: step.mass)
-    assert "reward/late" not in env.step(None).info
-    assert "reward/late" in reset(CrowdEnv("room-v0", count=3)).step(None).info
-
-
-def test_a_term_that_is_removed_stays_with_those_who_have_it(monkeypatch):
-    monkeypatch.setitem(REWARDS, "heavy", lambda step: step.mass / 100.0)
-    weights = RewardWeights({"heavy": 2.0})
-    env = reset(CrowdEnv("room-v0", count=3, reward=weights))
-    monkeypatch.delitem(REWARDS, "heavy")
-    for _ in range(3):
-        step = env.step(None)
-        np.testing.assert_array_equal(step.info["reward/heavy"], env.simulation.bodies.mass / 100.0)
-        np.testing.assert_array_equal(step.reward, 2.0 * step.info["reward/heavy"])
-    with pytest.raises(ValueError, match="unknown reward term 'heavy'; known: progress"):
-        CrowdEnv("room-v0", count=3, reward=weights)
+# -------------------------------------------------------------------------------------------------------------- table
 
 
 def test_weights_changed_after_they_were_checked_change_nothing():

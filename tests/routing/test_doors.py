@@ -9,7 +9,8 @@ from crowds import copied, people, scatter
 from shapely.geometry import box
 
 from crowd_env.envs.crowd import CrowdEnv
-from crowd_env.envs.observation.layout import SIGHT, ObservationLayout
+from crowd_env.envs.observation.layout import ObservationLayout
+from crowd_env.envs.observation.view import SIGHT
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import SCHEMES
 from crowd_env.routing.route_set import RoutePlan

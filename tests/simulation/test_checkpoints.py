@@ -44,13 +44,13 @@ def seen(env, steps, rng):
     found = []
     for _ in range(steps):
         step = env.step(rng.uniform(-1, 1, (env.num_people, 2)), np.arange(env.num_people) % 4 > 0)
-        simulation, books = env.simulation, env._books.fields
+        simulation, episode = env.simulation, env._episode.fields
         arrays = (
             *step[:4],
             *simulation.state,
             simulation.results.impulse,
             simulation.results.impulse_magnitude,
-            books.impulse,
+            episode.impulse,
         )
         terms = [values for name, values in step.info.items() if name.startswith("reward/")]
         found.append(b"".join(np.ascontiguousarray(a).tobytes() for a in (*arrays, *terms, *simulation.diagnostics)))
@@ -227,7 +227,7 @@ def test_what_is_no_checkpoint_is_refused():
         env.restore(env.simulation.checkpoint())
 
 
-def test_an_environment_does_not_go_on_with_books_of_another_moment():
+def test_an_environment_does_not_go_on_when_the_simulation_alone_was_restored():
     env = CrowdEnv("room-v0", scheme="dem")
     env.reset([0])
     saved, whole = env.simulation.checkpoint(), env.checkpoint()

@@ -1,9 +1,9 @@
-"""Who is around everyone, compiled: the density, and the nearest neighbors."""
+"""The people around each pedestrian, compiled: the density, and the nearest neighbors."""
 
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.envs.observation.view import DENSITY, NEIGHBORS, SIGHT, SPEED_SCALE, Cells, Plan, Rows, View
+from crowd_env.envs.observation.view import SIGHT, SPEED_SCALE, Cells, Plan, Rows, View
 from crowd_env.physics.neighbors.lists import NeighborList, first_cell, sort_into_cells
 from crowd_env.state import Bools, Floats
 
@@ -27,37 +27,39 @@ def clipped(value: float) -> float:
 
 
 @inner_kernel
-def neighbor_features(e: int, begin: int, last: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write the density and the nearest neighbors of those in ``who[begin:last]`` who are inside environment ``e``."""
+def neighbor_features(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -> None:
+    """Write the density and the nearest neighbors of those in ``listed[begin:end]`` who are inside environment ``e``."""
     near, active, position = view.near, view.state.active, view.state.position
-    if last - begin <= plan.all_pairs:
-        head, columns, rows = put_into_one_cell(e, begin, last, view.who, active, near)
+    if end - begin <= plan.all_pairs:
+        head, columns, rows = put_into_one_cell(e, begin, end, view.listed, active, near)
     else:
-        sight = SIGHT if plan.column[NEIGHBORS] >= 0 else DENSITY_RADIUS
+        sight = SIGHT if plan.column.neighbors >= 0 else DENSITY_RADIUS
         head, columns, rows = sort_into_cells(e, begin, view.bodies.env_start[e + 1], active, position, near, sight)
     for cell in range(head, head + rows * columns):
-        first, final = begin + near.cell_start[cell], begin + near.cell_start[cell + 1]
-        if first < final:
-            count = gather(head, cell - head, columns, rows, begin, near, position, view.bodies.radius, plan.around)
-            show(first, final, count, begin, view, plan, out)
+        first_item, end_item = begin + near.cell_start[cell], begin + near.cell_start[cell + 1]
+        if first_item < end_item:
+            count = gather_around(
+                head, cell - head, columns, rows, begin, near, position, view.bodies.radius, plan.around
+            )
+            write_neighbors(first_item, end_item, count, begin, view, plan, out)
 
 
 @inner_kernel
 def put_into_one_cell(
-    e: int, begin: int, last: int, who: Cells, active: Bools, near: NeighborList
+    e: int, begin: int, end: int, listed: Cells, active: Bools, near: NeighborList
 ) -> tuple[int, int, int]:
-    """Do what `sort_into_cells` does, for few people: all pairs of them are looked at."""
+    """Put all listed people who are inside into one cell, so that all pairs are looked at; return as `sort_into_cells` does."""
     head, count = first_cell(e, begin), 0
-    for n in range(index(begin), index(last)):
-        if active[who[n]]:
-            near.cell_item[begin + count] = who[n]
+    for n in range(index(begin), index(end)):
+        if active[listed[n]]:
+            near.cell_item[begin + count] = listed[n]
             count += 1
     near.cell_start[head], near.cell_start[head + 1] = 0, count
     return head, 1, 1
 
 
 @inner_kernel
-def gather(
+def gather_around(
     head: int,
     cell: int,
     columns: int,
@@ -68,7 +70,7 @@ def gather(
     radius: Floats,
     around: Floats,
 ) -> int:
-    """Write those in a cell and beside it into ``around``; return how many they are."""
+    """Write position, radius and slot of those in a cell and beside it into ``around``; return their number."""
     row, column, count = cell // columns, cell % columns, 0
     for other in range(max(row - 1, 0), min(row + 2, rows)):
         left, right = head + other * columns + max(column - 1, 0), head + other * columns + min(column + 2, columns)
@@ -81,12 +83,12 @@ def gather(
 
 
 @inner_kernel
-def show(first: int, last: int, count: int, begin: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write what those in ``cell_item[first:last]`` see of the ``count`` who are gathered around them."""
-    at_density, at_neighbors = plan.column[DENSITY], plan.column[NEIGHBORS]
+def write_neighbors(first_item: int, end_item: int, count: int, begin: int, view: View, plan: Plan, out: Rows) -> None:
+    """Write density and neighbors of those in ``cell_item[first_item:end_item]``, among the ``count`` who are in ``around``."""
+    at_density, at_neighbors = plan.column.density, plan.column.neighbors
     around, key, nearest = plan.around, plan.key, plan.nearest
     axis, position, velocity = view.axis, view.state.position, view.state.velocity
-    for m in range(index(first), index(last)):
+    for m in range(index(first_item), index(end_item)):
         i = view.near.cell_item[m]
         x, y, r, me = position[i, 0], position[i, 1], view.bodies.radius[i], float(i - begin)
         close = 0
@@ -101,9 +103,9 @@ def show(first: int, last: int, count: int, begin: int, view: View, plan: Plan, 
         if at_neighbors < 0:
             continue
         if len(nearest) <= 6:
-            least_six(key, count, nearest)
+            smallest_six(key, count, nearest)
         else:
-            least(key, count, nearest)
+            smallest(key, count, nearest)
         ax, ay, u, v = axis[i, 0], axis[i, 1], velocity[i, 0], velocity[i, 1]
         for k in range(len(nearest)):
             if nearest[k] == np.inf:
@@ -120,8 +122,8 @@ def show(first: int, last: int, count: int, begin: int, view: View, plan: Plan, 
 
 
 @inner_kernel
-def least(key: Floats, count: int, nearest: Floats) -> None:
-    """Write the least of ``count`` keys in ascending order."""
+def smallest(key: Floats, count: int, nearest: Floats) -> None:
+    """Write the smallest of ``count`` keys in ascending order."""
     last = len(nearest) - 1
     for k in range(last + 1):
         nearest[k] = np.inf
@@ -134,10 +136,10 @@ def least(key: Floats, count: int, nearest: Floats) -> None:
 
 
 @inner_kernel
-def least_six(key: Floats, count: int, nearest: Floats) -> None:
-    """Write the least of ``count`` keys, up to six, in ascending order.
+def smallest_six(key: Floats, count: int, nearest: Floats) -> None:
+    """Write the smallest of ``count`` keys, up to six, in ascending order.
 
-    Six numbers stay in registers, and their smaller and larger take no decision that a processor could guess wrong.
+    Six numbers stay in registers, and minima and maxima need no branch that a processor could guess wrong.
     """
     a, b, c, d, e, f = np.inf, np.inf, np.inf, np.inf, np.inf, np.inf
     for n in range(count):

@@ -1,69 +1,57 @@
-"""What pedestrians perceive, compiled: the laws behind the terms of an observation.
+"""What pedestrians perceive, compiled: the functions behind the terms of ``TERMS``.
 
-The laws write their columns of the rows (P, D) float32 of those who are ``seen``, clipped to [-1, 1].  One room after the
-other is looked at from all sides: what is known of twenty people stays in the cache that is nearest to the processor.
+They write their columns of the rows (P, D) float32 of those who are ``seen``, clipped to [-1, 1].  All terms of one
+environment are written before the next one is begun: what is known of twenty people stays in the cache that is nearest to the
+processor.
 """
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env.envs.observation.neighbors import clipped, neighbor_features
-from crowd_env.envs.observation.view import (
-    CRUSH,
-    DENSITY,
-    DESIRED_SPEED,
-    DIRECTION,
-    NEIGHBORS,
-    PUSH,
-    SIGHT,
-    SPEED_SCALE,
-    TRAVEL_TIME,
-    VELOCITY,
-    WALLS,
-    Cells,
-    Plan,
-    Rows,
-    View,
-)
+from crowd_env.envs.observation.view import SIGHT, SPEED_SCALE, Cells, Columns, Plan, Rows, View
 from crowd_env.navigation.lookup import travel_time_at, way_at
 from crowd_env.state import Bools, Ints
 
 TIME_SCALE = 5.0  # s     a travel time of 5 s is observed as 1/2
 KICK_SCALE = 1.0  # m/s   an impulse that changes the own speed by this much is observed as 1
+SLOWEST = (
+    0.1  # m/s   travel times of those who want to be slower are those at this speed: at none they would be infinite
+)
 
 
 @kernel
-def perceive(rooms: Ints, view: View, plan: Plan, out: Rows) -> None:
-    """Write the rows of ``out`` (P, D) of everyone in some rooms, all but the terms that are not compiled."""
-    column, who = plan.column, view.who
-    for e in rooms:
+def perceive(environments: Ints, view: View, plan: Plan, out: Rows) -> None:
+    """Write the rows of ``out`` (P, D) of everyone in some environments, all but the terms that are not compiled."""
+    column, listed = plan.column, view.listed
+    for e in environments:
         begin = view.bodies.env_start[e]
-        end = list_active(begin, view.bodies.env_start[e + 1], view.seen, who, out)
-        look_ahead(e, begin, end, view)
-        feel(begin, end, view, column, out)
-        if column[WALLS] >= 0:
+        end = list_seen(begin, view.bodies.env_start[e + 1], view.seen, listed, out)
+        update_route_ahead(e, begin, end, view)
+        write_own_features(begin, end, view, column, out)
+        if column.walls >= 0:
             cast_rays(e, begin, end, view, plan, out)
-        if column[DENSITY] >= 0 or column[NEIGHBORS] >= 0:
+        if column.density >= 0 or column.neighbors >= 0:
             neighbor_features(e, begin, end, view, plan, out)
 
 
 @inner_kernel
-def list_active(begin: int, end: int, seen: Bools, who: Cells, out: Rows) -> int:
-    """Empty the rows of one room, and list who is seen of the people ``begin:end``; return the end of the list."""
+def list_seen(begin: int, end: int, seen: Bools, listed: Cells, out: Rows) -> int:
+    """Empty the rows of one environment, and list who is seen of the people ``begin:end``; return the end of the list."""
     last = begin
     for i in range(index(begin), index(end)):
         for k in range(out.shape[1]):
             out[i, k] = 0.0
-        who[index(last)] = i  # no branch: which slots are empty nobody can guess
+        listed[index(last)] = i  # no branch: which slots are empty nobody can guess
         last += seen[i]
     return last
 
 
 @inner_kernel
-def look_ahead(e: int, begin: int, end: int, view: View) -> None:
-    """Write direction, travel time and potential of the route that those in ``who[begin:end]`` follow.
+def update_route_ahead(e: int, begin: int, end: int, view: View) -> None:
+    """Write the `RouteAhead` of those in ``listed[begin:end]``, by the route that each of them follows.
 
     The potential is a travel time too, by a field that depends on route and doors alone: most often it is the same one.
     """
-    position, radius, active, speed = (
+    position, radius, active, desired_speed = (
         view.state.position,
         view.bodies.radius,
         view.state.active,
@@ -71,26 +59,25 @@ def look_ahead(e: int, begin: int, end: int, view: View) -> None:
     )
     travel_time, potential, walls = view.travel_time, view.potential, view.boundary
     for n in range(index(begin), index(end)):
-        i = view.who[n]
+        i = view.listed[n]
         route, x, y, r = view.followed[i], position[i, 0], position[i, 1], radius[i]
         f, p = view.field_of_route[e, route], view.potential_of_route[e, route]
         ex, ey, length = way_at(view.field, walls, f, x, y, r)
         view.direction[i, 0], view.direction[i, 1] = ex, ey
         left = length if p == f else travel_time_at(view.field, walls, p, x, y, r)
-        # Someone who does not want to move would need for ever: the time at a slow walk stands in.
-        pace = max(speed[i], 0.1)
-        travel_time[i] = length / pace if active[i] else 0.0
-        potential[i] = left / pace if active[i] else 0.0
+        speed = max(desired_speed[i], SLOWEST)
+        travel_time[i] = length / speed if active[i] else 0.0
+        potential[i] = left / speed if active[i] else 0.0
 
 
 @inner_kernel
-def feel(begin: int, end: int, view: View, column: Ints, out: Rows) -> None:
-    """Write what everyone has of himself: velocity, desired speed, the way out, and what presses on him."""
-    axis, velocity, push = view.axis, view.state.velocity, view.push
-    at_velocity, at_speed, at_direction = column[VELOCITY], column[DESIRED_SPEED], column[DIRECTION]
-    at_time, at_push, at_crush = column[TRAVEL_TIME], column[PUSH], column[CRUSH]
+def write_own_features(begin: int, end: int, view: View, column: Columns, out: Rows) -> None:
+    """Write what each knows of itself: velocity, desired speed, the route ahead, and what presses on it."""
+    axis, velocity, impulse = view.axis, view.state.velocity, view.impulse
+    at_velocity, at_speed, at_direction = column.velocity, column.desired_speed, column.direction
+    at_time, at_push, at_crush = column.travel_time, column.push, column.crush
     for n in range(index(begin), index(end)):
-        i = view.who[n]
+        i = view.listed[n]
         ax, ay = axis[i, 0], axis[i, 1]
         if at_velocity >= 0:
             write_turned(out, i, at_velocity, velocity[i, 0], velocity[i, 1], ax, ay, SPEED_SCALE)
@@ -102,12 +89,12 @@ def feel(begin: int, end: int, view: View, column: Ints, out: Rows) -> None:
         if at_time >= 0:
             time = view.travel_time[i]
             out[i, at_time] = clipped(time / (time + TIME_SCALE))
-        if view.crush[i] > 0.0:
-            kick = view.bodies.mass[i] * KICK_SCALE
+        if view.impulse_magnitude[i] > 0.0:
+            scale = view.bodies.mass[i] * KICK_SCALE
             if at_push >= 0:
-                write_turned(out, i, at_push, push[i, 0], push[i, 1], ax, ay, kick)
+                write_turned(out, i, at_push, impulse[i, 0], impulse[i, 1], ax, ay, scale)
             if at_crush >= 0:
-                out[i, at_crush] = clipped(view.crush[i] / kick)
+                out[i, at_crush] = clipped(view.impulse_magnitude[i] / scale)
 
 
 @inner_kernel
@@ -123,9 +110,9 @@ def cast_rays(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -
     g = view.geometry_of_env[e]
     w0, w1 = view.boundary.wall_start[g], view.boundary.wall_start[g + 1]
     wall, wall_door, axis, turn, beam = view.boundary.wall, view.boundary.wall_door, view.axis, plan.turn, plan.beam
-    rays, first = len(turn), plan.column[WALLS]
+    rays, first = len(turn), plan.column.walls
     for n in range(index(begin), index(end)):
-        i = view.who[n]
+        i = view.listed[n]
         x, y, r = view.state.position[i, 0], view.state.position[i, 1], view.bodies.radius[i]
         reach = SIGHT + r
         for k in range(rays):
@@ -145,7 +132,7 @@ def cast_rays(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -
             for k in range(rays):
                 dx, dy = beam[0, k], beam[1, k]
                 cross, along = dx * ty - dy * tx, ax * dy - ay * dx
-                # Where ray and line meet, along / cross is the place between the ends; only a hit is worth a division.
+                # Ray and line meet at the share along / cross of the wall; only a hit is worth a division.
                 if cross > 0.0:
                     hit = across >= 0.0 and 0.0 <= along <= cross
                 else:

@@ -1,4 +1,4 @@
-"""What an observation is made from and where it goes: all that the compiled laws read and write."""
+"""What an observation is made from and where it goes: all that the terms read and write."""
 
 from typing import NamedTuple
 
@@ -16,8 +16,18 @@ Cells = NDArray[np.int32]
 SIGHT = 3.0  # m     how far neighbors and walls are seen
 SPEED_SCALE = 2.0  # m/s
 
-# Numbers of the compiled terms, rows of `Plan.column`.
-VELOCITY, DESIRED_SPEED, DIRECTION, TRAVEL_TIME, PUSH, CRUSH, DENSITY, WALLS, NEIGHBORS = range(9)
+
+class RouteAhead(NamedTuple):
+    """The rest of each pedestrian's route: written when the crowd is observed, read by the reward of the same step."""
+
+    direction: Floats  # (P, 2) of the shortest path, along x and y
+    travel_time: Floats  # (P,)  s, at the own desired speed; 0 for those who are out
+    potential: Floats  # (P,)  s, travel time by which progress is counted: that of the `RouteField.potential`
+
+
+def allocate_route_ahead(people: int) -> RouteAhead:
+    """Return the arrays for so many people, of whom nothing is known yet."""
+    return RouteAhead(np.zeros((people, 2)), np.zeros(people), np.zeros(people))
 
 
 class View(NamedTuple):
@@ -29,27 +39,43 @@ class View(NamedTuple):
     field: FieldArrays
     field_of_route: Ints  # (E, R)  row of `field`
     potential_of_route: Ints  # (E, R)  row of `field` by which progress is counted
-    followed: Ints  # (P,)    route that one follows
+    followed: Ints  # (P,)    route that is followed
     bodies: Bodies
     state: CrowdState
-    near: NeighborList  # only its cells, as scratch
-    push: Floats  # (P, 2)  N s  contact impulse since the last decision
-    crush: Floats  # (P,)    N s  sum of its magnitudes
-    seen: Bools  # (P,)    whose observation is wanted, all who are inside among them; the rest stays zero
-    who: Cells  # (P,)    scratch: they, room by room
+    near: NeighborList  # only its cells, as scratch: no list of the physics
+    impulse: Floats  # (P, 2)  N s  sum of the contact impulses since the last decision
+    impulse_magnitude: Floats  # (P,)    N s  sum of their magnitudes
+    seen: Bools  # (P,)    whose observation is wanted: everyone inside, and perhaps others; the rest stays zero
+    listed: Cells  # (P,)    scratch: their slots, one environment after the other
     axis: Floats  # (P, 2)  first axis of the frame
-    direction: Floats  # (P, 2)  of the shortest path
-    travel_time: Floats  # (P,)    s, at the own desired speed; 0 for those who are out
-    potential: Floats  # (P,)    s, travel time by which progress is counted; see `look_ahead`
+    direction: Floats  # (P, 2)  these three as in `RouteAhead`
+    travel_time: Floats  # (P,)    s
+    potential: Floats  # (P,)    s
+
+
+class Columns(NamedTuple):
+    """First column of each compiled term; -1 = not wanted."""
+
+    velocity: int
+    desired_speed: int
+    direction: int
+    travel_time: int
+    push: int
+    crush: int
+    density: int
+    walls: int
+    neighbors: int
 
 
 class Plan(NamedTuple):
     """Where the compiled terms of a layout go, and scratch for one thread."""
 
-    column: Ints  # (9,)    first column of each term; -1 = not wanted
+    column: Columns
     turn: Floats  # (R, 2)  cosine and sine of the angle of each ray to the axis
-    beam: Floats  # (3, R)  scratch: direction of each ray of one person, and how far it is free
-    nearest: Floats  # (K,)    scratch: the nearest of one person
-    around: Floats  # (4, N)  scratch: place, radius and slot in the room of those who may be seen from one cell
-    key: Floats  # (N,)    scratch: how near they are to one person
-    all_pairs: int  # up to so many people in a room are one cell
+    beam: Floats  # (3, R)  scratch: direction of each ray of one pedestrian, and how far it is free
+    nearest: Floats  # (K,)    scratch: the smallest keys of one pedestrian
+    around: (
+        Floats  # (4, N)  scratch: position, radius and slot in the environment of those who may be seen from one cell
+    )
+    key: Floats  # (N,)    scratch: how near they are to one pedestrian
+    all_pairs: int  # up to so many people in an environment are one cell

@@ -1,0 +1,76 @@
+"""The terms that observations are made of: a literal table of those that are compiled, and the class of a user's own.
+
+Vectors are given in the frame of the actions: along and to the left of the shortest path ("path"), or along x and y
+("world"); `direction` is always along x and y.  Every value lies in [-1, 1].
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from crowd_env.checks import check_fields
+from crowd_env.envs.observation.view import View
+from crowd_env.envs.terms import require_function
+
+
+@dataclass(frozen=True)
+class ObservationTerm:
+    """A term of one's own, an entry of ``ObservationLayout(terms=...)`` beside the names in ``TERMS``.
+
+    Parameters
+    ----------
+    name : the columns are ``layout[name]``.
+    width : number of columns.
+    function : ``(view, out)`` writes the columns ``out`` (P, width), zero before, scaled to [-1, 1], from a `View`.  Values
+        beyond that are clipped, and the rows of those who are out stay zero.  It must draw no random numbers, and an
+        environment's rows must not depend on other environments.  A function of a module can be pickled with its layout.
+
+    Raises
+    ------
+    ValueError
+        If the name is empty, the width no whole number of at least 1, or the function cannot be called.
+    """
+
+    name: str
+    width: int
+    function: Callable[[View, np.ndarray], Any]
+
+    def __post_init__(self) -> None:
+        check_fields("observation term", self)
+        require_function("observation term", self.name, self.function, "view, out")
+
+
+class CompiledTerm(NamedTuple):
+    """A term whose columns a kernel writes, see `crowd_env.envs.observation.perception`."""
+
+    width: int
+    of_each: Literal["", "neighbors", "rays"] = ""  # field of the layout: so many times the width
+
+
+# Each has a field of the same name in `Columns`.
+TERMS: Mapping[str, CompiledTerm] = MappingProxyType(
+    {
+        # own velocity / 2 m/s, in the frame
+        "velocity": CompiledTerm(2),
+        # own desired speed / 2 m/s
+        "desired_speed": CompiledTerm(1),
+        # direction of the shortest path to an exit, along x and y
+        "direction": CompiledTerm(2),
+        # time t the rest of the shortest path takes at the own desired speed, as t / (t + 5 s)
+        "travel_time": CompiledTerm(1),
+        # sum of the contact impulses since the last decision / (own mass * 1 m/s), in the frame
+        "push": CompiledTerm(2),
+        # sum of the magnitudes of these impulses / (own mass * 1 m/s): large between two who push from both sides
+        "crush": CompiledTerm(1),
+        # people within 1 m of the own center, oneself included, / (pi m2 * 8 /m2)
+        "density": CompiledTerm(1),
+        # free distance from the own surface to the nearest wall along rays / 3 m; ray k at k / n of a turn to the left
+        "walls": CompiledTerm(1, of_each="rays"),
+        # the k nearest people within 3 m, five values each: offset / 3 m (2), relative velocity / 4 m/s (2), closeness, which
+        # is 1 - gap / 3 m, 1 at contact; all five are 0 where there is nobody
+        "neighbors": CompiledTerm(5, of_each="neighbors"),
+    }
+)
