@@ -202,18 +202,25 @@ def array(what: str, value: Any, shape: tuple[Any, ...], kinds: str = "iuf") -> 
         return value  # at every step: quick
     names = {None: "K", ...: "..."}
     told = f"({', '.join(names.get(length, str(length)) for length in shape)}{',' * (len(shape) == 1)})"
+    form = (
+        f"an array of {'booleans' if kinds == 'b' else 'real numbers'} of the shape {told}"
+        if shape
+        else "a real number"
+    )
     try:
         found = np.asarray(value)
+        if found.dtype == object:  # numbers one by one, or something else altogether
+            found = np.asarray(found.tolist())
     except (TypeError, ValueError):  # rows of different lengths
-        refuse(what, value, f"an array of the shape {told}")
-    wanted = (*(None,) * (found.ndim - len(shape) + 1), *shape[1:]) if shape[0] is ... else shape
+        refuse(what, value, form)
+    wanted = (*(None,) * (found.ndim - len(shape) + 1), *shape[1:]) if shape[:1] == (...,) else shape
     fits = found.ndim == len(wanted) and all(
         length in (None, there) for length, there in zip(wanted, found.shape, strict=True)
     )
-    if found.dtype.kind not in kinds or found.ndim == 0:
-        refuse(what, value, f"an array of {'booleans' if kinds == 'b' else 'real numbers'} of the shape {told}")
+    if found.dtype.kind not in kinds or (shape and found.ndim == 0):
+        refuse(what, value, form)
     if not fits:
-        raise ValueError(f"{what} must have the shape {told}, not {found.shape}")
+        raise ValueError(f"{what} has the shape {found.shape}; it must be {told}")
     return found
 
 

@@ -1,1 +1,1 @@
-"""Thin bridges to learning libraries, one file each; import the one you need."""
+"""Thin bridges to learning libraries, one folder each; import the one you need."""

@@ -1,4 +1,4 @@
-"""What learning libraries hand in, actions and reset options: made into arrays, or refused in a sentence."""
+"""What learning libraries pass to a reset or a step: options are checked here, actions by `crowd_env.checks.array`."""
 
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -8,37 +8,11 @@ import numpy as np
 from crowd_env.checks import shown
 from crowd_env.state import Bools
 
-_REAL = "biuf"  # kinds of dtype
-
-
-def as_numbers(action: Any, shape: tuple[int, ...], what: str) -> np.ndarray:
-    """Return an action as an array of real numbers of exactly this shape.
-
-    Parameters
-    ----------
-    what : whose action it is, as the message is to call it.
-
-    Raises
-    ------
-    ValueError
-        If it is no array, holds anything but real numbers, or has another shape, be it as many numbers.
-    """
-    try:
-        array = np.asarray(action)
-        if array.dtype == object:  # numbers one by one, or something else altogether
-            array = np.asarray(array.tolist())
-    except ValueError:  # rows of different lengths
-        array = np.empty(0, dtype=object)
-    if array.dtype.kind not in _REAL:
-        form = f"an array of real numbers of the shape {shape}" if shape else "one of the real numbers of its space"
-        raise ValueError(f"{what} is {shown(action)}; it must be {form}")
-    if array.shape != shape:
-        raise ValueError(f"{what} has the shape {array.shape}; it must be {shape}")
-    return array
+NUMBERS = "biuf"  # kinds of dtype that an action may have
 
 
 def check_options(options: Any, known: Collection[str] = (), *, idle: Collection[str] = ()) -> None:
-    """Raise ValueError unless ``options`` of a reset is None or a dictionary of known ones; ``idle`` ones do nothing."""
+    """Raise ValueError unless ``options`` of a reset is None or a dictionary of known names; ``idle`` names do nothing."""
     if options is None:
         return
     if not isinstance(options, Mapping):
@@ -52,9 +26,9 @@ def check_options(options: Any, known: Collection[str] = (), *, idle: Collection
 
 
 def reset_mask(options: Any, count: int) -> Bools | None:
-    """Return which of so many environments Gymnasium's option ``reset_mask`` (E,) bool asks to reset; None = all.
+    """Return the mask (``count``,) of Gymnasium's reset option ``reset_mask``, true where to reset; None = everywhere.
 
-    The option stays in the dictionary: wrappers around the environment look for it, too.
+    The option stays in the dictionary: wrappers around the environment read it, too.
 
     Raises
     ------

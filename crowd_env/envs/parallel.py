@@ -1,8 +1,8 @@
 """PettingZoo ParallelEnv: one evacuation as dictionaries, one agent per pedestrian."""
 
 import copy
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial, wraps
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -10,10 +10,11 @@ import numpy as np
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
 
-from crowd_env.checks import shown
-from crowd_env.envs.client_input import as_numbers, check_options
+from crowd_env.checks import array, shown
+from crowd_env.envs.client_input import NUMBERS, check_options
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.global_state import StateLayout, StateReader
+from crowd_env.envs.lazy_infos import LazyInfos, write_infos
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Bools, Floats, Ints
 
@@ -23,16 +24,15 @@ RENDER_MODES = ("rgb_array", "human")
 class CrowdParallelEnv(ParallelEnv):
     """One evacuation; every pedestrian is an agent, ``pedestrian_0`` to ``pedestrian_{N-1}``.
 
-    Observation, action and reward of an agent are the rows of `CrowdEnv`, which see.  An action of None, or none at all for an
-    agent, lets the rule decide: the pedestrian walks the shortest path.  Learned and ruled pedestrians can share a room.
+    Observation, action and reward of an agent are the rows of `CrowdEnv`.  An action of None, or none at all for an agent,
+    lets the rule decide: the pedestrian walks the shortest path.  Learned and ruled pedestrians can share a room.
 
-    Who gets out leaves ``agents`` in the step in which he gets out, with his last observation and reward and
-    ``terminated = True``.  Actions for him are ignored from then on, whatever they are: clients with a fixed group of agents
-    go on sending some.  At the time limit all who are left are truncated.  After the end, ``step`` returns five empty
-    dictionaries.
+    A pedestrian who gets out leaves ``agents`` in that step, with a last observation and reward and ``terminated = True``.
+    Later actions for that agent are ignored, whatever they are: clients with a fixed group of agents go on sending some.  At
+    the time limit all agents that are left are truncated.  After the end, ``step`` returns five empty dictionaries.
 
-    The info of an agent holds the terms of his reward, unweighted, as ``reward/<name>``, and in the last step of an episode
-    its ``metrics``.  Infos are written when they are first looked at, see `UnreadInfos`; nothing changes them later.
+    The info of an agent holds the terms of its reward, unweighted, as ``reward/<name>``, and in the last step of an episode
+    the ``metrics`` of the episode.  Infos are written when they are first read, see `LazyInfos`; nothing changes them later.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class CrowdParallelEnv(ParallelEnv):
 
     Attributes
     ----------
-    possible_agents, agents : names of all pedestrians, and of those who are inside; of nobody before the first `reset`.
+    possible_agents, agents : names of all pedestrians, and of those who are inside; none is before the first `reset`.
     state_layout, state_space : what the numbers of `state` mean, and their bounds.
 
     Raises
@@ -83,7 +83,7 @@ class CrowdParallelEnv(ParallelEnv):
         self.possible_agents = [f"pedestrian_{i}" for i in range(self.env.num_people)]
         self.agents: list[str] = []
         self._slots: Ints | slice = slice(None)  # of the agents
-        self._nobody: dict[str, bool] = {}  # False for each of the agents
+        self._all_false: dict[str, bool] = {}  # False for each of the agents
         self._slot = {agent: i for i, agent in enumerate(self.possible_agents)}
         self._state = StateReader(self.env)
         self.state_layout: StateLayout = self._state.layout
@@ -118,7 +118,7 @@ class CrowdParallelEnv(ParallelEnv):
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
-        """Start an evacuation; the same seed gives the same people in the same places.
+        """Start an evacuation; the same seed gives the same people at the same positions.
 
         Raises
         ------
@@ -128,7 +128,7 @@ class CrowdParallelEnv(ParallelEnv):
         check_options(options, idle=("options",))  # PettingZoo's own checkers give it to every environment
         observation, _ = self.env.reset(None if seed is None else [seed])
         self._begun = True
-        self._let_stay(list(self.possible_agents), slice(None))
+        self._set_agents(list(self.possible_agents), slice(None))
         if self.render_mode == "human":
             self.render()
         return dict(zip(self.agents, observation, strict=True)), {agent: {} for agent in self.agents}
@@ -151,32 +151,32 @@ class CrowdParallelEnv(ParallelEnv):
         step = self.env.step(action, rule)
         observations = dict(zip(agents, step.observation[slots], strict=True))
         rewards = dict(zip(agents, step.reward[slots].tolist(), strict=True))
-        infos = UnreadInfos(self._nobody, partial(_write_infos, self._nobody, slots, step.info))
-        terminations, truncations = self._nobody.copy(), self._nobody.copy()
+        infos = LazyInfos(self._all_false, partial(write_infos, self._all_false, slots, step.info))
+        terminations, truncations = self._all_false.copy(), self._all_false.copy()
         if (step.terminated | step.truncated).any():
             terminations = dict(zip(agents, step.terminated[slots].tolist(), strict=True))
             truncations = dict(zip(agents, step.truncated[slots].tolist(), strict=True))
             stay = np.flatnonzero(self.env.active)
-            self._let_stay([self.possible_agents[i] for i in stay.tolist()], stay)
+            self._set_agents([self.possible_agents[i] for i in stay.tolist()], stay)
         if self.render_mode == "human":
             self.render()
         return observations, rewards, terminations, truncations, infos
 
-    def _let_stay(self, agents: list[str], slots: Ints | slice) -> None:
-        """Remember who is inside; their slots are a slice while that is everybody: it copies nothing."""
+    def _set_agents(self, agents: list[str], slots: Ints | slice) -> None:
+        """Store the agents who are inside; their slots are a slice while these are all: indexing then copies nothing."""
         self.agents, self._slots = agents, slots
-        self._nobody = dict.fromkeys(agents, False)
+        self._all_false = dict.fromkeys(agents, False)
 
     def _check_begun(self, what: str) -> None:
         if not self._begun:
             raise ValueError(f"call reset before {what}")
 
     def _gather(self, actions: Mapping[str, Any]) -> tuple[Floats, Bools | None]:
-        """Return actions by slot, and who follows the rule; None if nobody does."""
+        """Return actions by slot, and which slots (P,) follow the rule; None if none does."""
         if not isinstance(actions, Mapping):
             raise ValueError(
                 f"actions is {shown(actions)}; it must be a dictionary of agents and their actions "
-                "(who is not in it follows the rule)"
+                "(agents that are not in it follow the rule)"
             )
         gathered = np.zeros((self.env.num_people, *(self.env.single_action_space.shape or ())))
         if list(actions) != self.agents:
@@ -184,7 +184,9 @@ class CrowdParallelEnv(ParallelEnv):
                 if agent not in self._slot:
                     known = f"{self.possible_agents[0]} to {self.possible_agents[-1]}"
                     raise ValueError(f"action for {agent!r}: there is no such agent; known: {known}")
-            actions = {agent: actions[agent] for agent in self.agents if agent in actions}  # who is out acts no more
+            actions = {
+                agent: actions[agent] for agent in self.agents if agent in actions
+            }  # those who are out act no more
         if (
             len(actions) == len(self.agents)
             and (whole := _stacked(list(actions.values()), gathered.shape[1:])) is not None
@@ -195,15 +197,15 @@ class CrowdParallelEnv(ParallelEnv):
         for agent, action in actions.items():
             if action is not None:
                 i = self._slot[agent]
-                gathered[i] = as_numbers(action, gathered.shape[1:], f"action of {agent}")
+                gathered[i] = array(f"action of {agent}", action, gathered.shape[1:], NUMBERS)
                 rule[i] = False
         return gathered, rule
 
     def state(self) -> np.ndarray:
-        """Return the whole crowd (``state_layout.size``,) float32 for a centralised critic, see `StateLayout`.
+        """Return the whole crowd (``state_layout.size``,) float32 for a centralized critic, see `StateLayout`.
 
-        Bodies, places, velocities and ways of everybody, the exits and the time left, in SI units.  The length depends on the
-        number of people and of exit lines alone.
+        Bodies, positions, velocities and routes of all people, the exits and the time left, in SI units.  The length depends
+        on the number of people and of exit lines alone.
 
         Raises
         ------
@@ -243,82 +245,12 @@ class CrowdParallelEnv(ParallelEnv):
 
 
 def _stacked(actions: list[Any], shape: tuple[int, ...]) -> np.ndarray | None:
-    """Return actions as one array (N, *shape) of numbers; None unless everyone has one of that shape."""
+    """Return actions as one array (N, *shape) of numbers; None unless each is of that shape."""
     try:
         whole = np.array(actions)  # a fifth faster than with a dtype
     except (TypeError, ValueError):
         return None
-    return whole if whole.dtype.kind in "biuf" and whole.shape == (len(actions), *shape) else None
-
-
-class Infos(dict[str, dict[str, Any]]):
-    """The infos of a step: a dictionary, whose copies and pickles are plain ones."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return dict, (dict(self),)
-
-
-class UnreadInfos(Infos):
-    """Infos whose values are written when someone first looks: few do, and it takes as long as all other dictionaries.
-
-    The first call of a method that could show or change a value writes them; from then on they are `Infos`, whose methods are
-    a dictionary's own.  The keys are there at once, since C code, as that of json, takes the length without calling one.
-
-    Parameters
-    ----------
-    keys : a dictionary with the keys.
-    write : returns the dictionary that it is to become.
-    """
-
-    def __init__(self, keys: Any = (), write: Callable[[], dict[str, dict[str, Any]]] = dict) -> None:
-        super().__init__(keys)
-        self._write = write
-
-    def read(self) -> None:
-        """Write the values."""
-        dict.update(self, self._write())
-        self.__class__ = Infos  # type: ignore[assignment]
-        del self._write
-
-
-def _read_first(name: str) -> Callable[..., Any]:
-    """Return a method of dictionaries, for those that are unread."""
-    method = getattr(dict, name)
-
-    @wraps(method)
-    def read_and_call(*args: Any, **kwargs: Any) -> Any:
-        for infos in args:  # the first one, and what it is compared with
-            if isinstance(infos, UnreadInfos):
-                infos.read()
-        return method(*args, **kwargs)
-
-    return read_and_call
-
-
-for _names in (
-    "__getitem__ __setitem__ __delitem__ __iter__ __reversed__ __repr__ __eq__ __ne__ __or__ __ror__ __ior__",
-    "get keys values items copy pop popitem setdefault update clear",
-):
-    for _name in _names.split():
-        setattr(UnreadInfos, _name, _read_first(_name))
-
-
-def _write_infos(agents: Iterable[str], slots: Ints | slice, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return for each agent the terms of his reward and, if the episode is over, its metrics."""
-    terms = {name: values[slots].tolist() for name, values in info.items() if name.startswith("reward/")}
-    infos: dict[str, dict[str, Any]] = dict(zip(agents, _records(terms), strict=True))
-    for metrics in info["metrics"].values():
-        for agent in agents:
-            infos[agent]["metrics"] = metrics._asdict()
-    return infos
-
-
-def _records(columns: dict[str, list[float]]) -> list[dict[str, float]]:
-    """Return a dictionary for each row of some columns."""
-    if len(columns) == 4:  # as many as there are reward terms, but for terms of one's own: half the time
-        (a, b, c, d), values = columns, zip(*columns.values(), strict=True)
-        return [{a: one, b: two, c: three, d: four} for one, two, three, four in values]
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    return whole if whole.dtype.kind in NUMBERS and whole.shape == (len(actions), *shape) else None
 
 
 def parallel_env(scenario: str | Scenario = "room-v0", **options: Any) -> CrowdParallelEnv:
@@ -327,7 +259,7 @@ def parallel_env(scenario: str | Scenario = "room-v0", **options: Any) -> CrowdP
 
 
 def env(scenario: str | Scenario = "room-v0", **options: Any) -> Any:
-    """Return the same as a PettingZoo AEC environment (agents act in turn, physics moves when all have)."""
+    """Return one evacuation as a PettingZoo AEC environment: agents act in turn, physics moves when all have acted."""
     return parallel_to_aec(parallel_env(scenario, **options))
 
 

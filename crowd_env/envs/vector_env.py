@@ -1,102 +1,92 @@
-"""What natively batched Gymnasium environments have in common: restarts, resets of some rows, infos as Gymnasium has them."""
+"""The base of this package's Gymnasium VectorEnvs: restarts, resets of some rows, infos as Gymnasium has them."""
 
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
-import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from crowd_env.checks import shown
-from crowd_env.envs.client_input import as_numbers, reset_mask
+from crowd_env.checks import array, shown
+from crowd_env.envs.batch import MakeBatch
+from crowd_env.envs.client_input import NUMBERS, reset_mask
 from crowd_env.envs.metrics import EpisodeMetrics
-from crowd_env.state import Bools, Floats
-
-
-class Advanced(NamedTuple):
-    """What one step of E environments did."""
-
-    observation: np.ndarray  # (E, ...)  of what goes on; of environments that began anew, their first
-    final: np.ndarray | None  # (E, ...)  the last of those that began anew; None if none did
-    reward: Floats  # (E,)
-    terminated: Bools  # (E,)
-    truncated: Bools  # (E,)
-    info: dict[str, Any]  # name -> (E, ...), or a dictionary of such; of the step just made in every row
-    metrics: Mapping[int, EpisodeMetrics]  # of the episodes that ended
+from crowd_env.state import Bools
 
 
 class BatchVectorEnv(VectorEnv):
-    """E environments in one array, with the infos of `gymnasium.vector.SyncVectorEnv` around E single ones.
+    """The E environments of a `Batch`, with the infos of `gymnasium.vector.SyncVectorEnv` around E single ones.
 
     Every entry of an info is an array (E, ...), or a dictionary of such, and has a mask ``_<name>`` (E,) bool of the
-    environments that it is about; the others' rows are zero.  What becomes of an environment whose episode has ended says
-    ``autoreset_mode``, which is also in ``metadata``:
+    environments that it is about; the rows of the others are zero.  ``autoreset_mode``, which is also in ``metadata``, says
+    what becomes of an environment whose episode has ended:
 
     "SameStep" (default)
-        It begins anew in the same step and its row shows the first observation of the next episode.  ``info["final_obs"]``
-        holds the last observation of the old one and ``info["final_info"]`` all that there is to tell of the step that ended
-        it, its ``metrics`` included.  The other infos of that row are those of a reset.
+        It restarts in the same step and its row shows the first observation of the next episode.  ``info["final_obs"]`` holds
+        the last observation of the old one and ``info["final_info"]`` the whole info of the step that ended it, its
+        ``metrics`` included.  The other infos of that row are those of a reset.
     "NextStep"
-        Its row shows the last observation, and the info its ``metrics``.  In the next step it begins anew, whatever its
-        action; reward 0.
+        Its row shows the last observation, and the info its ``metrics``.  In the next step it restarts, whatever its action;
+        reward 0.
     "Disabled"
-        As before, but it has to be reset by ``reset(options={"reset_mask": mask})`` before the next step.
+        As "NextStep", but it has to be reset by ``reset(options={"reset_mask": mask})`` before the next step.
 
     Parameters
     ----------
-    num_envs : E.
-    observation_space, action_space : of one environment.
-    at_start : infos of a reset, (E, ...) each.
+    make_batch : makes the batch.
+    scenario, num_envs, options : for ``make_batch``.
+    render_mode : None; a batch is not rendered.
     autoreset_mode : an `AutoresetMode` or its value.
+
+    Raises
+    ------
+    ValueError
+        If any of these is unknown, out of range, or does not fit together.
     """
+
+    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
 
     def __init__(
         self,
+        make_batch: MakeBatch,
+        scenario: Any,
         num_envs: int,
-        observation_space: gymnasium.spaces.Box,
-        action_space: gymnasium.Space,
-        at_start: Mapping[str, np.ndarray],
-        autoreset_mode: AutoresetMode,
+        render_mode: None,
+        autoreset_mode: AutoresetMode | str,
+        options: Mapping[str, Any],
     ) -> None:
+        if render_mode is not None:
+            raise ValueError("a batch is not rendered; make one environment with a render_mode instead")
+        if "autoreset" in options:
+            raise ValueError("autoreset belongs to CrowdEnv; a VectorEnv takes autoreset_mode")
+        mode = as_autoreset_mode(autoreset_mode)
+        self.batch = make_batch(scenario, num_envs=num_envs, autoreset=mode is AutoresetMode.SAME_STEP, **options)
+        self.env = self.batch.env
         self.render_mode = None
         self.num_envs = num_envs
-        self.autoreset_mode = autoreset_mode
-        self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode}
-        self.single_observation_space, self.single_action_space = observation_space, action_space
-        self.observation_space = batch_space(observation_space, num_envs)
-        self.action_space = batch_space(action_space, num_envs)
-        self._at_start = at_start
+        self.autoreset_mode = mode
+        self.metadata = {**self.metadata, "autoreset_mode": mode}
+        self.single_observation_space, self.single_action_space = self.batch.observation_space, self.batch.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
         self._begun = False
-        self._ended = np.zeros(num_envs, dtype=np.bool_)  # and wait to begin anew
-        # Rows as they were last shown: what a reset of others is to return of them.
-        self._last = np.zeros((num_envs, *(observation_space.shape or ())), dtype=observation_space.dtype)
-
-    @abstractmethod
-    def _begin(self, seed: int | Sequence[int] | None, mask: Bools | None) -> np.ndarray:
-        """Begin new episodes everywhere or where ``mask`` is true; return observations (E, ...), right at least there."""
-
-    @abstractmethod
-    def _advance(self, actions: np.ndarray) -> Advanced:
-        """Advance what goes on by one step; if the mode is SAME_STEP, what ends begins anew.
-
-        What has ended before stays as it is, with reward 0, neither terminated nor truncated.
-        """
+        self._ended = np.zeros(num_envs, dtype=np.bool_)  # and not yet restarted
+        # Rows as they were last shown: a reset of some environments returns those of the others.
+        self._last = np.zeros(self.observation_space.shape or (), dtype=self.observation_space.dtype)
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin new episodes everywhere, or where ``options["reset_mask"]`` (E,) is true.
+        """Start new episodes everywhere, or where ``options["reset_mask"]`` (E,) is true.
 
         Parameters
         ----------
         seed : as in `CrowdEnv.reset`; seeds of environments that are not reset mean nothing.
-        options : None or {"reset_mask": boolean array}; it is left as it is.
+        options : None or {"reset_mask": boolean array}; nothing in it is changed.
 
         Returns
         -------
-        All observations (E, ...), of environments that are not reset as they were last shown, and the infos of those that are.
+        All observations (E, ...), where no episode starts those that were last shown, and the infos of the new episodes.
 
         Raises
         ------
@@ -106,16 +96,16 @@ class BatchVectorEnv(VectorEnv):
         mask = reset_mask(options, self.num_envs)
         if mask is None:
             mask = np.ones(self.num_envs, dtype=np.bool_)
-            observation = self._begin(seed, None)
+            observation = self.batch.reset(seed)
         elif not self._begun:
             raise ValueError("reset all environments before some of them")
         else:
-            fresh, observation = self._begin(seed, mask), self._last.copy()
+            fresh, observation = self.batch.reset(seed, mask), self._last.copy()
             observation[mask] = fresh[mask]
         self._begun = True
         self._ended[mask] = False
         self._last[:] = observation
-        return observation, about(self._at_start, mask)
+        return observation, about(self.batch.info_at_reset(), mask)
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance every environment by one step; ``actions`` have the shape of ``action_space`` and no other.
@@ -127,32 +117,27 @@ class BatchVectorEnv(VectorEnv):
         """
         if not self._begun:
             raise ValueError("call reset before the first step")
-        made = self._advance(self._checked(actions))
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
+            e = int(np.argmax(self._ended))
+            raise ValueError(f"environment {e} has ended; reset it first: reset(options={{'reset_mask': mask}})")
+        made = self.batch.step(array("the array of actions", actions, self.action_space.shape or (), NUMBERS))
         observation, over = made.observation, made.terminated | made.truncated
-        began = np.zeros(self.num_envs, dtype=np.bool_)
-        if self.autoreset_mode is AutoresetMode.SAME_STEP:
-            began = over
-        elif self._ended.any():
-            began, fresh = self._ended, self._begin(None, self._ended)
-            observation[began] = fresh[began]
-        info = about(made.info, ~began)
-        for name, values in self._at_start.items():
-            info[name][began], info[f"_{name}"][began] = values[began], True
+        same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
+        restarted = over if same_step else self._ended
+        if not same_step and restarted.any():
+            observation[restarted] = self.batch.reset(mask=restarted)[restarted]
+        info = about(made.info, ~restarted)
+        for name, values in self.batch.info_at_reset().items():
+            info[name][restarted], info[f"_{name}"][restarted] = values[restarted], True
         if over.any():
             at_end: dict[str, Any] = {"metrics": as_columns(made.metrics, self.num_envs)}
             if made.final is not None:
                 at_end = {"final_obs": made.final, "final_info": made.info | at_end}
             info |= about(at_end, over)
-        if self.autoreset_mode is not AutoresetMode.SAME_STEP:
+        if not same_step:
             self._ended = over
         self._last[:] = observation
         return observation, made.reward, made.terminated, made.truncated, info
-
-    def _checked(self, actions: Any) -> np.ndarray:
-        if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
-            e = int(np.argmax(self._ended))
-            raise ValueError(f"environment {e} has ended; reset it first: reset(options={{'reset_mask': mask}})")
-        return as_numbers(actions, self.action_space.shape or (), "the array of actions")
 
 
 def as_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
@@ -171,7 +156,7 @@ def as_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
 
 
 def about(values: Mapping[str, Any], rows: Bools) -> dict[str, Any]:
-    """Return infos (E, ...) of these rows (E,) as Gymnasium has them: each with its mask, zero in the other rows."""
+    """Return infos (E, ...) of these ``rows`` (E,) as Gymnasium has them: each beside its mask, zero in the other rows."""
     info: dict[str, Any] = {}
     for name, value in values.items():
         if isinstance(value, Mapping):
@@ -184,7 +169,7 @@ def about(values: Mapping[str, Any], rows: Bools) -> dict[str, Any]:
 
 
 def as_columns(metrics: Mapping[int, EpisodeMetrics], count: int) -> dict[str, np.ndarray]:
-    """Return the metrics of some of so many environments as one array (E,) a field, zero elsewhere."""
+    """Return metrics {environment: metrics} as one array (``count``,) a field, zero where there are none."""
     columns: dict[str, np.ndarray] = {}
     for e, episode in metrics.items():
         for name, value in episode._asdict().items():

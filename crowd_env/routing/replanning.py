@@ -79,7 +79,7 @@ class RoutePlanner:
         self._dynamic = self._find_dynamic()
 
     def _find_dynamic(self) -> list[tuple[int, RouteSet]]:
-        """Return the environments whose ways follow the crowd: mostly none, and then nobody has to ask them all."""
+        """Return the environments with routes that follow the crowd: mostly none, and then none has to be looked at."""
         return [(e, place) for e, place in enumerate(self._current) if isinstance(place, RouteSet) and place.is_dynamic]
 
     def route_set(self, e: int) -> RouteSet | None:
@@ -126,7 +126,7 @@ class RoutePlanner:
     def close(self, e: int, closed: frozenset[str]) -> None:
         """Let the ways of environment ``e`` be those while these doors are closed.
 
-        If that locks somebody in, the ways stay as they were, with a warning: people wait at the door.
+        If that locks people in, the routes stay as they were, with a warning: they wait at the door.
         """
         place = self.places[self._geometry_of_env[e]]
         if not isinstance(place, RouteSet):

@@ -11,8 +11,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.learned import PPOSettings, make_ppo
 from crowd_env import CrowdEnv, RewardWeights, make_scenario
-from crowd_env.adapters import sb3
-from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
+from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer, vec_env
 
 SMALL = {"count": 6, "time_limit": 4.0}
 
@@ -78,7 +77,7 @@ def test_infos_are_shared_by_nobody():
 
 
 def test_metrics_that_nobody_takes_are_not_kept_for_ever(monkeypatch):
-    monkeypatch.setattr(sb3, "KEPT_EPISODES", 4)
+    monkeypatch.setattr(vec_env, "KEPT_EPISODES", 4)
     venv = make(2, time_limit=0.2)
     venv.reset()
     for _ in range(20):

@@ -39,16 +39,16 @@ def test_what_cannot_be_is_refused_in_one_sentence(options, words):
 @pytest.mark.parametrize(
     ("kind", "action", "words"),
     [
-        ("continuous", np.zeros((19, 2)), "(20, 2), not (19, 2)"),
-        ("continuous", np.zeros((20, 3)), "(20, 2), not (20, 3)"),
-        ("continuous", np.zeros(20), "(20, 2), not (20,)"),
+        ("continuous", np.zeros((19, 2)), "has the shape (19, 2); it must be (20, 2)"),
+        ("continuous", np.zeros((20, 3)), "has the shape (20, 3); it must be (20, 2)"),
+        ("continuous", np.zeros(20), "has the shape (20,); it must be (20, 2)"),
         ("continuous", np.full((20, 2), np.nan), "pedestrian 0 is [nan, nan]; it must be finite"),
         ("continuous", np.where(np.arange(20)[:, None] == 7, np.inf, 0.0) + np.zeros((20, 2)), "pedestrian 7"),
         ("discrete", np.full(20, 9), "pedestrian 0 is 9; it must be 0 to 8"),
         ("discrete", np.full(20, -1), "0 to 8"),
         ("discrete", np.full(20, 0.5), "0 to 8"),
         ("discrete", np.full(20, np.nan), "0 to 8"),
-        ("discrete", np.zeros((20, 2)), "(20,), not (20, 2)"),
+        ("discrete", np.zeros((20, 2)), "has the shape (20, 2); it must be (20,)"),
     ],
 )
 def test_a_malformed_action_is_refused_and_nothing_moves(kind, action, words):

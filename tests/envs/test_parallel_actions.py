@@ -169,7 +169,7 @@ def test_an_action_that_is_no_number_is_refused_by_name(kind, action, everyone):
     env.reset(seed=0)
     good = np.zeros(2, dtype=np.float32) if kind == "continuous" else 0
     actions = {agent: action if agent == "pedestrian_1" else good for agent in env.agents}
-    with pytest.raises(ValueError, match=r"action of pedestrian_1 is .*real numbers") as caught:
+    with pytest.raises(ValueError, match=r"action of pedestrian_1 is .*real number") as caught:
         env.step(actions if everyone else {"pedestrian_1": action})
     assert "\n" not in str(caught.value)
     assert env.env.simulation.state.time[0] == 0.0

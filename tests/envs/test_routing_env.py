@@ -59,16 +59,16 @@ def test_the_first_observation_of_five_people_by_hand():
         "speed": [0, 0],
         "flow": [0, 0],
         "queue": [2 / 5, 1 / 5],  # the first two are 1.0 and 2.1 m from the west exit, the third 3.6 m
-        "told": [3 / 5, 2 / 5],  # nobody was told anything yet: the nearest exit
+        "assigned": [3 / 5, 2 / 5],  # nobody was told anything yet: the nearest exit
         "door": [],
         "inside": [1],
         "time": [0],
     }
-    assert list(expected) == list(layout.parts)
+    assert list(expected) == list(layout.names)
     for part, values in expected.items():
         np.testing.assert_allclose(observation[layout[part]], values, rtol=1e-6, err_msg=part)
     assert observation.shape == (layout.size,) == (14,)
-    with pytest.raises(KeyError, match="no part 'queues'; it has: count"):
+    with pytest.raises(KeyError, match="no term 'queues'; it has: count"):
         layout["queues"]
 
 
@@ -86,7 +86,7 @@ def test_what_is_observed_after_two_seconds_by_hand():
         "speed": [speed[2] / 2.0, speed[3] / 2.0],
         "flow": [2 / 2.0 / 1.0 / 5.0, 1 / 2.0 / 2.0 / 5.0],  # 2 people in 2 s by 1 m, 1 by 2 m
         "queue": [1 / 5, 1 / 5],
-        "told": [1 / 5, 1 / 5],
+        "assigned": [1 / 5, 1 / 5],
         "inside": [2 / 5],
         "time": [2 / 60],
     }
@@ -177,7 +177,7 @@ def test_whoever_has_passed_the_region_of_a_route_is_not_sent_back():
     env.reset(seed=0)
     seen = []
     while not (end := env.step([2]))[2] and not end[3]:
-        assert end[0][env.layout["told"]].tolist() == [0, 0, 1]
+        assert end[0][env.layout["assigned"]].tolist() == [0, 0, 1]
         seen.append(env.batch.env.simulation.state.position[0].copy())
     assert end[2] and np.max(seen, axis=0)[1] > 3.0
     assert end[4]["metrics"]["evacuation_time"] < 8.0
@@ -263,7 +263,7 @@ def test_a_frame_shows_the_hall():
 
 
 def test_stable_baselines3_sees_each_row_as_an_environment():
-    sb3 = pytest.importorskip("crowd_env.adapters.vec_env")
+    sb3 = pytest.importorskip("crowd_env.adapters.sb3")
     venv, twin = sb3.VectorVecEnv(RoutingVectorEnv(SMALL, num_envs=2)), RoutingVectorEnv(SMALL, num_envs=2)
     venv.seed(3)
     np.testing.assert_array_equal(venv.reset(), twin.reset(seed=3)[0])
@@ -286,7 +286,7 @@ def test_stable_baselines3_sees_each_row_as_an_environment():
 
 
 def test_a_slot_cut_off_at_the_time_limit_says_so():
-    sb3 = pytest.importorskip("crowd_env.adapters.vec_env")
+    sb3 = pytest.importorskip("crowd_env.adapters.sb3")
     venv = sb3.VectorVecEnv(RoutingVectorEnv(SMALL, num_envs=2, time_limit=2.0))
     venv.reset()
     _, _, done, infos = venv.step(np.zeros((2, 8), dtype=int))

@@ -38,19 +38,21 @@ class Observer:
         largest = int(np.diff(simulation.bodies.env_start).max())
         self._plans = [struct_ref(layout.plan(largest)) for _ in range(side_by_side)]
         self._workers = Workers()
-        world, history, results = simulation.world, simulation.history, simulation.results
+        self._cells = allocate_neighbors(simulation.bodies, per_person=0)
+        world, batch, history, results = simulation.world, simulation.batch, simulation.history, simulation.results
+        # The parts of `simulation.batch` stay the same references when doors or growth replace what they refer to.
         self._view = struct_ref(
             View(
                 boundary=world.boundary,
                 door_open=history.door_open,
                 geometry_of_env=world.geometry_of_env,
-                field=simulation.batch.world.field,  # a reference: it follows when doors and new routes replace the arrays
+                field=batch.world.field,
                 field_of_route=world.guidance.field_of_route,
                 potential_of_route=simulation.planner.potential_of_route,
                 followed=history.followed,
                 bodies=simulation.bodies,
                 state=simulation.state,
-                near=allocate_neighbors(simulation.bodies, per_person=0),
+                near=self._cells,
                 impulse=results.impulse,
                 impulse_magnitude=results.impulse_magnitude,
                 seen=self._seen,

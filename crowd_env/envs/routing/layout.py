@@ -1,142 +1,73 @@
-"""Where a routing controller decides and what it sees: decision regions, and the layout of its observation."""
+"""Which terms the observation of a routing controller holds, and in which columns."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-
-from crowd_env.checks import known, shown
-from crowd_env.geometry.geometry import Geometry, box
-from crowd_env.state import Floats, Ints
-
-_LEAST_AREA = 0.1  # m2  cells of a grid with less floor than that are left out
-
-
-class DecisionRegions(NamedTuple):
-    """Where people are told the same."""
-
-    names: tuple[str, ...]  # R
-    area: Floats  # (R,) m2  walkable
-    center: Floats  # (R, 2) m  of what is walkable of it
-    locate: Callable[[Floats], Ints]  # positions (K, 2) -> region (K,), the first that holds it; -1 = none
-
-
-def named_regions(geometry: Geometry, names: Sequence[str]) -> DecisionRegions:
-    """Return regions of a plan as decision regions; where they overlap the first one counts."""
-    floors = [geometry.walkable.intersection(geometry.regions[name]) for name in names]
-    center = np.array([(floor.centroid.x, floor.centroid.y) for floor in floors])
-    locate = partial(_first_that_holds, geometry, tuple(names))
-    return DecisionRegions(tuple(names), np.array([floor.area for floor in floors]), center, locate)
-
-
-def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
-    """Return the walkable cells of a grid over the bounding box, ``cell-<column>-<row>`` from the lower left, row by row.
-
-    Parameters
-    ----------
-    grid : number of columns and of rows.
-
-    Raises
-    ------
-    ValueError
-        If these are no two whole numbers >= 1, or so many that no cell has 0.1 m2 of floor.
-    """
-    columns, rows = _checked(grid)
-    low = np.array(geometry.bounds[:2])
-    size = (np.array(geometry.bounds[2:]) - low) / (columns, rows)
-    too_small = ValueError(
-        f"no cell of a grid of {columns} x {rows} has {_LEAST_AREA:g} m2 of floor: one measures "
-        f"{size[0]:.3g} x {size[1]:.3g} m; take fewer columns and rows"
-    )
-    if size.prod() < _LEAST_AREA:
-        raise too_small  # before millions of them are cut out
-    names: list[str] = []
-    area: list[float] = []
-    center: list[tuple[float, float]] = []
-    number = np.full((rows, columns), -1, dtype=np.int64)
-    for row in range(rows):
-        for column in range(columns):
-            corner = low + (column, row) * size
-            floor = geometry.walkable.intersection(box(*corner, *(corner + size)))
-            if floor.area >= _LEAST_AREA:
-                number[row, column] = len(names)
-                names.append(f"cell-{column}-{row}")
-                area.append(float(floor.area))
-                center.append((floor.centroid.x, floor.centroid.y))
-    if not names:
-        raise too_small
-
-    return DecisionRegions(tuple(names), np.array(area), np.array(center), partial(_cell_of, low, size, number))
-
-
-# Functions of the module, not of a plan: a process can send them to another.
-def _first_that_holds(geometry: Geometry, names: tuple[str, ...], position: Floats) -> Ints:
-    """Return the first of the named regions (K,) that holds a position (K, 2); -1 = none."""
-    inside = np.stack([geometry.contains(position, name) for name in names])
-    return np.where(inside.any(axis=0), inside.argmax(axis=0), -1).astype(np.int64)
-
-
-def _cell_of(low: Floats, size: Floats, number: Ints, position: Floats) -> Ints:
-    """Return the number (K,) of the cell of a grid that a position (K, 2) lies in; -1 = none."""
-    rows, columns = number.shape
-    column, row = np.floor((position - low) / size).astype(np.int64).T
-    return np.asarray(number[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)], dtype=np.int64)
-
-
-def _checked(grid: Any) -> tuple[int, int]:
-    """Return the columns and rows of a grid."""
-    both = list(grid) if isinstance(grid, list | tuple | np.ndarray) else []
-    whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) and n >= 1 for n in both)
-    if len(both) != 2 or not whole:
-        raise ValueError(f"grid is {shown(grid)}; it must be two whole numbers >= 1, columns and rows: grid=(4, 2)")
-    return int(both[0]), int(both[1])
+from crowd_env.checks import check_keys, known, refuse, shown
+from crowd_env.envs.routing.terms import TERMS, RoutingTerm
+from crowd_env.envs.terms import names_of
 
 
 @dataclass(frozen=True)
 class RoutingLayout:
-    """Where the parts of an observation are: ``layout["queue"]`` is a slice of columns; all lie in [0, 1], float32.
+    """Where the terms of an observation are: ``layout["queue"]`` is a slice of columns; all values lie in [0, 1].
 
-    ============  ===================  ====================================================================
-    part          one for each         value
-    ============  ===================  ====================================================================
-    ``count``     region               people in it / all N people of the scenario
-    ``density``   region               people per walkable m2 / (5 /m2)
-    ``speed``     region               mean speed of the people in it / (2 m/s); 0 if there are none
-    ``flow``      exit                 people who left by it since the last decision / (s, m of width, 5)
-    ``queue``     exit                 people with at most 2.5 m to walk to it / N
-    ``told``      route                people inside who were told to take it / N
-    ``door``      controlled door      1 = open
-    ``inside``    (1)                  people inside / N
-    ``time``      (1)                  time / time limit
-    ============  ===================  ====================================================================
+    Parameters
+    ----------
+    regions, exits, routes, doors : names, in the order of the columns of terms that have one for each.
+    terms : in the order of the columns.
     """
 
     regions: tuple[str, ...]
     exits: tuple[str, ...]
     routes: tuple[str, ...]
     doors: tuple[str, ...] = ()
+    terms: tuple[RoutingTerm, ...] = tuple(TERMS.values())
 
     @property
-    def parts(self) -> dict[str, int]:
-        """Name -> number of columns, in order."""
-        regions, exits = len(self.regions), len(self.exits)
-        sizes = {"count": regions, "density": regions, "speed": regions, "flow": exits, "queue": exits}
-        return {**sizes, "told": len(self.routes), "door": len(self.doors), "inside": 1, "time": 1}
+    def names(self) -> tuple[str, ...]:
+        """Names of the terms, in the order of the columns."""
+        return tuple(term.name for term in self.terms)
 
     @property
     def size(self) -> int:
         """Number of columns in all."""
-        return sum(self.parts.values())
+        return sum(self._width(term) for term in self.terms)
 
-    def __getitem__(self, part: str) -> slice:
-        """Return the columns of a part."""
-        names = list(self.parts)
-        if part not in names:
-            raise KeyError(f"this observation has no part {part!r}; it has: {', '.join(names)}")
-        begin = sum(self.parts[name] for name in names[: names.index(part)])
-        return slice(begin, begin + self.parts[part])
+    def _width(self, term: RoutingTerm) -> int:
+        each = {"region": self.regions, "exit": self.exits, "route": self.routes, "door": self.doors}
+        return len(each[term.of_each]) if term.of_each else 1
+
+    def __getitem__(self, name: str) -> slice:
+        """Return the columns of a term."""
+        begin = 0
+        for term in self.terms:
+            if term.name == name:
+                return slice(begin, begin + self._width(term))
+            begin += self._width(term)
+        raise KeyError(f"this observation has no term {name!r}; it has: {', '.join(self.names)}")
+
+
+def make_terms(observation: Mapping[str, Any] | None) -> tuple[RoutingTerm, ...]:
+    """Return the terms of plain data, ``{"terms": ["count", "queue"]}``, or all; `RoutingTerm` objects may stand among names.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, a name is unknown, or two terms have the same name.
+    """
+    if observation is None:
+        return tuple(TERMS.values())
+    form = f"a table of terms such as {{'terms': [{', '.join(map(repr, list(TERMS)[:2]))}]}}"
+    if not isinstance(observation, Mapping) or "terms" not in observation:
+        refuse("observation", observation, form)
+    check_keys("observation", observation, ["terms"])
+    terms = observation["terms"]
+    if not isinstance(terms, list | tuple) or not terms:
+        refuse("observation: terms", terms, "a list of at least one name or RoutingTerm")
+    names_of("observation term", terms, RoutingTerm, TERMS)
+    return tuple(term if isinstance(term, RoutingTerm) else TERMS[term] for term in terms)
 
 
 def check_names(kind: str, names: Sequence[str], allowed: Sequence[str]) -> tuple[str, ...]:

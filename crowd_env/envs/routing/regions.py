@@ -1,0 +1,93 @@
+"""Where a routing controller decides: named regions of the scenario, or the cells of a grid."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowd_env.checks import shown
+from crowd_env.geometry.geometry import Geometry, box
+from crowd_env.state import Floats, Ints
+
+_LEAST_AREA = 0.1  # m2  cells of a grid with less floor than that are left out
+
+
+class DecisionRegions(NamedTuple):
+    """Where all people are sent along the same route."""
+
+    names: tuple[str, ...]  # R
+    area: Floats  # (R,) m2  walkable
+    center: Floats  # (R, 2) m  of its walkable part
+    locate: Callable[[Floats], Ints]  # positions (K, 2) -> region (K,), the first that holds it; -1 = none
+
+
+def named_regions(geometry: Geometry, names: Sequence[str]) -> DecisionRegions:
+    """Return regions of a geometry as decision regions; where they overlap the first one counts."""
+    floors = [geometry.walkable.intersection(geometry.regions[name]) for name in names]
+    center = np.array([(floor.centroid.x, floor.centroid.y) for floor in floors])
+    locate = partial(_first_that_holds, geometry, tuple(names))
+    return DecisionRegions(tuple(names), np.array([floor.area for floor in floors]), center, locate)
+
+
+def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
+    """Return the walkable cells of a grid over the bounding box, ``cell-<column>-<row>`` from the lower left, row by row.
+
+    Parameters
+    ----------
+    grid : number of columns and of rows.
+
+    Raises
+    ------
+    ValueError
+        If these are no two whole numbers >= 1, or so many that no cell has 0.1 m2 of floor.
+    """
+    columns, rows = _grid_size(grid)
+    low = np.array(geometry.bounds[:2])
+    size = (np.array(geometry.bounds[2:]) - low) / (columns, rows)
+    too_small = ValueError(
+        f"no cell of a grid of {columns} x {rows} has {_LEAST_AREA:g} m2 of floor: one measures "
+        f"{size[0]:.3g} x {size[1]:.3g} m; take fewer columns and rows"
+    )
+    if size.prod() < _LEAST_AREA:
+        raise too_small  # before millions of them are cut out
+    names: list[str] = []
+    area: list[float] = []
+    center: list[tuple[float, float]] = []
+    number = np.full((rows, columns), -1, dtype=np.int64)
+    for row in range(rows):
+        for column in range(columns):
+            corner = low + (column, row) * size
+            floor = geometry.walkable.intersection(box(*corner, *(corner + size)))
+            if floor.area >= _LEAST_AREA:
+                number[row, column] = len(names)
+                names.append(f"cell-{column}-{row}")
+                area.append(float(floor.area))
+                center.append((floor.centroid.x, floor.centroid.y))
+    if not names:
+        raise too_small
+
+    return DecisionRegions(tuple(names), np.array(area), np.array(center), partial(_cell_of, low, size, number))
+
+
+# Functions of the module, not closures: these can be pickled.
+def _first_that_holds(geometry: Geometry, names: tuple[str, ...], position: Floats) -> Ints:
+    """Return the first of the named regions (K,) that holds a position (K, 2); -1 = none."""
+    inside = np.stack([geometry.contains(position, name) for name in names])
+    return np.where(inside.any(axis=0), inside.argmax(axis=0), -1).astype(np.int64)
+
+
+def _cell_of(low: Floats, size: Floats, number: Ints, position: Floats) -> Ints:
+    """Return the number (K,) of the cell of a grid that a position (K, 2) lies in; -1 = none."""
+    rows, columns = number.shape
+    column, row = np.floor((position - low) / size).astype(np.int64).T
+    return np.asarray(number[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)], dtype=np.int64)
+
+
+def _grid_size(grid: Any) -> tuple[int, int]:
+    """Return the columns and rows of a grid."""
+    both = list(grid) if isinstance(grid, list | tuple | np.ndarray) else []
+    whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) and n >= 1 for n in both)
+    if len(both) != 2 or not whole:
+        raise ValueError(f"grid is {shown(grid)}; it must be two whole numbers >= 1, columns and rows: grid=(4, 2)")
+    return int(both[0]), int(both[1])

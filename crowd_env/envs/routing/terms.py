@@ -1,0 +1,205 @@
+"""What a controller of ``crowd_env/Routing-v0`` observes and is rewarded for: two tables of named terms, and a user's own."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from crowd_env.checks import check_fields, number, table
+from crowd_env.envs.terms import names_of, require_function
+from crowd_env.state import Bools, Floats, Ints
+
+DENSITY_SCALE = 5.0  # 1/m2
+SPEED_SCALE = 2.0  # m/s
+FLOW_SCALE = 5.0  # 1/(s m)  people out per second and meter of exit
+QUEUE_REACH = 2.5  # m  people with no further to walk to an exit stand in its queue
+
+
+class RoutingView(NamedTuple):
+    """What a term may read: E evacuations of N people, R regions, X exits, K routes and D doors, when a decision is due."""
+
+    interval: float  # s  between decisions
+    inside: Bools  # (E, N)  inside, or cut off by the end of the episode since the last decision
+    left: Bools  # (E, N)  got out since the last decision
+    time_inside: Floats  # (E, N)  s spent inside since the last decision
+    position: Floats  # (E, N, 2)  m
+    velocity: Floats  # (E, N, 2)  m/s
+    region: Ints  # (E, N)  region of people inside; -1 = none of the regions, or not inside
+    region_area: Floats  # (R,)  m2, walkable
+    exit_taken: Ints  # (E, N)  exit by which people have left since the last decision; -1 = have not
+    exit_width: Floats  # (X,)  m
+    exit_distance: Floats  # (X, E, N)  m to walk to each exit
+    on_route: Bools  # (K, E, N)  inside and sent along the route
+    door_open: Bools  # (E, D)
+    time: Floats  # (E,)  s since the start
+    time_limit: Floats  # (E,)  s
+
+    def total(self, group: Ints, groups: int, weights: Floats | None = None) -> Floats:
+        """Return the number (E, ``groups``) of people in each ``group`` (E, N), or the sum of ``weights``; -1 is no group."""
+        environments = len(group)
+        known = group >= 0
+        cell = (group + groups * np.arange(environments)[:, None])[known]
+        total = np.bincount(cell, weights=None if weights is None else weights[known], minlength=environments * groups)
+        return np.asarray(total, dtype=np.float64).reshape(environments, groups)
+
+
+@dataclass(frozen=True)
+class RoutingTerm:
+    """A term of the observation, ``RoutingEnv(observation={"terms": [...]})``.
+
+    Parameters
+    ----------
+    name : the columns are ``layout[name]``.
+    of_each : the term has a column for each "region", "exit", "route" or controlled "door", or a single one ("").
+    function : of a `RoutingView`; returns the columns (E, n), scaled to [0, 1].  Values beyond that are clipped.  It must draw
+        no random numbers, and an environment's row must not depend on other environments.
+
+    Raises
+    ------
+    ValueError
+        If the name is empty, ``of_each`` is unknown, or the function cannot be called.
+    """
+
+    name: str
+    of_each: Literal["region", "exit", "route", "door", ""]
+    function: Callable[[RoutingView], Any]
+
+    def __post_init__(self) -> None:
+        check_fields("observation term", self)
+        require_function("observation term", self.name, self.function, "view")
+
+
+@dataclass(frozen=True)
+class RoutingReward:
+    """A term of the reward, a key of ``RoutingEnv(reward={...})`` beside the names in ``REWARDS``.
+
+    Parameters
+    ----------
+    name : it is reported as ``reward/<name>``.
+    function : of a `RoutingView`; returns the term (E,) of each environment.
+
+    Raises
+    ------
+    ValueError
+        If the name is empty or the function cannot be called.
+    """
+
+    name: str
+    function: Callable[[RoutingView], Any]
+
+    def __post_init__(self) -> None:
+        check_fields("reward term", self)
+        require_function("reward term", self.name, self.function, "view")
+
+
+def _count(view: RoutingView) -> Floats:
+    return view.total(view.region, len(view.region_area)) / view.inside.shape[1]
+
+
+def _density(view: RoutingView) -> Floats:
+    return view.total(view.region, len(view.region_area)) / view.region_area / DENSITY_SCALE
+
+
+def _speed(view: RoutingView) -> Floats:
+    speed = np.hypot(view.velocity[..., 0], view.velocity[..., 1])
+    total, people = (view.total(view.region, len(view.region_area), weights) for weights in (speed, None))
+    return total / np.maximum(people, 1.0) / SPEED_SCALE
+
+
+def _flow(view: RoutingView) -> Floats:
+    return view.total(view.exit_taken, len(view.exit_width)) / view.interval / (view.exit_width * FLOW_SCALE)
+
+
+def _queue(view: RoutingView) -> Floats:
+    return _share(view.inside & (view.exit_distance <= QUEUE_REACH))
+
+
+def _assigned(view: RoutingView) -> Floats:
+    return _share(view.on_route)
+
+
+def _door(view: RoutingView) -> Bools:
+    return view.door_open
+
+
+def _inside(view: RoutingView) -> Floats:
+    return _share(view.inside[None])
+
+
+def _time(view: RoutingView) -> Floats:
+    return (view.time / view.time_limit)[:, None]
+
+
+def _share(people: Bools) -> Floats:
+    """Return the share (E, n) of all N people for each of n choices (n, E, N) of them."""
+    return np.asarray(people.sum(axis=2) / people.shape[2]).T
+
+
+TERMS: Mapping[str, RoutingTerm] = MappingProxyType(
+    {
+        term.name: term
+        for term in (
+            # people in it / all N people of the scenario
+            RoutingTerm("count", "region", _count),
+            # people per walkable m2 / (5 /m2)
+            RoutingTerm("density", "region", _density),
+            # mean speed of the people in it / (2 m/s); 0 if there are none
+            RoutingTerm("speed", "region", _speed),
+            # people who left by it since the last decision / (interval * width * 5 /(s m))
+            RoutingTerm("flow", "exit", _flow),
+            # people with at most 2.5 m to walk to it / N
+            RoutingTerm("queue", "exit", _queue),
+            # people inside who were sent along it / N
+            RoutingTerm("assigned", "route", _assigned),
+            # 1 = open
+            RoutingTerm("door", "door", _door),
+            # people inside / N
+            RoutingTerm("inside", "", _inside),
+            # time / time limit
+            RoutingTerm("time", "", _time),
+        )
+    }
+)
+
+
+def _mean(view: RoutingView) -> Floats:
+    return -view.time_inside.mean(axis=1)
+
+
+def _last(view: RoutingView) -> Floats:
+    return -view.time_inside.max(axis=1)
+
+
+REWARDS: Mapping[str, RoutingReward] = MappingProxyType(
+    {
+        term.name: term
+        for term in (
+            # minus the time that everyone spent inside [s], averaged over all N people: sums to minus the mean exit time
+            RoutingReward("mean", _mean),
+            # minus the time during which anyone was inside [s]: sums to minus the exit time of the last person
+            RoutingReward("last", _last),
+        )
+    }
+)
+
+
+def make_weights(reward: Mapping[str | RoutingReward, float] | None) -> dict[RoutingReward, float]:
+    """Return the weights of all terms of the reward: 0.1 each by default, 0 for terms that a table of weights leaves out.
+
+    Raises
+    ------
+    ValueError
+        If it is no table, a term is unknown, two terms have the same name, or a weight is not finite.
+    """
+    weights = table(
+        "reward", dict.fromkeys(REWARDS, 0.1) if reward is None else reward, "weights such as {'mean': 0.1}"
+    )
+    names = names_of("reward term", weights, RoutingReward, REWARDS)
+    own = [term for term in weights if isinstance(term, RoutingReward)]
+    given = {
+        name: number(f"weight of reward term {name!r}", weight)
+        for name, weight in zip(names, weights.values(), strict=True)
+    }
+    return {term: given.get(term.name, 0.0) for term in (*REWARDS.values(), *own)}
