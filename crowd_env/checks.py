@@ -233,7 +233,7 @@ def check_fields(where: str, thing: Any, **allowed: Range) -> None:
     """Check every field of a frozen dataclass against its annotation, and give it the type that is annotated.
 
     Numbers, flags, texts, literals, tuples of texts or of other dataclasses and these or None are known; other annotations are
-    left to the caller.
+    left to the caller.  For another dataclass a table of its fields may be given.
 
     Parameters
     ----------
@@ -284,19 +284,22 @@ def _of_kind(what: str, value: Any, kind: Any, allowed: Range | None) -> Any:
         return flag(what, value)
     if kind is str:
         return text(what, value)
-    if is_dataclass(kind) and not isinstance(value, kind):  # type: ignore[arg-type]  # a dataclass is a class
-        refuse(what, value, f"a {kind.__name__}")  # type: ignore[union-attr]
-    return value
+    return _thing(what, value, kind) if is_dataclass(kind) else value
 
 
 def _things(what: str, value: Any, kind: type) -> tuple[Any, ...]:
     if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
         refuse(what, value, f"a tuple of {kind.__name__} objects")
-    things = tuple(value)
-    for k, one in enumerate(things):
-        if not isinstance(one, kind):
-            refuse(f"{what}[{k}]", one, f"a {kind.__name__}")
-    return things
+    return tuple(_thing(f"{what}[{k}]", one, kind) for k, one in enumerate(value))
+
+
+def _thing(what: str, value: Any, kind: Any) -> Any:
+    """Return an object of a class; one that checks its fields may be given as a table of them."""
+    if isinstance(value, Mapping) and hasattr(kind, "__post_init__"):
+        return from_table(what, kind, value)
+    if not isinstance(value, kind):
+        refuse(what, value, f"a {kind.__name__}")
+    return value
 
 
 def from_table(where: str, kind: type[Thing], table: Mapping[str, Any]) -> Thing:

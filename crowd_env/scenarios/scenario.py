@@ -12,7 +12,8 @@ from crowd_env.navigation.field import NavigationField, OneWay
 from crowd_env.routing.route_set import RouteSet, Target, build_routes
 from crowd_env.routing.spec import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
 from crowd_env.scenarios.groups import Groups, as_people
-from crowd_env.scenarios.population import Population, require_names, require_room
+from crowd_env.scenarios.placement import require_room
+from crowd_env.scenarios.population import Population, require_names
 from crowd_env.state import Floats, Ints
 
 Strategy = Literal["shortest", "nearest", "fastest", "comfortable"]
