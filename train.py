@@ -8,10 +8,11 @@ from rich.console import Console
 from rich.progress import track
 
 from agents import make_policy
+from agents.drivers import policy_driver
 from agents.evaluation.comparison import last_times, minus_first, ratio
 from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate
 from agents.evaluation.report import comparison_table, table_console
-from agents.runs import check_name, new_folder, write_json
+from agents.runs import check_name, new_folder
 from agents.stopping import stops_by
 from agents.trained import LearnedPolicy
 from agents.training_config import (
@@ -25,6 +26,7 @@ from agents.training_config import (
     read_config,
 )
 from crowd_env import make_scenario
+from crowd_env.files.json_file import write_json
 
 BASELINES = ("shortest", "stand-still", "random")
 console = Console(stderr=True)
@@ -94,9 +96,9 @@ def _physics(config: dict[str, Any]) -> dict[str, Any]:
 
 def draw(folder: Path, config: dict[str, Any], results: list[Evaluation]) -> None:
     """Write learning curve, egress curves and the film of the learned policy beside the rule."""
-    from agents.film import record
     from agents.learned.training import VALIDATION_SEED, read_curve, score
     from crowd_env.rendering import egress_curves, learning_curve, write_film
+    from crowd_env.rendering.live import record
 
     curve, physics = read_curve(folder / "learning_curve.csv"), _physics(config)
     # The curve was measured on validation draws, so the rule it is compared with is too.
@@ -116,8 +118,9 @@ def draw(folder: Path, config: dict[str, Any], results: list[Evaluation]) -> Non
     )
     shown = {result.policy: result.exit_times for result in results if result.policy in ("shortest", "learned")}
     egress_curves(folder / "egress_curves.png", shown, title=f"{config['scenario']}, {config['scheme']}")
+    place = make_scenario(config["scenario"])
     films = [
-        record(policy, config["scenario"], title=title, **physics)
+        record(place, seed=HELD_OUT_SEED, title=title, driver=policy_driver(policy, place, **physics))
         for policy, title in ((LearnedPolicy.load(folder / "best.npz"), "learned"), (rule, "rule: shortest path"))
     ]
     write_film(folder / "evacuation.gif", films)

@@ -7,16 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.evaluation.candidates import Candidate, make_candidates
 from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
-from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evacuate
+from agents.evaluation.entries import Entry, make_entries
+from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate_driver
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
-from agents.runs import versions, write_json
+from agents.runs import versions
 from agents.stopping import stops_by
 from agents.training_config import check_runs
 from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
 from crowd_env.console import notes, progress_bar
+from crowd_env.files.json_file import write_json
 
 _EXAMPLE = """examples:
   python -m agents.evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
@@ -56,7 +57,7 @@ def _arguments() -> argparse.ArgumentParser:
 
 
 def compare(
-    candidates: Sequence[Candidate],
+    entries: Sequence[Entry],
     scenario: Scenario,
     schemes: Sequence[str],
     *,
@@ -65,36 +66,36 @@ def compare(
     threads: int = 1,
     folder: EvaluationFolder | None = None,
 ) -> list[Evaluation]:
-    """Evaluate every candidate under every scheme: run ``k`` of all of them starts from the same people in the same places.
+    """Evaluate every entry under every scheme: run ``k`` of all of them starts from the same people in the same places.
 
     What ``folder`` has kept is taken from there.
     """
     results: list[Evaluation] = []
-    total = len(schemes) * len(candidates)
+    total = len(schemes) * len(entries)
     for scheme in schemes:
         warm = False
-        for candidate in candidates:
-            result = folder.load(candidate, scheme) if folder is not None else None
+        for entry in entries:
+            result = folder.load(entry, scheme) if folder is not None else None
             if result is None:
                 if not warm:
                     _warm_up(scheme)
                     warm = True
-                result = _evaluate(candidate, scenario, scheme, runs, seed, threads, f"{len(results) + 1}/{total}")
+                result = _evaluate(entry, scenario, scheme, runs, seed, threads, f"{len(results) + 1}/{total}")
                 if folder is not None:
-                    folder.save(candidate, scheme, result)
+                    folder.save(entry, scheme, result)
             results.append(result)
     return results
 
 
 def _evaluate(
-    candidate: Candidate, scenario: Scenario, scheme: str, runs: int, seed: int, threads: int, number: str
+    entry: Entry, scenario: Scenario, scheme: str, runs: int, seed: int, threads: int, number: str
 ) -> Evaluation:
-    title = f"{number} {candidate.name}, {scheme}"
+    title = f"{number} {entry.name}, {scheme}"
     with progress_bar(title, runs) as progress:
-        result = evacuate(
-            lambda count: candidate.lead(scenario, scheme, count, threads),
+        result = evaluate_driver(
+            entry.driver(scenario, scheme, threads),
             scenario,
-            candidate.name,
+            entry.name,
             scheme,
             runs=runs,
             first_seed=HELD_OUT_SEED + seed,
@@ -166,7 +167,7 @@ def _run(asked: argparse.Namespace) -> tuple[list[Evaluation], Scenario, dict[st
     schemes = list(dict.fromkeys(asked.schemes))
     for scheme in schemes:
         make_scheme(scheme)
-    candidates = make_candidates(asked.policies, scenario, trust_pickle=asked.trust_pickle)
+    entries = make_entries(asked.policies, scenario, trust_pickle=asked.trust_pickle)
     if "rules" in asked.policies and not scenario.rules:
         notes.print(f"note: {scenario.name} has no control rules; rules is shortest there", markup=False)
     settings = settings_of(scenario, asked.runs, asked.seed)
@@ -177,7 +178,7 @@ def _run(asked: argparse.Namespace) -> tuple[list[Evaluation], Scenario, dict[st
         new_figure((1.0, 1.0))  # says now, not after the work, that the drawing library is missing
         folder = EvaluationFolder(asked.out, settings)
     results = compare(
-        candidates, scenario, schemes, runs=asked.runs, seed=asked.seed, threads=asked.threads, folder=folder
+        entries, scenario, schemes, runs=asked.runs, seed=asked.seed, threads=asked.threads, folder=folder
     )
     told = summary(results, scenario, settings)
     if folder is not None:

@@ -29,6 +29,28 @@ class ShortestPath(_Rule):
         return None
 
 
+class StrategyPolicy(_Rule):
+    """Let everyone walk as a strategy of the environment says.
+
+    Parameters
+    ----------
+    strategy : see `Scenario.route_set`.
+    rules : whether the control rules of the scenario are in force.
+    """
+
+    def __init__(self, strategy: str, *, rules: bool = False, name: str = "") -> None:
+        self.name = name or strategy
+        self.env_options: dict[str, Any] = {
+            "strategy": strategy,
+            "rules": rules,
+            "observation": ObservationLayout(terms=("desired_speed",)),  # nobody reads it
+        }
+
+    def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
+        """Leave everyone to the environment."""
+        return None
+
+
 class StandStill(_Rule):
     """Want to stay where one is."""
 

@@ -1,39 +1,10 @@
-"""Folders of training runs: every file is written whole or not at all."""
+"""Folders of training runs, and what the versions in them were."""
 
-import json
 import platform
 from importlib import metadata
 from pathlib import Path
-from typing import Any
-
-from crowd_env.files.atomic import written
 
 _PACKAGES = ("crowd-env", "gymnasium", "numba", "numpy", "pettingzoo", "scikit-fmm", "stable-baselines3", "torch")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file atomically."""
-    with written(path) as part:
-        part.write_text(text, encoding="utf-8")
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write a JSON file atomically."""
-    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
-
-
-def read_json(path: Path) -> Any:
-    """Read a JSON file.
-
-    Raises
-    ------
-    ValueError
-        If it is missing or not JSON.
-    """
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:  # of the encoding, of JSON, of its depth
-        raise ValueError(f"cannot read {path}: {error}") from None
 
 
 def check_name(name: str) -> None:

@@ -11,15 +11,18 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from agents.controllers import STRATEGIES, Controller, FixedSplit, RandomController, judge
+from agents.controllers import Controller, FixedSplit, RandomController
 from agents.evaluation.comparison import last_times, mean_times, paired, ratio
-from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, named, share
+from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, named
 from agents.evaluation.report import difference, percent, table_console
-from agents.runs import new_folder, versions, write_json
+from agents.evaluation.routing import STRATEGIES, evaluate_controller
+from agents.runs import new_folder, versions
 from agents.stopping import stops_by
 from agents.trained import LearnedController
 from agents.training_config import check_budget, check_envs, check_libraries, check_runs, check_seed
+from crowd_env.envs.rollout import share
 from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.files.json_file import write_json
 
 console = Console(stderr=True)
 _MOST_CELLS = 10_000  # more are no places to decide about, and their names alone fill memory
@@ -33,7 +36,7 @@ def judge_all(
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("judging on held-out draws", total=runs * len(controllers))
         for controller in controllers:
-            judged = judge(
+            judged = evaluate_controller(
                 controller,
                 runs=runs,
                 first_seed=HELD_OUT_SEED,

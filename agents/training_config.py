@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from agents.evaluation.evaluation import HELD_OUT_SEED
-from agents.runs import read_json, versions
+from agents.runs import versions
 from crowd_env import CrowdEnv, ObservationLayout, RewardWeights, make_scenario, make_scheme
+from crowd_env.files.json_file import read_json
 
 # People simulated side by side in training: what a rollout remembers of so many takes some gigabytes.
 MOST_PEOPLE = 200_000

@@ -16,7 +16,8 @@ from crowd_env.envs.reward import RewardWeights
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import OneWay
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
-from crowd_env.routing.spec import Comfort, ControlRule, DoorEvent, Route, SpeedZone
+from crowd_env.routing.spec import ControlRule, DoorEvent, Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios import SCENARIOS, make_scenario
 from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt
 from crowd_env.scenarios.groups import Groups

@@ -176,8 +176,8 @@ def table(what: str, value: Any, of: str) -> Mapping[str, Any]:
     return value
 
 
-def known(what: str, value: Any, names: Iterable[str]) -> str:
-    """Return a name that is one of ``names``.
+def known(what: str, value: Any, names: Iterable[str], where: str = "") -> str:
+    """Return a name that is one of ``names``; ``where`` begins the message.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def known(what: str, value: Any, names: Iterable[str]) -> str:
     """
     names = list(names)
     if not isinstance(value, str) or value not in names:
-        raise ValueError(f"unknown {what} {shown(value)}; known: {', '.join(names) or 'none'}")
+        raise ValueError(f"{where}unknown {what} {shown(value)}; known: {', '.join(names) or 'none'}")
     return str(value)
 
 

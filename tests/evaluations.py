@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from agents.evaluation.candidates import make_candidates
-from agents.evaluation.evaluation import evacuate
-from agents.evaluation.measurements import Recorder
+from agents.evaluation.entries import make_entries
+from agents.evaluation.evaluation import evaluate_driver
+from agents.evaluation.measurements import MeasurementRecorder
 from agents.network import Network
 from agents.trained import LearnedPolicy
 from crowd_env import ControlRule, CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform
@@ -33,11 +33,11 @@ RULED = hall(rules=(ControlRule("west door", at_least=3, route="east"),))
 
 
 def run(name, scenario=SMALL, scheme="nsm2", runs=3, **options):
-    (candidate,) = make_candidates([name], scenario)
-    return evacuate(
-        lambda count: candidate.lead(scenario, scheme, count, 1),
+    (entry,) = make_entries([name], scenario)
+    return evaluate_driver(
+        entry.driver(scenario, scheme, 1),
         scenario,
-        candidate.name,
+        entry.name,
         scheme,
         **{"runs": runs, "measure": True, **options},
     )
@@ -45,7 +45,7 @@ def run(name, scenario=SMALL, scheme="nsm2", runs=3, **options):
 
 def recorded(scenario, steps=0, scheme="nsm2"):
     """Return environment and recorder of one evacuation after so many steps."""
-    env, recorder = CrowdEnv(scenario, scheme=scheme), Recorder(scenario.geometry)
+    env, recorder = CrowdEnv(scenario, scheme=scheme), MeasurementRecorder(scenario.geometry)
     env.reset([0])
     recorder.begin(env)
     for _ in range(steps):

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from agents.evaluation.evaluation import Evaluation, number
+from agents.evaluation.evaluation import Evaluation
 from crowd_env.envs.metrics import summarise
+from crowd_env.files.json_file import json_number
 from crowd_env.state import Floats
 
 
@@ -38,7 +39,7 @@ def paired(one: Floats, other: Floats) -> dict[str, Any]:
     summary = summarise(difference)
     return {
         "mean": summary.mean,
-        "ci95": [number(bound) for bound in summary.ci95],
+        "ci95": [json_number(bound) for bound in summary.ci95],
         "faster": float(((difference < 0) + 0.5 * (difference == 0)).mean()),
     }
 

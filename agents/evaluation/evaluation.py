@@ -1,23 +1,23 @@
 """Judge policies on the same draws: the same people in the same places, for every policy and scheme."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from agents.evaluation.measurements import Measured, Recorder
+from agents.drivers import TimedDriver, policy_driver
+from agents.evaluation.measurements import Measured, MeasurementRecorder
 from agents.policy import Policy
-from crowd_env import CrowdEnv, EpisodeMetrics, Scenario, Step, make_scenario
-from crowd_env.envs.metrics import share_interval, summarise
+from crowd_env import EpisodeMetrics, Scenario, make_scenario
+from crowd_env.envs.metrics import summarise
+from crowd_env.envs.rollout import Driver, run_episodes, share
+from crowd_env.files.json_file import json_number
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.state import Floats
 
 # Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.
 HELD_OUT_SEED = 1_000_000
-# Evacuations side by side, and people in them: enough to fill a call, few enough to show progress.
-_BATCH, _PEOPLE_AT_ONCE = 50, 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class Evaluation:
             last = np.where(by_this, times, -1.0).max(axis=1)
             found[name] = {
                 "people": named(by_this.sum(axis=1)),
-                "mean_exit_time": number(times[by_this].mean() if by_this.any() else np.nan),
+                "mean_exit_time": json_number(times[by_this].mean() if by_this.any() else np.nan),
                 "last_exit": named(np.where(last >= 0.0, last, np.nan)),
             }
         return found
@@ -122,58 +122,10 @@ def named(values: np.ndarray) -> dict[str, Any]:
     """Return mean, spread and interval of the mean of the finite values, ready for JSON."""
     summary = summarise(values)
     return {
-        "mean": number(summary.mean),
-        "sd": number(summary.sd),
-        "ci95": [number(bound) for bound in summary.ci95],
+        "mean": json_number(summary.mean),
+        "sd": json_number(summary.sd),
+        "ci95": [json_number(bound) for bound in summary.ci95],
     }
-
-
-def share(count: int, of: int) -> dict[str, Any]:
-    """Return a share with its Wilson interval."""
-    return {"mean": count / of, "ci95": list(share_interval(count, of))}
-
-
-def number(value: float) -> float | None:
-    """JSON knows no nan."""
-    return None if np.isnan(value) else float(value)
-
-
-class Led(Protocol):
-    """A batch of evacuations together with who leads them; rules, networks and controllers enter the loop as this.
-
-    Attributes
-    ----------
-    env : the crowds; its decision step is the time between two samples.
-    """
-
-    env: CrowdEnv
-
-    def reset(self, seeds: list[int]) -> None:
-        """Start new evacuations, each from its seed."""
-        ...
-
-    def step(self) -> Step:
-        """Decide, if it is time to, and let one decision step of ``env`` pass."""
-        ...
-
-
-class LedByPolicy:
-    """A batch whose people a `Policy` moves."""
-
-    def __init__(self, policy: Policy, env: CrowdEnv) -> None:
-        self.policy, self.env = policy, env
-
-    def reset(self, seeds: list[int]) -> None:
-        """Start new evacuations, each from its seed."""
-        self._observation, _ = self.env.reset(seeds)
-        self.policy.reset(np.ones(len(seeds), dtype=np.bool_))
-        self._rng = np.random.default_rng(seeds[0])
-
-    def step(self) -> Step:
-        """Let the policy act on everyone."""
-        step = self.env.step(self.policy.act(self._observation, self.env.layout, self._rng))
-        self._observation = step.observation
-        return step
 
 
 def evaluate(
@@ -186,7 +138,7 @@ def evaluate(
     progress: Callable[[int], None] | None = None,
     **options: Any,
 ) -> Evaluation:
-    """Run ``runs`` evacuations, draw ``first_seed + k`` for run ``k``.
+    """Run ``runs`` evacuations under a policy, draw ``first_seed + k`` for run ``k``.
 
     Parameters
     ----------
@@ -194,17 +146,12 @@ def evaluate(
     options : further options of `CrowdEnv`; those the policy was trained with come first.
     """
     place = make_scenario(scenario)
-
-    def lead(num_envs: int) -> Led:
-        return LedByPolicy(
-            policy, CrowdEnv(place, num_envs=num_envs, scheme=scheme, **{**options, **policy.env_options})
-        )
-
-    return evacuate(lead, place, policy.name, scheme, runs=runs, first_seed=first_seed, progress=progress)
+    driver = policy_driver(policy, place, scheme=scheme, **options)
+    return evaluate_driver(driver, place, policy.name, scheme, runs=runs, first_seed=first_seed, progress=progress)
 
 
-def evacuate(
-    lead: Callable[[int], Led],
+def evaluate_driver(
+    driver: Callable[[int], Driver],
     scenario: Scenario,
     name: str,
     scheme: str | ContactScheme,
@@ -214,55 +161,29 @@ def evacuate(
     measure: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Evaluation:
-    """Run evacuations under whoever leads them; the one loop behind every evaluation.
+    """Run evacuations under any driver: every evaluation of policies and controllers comes here.
 
     Parameters
     ----------
-    lead : makes a batch of so many evacuations of ``scenario``.
+    driver : makes a batch of so many evacuations of ``scenario``.
     name : of the policy.
     measure : take a sample every decision step, see `agents.evaluation.measurements`.
+
+    Raises
+    ------
+    ValueError
+        If the number of runs or the seed is out of range, or the crowd does not fit.
     """
-    if runs < 1:
-        raise ValueError(f"runs is {runs}; it must be at least 1")
-    episodes: list[EpisodeMetrics] = []
-    exit_times: list[np.ndarray] = []
-    ended: list[float] = []
-    recorder = Recorder(scenario.geometry) if measure else None
-    computing = replanning = 0.0
-    at_once = max(1, min(_BATCH, _PEOPLE_AT_ONCE // scenario.population.count))
-    led: Led | None = None
-    for begin in range(0, runs, at_once):
-        seeds = list(range(first_seed + begin, first_seed + min(begin + at_once, runs)))
-        if led is None or led.env.num_envs != len(seeds):
-            led = lead(len(seeds))
-        env = led.env
-        led.reset(seeds)
-        replanned = env.simulation.planner.seconds
-        if recorder is not None:
-            recorder.begin(env)
-        while not env.finished.all():
-            started = time.process_time()
-            step = led.step()
-            computing += time.process_time() - started
-            if recorder is not None:
-                recorder.add(env, step)
-            if progress is not None and step.info["finished"].any():
-                progress(int(step.info["finished"].sum()))
-        replanning += env.simulation.planner.seconds - replanned
-        if recorder is not None:
-            recorder.end(env)
-        for e in range(len(seeds)):
-            episodes.append(env.metrics(e))
-            exit_times.append(env.simulation.state.exit_time[env.people(e)].copy())
-            ended.append(float(env.simulation.state.time[e]))
-    assert led is not None
+    recorder = MeasurementRecorder(scenario.geometry) if measure else None
+    timed = TimedDriver(driver)
+    episodes = run_episodes(scenario, runs, seed=first_seed, driver=timed, recorder=recorder, progress=progress)
     return Evaluation(
         name,
         make_scheme(scheme).info.name,
-        episodes,
-        exit_times,
-        np.array(ended),
-        float(led.env.time_limit[0]),
+        [episode.metrics for episode in episodes],
+        [episode.exit_time for episode in episodes],
+        np.array([episode.end for episode in episodes]),
+        float(timed.env.time_limit[0]),
         scenario.geometry.exit_names,
-        None if recorder is None else recorder.measured(computing, replanning),
+        None if recorder is None else recorder.measured(episodes, timed.computing, timed.replanning),
     )

@@ -12,15 +12,15 @@ from urllib.parse import quote
 
 import numpy as np
 
-from agents.evaluation.candidates import Candidate
 from agents.evaluation.comparison import last_times
+from agents.evaluation.entries import Entry
 from agents.evaluation.evaluation import Evaluation
 from agents.evaluation.fingerprint import fingerprint
 from agents.evaluation.measurements import CELL, Grid, Maps, Measured
 from agents.evaluation.source_stamp import source_stamp
-from agents.runs import read_json, write_json, write_text
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
-from crowd_env.files.atomic import written
+from crowd_env.files.atomic import write_text, written
+from crowd_env.files.json_file import read_json, write_json
 
 _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"
@@ -38,10 +38,10 @@ def settings_of(scenario: Scenario, runs: int, seed: int) -> dict[str, Any]:
     return {"scenario": scenario.name, "digest": fingerprint(held), "runs": runs, "seed": seed}
 
 
-def _made_by(candidate: Candidate, scheme: str) -> dict[str, Any]:
+def _made_by(entry: Entry, scheme: str) -> dict[str, Any]:
     """Return what else decides a result: the network, the scheme with its parameters and its time step, and the code."""
     law = make_scheme(scheme)
-    network = None if candidate.source is None else hashlib.sha256(candidate.source.read_bytes()).hexdigest()
+    network = None if entry.source is None else hashlib.sha256(entry.source.read_bytes()).hexdigest()
     return {"network": network, "scheme": fingerprint(law), "dt": law.info.default_dt, "code": source_stamp()}
 
 
@@ -78,36 +78,36 @@ class EvaluationFolder:
                 "take another folder"
             )
 
-    def load(self, candidate: Candidate, scheme: str) -> Evaluation | None:
+    def load(self, entry: Entry, scheme: str) -> Evaluation | None:
         """Return what was kept of a policy under a scheme.
 
         None if there is nothing, if it was made by another network, scheme or code, or if the file is damaged.
         """
-        path = self._file(candidate, scheme)
+        path = self._file(entry, scheme)
         if not path.exists():
             return None
         try:
             with np.load(path, allow_pickle=False) as file:
                 kept = {name: file[name] for name in file.files}
             facts = json.loads(str(kept["facts"]))
-            if facts["made_by"] != _made_by(candidate, scheme) or facts["fields"] != list(EpisodeMetrics._fields):
+            if facts["made_by"] != _made_by(entry, scheme) or facts["fields"] != list(EpisodeMetrics._fields):
                 return None
-            return _evaluation(candidate.name, scheme, kept, facts)
+            return _evaluation(entry.name, scheme, kept, facts)
         except Exception:  # a damaged file fails in a dozen ways: zip, zlib, npy header, JSON, shapes; it is made anew
             return None
 
-    def save(self, candidate: Candidate, scheme: str, result: Evaluation) -> None:
+    def save(self, entry: Entry, scheme: str, result: Evaluation) -> None:
         """Keep a result, whole or not at all."""
         measured = result.measured
         assert measured is not None
         facts = {name: getattr(measured, name) for name in _NUMBERS} | {
-            "made_by": _made_by(candidate, scheme),
+            "made_by": _made_by(entry, scheme),
             "fields": list(EpisodeMetrics._fields),
             "time_limit": result.time_limit,
             "exit_names": result.exit_names,
             "origin": measured.grid.origin,
         }
-        with written(self._file(candidate, scheme)) as part:
+        with written(self._file(entry, scheme)) as part:
             np.savez_compressed(
                 part,
                 facts=np.array(json.dumps(facts)),
@@ -118,8 +118,8 @@ class EvaluationFolder:
                 **{name: getattr(measured, name) for name in _ARRAYS},
             )
 
-    def _file(self, candidate: Candidate, scheme: str) -> Path:
-        return self.path / _KEPT / f"{_plain(candidate.name)}-{_plain(scheme)}.npz"
+    def _file(self, entry: Entry, scheme: str) -> Path:
+        return self.path / _KEPT / f"{_plain(entry.name)}-{_plain(scheme)}.npz"
 
     def write_runs(self, results: Sequence[Evaluation], seed: int) -> None:
         """Write ``runs.csv``, one line a run."""

@@ -1,11 +1,13 @@
 """What is measured while evacuations run, a sample every decision step: ways walked, crowding, pressure, and where."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env import CrowdEnv, Geometry, Step, contact_pressure
+from crowd_env.envs.rollout import Episode
 from crowd_env.state import Bools, Floats, Ints, as_grid
 
 REACH = 1.0  # m  the density at a place: people within that, over the area of the disc
@@ -57,11 +59,17 @@ class Measured(NamedTuple):
     replanning: float  # s  of that to find the fastest ways anew
 
 
-class Recorder:
-    """Watches a batch of equally large crowds: call `begin` after its reset, and `add` after every step.
+class RunMeasurements(NamedTuple):
+    """One evacuation of N people; the fields are those of `Measured`."""
 
-    One recorder can watch one batch after the other; the maps are over all of them.
-    """
+    exit_index: Ints  # (N,)
+    walked: Floats  # (N,)  m
+    max_density: float  # 1/m2
+    max_pressure: float  # N/m
+
+
+class MeasurementRecorder:
+    """Measures the evacuations of a rollout of equally large crowds; the maps are over all of them."""
 
     def __init__(self, geometry: Geometry) -> None:
         self.grid = grid_over(geometry)
@@ -71,8 +79,6 @@ class Recorder:
         self._felt = offset[cover > 0.3]  # the cell and its four neighbors
         self._sums, self._most = np.zeros((2, cells)), np.zeros((2, cells))
         self._samples = 0
-        self._runs: list[tuple[Ints, Floats, Floats, Floats]] = []
-        self._simulated = 0.0
 
     def begin(self, env: CrowdEnv) -> None:
         """Forget the batch before, keep where everyone of ``env`` starts."""
@@ -94,24 +100,30 @@ class Recorder:
         late = np.ceil(state.exit_time[out] / simulation.dt - 1e-9) * simulation.dt - state.exit_time[out]
         self._walked[out] -= np.hypot(*state.velocity[out].T) * late
         self._position[:] = state.position
-        pressure = contact_pressure(simulation.memory.crush, env.decision_dt, simulation.bodies.radius)
+        pressure = contact_pressure(simulation.results.impulse_magnitude, env.decision_dt, simulation.bodies.radius)
         pressure = np.where(was_inside, pressure, 0.0)
         np.maximum(self._max_pressure, as_grid(pressure, env.num_envs).max(axis=1), out=self._max_pressure)
         self._see(env, inside, pressure)
 
-    def end(self, env: CrowdEnv) -> None:
-        """Keep what was measured of a batch whose evacuations are all over."""
-        state = env.simulation.state
-        each = (as_grid(state.exit_index, env.num_envs).copy(), as_grid(self._walked, env.num_envs))
-        self._runs.append((*each, self._max_density, self._max_pressure))
-        self._simulated += float(state.time.sum())
+    def record(self, env: CrowdEnv, e: int) -> RunMeasurements:
+        """Return what was measured of the evacuation in environment ``e``."""
+        people = env.people(e)
+        exits = env.simulation.state.exit_index[people].copy()
+        peaks = float(self._max_density[e]), float(self._max_pressure[e])
+        return RunMeasurements(exits, self._walked[people].copy(), *peaks)
 
-    def measured(self, computing: float, replanning: float) -> Measured:
-        """Return all that was measured, with the processor seconds it took."""
-        exit_index, walked, density, pressure = (np.concatenate(column) for column in zip(*self._runs, strict=True))
+    @property
+    def maps(self) -> Maps:
+        """The maps over all samples so far."""
         mean, most = self._sums / max(self._samples, 1), self._most
-        maps = Maps(*(values.reshape(self.grid.shape) for values in (mean[0], most[0], mean[1], most[1])))
-        return Measured(exit_index, walked, density, pressure, maps, self.grid, self._simulated, computing, replanning)
+        return Maps(*(values.reshape(self.grid.shape) for values in (mean[0], most[0], mean[1], most[1])))
+
+    def measured(self, episodes: Sequence[Episode], computing: float, replanning: float) -> Measured:
+        """Return all that was measured of finished evacuations, with the processor seconds they took."""
+        columns = zip(*(episode.record for episode in episodes), strict=True)
+        exit_index, walked, density, pressure = (np.array(column) for column in columns)
+        simulated = sum(episode.end for episode in episodes)
+        return Measured(exit_index, walked, density, pressure, self.maps, self.grid, simulated, computing, replanning)
 
     def _see(self, env: CrowdEnv, inside: Bools, pressure: Floats) -> None:
         position = env.simulation.state.position

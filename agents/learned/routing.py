@@ -12,14 +12,14 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.controllers import judge
 from agents.evaluation.comparison import last_times, mean_times
+from agents.evaluation.routing import evaluate_controller
 from agents.learned.export import network_of
 from agents.learned.rate import FallingRate
-from agents.runs import write_json
 from agents.trained import LearnedController
 from crowd_env.adapters.vec_env import VectorVecEnv
 from crowd_env.envs.routing.env import RoutingVectorEnv
+from crowd_env.files.json_file import write_json
 
 # Draws on which the best controller is chosen: neither trained on nor used for the final table.
 VALIDATION_SEED = 2_000_000
@@ -178,7 +178,7 @@ class Watch(BaseCallback):
 
     def _figures(self, controller: LearnedController, runs: int, first_seed: int) -> dict[str, float]:
         """Return mean times [s] over all people and draws, who is left inside counted until the end, and standard error."""
-        judged = judge(controller, runs=runs, first_seed=first_seed, **self.options)
+        judged = evaluate_controller(controller, runs=runs, first_seed=first_seed, **self.options)
         last, mean = last_times(judged), mean_times(judged)
         return {
             "last": float(last.mean()),

@@ -18,10 +18,10 @@ from agents.evaluation.evaluation import Evaluation, evaluate
 from agents.learned.checkpoint import write_checkpoint
 from agents.learned.export import network_of
 from agents.learned.rate import FallingRate
-from agents.runs import write_text
 from agents.stopping import stops_by
 from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv, Scenario
+from crowd_env.files.atomic import write_text
 
 # Draws on which the best network is chosen: neither trained on nor used for the final table.
 VALIDATION_SEED = 2_000_000

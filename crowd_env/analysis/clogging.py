@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from crowd_env.files.json_file import json_number
 from crowd_env.state import Floats, Ints
 
 FEWEST_GAPS = 50  # with fewer there is no exponent
@@ -85,21 +86,21 @@ class Clogging(NamedTuple):
             "blocked_runs": self.blocked,
             "gaps": {
                 "count": len(closed),
-                "mean": _number(closed.mean()) if len(closed) else None,
-                "cv": _number(closed.std() / closed.mean()) if closed.any() else None,
-                "q90": _number(np.quantile(closed, 0.9)) if len(closed) else None,
-                "max": _number(closed.max()) if len(closed) else None,
+                "mean": json_number(closed.mean()) if len(closed) else None,
+                "cv": json_number(closed.std() / closed.mean()) if closed.any() else None,
+                "q90": json_number(np.quantile(closed, 0.9)) if len(closed) else None,
+                "max": json_number(closed.max()) if len(closed) else None,
                 "open": len(opened),
-                "longest_open": _number(opened.max()) if len(opened) else None,
+                "longest_open": json_number(opened.max()) if len(opened) else None,
             },
             "bursts": {
                 "pause": self.pause,
                 "count": len(self.bursts),
-                "mean_size": _number(self.bursts.mean()) if len(self.bursts) else None,
+                "mean_size": json_number(self.bursts.mean()) if len(self.bursts) else None,
                 "max_size": int(self.bursts.max()) if len(self.bursts) else None,
                 "sizes": {str(size): int(count) for size, count in zip(sizes, counts, strict=True)},
             },
-            "tail": None if self.tail is None else {key: _number(x) for key, x in self.tail._asdict().items()},
+            "tail": None if self.tail is None else {key: json_number(x) for key, x in self.tail._asdict().items()},
             "no_tail": self.no_tail or None,
             "clogged": None if self.tail is None else bool(self.tail.alpha <= CLOGGED),
             "statement": self.statement(),
@@ -294,10 +295,3 @@ def _read_tail(tail: Tail, blocked: str) -> str:
     if tail.ratio < 0.0:
         return said + "; an exponential fits the tail better: no power law"
     return said
-
-
-def _number(value: float) -> float | int | None:
-    """JSON knows no nan."""
-    if isinstance(value, int):
-        return value
-    return float(value) if np.isfinite(value) else None

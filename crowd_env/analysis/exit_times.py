@@ -4,7 +4,6 @@ Columns ``run,time``: the run that an exit belongs to, and its time [s].  Two mo
 taken, and ``out``, 1 for someone who got out; a row with 0 says that watching the run ended at that time with people inside.
 """
 
-import csv
 import warnings
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -13,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from crowd_env.analysis.clogging import Run, exit_gaps, exits_of_run
-from crowd_env.files.atomic import written
-from crowd_env.files.csv_table import read_table
+from crowd_env.files.csv_table import read_table, write_csv
 
 
 def read_exits(path: str | Path) -> list[Run]:
@@ -72,7 +70,7 @@ def write_exits(path: str | Path, runs: Sequence[Run], labels: Sequence[object])
         rows += [(label, repr(float(time)), exit, 1) for time, exit in zip(run.time, run.exit, strict=True)]
         if np.isfinite(run.until):
             rows.append((label, repr(run.until), "", 0))
-    return _write(Path(path), ("run", "time", "exit", "out"), rows)
+    return write_csv(Path(path), ("run", "time", "exit", "out"), rows)
 
 
 def write_gaps(path: str | Path, sets: Mapping[str, Sequence[Run]], *, per_exit: bool = False) -> Path:
@@ -86,12 +84,4 @@ def write_gaps(path: str | Path, sets: Mapping[str, Sequence[Run]], *, per_exit:
             gaps = exit_gaps(run, per_exit=per_exit)
             rows += [(name, k, f"{gap:.6f}", 0) for gap in gaps.closed]
             rows += [(name, k, f"{gap:.6f}", 1) for gap in gaps.open]
-    return _write(Path(path), ("data", "run", "gap", "open"), rows)
-
-
-def _write(path: Path, header: Sequence[str], rows: Sequence[Sequence[object]]) -> Path:
-    with written(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
-    return path
+    return write_csv(Path(path), ("data", "run", "gap", "open"), rows)

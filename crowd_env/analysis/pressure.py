@@ -35,7 +35,7 @@ def contact_pressure(impulse: ArrayLike, duration: float, radius: ArrayLike) -> 
 
     Parameters
     ----------
-    impulse : (..., N) N s, summed magnitudes of the contact impulses during ``duration``, as in ``Memory.crush``.
+    impulse : (..., N) N s, summed magnitudes of the contact impulses during ``duration``, as in ``Results.impulse_magnitude``.
     duration : s.
     radius : (N,) m.
 
@@ -117,7 +117,7 @@ def crowd_pressure(simulation: Simulation, radius: float = 1.0) -> Floats:
     """
     radius = number("crowd_pressure: radius", radius, POSITIVE, "m")
     out = np.zeros(len(simulation.bodies.radius))
-    _density_times_variance(simulation.bodies.env_start, simulation.state, simulation.memory.near, radius, out)
+    _density_times_variance(simulation.bodies.env_start, simulation.state, simulation.workspace.neighbors, radius, out)
     return out
 
 

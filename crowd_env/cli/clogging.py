@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,8 +15,8 @@ from rich.table import Table
 from crowd_env.analysis.clogging import Clogging, Run, clogging, exits_of_run, powerlaw_library
 from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
 from crowd_env.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
-from crowd_env.envs.crowd import CrowdEnv
-from crowd_env.envs.rollout import RunsInterrupted, finished_runs
+from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.scenarios import SCENARIOS, make_scenario
 from crowd_env.scenarios.population import Uniform
@@ -68,7 +68,7 @@ def clog(
             raise ValueError(f"--pause is {pause:g} s; it must be > 0")
         sets = _recorded(times or [])
         blocked_after = 120.0
-        simulated: dict[int, Run] = {}
+        episodes: list[Episode] = []
         stopped = None
         if scenario is not None or not sets:
             place = _scenario(scenario or "lin-room-v0", n, speed)
@@ -77,17 +77,19 @@ def clog(
             blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
             with progress_bar(name, runs) as progress:
                 try:
-                    simulated = dict(enumerate(evacuate(place, contact, runs, seed=seed, dt=dt, progress=progress)))
+                    episodes = run_episodes(
+                        place, runs, seed=seed, threads=os.cpu_count() or 1, progress=progress, scheme=contact, dt=dt
+                    )
                 except RunsInterrupted as error:
-                    if not error.finished:
+                    if not error.episodes:
                         interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
-                    simulated, stopped = error.finished, f"{error}; the figures are of these"
-            sets = {name: list(simulated.values()), **sets}
+                    episodes, stopped = error.episodes, f"{error}; the figures are of these"
+            sets = {name: [run_of_episode(episode, place.geometry) for episode in episodes], **sets}
         found = {
             name: clogging(data, pause=pause, per_exit=per_exit, blocked_after=blocked_after)
             for name, data in sets.items()
         }
-        paths = [] if out is None else _write(out, found, sets, simulated, seed, per_exit)
+        paths = [] if out is None else _write(out, found, sets, [episode.seed for episode in episodes], per_exit)
     if as_json:
         typer.echo(json.dumps({"sets": [{"name": name, **each.as_json()} for name, each in found.items()]}))
     else:
@@ -98,34 +100,10 @@ def clog(
         interrupted(stopped)
 
 
-def evacuate(
-    place: Scenario,
-    scheme: ContactScheme,
-    runs: int,
-    *,
-    seed: int = 0,
-    dt: float | None = None,
-    progress: Callable[[int], object] | None = None,
-) -> list[Run]:
-    """Run evacuations in which everyone walks the shortest path and return who got out when; run k is the draw seed + k.
-
-    They are those of ``crowd-env run``.
-
-    Raises
-    ------
-    ValueError
-        If the number of runs is out of range or the crowd does not fit.
-    RunsInterrupted
-        On Ctrl-C, with the runs that were finished by then.
-    """
-    names = np.array([*place.geometry.exit_names, ""])  # the last one, row -1, is of those who did not get out
-
-    def read(env: CrowdEnv, e: int) -> Run:
-        state, people = env.simulation.state, env.people(e)
-        return exits_of_run(state.exit_time[people], float(state.time[e]), names[state.exit_index[people]])
-
-    threads = os.cpu_count() or 1
-    return finished_runs(place, runs, read, seed=seed, threads=threads, progress=progress, scheme=scheme, dt=dt)
+def run_of_episode(episode: Episode, geometry: Geometry) -> Run:
+    """Return when the people of an evacuation got out, and by which exits."""
+    names = np.array([*geometry.exit_names, ""])  # the last one, row -1, is for people who did not get out
+    return exits_of_run(episode.exit_time, episode.end, names[episode.exit_index])
 
 
 def _scenario(name: str, count: int | None, speed: float | None) -> Scenario:
@@ -159,16 +137,15 @@ def _write(
     out: Path,
     found: dict[str, Clogging],
     sets: dict[str, list[Run]],
-    simulated: Mapping[int, Run],
-    seed: int,
+    seeds: Sequence[int],
     per_exit: bool,
 ) -> list[Path]:
     from crowd_env.rendering.survival import survival_curves
 
     try:
         paths = [write_gaps(out / "gaps.csv", sets, per_exit=per_exit)]
-        if simulated:
-            paths.append(write_exits(out / "exits.csv", list(simulated.values()), [seed + k for k in simulated]))
+        if seeds:  # the simulated runs are the first set
+            paths.append(write_exits(out / "exits.csv", next(iter(sets.values())), seeds))
         if any(each.gaps.closed.any() for each in found.values()):
             title = next(iter(found)) if len(found) == 1 else "Gaps between exits"
             labels = {"all runs" if len(found) == 1 else name: each for name, each in found.items()}

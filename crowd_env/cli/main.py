@@ -14,7 +14,7 @@ from crowd_env.cli.clogging import clog
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.schema import schema
 from crowd_env.console import check_picture, counted, friendly_errors, interrupted, notes, progress_bar
-from crowd_env.envs.rollout import RunsInterrupted, report, run_rule
+from crowd_env.envs.rollout import RunsInterrupted, report, run_episodes
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
 from crowd_env.scenarios import SCENARIOS, about, is_file, make_scenario
 from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt, unit_in_meters
@@ -160,24 +160,19 @@ def run(
         if at is not None and at > place.time_limit:
             raise ValueError(f"--at is {at:g} s; the evacuation ends after {place.time_limit:g} s at the latest")
         contact = make_scheme(scheme, social)
+        options: dict[str, Any] = {"scheme": contact, "dt": dt, "strategy": strategy, "rules": rules}
         begin = time.monotonic()
         stopped = None
         with progress_bar(f"{place.name}, {scheme}", runs) as progress:
             try:
-                episodes = dict(
-                    enumerate(
-                        run_rule(
-                            place, contact, runs, seed=seed, dt=dt, strategy=strategy, rules=rules, progress=progress
-                        )
-                    )
-                )
+                episodes = run_episodes(place, runs, seed=seed, progress=progress, **options)
             except RunsInterrupted as error:
-                if not error.finished:
+                if not error.episodes:
                     interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
-                episodes, stopped = error.finished, error
-        figures = report(place, scheme, list(episodes.values()), list(episodes))
+                episodes, stopped = error.episodes, error
+        figures = report(place, scheme, episodes)
         if stopped is not None:
-            figures["interrupted_of"] = stopped.asked
+            figures["interrupted_of"] = stopped.runs
     # Before any picture: what has been computed must not be lost with it.
     if as_json:
         typer.echo(json.dumps(figures))
@@ -187,24 +182,16 @@ def run(
         if stopped is not None:
             interrupted(f"{stopped}; the figures are of these, and lean to short evacuations")
         if film is not None:
-            _film(place, film, seed, scheme=contact, dt=dt, strategy=strategy, rules=rules)
+            _film(place, film, f"{place.name}, {contact.info.name}", seed=seed, **options)
         if force_network is not None:
             _draw_network(place, contact, seed, dt, at, around, force_network)
 
 
-def _film(place: Scenario, path: Path, seed: int, *, scheme: ContactScheme, **options: Any) -> None:
-    from crowd_env.envs.crowd import CrowdEnv
+def _film(place: Scenario, path: Path, title: str, **options: Any) -> None:
     from crowd_env.rendering import write_film
-    from crowd_env.rendering.live import Recorder
+    from crowd_env.rendering.live import record
 
-    env = CrowdEnv(place, scheme=scheme, **options)
-    env.reset([seed])
-    recorder = Recorder(env)
-    recorder.snap()
-    while not env.finished.all():
-        env.step(None)
-        recorder.snap()
-    write_film(path, recorder.recording(f"{place.name}, {scheme.info.name}"))
+    write_film(path, record(place, title=title, **options))
     notes.print(f"film: {path}", markup=False)
 
 

@@ -169,7 +169,7 @@ class CrowdEnv:
                 travel_time_before=np.zeros(people),
                 travel_time_after=self._observer.potential,
                 duration=np.zeros(people),
-                crush=self.simulation.memory.crush,
+                crush=self.simulation.results.impulse_magnitude,
                 mass=self.simulation.bodies.mass,
                 env_start=self.env_start,
             )

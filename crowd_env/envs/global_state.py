@@ -121,7 +121,7 @@ class StateReader:
         self._lines = (geometry.exits - self._corner).reshape(-1, _LINE)
         names, doors = geometry.exit_names, geometry.exits_of_door
         # (ways, X) and (doors, X); of an exit of several lines all are meant
-        self._leads_to = np.array([[name in (way.exits or names) for name in names] for way in route_set.route_set])
+        self._leads_to = np.array([[name in (way.exits or names) for name in names] for way in route_set.routes])
         self._barred_by = np.array([[name == barred for name in names] for barred in doors]).reshape(-1, len(names))
 
     def read(self) -> np.ndarray:
@@ -140,7 +140,7 @@ class StateReader:
         people[taken, layout["exit"].start + crowd.exit_index[taken]] = 1.0
         exits[:, :_LINE] = self._lines
         exits[:, _LINE] = 1.0
-        shut = ~env.simulation.memory.door_open[0, : len(self._barred_by)]
+        shut = ~env.simulation.history.door_open[0, : len(self._barred_by)]
         exits[self._barred_by[shut].any(axis=0), _LINE] = 0.0
         state[-1] = max(env.time_limit[0] - crowd.time[0], 0.0)
         return state

@@ -1,20 +1,82 @@
-"""Many evacuations under the rule, and what they amount to."""
+"""Many evacuations of one scenario, each of a draw of its own, and what they amount to."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.metrics import EpisodeMetrics, share_interval, summarise
+from crowd_env.files.json_file import json_number
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.state import Floats, Ints
 
-# People simulated side by side: enough to fill a call, few enough to show progress.
-_PEOPLE_AT_ONCE = 2000
+# Evacuations and people simulated side by side: enough to fill a call, few enough to show progress.
 _RUNS_AT_ONCE = 50
+_PEOPLE_AT_ONCE = 2000
 
-Found = TypeVar("Found")
+
+class Episode(NamedTuple):
+    """One finished evacuation of N people."""
+
+    run: int  # number of the run, from 0
+    seed: int  # that fixes its draw
+    metrics: EpisodeMetrics
+    exit_time: Floats  # (N,)  s    nan for people who did not get out
+    exit_index: Ints  # (N,)  row of Geometry.exits; -1 for people who did not get out
+    end: float  # s    when it ended: everyone out, or the first decision at or after the time limit, or the exits blocked
+    record: Any = None  # what the recorder of the rollout kept of it
+
+
+class Driver(Protocol):
+    """A batch of evacuations together with what decides in it.
+
+    Attributes
+    ----------
+    env : the crowds, made without autoreset.
+    """
+
+    env: CrowdEnv
+
+    def reset(self, seeds: list[int]) -> None:
+        """Start new evacuations, each from its seed."""
+        ...
+
+    def step(self) -> Step:
+        """Decide, if a decision is due, and let one decision step of ``env`` pass."""
+        ...
+
+
+class RuleDriver:
+    """A batch in which everyone walks as the strategy of the environment says."""
+
+    def __init__(self, env: CrowdEnv) -> None:
+        self.env = env
+
+    def reset(self, seeds: list[int]) -> None:
+        """Start new evacuations, each from its seed."""
+        self.env.reset(seeds)
+
+    def step(self) -> Step:
+        """Let one decision step pass."""
+        return self.env.step(None)
+
+
+class Recorder(Protocol):
+    """Keeps what a caller wants to know of evacuations beyond an `Episode`; one recorder sees one batch after the other."""
+
+    def begin(self, env: CrowdEnv) -> None:
+        """Look at the first moment of a batch, after its reset."""
+        ...
+
+    def add(self, env: CrowdEnv, step: Step) -> None:
+        """Look at the batch after a step, also after the step in which an evacuation ends."""
+        ...
+
+    def record(self, env: CrowdEnv, e: int) -> Any:
+        """Return what was kept of the evacuation in environment ``e``, which has just ended."""
+        ...
 
 
 class RunsInterrupted(KeyboardInterrupt):
@@ -22,107 +84,115 @@ class RunsInterrupted(KeyboardInterrupt):
 
     Attributes
     ----------
-    finished : number of each run that was finished by then -> what it amounted to.
-    asked : how many runs were to be made.
+    episodes : the runs that were finished by then, in the order of their numbers.
+    runs : how many were to be made.
     """
 
-    def __init__(self, finished: dict[int, Any], asked: int) -> None:
-        super().__init__(f"{len(finished)} of {asked} runs are finished")
-        self.finished, self.asked = finished, asked
+    def __init__(self, episodes: list[Episode], runs: int) -> None:
+        super().__init__(f"{len(episodes)} of {runs} runs are finished")
+        self.episodes, self.runs = episodes, runs
 
 
-def finished_runs(
+def rollout(
     scenario: Scenario,
     runs: int,
-    read: Callable[[CrowdEnv, int], Found],
     *,
     seed: int = 0,
-    threads: int = 1,
+    driver: Callable[[int], Driver] | None = None,
+    recorder: Recorder | None = None,
     progress: Callable[[int], object] | None = None,
+    threads: int = 1,
     **options: Any,
-) -> list[Found]:
-    """Run ``runs`` evacuations without anyone's actions and return what ``read`` says of each; run k is the draw ``seed + k``.
+) -> Iterator[Episode]:
+    """Run ``runs`` evacuations, several side by side, and yield each as soon as it is over; run ``k`` is the draw ``seed + k``.
+
+    Evacuations that end in the same batch are yielded in the order in which they end; `run_episodes` sorts them.  Every
+    finished evacuation has been yielded when Ctrl-C, or an error, leaves the loop.
 
     Parameters
     ----------
-    read : called with an environment and the row there of a run that is over.
-    threads : see `crowd_env.envs.crowd.CrowdEnv`; at most one a run.
-    progress : called with the number of runs that have just finished.
-    **options : of `crowd_env.envs.crowd.CrowdEnv`.
+    driver : makes a batch of so many evacuations of ``scenario``; by default everyone walks as the strategy says.
+    recorder : sees every moment of every batch; what it kept of an evacuation is `Episode.record`.
+    progress : called with the number of evacuations that have just been yielded.
+    threads : of the simulation, at most one an evacuation.
+    **options : of `crowd_env.envs.crowd.CrowdEnv`; a driver of one's own has made its environments already and takes none.
 
     Raises
     ------
     ValueError
         If the number of runs or the seed is out of range, or the crowd does not fit.
-    RunsInterrupted
-        On Ctrl-C, with what was finished by then.
     """
     if runs < 1:
         raise ValueError(f"runs is {runs}; it must be at least 1")
     if seed < 0:
         raise ValueError(f"seed is {seed}; it must be >= 0")
-    found: dict[int, Found] = {}
+
+    def rule(num_envs: int) -> Driver:
+        return RuleDriver(CrowdEnv(scenario, num_envs=num_envs, threads=min(threads, num_envs), **options))
+
     at_once = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.count))
-    env, begin, under_way = None, 0, False
-    try:
-        for begin in range(0, runs, at_once):
-            seeds = list(range(seed + begin, seed + min(begin + at_once, runs)))
-            if env is None or env.num_envs != len(seeds):
-                env = CrowdEnv(scenario, num_envs=len(seeds), threads=min(threads, len(seeds)), **options)
-            env.reset(seeds)
-            under_way = True
-            while not env.finished.all():
-                ended = env.step(None).info["finished"]
-                if progress is not None and ended.any():
-                    progress(int(ended.sum()))
-            found |= {begin + e: read(env, e) for e in range(len(seeds))}
-            under_way = False
-    except KeyboardInterrupt:
-        if env is not None and under_way:
-            found |= {begin + int(e): read(env, int(e)) for e in np.flatnonzero(env.finished)}
-        raise RunsInterrupted(found, runs) from None
-    return list(found.values())
+    batches = [range(first, min(first + at_once, runs)) for first in range(0, runs, at_once)]
+    return _finished(batches, seed, driver or rule, recorder, progress)
 
 
-def run_rule(
-    scenario: Scenario,
-    scheme: str | ContactScheme,
-    runs: int,
-    *,
-    seed: int = 0,
-    dt: float | None = None,
-    decision_dt: float = 0.1,
-    strategy: str = "shortest",
-    rules: bool = True,
-    progress: Callable[[int], object] | None = None,
-) -> list[EpisodeMetrics]:
-    """Run ``runs`` evacuations in which everyone walks as the strategy says; run ``k`` is the draw ``seed + k``.
+def _finished(
+    batches: Sequence[range],
+    seed: int,
+    make_driver: Callable[[int], Driver],
+    recorder: Recorder | None,
+    progress: Callable[[int], object] | None,
+) -> Iterator[Episode]:
+    """Yield the finished evacuations of one batch after the other."""
+    driver: Driver | None = None
+    for batch in batches:
+        if driver is None or driver.env.num_envs != len(batch):
+            driver = make_driver(len(batch))
+        env = driver.env
+        driver.reset([seed + run for run in batch])
+        if recorder is not None:
+            recorder.begin(env)
+        while not env.finished.all():
+            step = driver.step()
+            if recorder is not None:
+                recorder.add(env, step)
+            ended = [int(e) for e in np.flatnonzero(step.info["finished"])]
+            for e in ended:
+                state, people = env.simulation.state, env.people(e)
+                yield Episode(
+                    batch[e],
+                    seed + batch[e],
+                    step.info["metrics"][e],
+                    state.exit_time[people].copy(),
+                    state.exit_index[people].copy(),
+                    float(state.time[e]),
+                    None if recorder is None else recorder.record(env, e),
+                )
+            if progress is not None and ended:
+                progress(len(ended))
 
-    Parameters
-    ----------
-    strategy, rules : see `crowd_env.scenarios.scenario.Scenario.ways`.
-    progress : called with the number of runs that have just finished.
+
+def run_episodes(scenario: Scenario, runs: int, **options: Any) -> list[Episode]:
+    """Return the evacuations of a `rollout`, whose options these are, in the order of their numbers.
 
     Raises
     ------
     ValueError
         If the number of runs or the seed is out of range, or the crowd does not fit.
     RunsInterrupted
-        On Ctrl-C, with what was finished by then.
+        On Ctrl-C, with the evacuations that were finished by then.
     """
-    options: dict[str, Any] = {"scheme": scheme, "dt": dt, "decision_dt": decision_dt, "strategy": strategy}
-    return finished_runs(scenario, runs, CrowdEnv.metrics, seed=seed, progress=progress, rules=rules, **options)
+    found: dict[int, Episode] = {}
+    try:
+        for episode in rollout(scenario, runs, **options):
+            found[episode.run] = episode
+    except KeyboardInterrupt:
+        raise RunsInterrupted([found[run] for run in sorted(found)], runs) from None
+    return [found[run] for run in range(runs)]
 
 
-def report(
-    scenario: Scenario,
-    scheme: str | ContactScheme,
-    episodes: Sequence[EpisodeMetrics],
-    numbers: Sequence[int] | None = None,
-) -> dict[str, Any]:
+def report(scenario: Scenario, scheme: str | ContactScheme, episodes: Sequence[Episode]) -> dict[str, Any]:
     """Return the figures of many evacuations, ready for JSON: times in s, flow in 1/s, lengths in mm, residual in m/s.
 
-    ``numbers`` are those of the runs, 0, 1, ... by default.
     ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
     ``evacuation_time`` and ``flow`` (per-run least-squares slopes) are over the runs in which everyone, or at least three
     people, got out; ``overlap_mm.mean`` is the mean over runs of the mean over all overlapping contacts of a run;
@@ -131,10 +201,7 @@ def report(
     """
 
     def column(name: str) -> np.ndarray:
-        return np.array([getattr(episode, name) for episode in episodes], dtype=np.float64)
-
-    def share(count: int) -> dict[str, Any]:
-        return {"mean": count / len(episodes), "ci95": list(share_interval(count, len(episodes)))}
+        return np.array([getattr(episode.metrics, name) for episode in episodes], dtype=np.float64)
 
     left, stuck = (int(np.count_nonzero(runs)) for runs in (column("unfinished"), np.isfinite(column("blocked_since"))))
     time, flow = summarise(column("evacuation_time")), summarise(column("flow"))
@@ -145,15 +212,19 @@ def report(
         "people": scenario.population.count,
         "unfinished": int(column("unfinished").sum()),
         "unfinished_runs": left,
-        "unfinished_share": share(left),
-        "blocked_share": share(stuck),
+        "unfinished_share": share(left, len(episodes)),
+        "blocked_share": share(stuck, len(episodes)),
         "blocked": [
-            {"run": k, "since": episode.blocked_since, "left": episode.unfinished}
-            for k, episode in zip(numbers or range(len(episodes)), episodes, strict=True)
-            if np.isfinite(episode.blocked_since)
+            {"run": episode.run, "since": episode.metrics.blocked_since, "left": episode.metrics.unfinished}
+            for episode in episodes
+            if np.isfinite(episode.metrics.blocked_since)
         ],
-        "evacuation_time": {"mean": _json(time.mean), "sd": _json(time.sd), "ci95": [_json(x) for x in time.ci95]},
-        "flow": {"mean": _json(flow.mean), "sd": _json(flow.sd)},
+        "evacuation_time": {
+            "mean": json_number(time.mean),
+            "sd": json_number(time.sd),
+            "ci95": [json_number(bound) for bound in time.ci95],
+        },
+        "flow": {"mean": json_number(flow.mean), "sd": json_number(flow.sd)},
         "overlap_mm": {
             "mean": 1e3 * float(column("mean_overlap").mean()),
             "max": 1e3 * float(column("max_overlap").max()),
@@ -166,6 +237,6 @@ def report(
     }
 
 
-def _json(value: float) -> float | None:
-    """JSON knows no nan."""
-    return None if np.isnan(value) else value
+def share(count: int, of: int) -> dict[str, Any]:
+    """Return a share with its Wilson interval, ready for JSON."""
+    return {"mean": count / of, "ci95": list(share_interval(count, of))}

@@ -30,3 +30,9 @@ def written(path: Path) -> Iterator[Path]:
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8, whole or not at all."""
+    with written(path) as part:
+        part.write_text(text, encoding="utf-8")

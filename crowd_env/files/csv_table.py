@@ -6,11 +6,12 @@ empty lines and lines that begin with ``#`` are all understood.
 
 import csv
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from crowd_env.checks import path as path_of
+from crowd_env.files.atomic import written
 from crowd_env.files.foreign import read_text
 
 _SEPARATORS = (";", "\t", ",")
@@ -100,3 +101,12 @@ def _rows(path: Path, columns: list[str], rows: list[list[str]], separator: str)
             comma = "; is it a decimal comma? Then separate the cells by ;" if separator == "," else ""
             raise ValueError(f"{path}: row {number} has {len(cells)} cells for {len(columns)} columns{comma}")
         yield Row(number, {name: cell.strip() for name, cell in zip(columns, cells, strict=False)})
+
+
+def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
+    """Write a table as CSV, whole or not at all, and return the path."""
+    with written(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
+    return path

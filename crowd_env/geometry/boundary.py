@@ -6,14 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from crowd_env.geometry.parsing import Area, place
-
-Floats = NDArray[np.float64]
+from crowd_env.state import Floats
 
 SLIVER = 1e-6  # m; shorter pieces of wall are dropped
 _SAME = 1e-9  # m; a point nearer than this to a straight line is on it

@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 
 from crowd_env.geometry.boundary import SLIVER
 from crowd_env.geometry.parsing import Area
-
-Floats = NDArray[np.float64]
+from crowd_env.state import Floats
 
 
 def solid_depth(walls: Floats, area: Area, most: float = 0.25) -> Floats:

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from crowd_env.geometry.boundary import SLIVER
 from crowd_env.geometry.parsing import Area, Shape, place, read_lines
+from crowd_env.state import Floats, Ints
 
 _SHORT = 1e-3  # m
 _SHORTEST = 0.1  # m
@@ -20,10 +20,10 @@ _JAMB = 0.1  # m; a door may be so far from what it shuts against
 def read_doors(
     doors: Mapping[str, Shape],
     area: Area,
-    thin: NDArray[np.float64],
-    exits: NDArray[np.float64],
+    thin: Floats,
+    exits: Floats,
     exit_names: tuple[str, ...],
-) -> tuple[NDArray[np.float64], NDArray[np.int64], tuple[str | None, ...]]:
+) -> tuple[Floats, Ints, tuple[str | None, ...]]:
     """Return the leaves (L, 2, 2) [m] of all doors, the door of each (L,), and the exit that each door closes (or None).
 
     Raises
@@ -61,7 +61,7 @@ def read_doors(
     return np.concatenate(leaves), np.array(owner, dtype=np.int64), tuple(closes)
 
 
-def _require_jambs(lines: Mapping[str, NDArray[np.float64]], area: Area, thin: NDArray[np.float64]) -> None:
+def _require_jambs(lines: Mapping[str, Floats], area: Area, thin: Floats) -> None:
     """Refuse a door line that stands in the open, away from all walls and other doors."""
     for name, line in lines.items():
         others = [shapely.LineString(other) for other_name, other in lines.items() if other_name != name]
@@ -73,7 +73,7 @@ def _require_jambs(lines: Mapping[str, NDArray[np.float64]], area: Area, thin: N
             )
 
 
-def _inside(name: str, line: NDArray[np.float64], area: Area) -> NDArray[np.float64]:
+def _inside(name: str, line: Floats, area: Area) -> Floats:
     outside = shapely.difference(shapely.LineString(line), shapely.buffer(area, SLIVER))
     if not outside.is_empty:
         at = place(shapely.get_coordinates(outside)[-1])

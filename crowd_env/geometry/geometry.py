@@ -32,6 +32,7 @@ from crowd_env.geometry.parsing import (
     read_lines,
 )
 from crowd_env.geometry.parts import closed_off, is_within, join_near_parts, say_left_out, split_by_exits
+from crowd_env.state import Bools, Floats, Ints
 
 __all__ = ["Boundary", "Geometry", "box", "join_boundaries", "parse_exit"]
 
@@ -41,20 +42,20 @@ _SAME = 1e-9  # m; ends of walls nearer than this are one corner
 class Boundary(NamedTuple):
     """What kernels read of the geometry; the arrays of G geometries lie one behind the other."""
 
-    wall: NDArray[np.float64]  # (W, 2, 2)  m   ends a, b; walkable area to the left of a -> b
-    depth: NDArray[np.float64]  # (W,)    m   half the thickness of what is solid behind the wall, 0.25 m at most
-    two_sided: NDArray[np.bool_]  # (W,)    thin wall inside the area: touches from both sides
-    wall_door: NDArray[np.int64]  # (W,)    door of its geometry that the wall closes; -1 = it stands for good
-    wall_start: NDArray[np.int64]  # (G+1,)  first wall of each geometry
-    corner: NDArray[np.float64]  # (V, 2)  m   distinct ends of walls: door jambs, corners of obstacles
-    corner_door: NDArray[np.int64]  # (V,)    door of its geometry that the corner belongs to; -1 = none
-    corner_start: NDArray[np.int64]  # (G+1,)  first corner of each geometry
+    wall: Floats  # (W, 2, 2)  m   ends a, b; walkable area to the left of a -> b
+    depth: Floats  # (W,)    m   half the thickness of what is solid behind the wall, 0.25 m at most
+    two_sided: Bools  # (W,)    thin wall inside the area: touches from both sides
+    wall_door: Ints  # (W,)    door of its geometry that the wall closes; -1 = it stands for good
+    wall_start: Ints  # (G+1,)  first wall of each geometry
+    corner: Floats  # (V, 2)  m   distinct ends of walls: door jambs, corners of obstacles
+    corner_door: Ints  # (V,)    door of its geometry that the corner belongs to; -1 = none
+    corner_start: Ints  # (G+1,)  first corner of each geometry
     corner_wall_start: NDArray[
         np.int64
     ]  # (V+1,)  corner v ends corner_wall[corner_wall_start[v]:corner_wall_start[v+1]]
-    corner_wall: NDArray[np.int64]  # (2W,)   rows of `wall`
-    exit: NDArray[np.float64]  # (X, 2, 2)  m   ends a, b; walkable area to the left of a -> b
-    exit_start: NDArray[np.int64]  # (G+1,)  first exit of each geometry
+    corner_wall: Ints  # (2W,)   rows of `wall`
+    exit: Floats  # (X, 2, 2)  m   ends a, b; walkable area to the left of a -> b
+    exit_start: Ints  # (G+1,)  first exit of each geometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +87,13 @@ class Geometry:
     """
 
     walkable: Area
-    walls: NDArray[np.float64]
-    two_sided: NDArray[np.bool_]
-    exits: NDArray[np.float64]
+    walls: Floats
+    two_sided: Bools
+    exits: Floats
     exit_names: tuple[str, ...]
     regions: Mapping[str, Area]
     doors: tuple[str, ...]
-    door_of_wall: NDArray[np.int64]
+    door_of_wall: Ints
     exits_of_door: tuple[str | None, ...]
     left_out: tuple[Polygon, ...] = ()
 
@@ -199,7 +200,7 @@ class Geometry:
             rest = Geometry.from_polygon(shapely.difference(self.walkable, shapely.union_all(lost)), exits=exits)
         return replace(rest, left_out=(*self.left_out, *lost))
 
-    def walls_when(self, closed: Collection[str] = ()) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def walls_when(self, closed: Collection[str] = ()) -> tuple[Floats, Bools]:
         """Return the walls (W, 2, 2) and which are two-sided (W,) while these doors are closed and all others open."""
         numbers = [-1, *(k for k, name in enumerate(self.doors) if name in closed)]
         stands = np.isin(self.door_of_wall, numbers)
@@ -238,7 +239,7 @@ class Geometry:
     def _wall_tree(self) -> shapely.STRtree:
         return shapely.STRtree(shapely.linestrings(self.walls))
 
-    def contains(self, points: ArrayLike, region: str | None = None) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike, region: str | None = None) -> Bools:
         """Return (K,) whether each of ``points`` (K, 2) [m] lies in the walkable area (or a region) or on its border."""
         x, y = np.asarray(points, dtype=np.float64).reshape(-1, 2).T
         area = self.walkable if region is None else self.regions[region]
@@ -254,13 +255,13 @@ class Geometry:
         """Return the walkable area [m^2], of a region if one is named."""
         return self.area if region is None else float(shapely.intersection(self.walkable, self.regions[region]).area)
 
-    def nearest_exit(self, points: ArrayLike) -> NDArray[np.int64]:
+    def nearest_exit(self, points: ArrayLike) -> Ints:
         """Return (K,) the row of ``exits`` nearest in a straight line to each of ``points`` (K, 2)."""
         lines = shapely.linestrings(self.exits)
         xy = shapely.points(np.asarray(points, dtype=np.float64).reshape(-1, 2))
         return np.argmin(shapely.distance(xy[:, None], lines[None, :]), axis=1).astype(np.int64)
 
-    def clearance(self, points: ArrayLike) -> NDArray[np.float64]:
+    def clearance(self, points: ArrayLike) -> Floats:
         """Return (K,) the distance [m] from each of ``points`` (K, 2) to the nearest wall; inf without walls."""
         xy = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         if not len(self.walls) or not len(xy):
@@ -273,7 +274,7 @@ def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:
     """Return the boundaries of ``geometries`` one behind the other, as one batch reads them."""
     parts = [geometry.boundary for geometry in geometries]
 
-    def starts(counts: list[int]) -> NDArray[np.int64]:
+    def starts(counts: list[int]) -> Ints:
         return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
     wall_start = starts([len(part.wall) for part in parts])
@@ -325,7 +326,7 @@ def _difference(area: Area, holes: list[Area], error: str) -> Area:
     return parts[0] if len(parts) == 1 else MultiPolygon(parts)
 
 
-def _thin_walls(area: Area, left_out: list[Polygon], lines: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _thin_walls(area: Area, left_out: list[Polygon], lines: list[Floats]) -> Floats:
     segments = [np.empty((0, 2, 2))]
     for number, line in enumerate(lines):
         if left_out and not shapely.intersects(area, shapely.LineString(line)):
@@ -358,7 +359,7 @@ def _regions(
     return shapes
 
 
-def _corners(walls: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+def _corners(walls: Floats) -> tuple[Floats, Ints, Ints]:
     """Return the distinct ends (V, 2) of ``walls`` and, as compressed rows (V+1,), (2W,), the walls that end at each."""
     ends = walls.reshape(-1, 2)
     if not len(ends):
@@ -373,9 +374,7 @@ def _corners(walls: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
     return ends[distinct].copy(), start.astype(np.int64), (order // 2).astype(np.int64)
 
 
-def _doors_of_corners(
-    door_of_wall: NDArray[np.int64], start: NDArray[np.int64], rows: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _doors_of_corners(door_of_wall: Ints, start: Ints, rows: Ints) -> Ints:
     """Return the door (V,) that each corner belongs to: a leaf shares its ends with nothing that stands for good."""
     if len(start) < 2:
         return np.empty(0, dtype=np.int64)

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from crowd_env._kernels.jit import index, kernel
 from crowd_env.geometry.parsing import Area
@@ -83,7 +82,7 @@ def _by_row(edges: Floats, bottom: float, per_height: float, rows: int) -> tuple
     return start.astype(np.int64), edge[np.argsort(row, kind="stable")]
 
 
-def _row(y: Floats, bottom: float, per_height: float, rows: int) -> NDArray[np.int64]:
+def _row(y: Floats, bottom: float, per_height: float, rows: int) -> Ints:
     """Return the rows of the heights ``y``: the same expression as in `mark_outside`."""
     return np.minimum(((y - bottom) * per_height).astype(np.int64), rows - 1)
 

@@ -10,11 +10,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely.geometry import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowd_env.files.foreign import foreign_kind
+from crowd_env.state import Floats
 
 Area: TypeAlias = Polygon | MultiPolygon
 Shape: TypeAlias = BaseGeometry | str | ArrayLike
@@ -94,7 +95,7 @@ def read_areas(things: Iterable[Shape] | BaseGeometry, what: str) -> list[Area]:
     return [read_area(thing, f"{what} {number}") for number, thing in enumerate(as_list(things, f"{what}s"))]
 
 
-def read_lines(things: Iterable[Shape] | BaseGeometry, what: str) -> list[NDArray[np.float64]]:
+def read_lines(things: Iterable[Shape] | BaseGeometry, what: str) -> list[Floats]:
     """Return the (K, 2) coordinates of every line of ``things`` (or of the one shape)."""
     lines = []
     for number, thing in enumerate(as_list(things, f"{what}s")):

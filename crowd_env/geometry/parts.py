@@ -8,10 +8,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
 from crowd_env.geometry.parsing import Area, place
+from crowd_env.state import Floats
 
 GAP = 0.01  # m; parts nearer to each other than this were meant to touch
 _INTO = 1e-6  # m; how far a corner is moved into the other part, so that the two overlap
@@ -45,7 +45,7 @@ def join_near_parts(area: Area, what: str) -> Area:
 def _onto(part: Polygon, other: Polygon) -> Polygon:
     """Return ``part`` with its corners that lie near to ``other`` moved just into it."""
 
-    def move(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def move(points: Floats) -> Floats:
         away = shapely.distance(other, shapely.points(points))
         points = points.copy()
         for k in np.flatnonzero((away > 0) & (away <= GAP)):
@@ -56,7 +56,7 @@ def _onto(part: Polygon, other: Polygon) -> Polygon:
     return shapely.transform(part, move)
 
 
-def split_by_exits(area: Area, openings: NDArray[np.float64]) -> tuple[Area, list[Polygon]]:
+def split_by_exits(area: Area, openings: Floats) -> tuple[Area, list[Polygon]]:
     """Return the parts of ``area`` that have an exit among ``openings`` (X, 2, 2), and those that have none."""
     parts = list(shapely.get_parts(area))
     if len(parts) < 2 or not len(openings):
@@ -72,7 +72,7 @@ def split_by_exits(area: Area, openings: NDArray[np.float64]) -> tuple[Area, lis
     ]
 
 
-def closed_off(area: Area, openings: NDArray[np.float64], radius: float) -> list[Polygon]:
+def closed_off(area: Area, openings: Floats, radius: float) -> list[Polygon]:
     """Return the parts of ``area`` from which a disc of ``radius`` [m] gets to none of the exits ``openings`` (X, 2, 2).
 
     Only passages clearly too narrow count, by a tenth; what is in between is left to the grid of ways.

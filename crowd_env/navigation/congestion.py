@@ -37,10 +37,10 @@ class CongestionField:
     ----------
     fine : field on the full grid, to the exits (or the region) in question.
     walls : (W, 2, 2) m, those that stand.
-    pace : speed of the floor at x, y, relative to plain floor.
+    speed : speed at places x, y [m], relative to plain floor.
     """
 
-    def __init__(self, fine: NavigationField, walls: Floats, pace: Callable[[Floats, Floats], Floats]) -> None:
+    def __init__(self, fine: NavigationField, walls: Floats, speed: Callable[[Floats, Floats], Floats]) -> None:
         stride = max(1, int(min(SPACING, 0.8 * fine.radius) / fine.spacing + 1e-9))
         self.spacing = stride * fine.spacing
         self.origin = fine.origin
@@ -49,10 +49,7 @@ class CongestionField:
         self._free = self._inside if fine.free is None else _any_near(fine.free, stride) & self._inside
         self._first = _least_near(np.where(walkable, fine.travel_time, np.inf), stride)
         rows, cols = self._inside.shape
-        x, y = np.meshgrid(
-            self.origin[0] + self.spacing * np.arange(cols), self.origin[1] + self.spacing * np.arange(rows)
-        )
-        self._pace = pace(x, y)
+        self._speed = speed(*grid.node_coordinates(self.origin, self.spacing, (rows, cols)))
         blocked = grid.blocked_lines(walls, rows, cols, self.origin, self.spacing)
         # Within a meter of a door the straight line to it is the way, whatever the crowd.
         near_door = (fine.direct >= 0) & (fine.travel_time < 1.0)
@@ -72,10 +69,8 @@ class CongestionField:
 
     def density(self, position: Floats) -> Floats:
         """Return the density [1/m2] of people at ``position`` (K, 2) on the nodes (rows, cols), over about a meter."""
-        rows, cols = self._inside.shape
-        j, i = np.rint((position - self.origin) / self.spacing).astype(np.int64).T
-        count = np.zeros((rows, cols))
-        np.add.at(count, (np.clip(i, 0, rows - 1), np.clip(j, 0, cols - 1)), 1.0)
+        count = np.zeros(self._inside.shape)
+        np.add.at(count, grid.nearest_nodes(position, self.origin, self.spacing, count.shape), 1.0)
         floor = self._inside.astype(np.float64)
         half = max(1, round(_SMOOTHING / self.spacing))
         for _ in range(2):
@@ -84,13 +79,13 @@ class CongestionField:
 
     def march(self, position: Floats | None = None) -> NavigationField:
         """Return the field for people at ``position`` (K, 2) [m], or for an empty place."""
-        pace = self._pace if position is None or not len(position) else self._pace * weidmann(self.density(position))
+        speed = self._speed if position is None or not len(position) else self._speed * weidmann(self.density(position))
         seeds = self._free & (self._first < SOURCE * self.spacing)
-        time = np.where(seeds, self._first / pace, np.nan)
+        time = np.where(seeds, self._first / speed, np.nan)
         if (self._free & ~seeds).any():
-            marched = skfmm.travel_time(self._level, pace, dx=self.spacing, order=1)
+            marched = skfmm.travel_time(self._level, speed, dx=self.spacing, order=1)
             far = self._free & ~seeds & ~np.ma.getmaskarray(marched)
-            start = SOURCE * self.spacing / float(np.median(pace[seeds])) if seeds.any() else 0.0
+            start = SOURCE * self.spacing / float(np.median(speed[seeds])) if seeds.any() else 0.0
             time[far] = np.ma.getdata(marched)[far] + start
         known = ~np.isnan(time)
         direction = directions.descend(time, self.spacing)

@@ -11,10 +11,7 @@ from numpy.typing import NDArray
 from crowd_env._kernels.jit import allocating_kernel, inner_kernel, kernel
 from crowd_env.navigation.grid import ANTIDIAGONAL, DIAGONAL, RIGHT, UP, distance_to_segment
 from crowd_env.navigation.lookup import ALONE, BLEND, crosses, exit_frame, nearest_on_exit, through_exit
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from crowd_env.state import Floats, Ints
 
 _GET_AWAY = 0.25  # a straight line parts from a wall in whose band it starts by at least this sine
 _KINK = 0.95  # a gradient shorter than this (1 = smooth) averages two ways of equal length that part by over 36 degrees

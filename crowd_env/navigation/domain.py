@@ -5,14 +5,10 @@ from collections.abc import Collection, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation import grid
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from crowd_env.state import Bools, Floats, Ints
 
 _SPACING = 0.05  # m
 _NODES = 4e5  # a big plan gets a coarser grid than _SPACING above this
@@ -179,7 +175,7 @@ def _make_grid(plan: Plan, spacing: float) -> Grid:
     geometry = plan.geometry
     rows, cols = _nodes(geometry, spacing)
     origin = np.array(geometry.bounds[:2])
-    x, y = np.meshgrid(origin[0] + spacing * np.arange(cols), origin[1] + spacing * np.arange(rows))
+    x, y = grid.node_coordinates(origin, spacing, (rows, cols))
 
     def distance(segments: Floats, cap: float) -> Floats:
         return np.asarray(grid.capped_distance(segments, rows, cols, origin, spacing, cap))
@@ -262,17 +258,9 @@ def in_goal(plan: Plan, nodes: Grid) -> Bools:
     """Return (rows, cols) which nodes lie in the region that the way leads to."""
     if plan.goal is None:
         return np.zeros_like(nodes.inside)
-    x, y = node_places(nodes)
+    x, y = grid.node_coordinates(nodes.origin, nodes.spacing, nodes.inside.shape)
     places = np.stack([x.ravel(), y.ravel()], axis=1)
     return plan.geometry.contains(places, plan.goal).reshape(x.shape)
-
-
-def node_places(nodes: Grid) -> tuple[Floats, Floats]:
-    """Return x and y (rows, cols) of the nodes [m]."""
-    rows, cols = nodes.inside.shape
-    x, y = nodes.origin[0] + nodes.spacing * np.arange(cols), nodes.origin[1] + nodes.spacing * np.arange(rows)
-    grid_x, grid_y = np.meshgrid(x, y)
-    return grid_x, grid_y
 
 
 def _lost_part(label: Ints, nodes: Grid, min_radius: float) -> tuple[float, float] | None:

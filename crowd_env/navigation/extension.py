@@ -4,14 +4,10 @@ Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacin
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowd_env._kernels.jit import allocating_kernel, inner_kernel, kernel
 from crowd_env.navigation.lookup import crosses
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from crowd_env.state import Bools, Floats, Ints
 
 _LEAN = 2.0  # how much a direction turns away from the wall per body radius of depth in the band along it
 

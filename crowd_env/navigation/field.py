@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowd_env.checks import check_fields, shown
 from crowd_env.geometry.geometry import Boundary, Geometry
@@ -23,13 +22,13 @@ from crowd_env.navigation.domain import (
     dilate,
     in_goal,
     make_plan,
-    node_places,
     require_reached,
     source_distance,
 )
 from crowd_env.navigation.extension import extend_once, fill_from_nearest
 from crowd_env.navigation.lookup import FieldArrays, direction_at, exit_target, travel_time_at
 from crowd_env.navigation.marching import gate, lead_through, march, march_through
+from crowd_env.state import Bools, Floats, Ints
 
 __all__ = [
     "FieldArrays",
@@ -43,10 +42,6 @@ __all__ = [
     "travel_time_at",
     "travel_time_field",
 ]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -122,6 +117,16 @@ class NavigationField:
     through: Ints | None = None
     free: Bools | None = None
 
+    def nodes(self) -> tuple[Floats, Floats]:
+        """Return x and y (rows, cols) of the nodes [m]."""
+        return grid.node_coordinates(self.origin, self.spacing, self.travel_time.shape)
+
+    def travel_time_near(self, position: Floats) -> Floats:
+        """Return the travel time [s] (K,) at the node nearest to each ``position`` (K, 2) [m]."""
+        return np.asarray(
+            self.travel_time[grid.nearest_nodes(position, self.origin, self.spacing, self.travel_time.shape)]
+        )
+
 
 def travel_time_field(
     geometry: Geometry,
@@ -167,9 +172,9 @@ def travel_time_field(
     """
     plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal, closed)
     nodes, used, reached = dilate(plan, choose_spacing(plan, spacing))
-    pace = None if speed is None else speed(*node_places(nodes))
+    local_speed = None if speed is None else speed(*_coordinates(nodes))
     lines = [line for door in one_way if door.door not in closed for line in door.lines(geometry)]
-    return _solve(plan, nodes, used, reached, pace, lines)
+    return _solve(plan, nodes, used, reached, local_speed, lines)
 
 
 def straight_field(field: NavigationField, geometry: Geometry, margin: float) -> NavigationField:
@@ -182,11 +187,8 @@ def straight_field(field: NavigationField, geometry: Geometry, margin: float) ->
     margin
         Distance kept from the ends of the exit [m]: nan = the own radius, 0 = the whole width, inf = its middle.
     """
-    rows, cols = field.travel_time.shape
-    x, y = np.meshgrid(
-        field.origin[0] + field.spacing * np.arange(cols), field.origin[1] + field.spacing * np.arange(rows)
-    )
-    cell = geometry.nearest_exit(np.column_stack([x.ravel(), y.ravel()])).reshape(rows, cols)
+    x, y = field.nodes()
+    cell = geometry.nearest_exit(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
     return replace(field, cell=cell, margin=margin)
 
 
@@ -240,6 +242,10 @@ def regions_along(field: NavigationField, region: Ints) -> Ints:
     return np.asarray(directions.regions_on_the_way(field.travel_time, field.direction, region))
 
 
+def _coordinates(nodes: Grid) -> tuple[Floats, Floats]:
+    return grid.node_coordinates(nodes.origin, nodes.spacing, nodes.inside.shape)
+
+
 def _offset(exits: Ints, first: int) -> Ints:
     """Return rows of exits of one geometry as rows of the batch, flat; negative codes stay."""
     return np.where(exits >= 0, exits + first, exits).ravel()
@@ -253,14 +259,14 @@ def _solve(
     rows, cols = reached.shape
     # Half a spacing of fringe, so that the ragged edge of the nodes lies at the radius on average, not beyond it.
     free = grid.with_fringe(reached, nodes.inside & (nodes.clearance >= radius - h / 2))
-    pace = np.ones((rows, cols)) if speed is None else np.asarray(speed, dtype=np.float64)
-    time, level = _sources(plan, nodes, radius, free, pace)
+    local_speed = np.ones((rows, cols)) if speed is None else np.asarray(speed, dtype=np.float64)
+    time, level = _sources(plan, nodes, radius, free, local_speed)
     start = SOURCE * h if plan.goal is None else 0.0
-    gates = [gate(line, free, *node_places(nodes), h) for line in one_way]
+    gates = [gate(line, free, *_coordinates(nodes), h) for line in one_way]
     if gates:
-        time = march_through(time, level, free, pace, h, start, gates)
+        time = march_through(time, level, free, local_speed, h, start, gates)
     else:
-        time = march(time, level, free, pace, h, start)
+        time = march(time, level, free, local_speed, h, start)
     direction = directions.descend(time, h)
     lead_through(time, direction, gates)
     band, reach = radius, radius + SOURCE * h
@@ -286,11 +292,11 @@ def _solve(
     )
 
 
-def _sources(plan: Plan, nodes: Grid, radius: float, free: Bools, pace: Floats) -> tuple[Floats, Floats]:
+def _sources(plan: Plan, nodes: Grid, radius: float, free: Bools, speed: Floats) -> tuple[Floats, Floats]:
     """Return the travel times [s] of the nodes that start the march (nan elsewhere), and the level set it starts from."""
     h = nodes.spacing
     if plan.goal is None:
         distance = source_distance(plan.exits, nodes, radius, cap=4 * SOURCE * h)
-        return np.where(free & (distance < SOURCE * h), distance / pace, np.nan), distance - SOURCE * h
+        return np.where(free & (distance < SOURCE * h), distance / speed, np.nan), distance - SOURCE * h
     inside = in_goal(plan, nodes)
     return np.where(free & inside, 0.0, np.nan), np.where(inside, -0.5, 0.5) * h

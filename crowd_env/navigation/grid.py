@@ -8,12 +8,23 @@ from numpy.typing import NDArray
 
 from crowd_env._kernels.jit import inner_kernel, kernel
 from crowd_env.navigation.lookup import crosses
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from crowd_env.state import Bools, Floats, Ints
 
 RIGHT, UP, DIAGONAL, ANTIDIAGONAL = 1, 2, 4, 8  # lines between the nodes of the cell right of and above a node
+
+
+def node_coordinates(origin: Floats, spacing: float, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
+    """Return x and y (rows, cols) of the nodes [m]."""
+    rows, cols = shape
+    x, y = np.meshgrid(origin[0] + spacing * np.arange(cols), origin[1] + spacing * np.arange(rows))
+    return x, y
+
+
+def nearest_nodes(position: Floats, origin: Floats, spacing: float, shape: tuple[int, ...]) -> tuple[Ints, Ints]:
+    """Return the rows and columns (K,) of the nodes nearest to ``position`` (K, 2) [m]; those beside the grid get its edge."""
+    rows, cols = shape
+    j, i = np.rint((position - origin) / spacing).astype(np.int64).T
+    return np.clip(i, 0, rows - 1), np.clip(j, 0, cols - 1)
 
 
 @inner_kernel

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from crowd_env._kernels.jit import inner_kernel, kernel
 from crowd_env.geometry.geometry import Boundary
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from crowd_env.state import Floats, Ints
 
 # Depth [body radii] in front of the exit line within which the aim moves beyond the line: deep enough that nobody is
 # led along the line, shallow enough that nobody who passes a door jamb is led closer to it than the body allows.
@@ -26,17 +24,17 @@ ALONE = -2  # cell: a wall runs through it, or no corner is walkable; follow a s
 class FieldArrays(NamedTuple):
     """What kernels read of the navigation fields; the nodes of F fields lie one behind the other."""
 
-    geometry: NDArray[np.int64]  # (F,)    geometry that each field is made for
-    node_start: NDArray[np.int64]  # (F+1,)  first node of each field; nodes run row by row
-    shape: NDArray[np.int64]  # (F, 2)  rows (y), columns (x)
-    origin: NDArray[np.float64]  # (F, 2)  m   place of node [0, 0]
-    spacing: NDArray[np.float64]  # (F,)    m   between nodes
-    travel_time: NDArray[np.float64]  # (M,)    s   at 1 m/s; nan outside of the walkable area
-    direction: NDArray[np.float64]  # (M, 2)  unit vector along the shortest path; 0 outside
-    direct: NDArray[np.int64]  # (M,)    row of Boundary.exit reached in a straight line; -1 = none
+    geometry: Ints  # (F,)    geometry that each field is made for
+    node_start: Ints  # (F+1,)  first node of each field; nodes run row by row
+    shape: Ints  # (F, 2)  rows (y), columns (x)
+    origin: Floats  # (F, 2)  m   place of node [0, 0]
+    spacing: Floats  # (F,)    m   between nodes
+    travel_time: Floats  # (M,)    s   at 1 m/s; nan outside of the walkable area
+    direction: Floats  # (M, 2)  unit vector along the shortest path; 0 outside
+    direct: Ints  # (M,)    row of Boundary.exit reached in a straight line; -1 = none
     cell: NDArray[np.int16]  # (M,)    cell right of and above: exit that all its corners are direct to, BLEND, ALONE
-    margin: NDArray[np.float64]  # (F,)    m   kept from the ends of an exit one aims at; nan = the own radius
-    through: NDArray[np.int64]  # (M,)    bit k: the way from here leads through region k
+    margin: Floats  # (F,)    m   kept from the ends of an exit one aims at; nan = the own radius
+    through: Ints  # (M,)    bit k: the way from here leads through region k
 
 
 @inner_kernel

@@ -4,10 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 import skfmm
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from crowd_env.state import Bools, Floats
 
 # A one-way door is a strip of nodes that the march does not enter: thick enough that side-by-side neighbors never skip it.
 _STRIP = 1.5  # spacings, on either side of the line
@@ -23,20 +21,20 @@ class Gate(NamedTuple):
     normal: Floats  # (2,)  unit vector of passing
 
 
-def march(time: Floats, level: Floats, free: Bools, pace: Floats, spacing: float, start: float) -> Floats:
+def march(time: Floats, level: Floats, free: Bools, speed: Floats, spacing: float, start: float) -> Floats:
     """Return the travel times [s] of all free nodes that can be reached, nan elsewhere.
 
     Parameters
     ----------
     time : (rows, cols) s, of the nodes that the march starts from; nan elsewhere.
     level : m, whose zero line the march starts from.
-    pace : speed relative to plain floor.
+    speed : speed relative to plain floor.
     start : s, travel time at that line.
     """
     time = time.copy()
     known = ~np.isnan(time)
     if (free & ~known).any():
-        marched = skfmm.travel_time(np.ma.MaskedArray(level, ~free), pace, dx=spacing, order=2)
+        marched = skfmm.travel_time(np.ma.MaskedArray(level, ~free), speed, dx=spacing, order=2)
         far = free & ~known & ~np.ma.getmaskarray(marched)
         time[far] = np.ma.getdata(marched)[far] + start
     return time
@@ -61,14 +59,14 @@ def gate(line: Floats, free: Bools, x: Floats, y: Floats, spacing: float) -> Gat
 
 
 def march_through(
-    time: Floats, level: Floats, free: Bools, pace: Floats, spacing: float, start: float, gates: list[Gate]
+    time: Floats, level: Floats, free: Bools, speed: Floats, spacing: float, start: float, gates: list[Gate]
 ) -> Floats:
     """Return the travel times as `march` does, where ``gates`` are passed one way only; nan in their strips.
 
     The way through a gate is the way to its front plus the time from its back; with several gates this is found by relaxation.
     """
     open_floor = free & ~np.any([g.strip for g in gates], axis=0)
-    total = march(time, level, open_floor, pace, spacing, start)
+    total = march(time, level, open_floor, speed, spacing, start)
     to_front = []
     for g in gates:
         front = g.front & open_floor
@@ -76,7 +74,7 @@ def march_through(
         if not front.any():
             to_front.append(np.full(time.shape, np.nan))
             continue
-        to_front.append(march(np.where(front, 0.0, np.nan), level_of_front, open_floor, pace, spacing, 0.0))
+        to_front.append(march(np.where(front, 0.0, np.nan), level_of_front, open_floor, speed, spacing, 0.0))
     for _ in gates:
         for g, reach in zip(gates, to_front, strict=True):
             out = total[g.back & open_floor]

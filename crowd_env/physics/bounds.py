@@ -30,8 +30,8 @@ MARGIN = 1e-6
 
 @inner_kernel
 def least_radius(e: int, last: int, batch: Batch) -> float:
-    """Return the smallest radius [m] of those whom `Memory.inside` lists up to place ``last``."""
-    inside, radius, least = batch.memory.inside, batch.bodies.radius, np.inf
+    """Return the smallest radius [m] of those whom `Workspace.inside` lists up to place ``last``."""
+    inside, radius, least = batch.workspace.inside, batch.bodies.radius, np.inf
     for place in range(index(batch.bodies.env_start[e]), index(last)):
         least = min(least, radius[inside[place]])
     return float(least)
@@ -46,7 +46,7 @@ def speed_limit(batch: Batch) -> float:
 @inner_kernel
 def hold_to_speed(e: int, last: int, batch: Batch, velocity: Floats, limit: float) -> float:
     """Hold ``velocity`` (P, 2) to ``limit`` [m/s] and return the largest speed [m/s], which is kept in the sums too."""
-    begin, inside, most, fastest = batch.bodies.env_start[e], batch.memory.inside, limit * limit, 0.0
+    begin, inside, most, fastest = batch.bodies.env_start[e], batch.workspace.inside, limit * limit, 0.0
     for place in range(index(begin), index(last)):
         i = inside[place]
         fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
@@ -59,7 +59,7 @@ def hold_to_speed(e: int, last: int, batch: Batch, velocity: Floats, limit: floa
                 velocity[i, 0] *= share
                 velocity[i, 1] *= share
         fastest = most
-    speed, sums = float(np.sqrt(fastest)), batch.memory.diagnostics.max_speed
+    speed, sums = float(np.sqrt(fastest)), batch.results.diagnostics.max_speed
     sums[e] = max(sums[e], speed)
     return speed
 
@@ -69,12 +69,12 @@ def stay_within_bounds(e: int, last: int, batch: Batch, deepest: float, smallest
     """Hold environment ``e`` at its walls after a move; False (with the reason in `status`) if someone went too far.
 
     ``deepest`` [m] is the deepest contact with a wall at the start of the step, ``smallest`` the least radius and
-    ``furthest`` the longest path; people are those whom `Memory.inside` lists up to place ``last``.
+    ``furthest`` the longest path; people are those whom `Workspace.inside` lists up to place ``last``.
     """
     if deepest + furthest <= smallest - 2.0 * MARGIN or not batch.control.bounded:
         return True
     if furthest > smallest and _is_too_far(e, last, batch):
-        batch.memory.status[e] = TOO_FAST
+        batch.workspace.status[e] = TOO_FAST
         return False
     _hold_at_walls(e, batch)
     return True
@@ -84,8 +84,8 @@ def stay_within_bounds(e: int, last: int, batch: Batch, deepest: float, smallest
 def _is_too_far(e: int, last: int, batch: Batch) -> bool:
     """Whether anyone has moved further than the own radius in this step."""
     inside, previous, position, radius = (
-        batch.memory.inside,
-        batch.memory.previous,
+        batch.workspace.inside,
+        batch.workspace.previous_position,
         batch.state.position,
         batch.bodies.radius,
     )
@@ -99,11 +99,16 @@ def _is_too_far(e: int, last: int, batch: Batch) -> bool:
 
 @inner_kernel
 def _hold_at_walls(e: int, batch: Batch) -> None:
-    """Let nobody of environment ``e`` cross a wall in the step from `Memory.previous` to `CrowdState.position`."""
-    near, memory, state, bodies = batch.memory.near, batch.memory, batch.state, batch.bodies
+    """Let nobody of environment ``e`` cross a wall in the step from `Workspace.previous_position` to `CrowdState.position`."""
+    near, state, bodies = batch.workspace.neighbors, batch.state, batch.bodies
     first, last = near.pair_end[e], near.wall_end[e]
     boundary, g, owner, partner = batch.world.boundary, batch.world.geometry_of_env[e], near.owner, near.partner
-    position, previous, velocity, active = state.position, memory.previous, state.velocity, state.active
+    position, previous, velocity, active = (
+        state.position,
+        batch.workspace.previous_position,
+        state.velocity,
+        state.active,
+    )
     begin = first
     while begin < last:
         i, stop = owner[begin], begin + 1
@@ -117,9 +122,9 @@ def _hold_at_walls(e: int, batch: Batch) -> None:
                 position[i, 0], position[i, 1] = x, y
                 ux, uy = _without(velocity[i, 0], velocity[i, 1], nx, ny, mx, my)
                 px, py = bodies.mass[i] * (ux - velocity[i, 0]), bodies.mass[i] * (uy - velocity[i, 1])
-                memory.push[i, 0] += px
-                memory.push[i, 1] += py
-                memory.crush[i] += np.sqrt(px * px + py * py)
+                batch.results.impulse[i, 0] += px
+                batch.results.impulse[i, 1] += py
+                batch.results.impulse_magnitude[i] += np.sqrt(px * px + py * py)
                 velocity[i, 0], velocity[i, 1] = ux, uy
         begin = stop
 

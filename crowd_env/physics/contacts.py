@@ -28,11 +28,15 @@ class Contacts(NamedTuple):
     gap: Floats  # (M,)    m     < 0 is overlap
     normal: Floats  # (M, 2)        unit, from j to i
     impulse: Floats  # (M, 2)  N s   normal, tangential, of the current step
-    memory: Floats  # (M, 2)  what the scheme remembers of a contact while it lasts; 0 at first
+    history: Floats  # (M, 2)  what the scheme keeps of a contact while it lasts; 0 at first
     #                nsm1, nsm2: normal and tangential impulse of the last step [N s]; hertz: tangential elongation [m], 0
-    old_key: Ints  # (M,)    scratch: what the contacts of the last step remember
-    old_memory: Floats  # (M, 2)
+    old_key: Ints  # (M,)    scratch: keys and history of the contacts of the last step
+    old_history: Floats  # (M, 2)
     hit: Places  # (M,)    scratch: entries of the list that are contacts
+
+
+# What contacts are and keep; the rest of `Contacts` is scratch.
+KEPT = ("i", "j", "gap", "normal", "impulse", "history")
 
 
 def allocate_contacts(near: NeighborList) -> Contacts:
@@ -45,20 +49,25 @@ def allocate_contacts(near: NeighborList) -> Contacts:
         gap=np.zeros(entries),
         normal=np.zeros((entries, 2)),
         impulse=np.zeros((entries, 2)),
-        memory=np.zeros((entries, 2)),
+        history=np.zeros((entries, 2)),
         old_key=np.zeros(entries, dtype=np.int64),
-        old_memory=np.zeros((entries, 2)),
+        old_history=np.zeros((entries, 2)),
         hit=np.zeros(entries, dtype=np.uint32),
     )
 
 
-def move_contacts(old: Contacts, old_start: Ints, new: Contacts, new_start: Ints) -> None:
+def rows_of(e: int, contacts: Contacts, near: NeighborList) -> slice:
+    """Return where the contacts of environment ``e`` are."""
+    first = int(near.entry_start[e])
+    return slice(first, first + int(contacts.number[e]))
+
+
+def move_contacts(old: Contacts, old_near: NeighborList, new: Contacts, new_near: NeighborList) -> None:
     """Copy the contacts of every environment to where they belong in longer arrays."""
     new.number[:] = old.number
-    for e, number in enumerate(old.number.tolist()):
-        source = slice(int(old_start[e]), int(old_start[e]) + number)
-        target = slice(int(new_start[e]), int(new_start[e]) + number)
-        for name in ("i", "j", "gap", "normal", "impulse", "memory"):
+    for e in range(len(old.number)):
+        source, target = rows_of(e, old, old_near), rows_of(e, new, new_near)
+        for name in KEPT:
             getattr(new, name)[target] = getattr(old, name)[source]
 
 
@@ -86,19 +95,19 @@ def find_contacts(
 ) -> None:
     """Narrow phase: write the contacts of environment ``e`` with a gap below ``margin``, sorted by (i, j), walls last.
 
-    The starting impulse is what is remembered of a pair that was in contact in the previous step, else zero.
+    The starting impulse is what is kept of a pair that was in contact in the previous step, else zero.
     """
     first, wall, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
     kept = first
     if contacts.number[e] > 0:
-        kept = _keep_memory(
+        kept = _keep_history(
             first,
             first + contacts.number[e],
             contacts.i,
             contacts.j,
-            contacts.memory,
+            contacts.history,
             contacts.old_key,
-            contacts.old_memory,
+            contacts.old_history,
         )
     hits = _near_enough(first, wall, near.owner, near.partner, near.touch, state.position, margin, contacts.hit)
     c, walls = first, wall
@@ -128,16 +137,16 @@ def find_contacts(
         )
     contacts.number[e] = c - first
     if c > first:
-        _recall(
+        _load_history(
             first,
             c,
             kept,
             contacts.i,
             contacts.j,
             contacts.impulse,
-            contacts.memory,
+            contacts.history,
             contacts.old_key,
-            contacts.old_memory,
+            contacts.old_history,
         )
 
 
@@ -256,30 +265,30 @@ def _touch_all(
 
 
 @inner_kernel
-def _keep_memory(first: int, last: int, i: Ints, j: Ints, memory: Floats, old_key: Ints, old_memory: Floats) -> int:
-    """Put aside what the contacts ``first:last`` of the last step remember; returns one past the last of these."""
+def _keep_history(first: int, last: int, i: Ints, j: Ints, history: Floats, old_key: Ints, old_history: Floats) -> int:
+    """Put aside the history of the contacts ``first:last`` of the last step; returns one past the last of these."""
     kept = first
     for c in range(first, last):
-        if memory[c, 0] != 0.0 or memory[c, 1] != 0.0:
+        if history[c, 0] != 0.0 or history[c, 1] != 0.0:
             old_key[kept] = contact_key(i[c], j[c])
-            old_memory[kept, 0], old_memory[kept, 1] = memory[c, 0], memory[c, 1]
+            old_history[kept, 0], old_history[kept, 1] = history[c, 0], history[c, 1]
             kept += 1
     return kept
 
 
 @inner_kernel
-def _recall(
+def _load_history(
     first: int,
     last: int,
     kept: int,
     i: Ints,
     j: Ints,
     impulse: Floats,
-    memory: Floats,
+    history: Floats,
     old_key: Ints,
-    old_memory: Floats,
+    old_history: Floats,
 ) -> None:
-    """Give the contacts ``first:last`` what the same contacts remembered, and start their impulses from it."""
+    """Give the contacts ``first:last`` the history of the same contacts, and start their impulses from it."""
     old = first
     for c in range(index(first), index(last)):
         normal, tangent = 0.0, 0.0
@@ -288,8 +297,8 @@ def _recall(
             while old < kept and old_key[old] < key:
                 old += 1
             if old < kept and old_key[old] == key:
-                normal, tangent = old_memory[old, 0], old_memory[old, 1]
-        memory[c, 0], memory[c, 1] = normal, tangent
+                normal, tangent = old_history[old, 0], old_history[old, 1]
+        history[c, 0], history[c, 1] = normal, tangent
         impulse[c, 0], impulse[c, 1] = normal, tangent
 
 

@@ -134,28 +134,34 @@ def _prepare(
     fresh: bool,
 ) -> None:
     """What one thread does before a step: the list, what is to be looked up, and the contacts of the last step of a call."""
-    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
-    near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
+    world, bodies, state = batch.world, batch.bodies, batch.state
+    near, contacts, lanes, cut, g = (
+        batch.workspace.neighbors,
+        batch.history.contacts,
+        batch.workspace.lanes,
+        batch.workspace.cut,
+        world.geometry_of_env[e],
+    )
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
-    cut.go[e] = memory.status[e] == OK and memory.progress[e] < n_substeps and cut.inside[e] > 0
+    cut.go[e] = batch.workspace.status[e] == OK and batch.workspace.substep[e] < n_substeps and cut.inside[e] > 0
     if cut.go[e] and cut.stray[e]:
         show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
         show_positions(begin, end, state.active, lanes.vx, lanes.vy, state.velocity)
-        memory.status[e] = update_neighbors(e, batch, reach)
-        cut.go[e] = memory.status[e] == OK
+        batch.workspace.status[e] = update_neighbors(e, batch, reach)
+        cut.go[e] = batch.workspace.status[e] == OK
         follow_list(e, slabs, batch)
     if not cut.go[e]:
         return
     cut.look[e] = _AIM if fresh or state.time[e] <= cut.last_response[e] + dt else _NOTHING
-    if memory.direction_age[e] > LOOK_EVERY - 0.5 * dt:
+    if batch.history.direction_age[e] > LOOK_EVERY - 0.5 * dt:
         cut.turn[e] = choose_turn(e, batch, regions)
-        memory.direction_age[e] = 0.0
+        batch.history.direction_age[e] = 0.0
         cut.look[e] = _LOOK
         if regions is not None:
             show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
             follow_rules(e, batch)
-    memory.direction_age[e] += dt
-    if memory.progress[e] == n_substeps - 1:
+    batch.history.direction_age[e] += dt
+    if batch.workspace.substep[e] == n_substeps - 1:
         show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
         find_contacts(e, g, world.boundary, bodies, state, near, contacts, 0.0)
         write_impulses(near.entry_start[e], contacts.number[e], contacts.gap, contacts.impulse, dt, stiffness)
@@ -173,8 +179,14 @@ def _push(
     social: SocialLaw | None,
 ) -> None:
     """Find the forces on and among the people ``low:high`` of one slab."""
-    world, bodies, state, memory = batch.world, batch.bodies, batch.state, batch.memory
-    near, contacts, lanes, cut, g = memory.near, memory.contacts, memory.lanes, memory.cut, world.geometry_of_env[e]
+    world, bodies, state = batch.world, batch.bodies, batch.state
+    near, contacts, lanes, cut, g = (
+        batch.workspace.neighbors,
+        batch.history.contacts,
+        batch.workspace.lanes,
+        batch.workspace.cut,
+        world.geometry_of_env[e],
+    )
     first, last = cut.inside_start[row], cut.inside_stop[row]
     if cut.look[e] > _NOTHING:
         if cut.look[e] == _LOOK:
@@ -183,10 +195,10 @@ def _push(
         aim(first, last, e, batch)
     if social is not None:
         show_positions(low, high, state.active, lanes.x, lanes.y, state.position)
-        show_positions(low, high, state.active, lanes.wish_x, lanes.wish_y, memory.desired)
-        copy_forces(low, high, batch.control.external_force, memory.force)
+        show_positions(low, high, state.active, lanes.wish_x, lanes.wish_y, batch.workspace.desired_velocity)
+        copy_forces(low, high, batch.control.external_force, batch.history.force)
         add_social_forces(e, last, batch, social)
-        press(low, high, state.active, memory.force, lanes.gx, lanes.gy)
+        press(low, high, state.active, batch.history.force, lanes.gx, lanes.gy)
     push_people(
         cut.pair_start[row],
         cut.pair_stop[row],
@@ -202,7 +214,7 @@ def _push(
         lanes.fy,
         lanes.squeeze,
         contacts.old_key,
-        contacts.old_memory,
+        contacts.old_history,
         cut.seen,
         row,
     )
@@ -229,7 +241,12 @@ def _push(
 @inner_kernel
 def _walk(e: int, low: int, high: int, row: int, batch: Batch, dt: float, reach: float) -> None:
     """Move the people ``low:high`` of one slab, and see who has gone far."""
-    contacts, lanes, cut, near = batch.memory.contacts, batch.memory.lanes, batch.memory.cut, batch.memory.near
+    contacts, lanes, cut, near = (
+        batch.history.contacts,
+        batch.workspace.lanes,
+        batch.workspace.cut,
+        batch.workspace.neighbors,
+    )
     touched = cut.seen[row, COUNT] > 0.0
     for other in range(SLABS * e, row):
         if cut.seen[other, FURTHEST] >= low:
@@ -240,7 +257,7 @@ def _walk(e: int, low: int, high: int, row: int, batch: Batch, dt: float, reach:
                 low,
                 high,
                 contacts.old_key,
-                contacts.old_memory,
+                contacts.old_history,
                 lanes.fx,
                 lanes.fy,
                 lanes.squeeze,
@@ -283,12 +300,12 @@ def _advance_range(
 
     Between two gates nobody writes what another reads; what is not worth sharing is left to thread 0.
     """
-    memory, cut, env_start = batch.memory, batch.memory.cut, batch.bodies.env_start
+    cut, env_start = batch.workspace.cut, batch.bodies.env_start
     for e in range(first, stop):
         begin, end = env_start[e], env_start[e + 1]
         slabs = slabs_of(end - begin) if reach == 0.0 else 1
         together = threads if slabs > 1 else 1
-        if thread >= together or memory.progress[e] >= n_substeps:
+        if thread >= together or batch.workspace.substep[e] >= n_substeps:
             continue
         fresh = True
         while True:

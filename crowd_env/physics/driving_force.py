@@ -34,14 +34,14 @@ def influences(social: SocialForce | None, batch: StructRef) -> tuple[SocialLaw 
 
 @inner_kernel
 def regular_forces(e: int, last: int, batch: Batch, dt: float, social: SocialLaw | None, regions: bool | None) -> None:
-    """Write the sum of all forces but contact [N] into ``Memory.force`` (P, 2): external, driving and social.
+    """Write the sum of all forces but contact [N] into ``History.force`` (P, 2): external, driving and social.
 
-    It is written for those inside, whom ``Memory.inside`` lists up to place ``last``; with it the desired velocity [m/s], into
-    ``Memory.desired`` (P, 2).  A command is a multiple of the desired speed, which is one's own but for what a region says.  A
-    relative one turns with the direction of the route one follows, looked up anew every 0.01 s: command (1, 0) is the rule
-    "walk the way out".  With a social force the neighbor list must be complete up to its cut-off.
+    It is written for those inside, whom ``Workspace.inside`` lists up to place ``last``; with it the desired velocity [m/s],
+    into ``Workspace.desired_velocity`` (P, 2).  A command is a multiple of the desired speed, which is one's own but for what
+    a region says.  A relative one turns with the direction of the route one follows, looked up anew every 0.01 s: command
+    (1, 0) is the rule "walk the way out".  With a social force the neighbor list must be complete up to its cut-off.
     """
-    begin, direction_age = batch.bodies.env_start[e], batch.memory.direction_age
+    begin, direction_age = batch.bodies.env_start[e], batch.history.direction_age
     if direction_age[e] > LOOK_EVERY - 0.5 * dt:
         if regions is not None:
             follow_rules(e, batch)
@@ -64,8 +64,10 @@ def follow_rules(e: int, batch: Batch) -> None:
     """Bring pace and followed route up to date where there are regions."""
     if not has_regions(e, batch):
         return
-    world, memory, g = batch.world, batch.memory, batch.world.geometry_of_env[e]
-    notice_regions(e, g, world.guidance.region, batch.bodies, batch.state, memory.here, memory.pace)
+    world, g = batch.world, batch.world.geometry_of_env[e]
+    notice_regions(
+        e, g, world.guidance.region, batch.bodies, batch.state, batch.history.region_bits, batch.history.local_speed
+    )
     apply_rules(
         e,
         g,
@@ -73,10 +75,10 @@ def follow_rules(e: int, batch: Batch) -> None:
         world.guidance,
         batch.bodies,
         batch.state,
-        memory.here,
-        memory.followed,
-        memory.rule_on,
-        memory.rule_since,
+        batch.history.region_bits,
+        batch.history.followed,
+        batch.history.rule_on,
+        batch.history.rule_since,
     )
 
 
@@ -86,7 +88,7 @@ def reset_routes(e: int, batch: Batch, regions: bool | None) -> None:
     if regions is not None and has_regions(e, batch):
         return
     desired_speed, route = batch.bodies.desired_speed, batch.state.route
-    pace, followed, direction_age = batch.memory.pace, batch.memory.followed, batch.memory.direction_age
+    pace, followed, direction_age = batch.history.local_speed, batch.history.followed, batch.history.direction_age
     changed = False
     for i in range(index(batch.bodies.env_start[e]), index(batch.bodies.env_start[e + 1])):
         pace[i] = desired_speed[i]
@@ -99,16 +101,16 @@ def reset_routes(e: int, batch: Batch, regions: bool | None) -> None:
 @inner_kernel
 def choose_turn(e: int, batch: Batch, regions: bool | None) -> int:
     """Return whose turn it is to look, of those who need not look every time; -1 = everyone's."""
-    turn, many = batch.memory.turn, batch.bodies.env_start[e + 1] - batch.bodies.env_start[e] >= _MANY
+    turn, many = batch.history.turn, batch.bodies.env_start[e + 1] - batch.bodies.env_start[e] >= _MANY
     turn[e] = (turn[e] + 1) % LOOKUP_PERIOD
     if regions is not None and has_regions(e, batch):
         many = False  # rules send people elsewhere at any time
-    return turn[e] if many and batch.memory.direction_age[e] < np.inf else -1
+    return turn[e] if many and batch.history.direction_age[e] < np.inf else -1
 
 
 @inner_kernel
 def update_steering(e: int, first: int, last: int, batch: Batch, dt: float, turn: int) -> None:
-    """Bring the way of the people in the places ``first:last`` of `Memory.inside` up to date.
+    """Bring the way of the people in the places ``first:last`` of `Workspace.inside` up to date.
 
     It is written for those whose command is relative to it, and for everyone if it will be good for more than one step; but
     for those who are steady and whose turn it is not.
@@ -118,10 +120,10 @@ def update_steering(e: int, first: int, last: int, batch: Batch, dt: float, turn
     radius, relative, inside, followed = (
         batch.bodies.radius,
         batch.control.relative,
-        batch.memory.inside,
-        batch.memory.followed,
+        batch.workspace.inside,
+        batch.history.followed,
     )
-    way, steady, shift = batch.memory.way, batch.memory.steady, batch.memory.shift
+    way, steady, shift = batch.history.direction, batch.history.is_uniform, batch.history.lookup_turn
     everyone = dt < LOOK_EVERY  # who may be told to follow the way before it is looked up again needs it too
     f, rows, cols, start, keep, left, bottom, size = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0
     aim, ax, ay, ux, uy, width, nx, ny = -1, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
@@ -169,7 +171,7 @@ def _is_steady(direction: Floats, node: int, cols: int) -> bool:
 @inner_kernel
 def _drive(first: int, last: int, time: float, batch: Batch) -> None:
     """Write desired velocities, and external and driving forces."""
-    bodies, control, memory, driving = batch.bodies, batch.control, batch.memory, batch.control.driving
+    bodies, control, driving = batch.bodies, batch.control, batch.control.driving
     command, relative, external, velocity = (
         control.command,
         control.relative,
@@ -177,7 +179,13 @@ def _drive(first: int, last: int, time: float, batch: Batch) -> None:
         batch.state.velocity,
     )
     mass, relaxation_time, response_time = bodies.mass, bodies.relaxation_time, bodies.response_time
-    inside, way, pace, desired, force = memory.inside, memory.way, memory.pace, memory.desired, memory.force
+    inside, way, pace, desired, force = (
+        batch.workspace.inside,
+        batch.history.direction,
+        batch.history.local_speed,
+        batch.workspace.desired_velocity,
+        batch.history.force,
+    )
     for place in range(index(first), index(last)):
         i = inside[place]
         speed = pace[i] if time >= response_time[i] else 0.0

@@ -14,12 +14,12 @@ from crowd_env.state import Bools, Floats, Ints
 def leave(e: int, last: int, batch: Batch, dt: float) -> int:
     """Take out whoever's center crossed an exit line outwards during this step.
 
-    Those inside are listed up to place ``last`` of `Memory.inside`; returns how far they are now.  Of several exits
+    Those inside are listed up to place ``last`` of `Workspace.inside`; returns how far they are now.  Of several exits
     that someone crosses in one step the first counts.
     """
     state, boundary, g = batch.state, batch.world.boundary, batch.world.geometry_of_env[e]
     exits, stop, exit_line = boundary.exit_start[g], boundary.exit_start[g + 1], boundary.exit
-    inside, previous, position = batch.memory.inside, batch.memory.previous, state.position
+    inside, previous, position = batch.workspace.inside, batch.workspace.previous_position, state.position
     active, exit_time, exit_index, time = state.active, state.exit_time, state.exit_index, state.time[e]
     begin, left = batch.bodies.env_start[e], False
     for k in range(exits, stop):

@@ -29,7 +29,7 @@ from crowd_env.physics.driving_force import influences, regular_forces, reset_ro
 from crowd_env.physics.exits import leave
 from crowd_env.physics.scheme import SchemeInfo
 from crowd_env.physics.social_force import SocialForce, SocialLaw
-from crowd_env.physics.step import detect, list_active, record_overlaps, record_pushes, tick
+from crowd_env.physics.step import detect, list_active, record_impulses, record_overlaps, tick
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
 
@@ -43,12 +43,12 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=False,
     overlap="(5 m v^2 / (4 k_n sqrt R))^(2/5), 3 cm for two who run into each other at 1 m/s each, and the push of the crowd",
     stable_step="2 / omega, omega^2 = 1.5 k_n alpha / m_e at the overlap bound, and 2 tau_min",
-    uses=("desired", "force", "previous", "torque"),
+    uses=("desired_velocity", "force", "previous_position", "torque"),
     default_dt=1e-3,
     contacts_at="end",
 )
 
-# Phases of a step, in Memory.phase: the forces at the present place are not known; are known; the step has drifted.
+# Phases of a step, in History.phase: the forces at the present place are not known; are known; the step has drifted.
 _UNKNOWN, _KNOWN, _DRIFTED = 0, 1, 2
 
 _FITTED = SocialForce(wall_strength=300.0)  # eq 2 with Table 1; the walls' share is ours
@@ -182,10 +182,10 @@ def _touch(first: int, last: int, batch: Batch, dt: float, elapsed: float, law: 
     With the normal from j to i and the tangent t = normal turned left, the contact point of i moves with v_i - w_i r_i t and
     that of j with v_j + w_j r_j t; a tangential force F_t t on i turns both the same way, by -r F_t.
     """
-    contacts, radius, masses = batch.memory.contacts, batch.bodies.radius, batch.bodies.mass
+    contacts, radius, masses = batch.history.contacts, batch.bodies.radius, batch.bodies.mass
     contact_i, contact_j, gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
-    remembered, impulse = contacts.memory, contacts.impulse
-    velocity, spin, force, torque = batch.state.velocity, batch.state.spin, batch.memory.force, batch.memory.torque
+    remembered, impulse = contacts.history, contacts.impulse
+    velocity, spin, force, torque = batch.state.velocity, batch.state.spin, batch.history.force, batch.history.torque
     kn, kt, turning = law.normal_stiffness, law.tangential_stiffness, law.rotation
     for c in range(first, last):
         i, j, overlap = contact_i[c], contact_j[c], -gap[c]
@@ -230,8 +230,8 @@ def _touch(first: int, last: int, batch: Batch, dt: float, elapsed: float, law: 
 @inner_kernel
 def _kick(e: int, last: int, batch: Batch, half: float, limit: float) -> float:
     """Half a kick (eqs 9, 11), to no more than ``limit`` [m/s]; returns the largest speed [m/s]."""
-    inside, velocity, spin, mass = batch.memory.inside, batch.state.velocity, batch.state.spin, batch.bodies.mass
-    inertia, force, torque = batch.bodies.inertia, batch.memory.force, batch.memory.torque
+    inside, velocity, spin, mass = batch.workspace.inside, batch.state.velocity, batch.state.spin, batch.bodies.mass
+    inertia, force, torque = batch.bodies.inertia, batch.history.force, batch.history.torque
     for place in range(index(batch.bodies.env_start[e]), index(last)):
         i = inside[place]
         rate = half / mass[i]
@@ -245,7 +245,7 @@ def _kick(e: int, last: int, batch: Batch, half: float, limit: float) -> float:
 @inner_kernel
 def _drift(first: int, last: int, batch: Batch, dt: float) -> None:
     """Move and turn (eq 10)."""
-    state, inside, previous = batch.state, batch.memory.inside, batch.memory.previous
+    state, inside, previous = batch.state, batch.workspace.inside, batch.workspace.previous_position
     position, velocity, angle, spin = state.position, state.velocity, state.angle, state.spin
     for place in range(index(first), index(last)):
         i = inside[place]
@@ -267,8 +267,8 @@ def _advance_range(
     reach: float,
     regions: bool | None,
 ) -> None:
-    env_start, memory, progress, phase = batch.bodies.env_start, batch.memory, batch.memory.progress, batch.memory.phase
-    near, contacts, torque = memory.near, memory.contacts, memory.torque
+    env_start, progress, phase = batch.bodies.env_start, batch.workspace.substep, batch.history.phase
+    near, contacts, torque = batch.workspace.neighbors, batch.history.contacts, batch.history.torque
     for e in range(first, stop):
         begin, last, contact = env_start[e], list_active(e, batch), near.entry_start[e]
         reset_routes(e, batch, regions)
@@ -276,7 +276,7 @@ def _advance_range(
         deepest = np.inf  # with a wall, at the start of the step; not known before the first
         while progress[e] < n_substeps and last > begin:
             if phase[e] == _KNOWN:
-                record_pushes(contact, contact + contacts.number[e], memory, 0.5)  # those of the last step
+                record_impulses(contact, contact + contacts.number[e], batch, 0.5)  # those of the last step
                 furthest = dt * _kick(e, last, batch, 0.5 * dt, limit)
                 _drift(begin, last, batch, dt)
                 if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
@@ -294,8 +294,8 @@ def _advance_range(
             )  # the first forces of all are those of springs not yet stretched
             _touch(contact, behind, batch, dt, elapsed, law)
             if phase[e] == _DRIFTED:
-                record_pushes(contact, behind, memory, 0.5)
-                deepest = record_overlaps(e, contact, behind, memory)
+                record_impulses(contact, behind, batch, 0.5)
+                deepest = record_overlaps(e, contact, behind, batch)
                 _kick(e, last, batch, 0.5 * dt, limit)
                 tick(e, batch, dt)
             phase[e] = _KNOWN

@@ -27,10 +27,10 @@ from crowd_env.physics.solvers import SolverName, Stopping, closing_speed, solve
 from crowd_env.physics.step import (
     detect,
     list_active,
+    record_impulses,
     record_overlaps,
-    record_pushes,
     record_solver,
-    remember_impulses,
+    store_warm_start,
     tick,
 )
 from crowd_env.physics.workspace import Batch
@@ -44,11 +44,11 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=False,
     overlap="solver tolerance times time step, 0.1 mm with the defaults; it does not accumulate",
     stable_step="2 tau_min with inertia, from the explicit driving force; none without",
-    uses=("problem", "desired", "force", "previous", "before"),
+    uses=("problem", "desired_velocity", "force", "previous_position", "previous_velocity"),
 )
 
 
-# In Memory.phase: whether the forces of the present step have been found before it ran out of room.
+# In History.phase: whether the forces of the present step have been found before it ran out of room.
 _UNKNOWN, _KNOWN = 0, 1
 
 # Margin for contacts over what the speeds before and of the trial ask for: wider costs less than to solve a step twice.
@@ -119,13 +119,13 @@ class NSM1:
 
 @inner_kernel
 def _try_velocities(first: int, last: int, batch: Batch, dt: float, spontaneous: bool) -> None:
-    """Write V_trial = u + h f / m into `Memory.before`.
+    """Write V_trial = u + h f / m into `Workspace.previous_velocity`.
 
     A spontaneous velocity is what the forces would lead to if h were tau: without others, the desired velocity itself; an
     external or social force shifts it by tau f / m, where the drive balances it.
     """
-    inside, velocity, mass = batch.memory.inside, batch.state.velocity, batch.bodies.mass
-    relaxation_time, force, trial = batch.bodies.relaxation_time, batch.memory.force, batch.memory.before
+    inside, velocity, mass = batch.workspace.inside, batch.state.velocity, batch.bodies.mass
+    relaxation_time, force, trial = batch.bodies.relaxation_time, batch.history.force, batch.workspace.previous_velocity
     for place in range(index(first), index(last)):
         i = inside[place]
         ahead = relaxation_time[i] if spontaneous else dt
@@ -135,15 +135,15 @@ def _try_velocities(first: int, last: int, batch: Batch, dt: float, spontaneous:
 
 @inner_kernel
 def _project(e: int, last: int, batch: Batch, dt: float, spontaneous: bool, law: Stopping, cutoff: float) -> bool:
-    """Leave the projection of the trial velocity in `Memory.before`; False if the contacts could not be found.
+    """Leave the projection of the trial velocity in `Workspace.previous_velocity`; False if the contacts could not be found.
 
     Contacts are gathered up to the gap that two people could close in this step.  The projection can make someone faster
     than anyone was in the trial and in the step before; then the gap is widened and the step solved anew,
     from where it stood, so no contact is ever missed.
     """
-    mass, memory, inside, v = batch.bodies.mass, batch.memory, batch.memory.inside, batch.memory.before
+    mass, inside, v = batch.bodies.mass, batch.workspace.inside, batch.workspace.previous_velocity
     begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    contacts, problem, first = memory.contacts, memory.problem, memory.near.entry_start[e]
+    contacts, problem, first = batch.history.contacts, batch.workspace.problem, batch.workspace.neighbors.entry_start[e]
     sweeps, margin, solved = 0, -1.0, -np.inf
     while True:
         _try_velocities(begin, last, batch, dt, spontaneous)
@@ -161,7 +161,7 @@ def _project(e: int, last: int, batch: Batch, dt: float, spontaneous: bool, law:
         needed = dt * closing_speed(begin, last, inside, v)
         give_impulses(first, number, number, contacts, mass, problem)
         if not needed > margin:
-            record_solver(e, memory.diagnostics, sweeps, residual, residual if converged else 0.0)
+            record_solver(e, batch.results.diagnostics, sweeps, residual, residual if converged else 0.0)
             return True
         keep_impulses(first, stop, contacts, problem)
         solved, margin = margin, 1.2 * needed
@@ -170,7 +170,11 @@ def _project(e: int, last: int, batch: Batch, dt: float, spontaneous: bool, law:
 @inner_kernel
 def _move(e: int, last: int, batch: Batch, dt: float, limit: float) -> float:
     """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
-    inside, after, previous = batch.memory.inside, batch.memory.before, batch.memory.previous
+    inside, after, previous = (
+        batch.workspace.inside,
+        batch.workspace.previous_velocity,
+        batch.workspace.previous_position,
+    )
     position, velocity = batch.state.position, batch.state.velocity
     furthest = dt * hold_to_speed(e, last, batch, after, limit)
     for place in range(index(batch.bodies.env_start[e]), index(last)):
@@ -195,27 +199,28 @@ def _advance_range(
     reach: float,
     regions: bool | None,
 ) -> None:
-    env_start, memory, progress, phase = batch.bodies.env_start, batch.memory, batch.memory.progress, batch.memory.phase
+    env_start, progress, phase = batch.bodies.env_start, batch.workspace.substep, batch.history.phase
     for e in range(first, stop):
         begin, last = env_start[e], list_active(e, batch)
         reset_routes(e, batch, regions)
         limit, smallest = speed_limit(batch), least_radius(e, last, batch)
         while progress[e] < n_substeps and last > begin:
             if social is not None:
-                memory.status[e] = update_neighbors(e, batch, reach)
-                if memory.status[e] != OK:
+                batch.workspace.status[e] = update_neighbors(e, batch, reach)
+                if batch.workspace.status[e] != OK:
                     break
             if phase[e] == _UNKNOWN:  # or the way would be looked up twice in one step
                 regular_forces(e, last, batch, dt, social, regions)
             if not _project(e, last, batch, dt, spontaneous, law, reach):
-                phase[e] = _KNOWN if memory.status[e] == FULL else _UNKNOWN  # goes on from here, with more room
+                # with more room it goes on from here
+                phase[e] = _KNOWN if batch.workspace.status[e] == FULL else _UNKNOWN
                 break
             phase[e] = _UNKNOWN
-            contact = memory.near.entry_start[e]
-            behind = contact + memory.contacts.number[e]
-            record_pushes(contact, behind, memory, 1.0)
-            deepest = record_overlaps(e, contact, behind, memory)
-            remember_impulses(contact, behind, memory)
+            contact = batch.workspace.neighbors.entry_start[e]
+            behind = contact + batch.history.contacts.number[e]
+            record_impulses(contact, behind, batch, 1.0)
+            deepest = record_overlaps(e, contact, behind, batch)
+            store_warm_start(contact, behind, batch)
             furthest = _move(e, last, batch, dt, limit)
             if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
                 break

@@ -30,10 +30,10 @@ from crowd_env.physics.solvers import SolverName, Stopping, solve
 from crowd_env.physics.step import (
     detect,
     list_active,
+    record_impulses,
     record_overlaps,
-    record_pushes,
     record_solver,
-    remember_impulses,
+    store_warm_start,
     tick,
 )
 from crowd_env.physics.workspace import Batch
@@ -47,7 +47,7 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=True,
     overlap="time step times closing speed, up to about 40 mm at 0.01 s in a room of 20; it shrinks with the time step",
     stable_step="2 tau_min, from the explicit driving force",
-    uses=("problem", "desired", "force", "previous", "before"),
+    uses=("problem", "desired_velocity", "force", "previous_position", "previous_velocity"),
 )
 
 PRINTED = replace(
@@ -155,7 +155,12 @@ class NSM2:
 @inner_kernel
 def _accelerate(first: int, last: int, batch: Batch, dt: float) -> None:
     """Keep u(n) and add the regular forces: u(n) + M^-1 p_ext."""
-    inside, force, before, velocity = batch.memory.inside, batch.memory.force, batch.memory.before, batch.state.velocity
+    inside, force, before, velocity = (
+        batch.workspace.inside,
+        batch.history.force,
+        batch.workspace.previous_velocity,
+        batch.state.velocity,
+    )
     mass = batch.bodies.mass
     for place in range(index(first), index(last)):
         i = inside[place]
@@ -167,7 +172,11 @@ def _accelerate(first: int, last: int, batch: Batch, dt: float) -> None:
 @inner_kernel
 def _move(e: int, last: int, batch: Batch, dt: float, limit: float) -> float:
     """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
-    inside, before, previous = batch.memory.inside, batch.memory.before, batch.memory.previous
+    inside, before, previous = (
+        batch.workspace.inside,
+        batch.workspace.previous_velocity,
+        batch.workspace.previous_position,
+    )
     position, velocity = batch.state.position, batch.state.velocity
     hold_to_speed(e, last, batch, velocity, limit)
     furthest = 0.0
@@ -184,8 +193,8 @@ def _move(e: int, last: int, batch: Batch, dt: float, limit: float) -> float:
 @inner_kernel
 def _collide(e: int, batch: Batch, law: Stopping, options: Options) -> float:
     """Give everyone the velocity after the percussions of this step; returns the deepest overlap with a wall [m]."""
-    bodies, memory = batch.bodies, batch.memory
-    near, contacts, problem = memory.near, memory.contacts, memory.problem
+    bodies = batch.bodies
+    near, contacts, problem = batch.workspace.neighbors, batch.history.contacts, batch.workspace.problem
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
     first, number = near.entry_start[e], contacts.number[e]
     last = first + number
@@ -196,7 +205,7 @@ def _collide(e: int, batch: Batch, law: Stopping, options: Options) -> float:
         end,
         contacts,
         bodies.mass,
-        memory.before,
+        batch.workspace.previous_velocity,
         problem,
         options.k_normal,
         options.k_tangent,
@@ -206,10 +215,10 @@ def _collide(e: int, batch: Batch, law: Stopping, options: Options) -> float:
         first, rows, rows, begin, end, e, bodies.mass, batch.state.velocity, problem, problem.soft, law
     )
     give_impulses(first, rows, number, contacts, bodies.mass, problem)
-    record_solver(e, memory.diagnostics, iterations, residual, residual if converged else 0.0)
-    record_pushes(first, last, memory, 1.0)
-    remember_impulses(first, last, memory)
-    return float(record_overlaps(e, first, last, memory))
+    record_solver(e, batch.results.diagnostics, iterations, residual, residual if converged else 0.0)
+    record_impulses(first, last, batch, 1.0)
+    store_warm_start(first, last, batch)
+    return float(record_overlaps(e, first, last, batch))
 
 
 @inner_kernel
@@ -218,11 +227,11 @@ def _part(e: int, batch: Batch, dt: float, law: Stopping, correction: float) -> 
 
     It is the problem of NSM1 for a velocity that is used once and forgotten.  Returns the longest way [m].
     """
-    bodies, memory = batch.bodies, batch.memory
-    contacts, problem, position = memory.contacts, memory.problem, batch.state.position
-    begin, end, first = bodies.env_start[e], bodies.env_start[e + 1], memory.near.entry_start[e]
+    bodies = batch.bodies
+    contacts, problem, position = batch.history.contacts, batch.workspace.problem, batch.state.position
+    begin, end, first = bodies.env_start[e], bodies.env_start[e + 1], batch.workspace.neighbors.entry_start[e]
     last = first + contacts.number[e]
-    shift = memory.desired  # no longer needed in this step
+    shift = batch.workspace.desired_velocity  # no longer needed in this step
     for i in range(index(begin), index(end)):
         shift[i, 0], shift[i, 1] = 0.0, 0.0
     busy = pose_no_overlap(first, last, begin, end, e, contacts, bodies.mass, shift, problem, dt / correction, False)
@@ -250,7 +259,7 @@ def _advance_range(
     reach: float,
     regions: bool | None,
 ) -> None:
-    env_start, memory, progress = batch.bodies.env_start, batch.memory, batch.memory.progress
+    env_start, progress = batch.bodies.env_start, batch.workspace.substep
     for e in range(first, stop):
         begin, last = env_start[e], list_active(e, batch)
         reset_routes(e, batch, regions)
@@ -258,9 +267,12 @@ def _advance_range(
         while progress[e] < n_substeps and last > begin:
             if not detect(e, batch, _TOUCHING, reach):
                 break
-            number = memory.contacts.number[e]
-            if options.k_tangent > 0.0 and memory.near.entry_start[e] + 2 * number > memory.near.entry_start[e + 1]:
-                memory.status[e] = FULL  # a rough contact takes two rows: come back with more room
+            number = batch.history.contacts.number[e]
+            if (
+                options.k_tangent > 0.0
+                and batch.workspace.neighbors.entry_start[e] + 2 * number > batch.workspace.neighbors.entry_start[e + 1]
+            ):
+                batch.workspace.status[e] = FULL  # a rough contact takes two rows: come back with more room
                 break
             regular_forces(e, last, batch, dt, social, regions)
             _accelerate(begin, last, batch, dt)

@@ -19,14 +19,14 @@ class SchemeInfo:
     conserves_energy_at_contact: bool  # of two bodies, with the default parameters
     overlap: str  # what overlap its default parameters leave, in words
     stable_step: str  # formula of the largest stable time step
-    uses: tuple[str, ...]  # of the scratch in `world.SCRATCH`; a social force adds what it needs
+    uses: tuple[str, ...]  # of the arrays in `workspace.OPTIONAL`; a social force adds what it needs
     contacts_at: Literal["start", "end"] = "start"  # of the step: where the listed contacts are those of the positions
     default_dt: float = 0.01  # s  physics step if none is asked for: the paper's
 
 
-def scratch_of(scheme: "ContactScheme") -> frozenset[str]:
-    """Return the names of the scratch memory that a scheme works with."""
-    social = ("desired", "force", "heading", "noticed") if scheme.social is not None else ()
+def arrays_of(scheme: "ContactScheme") -> frozenset[str]:
+    """Return which of the arrays in `workspace.OPTIONAL` a scheme works with."""
+    social = ("desired_velocity", "force", "heading", "social_pairs") if scheme.social is not None else ()
     return frozenset((*scheme.info.uses, *social))
 
 
@@ -64,7 +64,7 @@ class ContactScheme(Protocol):
     ) -> None:
         """Advance the environments ``first:stop`` of a `Batch` to step ``n_substeps`` of this call, in place.
 
-        `Memory.progress` says from where.  Other environments are neither read nor written.  With ``threads`` > 1 as many
+        `Workspace.substep` says from where.  Other environments are neither read nor written.  With ``threads`` > 1 as many
         threads make this call at once, each with its own number ``thread``, and share the slabs.
         """
         ...

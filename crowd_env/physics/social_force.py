@@ -132,13 +132,18 @@ def _exp(x: float) -> float:
 
 @inner_kernel
 def add_social_forces(e: int, last: int, batch: Batch, law: SocialLaw) -> None:
-    """Add the social forces [N] on those inside, whom `Memory.inside` lists up to place ``last``, to `Memory.force`.
+    """Add the social forces [N] on those inside, whom `Workspace.inside` lists up to place ``last``, to `History.force`.
 
     The neighbor list must be complete up to the cut-off.  Distance and size are found for all pairs first, eight in one
     instruction; then what they do to whom is added up in the order of the list.
     """
-    near, inside, position, force = batch.memory.near, batch.memory.inside, batch.state.position, batch.memory.force
-    desired, heading = batch.memory.desired, batch.memory.heading
+    near, inside, position, force = (
+        batch.workspace.neighbors,
+        batch.workspace.inside,
+        batch.state.position,
+        batch.history.force,
+    )
+    desired, heading = batch.workspace.desired_velocity, batch.workspace.heading
     begin = batch.bodies.env_start[e]
     for place in range(index(begin), index(last)):
         i = inside[place]
@@ -147,7 +152,7 @@ def add_social_forces(e: int, last: int, batch: Batch, law: SocialLaw) -> None:
             speed = np.sqrt(x * x + y * y)
             share = law.anisotropy / speed if speed > 0.0 else 0.0
             heading[i, 0], heading[i, 1], heading[i, 2], heading[i, 3] = share * x, share * y, x, y
-    noticed, hit, owner, partner = batch.memory.noticed, batch.memory.contacts.hit, near.owner, near.partner
+    noticed, hit, owner, partner = batch.workspace.social_pairs, batch.history.contacts.hit, near.owner, near.partner
     sizes, normal_x, normal_y = noticed.size, noticed.x, noticed.y
     pair, hits = index(near.entry_start[e]), _notice(e, batch, law.cutoff)
     _repel(pair, hits, normal_x, normal_y, sizes, law.strength, law.cutoff, 1.0 / law.length)
@@ -182,12 +187,17 @@ def add_social_forces(e: int, last: int, batch: Batch, law: SocialLaw) -> None:
 def _notice(e: int, batch: Batch, cutoff: float) -> Any:
     """Write down the pairs nearer than ``cutoff``, without a branch; returns one past the last place.
 
-    The entries go to `Contacts.hit`, the way from the one to the other [m] to `Memory.noticed`, and to its ``size`` how far
-    apart their centers are at the cut-off.
+    The entries go to `Contacts.hit`, the way from the one to the other [m] to `Workspace.social_pairs`, and to its ``size`` how
+    far apart their centers are at the cut-off.
     """
-    near, hit, position, active = batch.memory.near, batch.memory.contacts.hit, batch.state.position, batch.state.active
+    near, hit, position, active = (
+        batch.workspace.neighbors,
+        batch.history.contacts.hit,
+        batch.state.position,
+        batch.state.active,
+    )
     owner, partner, touch, hits = near.owner, near.partner, near.touch, index(near.entry_start[e])
-    x, y, size = batch.memory.noticed.x, batch.memory.noticed.y, batch.memory.noticed.size
+    x, y, size = batch.workspace.social_pairs.x, batch.workspace.social_pairs.y, batch.workspace.social_pairs.size
     for entry in range(index(near.entry_start[e]), index(near.pair_end[e])):
         i, j = owner[entry], partner[entry]
         dx, dy, reach = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry] + cutoff

@@ -12,18 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env._kernels.jit import index, kernel
-from crowd_env.physics.contacts import contact_keys
-from crowd_env.physics.workspace import Batch, Command, Control, Memory, set_command
+from crowd_env.physics.contacts import KEPT, Contacts, contact_keys, rows_of
+from crowd_env.physics.neighbors.lists import NeighborList
+from crowd_env.physics.workspace import Batch, Command, History, Results, set_command
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 MANY = 1000  # people from which on an environment is sorted: fewer lie in the caches anyhow
 EVERY = 0.5  # s
 _CELL = 0.5  # m
 
-# What people remember from one call to the next: nobody else looks at it, so that it lies in the order of space itself; and
-# what others read or write, in slots.
-_KEPT = ("way", "steady", "shift", "here", "pace", "force", "torque")
-_SHOWN = ("followed", "push", "crush")
+# The part of the history that only the physics reads: it lies in the order of space itself.
+_IN_ORDER = ("direction", "is_uniform", "lookup_turn", "region_bits", "local_speed", "force", "torque")
 
 
 class Order(NamedTuple):
@@ -41,27 +40,30 @@ class SortedCrowd:
     slot : (P,) slot of everyone in the order of the copies; those of one environment stay together.
     """
 
-    def __init__(self, bodies: Bodies, state: CrowdState, memory: Memory) -> None:
+    def __init__(self, bodies: Bodies, state: CrowdState, results: Results, history: History) -> None:
         self._env_start = bodies.env_start
         self.slot: Ints = np.arange(len(bodies.radius))
-        self._first_shift = memory.shift.copy()  # of everyone in his slot
+        self._first_turn = history.lookup_turn.copy()  # in slots
         self._large = np.flatnonzero(np.diff(bodies.env_start) >= MANY).tolist()
         self._small = _stretches(np.diff(bodies.env_start) < MANY, bodies.env_start)  # who keep their order
         self._due = np.full(len(state.time), -math.inf)
         self._bodies = Bodies._make([*(array.copy() for array in bodies[:-1]), bodies.env_start])
         self._state = CrowdState._make([*(array.copy() for array in state[:-1]), state.time])
-        self._shown = {name: getattr(memory, name).copy() for name in _SHOWN}
+        self._followed = history.followed.copy()
+        self._results = results._replace(
+            impulse=results.impulse.copy(), impulse_magnitude=results.impulse_magnitude.copy()
+        )
 
     @staticmethod
     def is_needed(bodies: Bodies) -> bool:
         """Whether any environment is large."""
         return bool((np.diff(bodies.env_start) >= MANY).any())
 
-    def restart(self, e: int, memory: Memory) -> None:
+    def restart(self, e: int, history: History) -> None:
         """Environment ``e`` has other people: in their slots, as at first, and to be sorted before the next step."""
         people = slice(int(self._env_start[e]), int(self._env_start[e + 1]))
         self.slot[people] = np.arange(people.start, people.stop)
-        memory.shift[people] = self._first_shift[people]
+        history.lookup_turn[people] = self._first_turn[people]
         self._due[e] = -math.inf
 
     def order(self) -> Order:
@@ -69,7 +71,7 @@ class SortedCrowd:
         return Order(self.slot.copy(), self._due.copy())
 
     def restore(self, order: Order, bodies: Bodies) -> None:
-        """Take up an order; the memory that lies in it is restored by itself."""
+        """Take up an order; the history that lies in it is restored by itself."""
         self.slot[:], self._due[:] = order
         for own, array in zip(self._bodies[:-1], bodies[:-1], strict=True):
             own[:] = array[self.slot]
@@ -79,49 +81,54 @@ class SortedCrowd:
         waits = [max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9)) for e in self._large if inside[e] > 0]
         return min(waits, default=None)
 
-    def update(self, bodies: Bodies, state: CrowdState, memory: Memory) -> None:
+    def update(self, bodies: Bodies, state: CrowdState, history: History, neighbors: NeighborList) -> None:
         """Sort the environments that are due anew."""
         for e in self._large:
             if state.time[e] >= self._due[e] - 1e-9:
-                self._sort(e, bodies, state, memory)
+                self._sort(e, bodies, state, history, neighbors)
                 self._due[e] = (math.floor(float(state.time[e]) / EVERY + 1e-6) + 1) * EVERY
 
-    def _sort(self, e: int, bodies: Bodies, state: CrowdState, memory: Memory) -> None:
+    def _sort(self, e: int, bodies: Bodies, state: CrowdState, history: History, neighbors: NeighborList) -> None:
         people = slice(int(self._env_start[e]), int(self._env_start[e + 1]))
         slots = self.slot[people]
         order = _order_of_space(state.position[slots], state.active[slots])
         self.slot[people] = slots[order]
-        for array in (getattr(memory, name) for name in _KEPT):
+        for array in (getattr(history, name) for name in _IN_ORDER):
             if len(array):  # not every scheme uses all
                 array[people] = array[people][order]
         for own, values in zip(self._bodies[:-1], bodies[:-1], strict=True):
             own[people] = values[self.slot[people]]
-        memory.near.reach[e] = -1.0
+        neighbors.reach[e] = -1.0
         rank = np.empty(len(order), dtype=np.int64)
         rank[order] = np.arange(len(order))
-        _renumber(e, people.start, rank, memory)
+        _renumber(people.start, rank, history.contacts, rows_of(e, history.contacts, neighbors))
 
     def view(self, batch: Batch) -> Batch:
         """Return the batch as the physics sees it: with the copies."""
-        return batch._replace(bodies=self._bodies, state=self._state, memory=batch.memory._replace(**self._shown))
+        history = batch.history._replace(followed=self._followed)
+        return batch._replace(bodies=self._bodies, state=self._state, results=self._results, history=history)
 
-    def gather(self, bodies: Bodies, state: CrowdState, memory: Memory, control: Control, asked: Command) -> None:
+    def gather(self, batch: Batch, asked: Command) -> None:
         """Read anew what others may have changed, and write what is asked for to ``control``."""
         for people in self._small:
-            for own, values in zip(self._bodies[:-1], bodies[:-1], strict=True):
+            for own, values in zip(self._bodies[:-1], batch.bodies[:-1], strict=True):
                 own[people] = values[people]
-        for copy, array in zip(self._state[:-1], state[:-1], strict=True):
+        for copy, array in self._shown(batch):
             _gather(self.slot, array, copy)
-        for name in _SHOWN:
-            _gather(self.slot, getattr(memory, name), self._shown[name])
-        set_command(control, asked, lambda array, values: _gather(self.slot, values, array))
+        set_command(batch.control, asked, lambda array, values: _gather(self.slot, values, array))
 
-    def scatter(self, state: CrowdState, memory: Memory) -> None:
+    def scatter(self, batch: Batch) -> None:
         """Write what the physics has done to where everyone looks for it."""
-        for copy, array in zip(self._state[:-1], state[:-1], strict=True):
+        for copy, array in self._shown(batch):
             _scatter(self.slot, copy, array)
-        for name in _SHOWN:
-            _scatter(self.slot, self._shown[name], getattr(memory, name))
+
+    def _shown(self, batch: Batch) -> list[tuple[Any, Any]]:
+        """Return what lies in slots for others to read and write: each copy, and the array that it is of."""
+        return [
+            *zip(self._state[:-1], batch.state[:-1], strict=True),
+            (self._followed, batch.history.followed),
+            *zip(self._results[:-1], batch.results[:-1], strict=True),
+        ]
 
     def by_slot(self, i: Ints, j: Ints, normal: Floats) -> tuple[Ints, Ints, Floats, Ints]:
         """Return contacts between slots, i < j, sorted by (i, j), walls last; and the order they had."""
@@ -184,10 +191,8 @@ def _order_of_space(position: Floats, active: Bools) -> Ints:
     return np.argsort(np.where(active, row * (column.max() + 1) + column, np.iinfo(np.int64).max), kind="stable")
 
 
-def _renumber(e: int, begin: int, rank: Ints, memory: Memory) -> None:
-    """Let the contacts of environment ``e`` follow people to their new places ``rank``, sorted as they must be."""
-    contacts, first = memory.contacts, int(memory.near.entry_start[e])
-    rows = slice(first, first + int(contacts.number[e]))
+def _renumber(begin: int, rank: Ints, contacts: Contacts, rows: slice) -> None:
+    """Let the contacts ``rows`` of an environment follow people to their new places ``rank``, sorted as they must be."""
     i, j, normal = contacts.i[rows], contacts.j[rows], contacts.normal[rows]
     i = begin + rank[i - begin]
     j = np.where(j >= 0, begin + rank[np.maximum(j, begin) - begin], j)
@@ -195,6 +200,6 @@ def _renumber(e: int, begin: int, rank: Ints, memory: Memory) -> None:
     contacts.i[rows], contacts.j[rows] = np.where(swap, j, i), np.where(swap, i, j)
     normal[swap] *= -1.0
     order = np.argsort(contact_keys(contacts.i[rows], contacts.j[rows]))
-    for name in ("i", "j", "gap", "normal", "impulse", "memory"):
+    for name in KEPT:
         array = getattr(contacts, name)
         array[rows] = array[rows][order]

@@ -5,18 +5,18 @@ import numpy as np
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.physics.contacts import find_contacts
 from crowd_env.physics.neighbors.update import OK, update_neighbors
-from crowd_env.physics.workspace import Batch, Diagnostics, Memory
+from crowd_env.physics.workspace import Batch, Diagnostics
 
 
 @inner_kernel
 def list_active(e: int, batch: Batch) -> int:
-    """List who is inside environment ``e`` in `Memory.inside`; returns one past the last place.
+    """List who is inside environment ``e`` in `Workspace.inside`; returns one past the last place.
 
     Half of the slots of a room are empty on average, in no order: a loop over all of them that asks each is slowed down more
     by what the processor guesses wrong than by the work.
     """
     begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    active, inside, place = batch.state.active, batch.memory.inside, index(begin)
+    active, inside, place = batch.state.active, batch.workspace.inside, index(begin)
     for i in range(index(begin), index(end)):
         inside[place] = i
         place += index(active[i])
@@ -29,27 +29,29 @@ def detect(e: int, batch: Batch, margin: float, cutoff: float) -> bool:
 
     Contacts have a gap below ``margin``; the neighbor list also holds whoever is nearer than ``cutoff``.
     """
-    world, memory = batch.world, batch.memory
-    memory.status[e] = update_neighbors(e, batch, max(margin, cutoff))
-    if memory.status[e] != OK:
+    world = batch.world
+    batch.workspace.status[e] = update_neighbors(e, batch, max(margin, cutoff))
+    if batch.workspace.status[e] != OK:
         return False
     g = world.geometry_of_env[e]
-    find_contacts(e, g, world.boundary, batch.bodies, batch.state, memory.near, memory.contacts, margin)
+    find_contacts(
+        e, g, world.boundary, batch.bodies, batch.state, batch.workspace.neighbors, batch.history.contacts, margin
+    )
     return True
 
 
 @inner_kernel
-def remember_impulses(first: int, last: int, memory: Memory) -> None:
+def store_warm_start(first: int, last: int, batch: Batch) -> None:
     """Leave the impulses of the contacts ``first:last`` where the next step starts from them."""
-    impulse, remembered = memory.contacts.impulse, memory.contacts.memory
+    impulse, remembered = batch.history.contacts.impulse, batch.history.contacts.history
     for c in range(first, last):
         remembered[c, 0], remembered[c, 1] = impulse[c, 0], impulse[c, 1]
 
 
 @inner_kernel
-def record_pushes(first: int, last: int, memory: Memory, share: float) -> None:
+def record_impulses(first: int, last: int, batch: Batch, share: float) -> None:
     """Add a share of the impulses of the contacts ``first:last`` to what people have got in this call."""
-    contacts, push, crush = memory.contacts, memory.push, memory.crush
+    contacts, push, crush = batch.history.contacts, batch.results.impulse, batch.results.impulse_magnitude
     ci, cj, direction, impulse = contacts.i, contacts.j, contacts.normal, contacts.impulse
     for c in range(first, last):
         i, j = ci[c], cj[c]
@@ -67,9 +69,9 @@ def record_pushes(first: int, last: int, memory: Memory, share: float) -> None:
 
 
 @inner_kernel
-def record_overlaps(e: int, first: int, last: int, memory: Memory) -> float:
+def record_overlaps(e: int, first: int, last: int, batch: Batch) -> float:
     """Add the overlaps of the contacts ``first:last`` to the sums; returns the deepest with a wall [m]."""
-    gap, j, sums = memory.contacts.gap, memory.contacts.j, memory.diagnostics
+    gap, j, sums = batch.history.contacts.gap, batch.history.contacts.j, batch.results.diagnostics
     deepest, outside, total, count = sums.max_overlap[e], 0.0, 0.0, 0
     for c in range(first, last):
         overlap = -gap[c]
@@ -97,4 +99,4 @@ def record_solver(e: int, sums: Diagnostics, sweeps: int, residual: float, toler
 def tick(e: int, batch: Batch, dt: float) -> None:
     """Advance the clock of environment ``e`` by the step that is done."""
     batch.state.time[e] += dt
-    batch.memory.progress[e] += 1
+    batch.workspace.substep[e] += 1

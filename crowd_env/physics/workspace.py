@@ -1,4 +1,4 @@
-"""What a step reads and what it remembers: the world around the crowd, what is asked of it, and the working memory."""
+"""All that a step works on: the world around the crowd, what is asked of it, results, history and scratch."""
 
 from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ from crowd_env.physics.constraints import Problem, allocate_problem
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.dem_lanes.lanes import Lanes, allocate_lanes
 from crowd_env.physics.dem_lanes.partition import Cut, allocate_cut
-from crowd_env.physics.neighbors.lists import NeighborList, Places, allocate_neighbors
+from crowd_env.physics.neighbors.lists import NeighborList, Places, allocate_neighbors, entries_per_person
 from crowd_env.routing.rules import Guidance
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
@@ -59,7 +59,35 @@ class Diagnostics(NamedTuple):
     unconverged: Ints  # (E,)       steps that ended above the tolerance
 
 
-class Noticed(NamedTuple):
+class Results(NamedTuple):
+    """What a call of `Simulation.advance` tells: of the current or last call, for everyone to read."""
+
+    impulse: Floats  # (P, 2)  N s  sum of the contact impulses on each person
+    impulse_magnitude: Floats  # (P,)    N s  sum of their magnitudes
+    diagnostics: Diagnostics
+
+
+class History(NamedTuple):
+    """What the next step depends on besides bodies, state and command: a checkpoint keeps it."""
+
+    contacts: Contacts  # of the last step, and what a scheme keeps of them
+    force: Floats  # (P, 2)  N    all but contact; hertz: of the end of the last step, contact too
+    torque: Floats  # (P,)    N m
+    phase: Ints  # (E,)    how far a step is that needs the forces of the one before; 0 = they are not known
+    direction: Floats  # (P, 2)  of the route when it was last looked up
+    direction_age: Floats  # (E,)    s  since then; infinite = it must be looked up for everyone
+    is_uniform: Bools  # (P,)    the direction is nearly the same all around: it need not be looked up every time
+    lookup_turn: NDArray[np.uint8]  # (P,)    when it is, 0 to LOOKUP_PERIOD - 1
+    turn: Ints  # (E,)    which of these turns was the last
+    followed: Ints  # (P,)    route that one follows: one's own, or that of a control rule
+    region_bits: Ints  # (P,)    regions that one stands in
+    local_speed: Floats  # (P,)    m/s  desired speed there
+    rule_on: Bools  # (E, K)  control rules of each environment
+    rule_since: Floats  # (E, K)  s  when they were switched on
+    door_open: Bools  # (E, D)
+
+
+class SocialPairs(NamedTuple):
     """Scratch of the social force: the pairs near enough for it, (M,) each."""
 
     x: Floats  # unit vector from the second to the first
@@ -67,39 +95,23 @@ class Noticed(NamedTuple):
     size: Floats  # N
 
 
-class Memory(NamedTuple):
-    """Working memory of a batch, allocated once; nothing is allocated inside a step."""
+class Workspace(NamedTuple):
+    """Scratch: what is made anew whenever it is not there."""
 
-    near: NeighborList
-    contacts: Contacts
+    neighbors: NeighborList
     problem: Problem
     lanes: Lanes
     cut: Cut
+    social_pairs: SocialPairs
     inside: Places  # (P,)   who is inside, environment e from env_start[e] on: see `step.list_active`
-    way: Floats  # (P, 2) direction of the shortest path when it was last looked up
-    direction_age: Floats  # (E,)   s since then; infinite = it must be looked up for everyone
-    steady: Bools  # (P,)   the way is nearly the same all around: one need not look every time
-    shift: NDArray[np.uint8]  # (P,)   when it is one's turn, 0 to SHIFTS - 1
-    turn: Ints  # (E,)   whose turn it was to look
-    followed: Ints  # (P,)   route that one follows: one's own, or that of a control rule
-    here: Ints  # (P,)   regions that one stands in (bits)
-    pace: Floats  # (P,)   m/s  desired speed there
-    rule_on: Bools  # (E, K) control rules of each environment
-    rule_since: Floats  # (E, K) s  when they were switched on
-    door_open: Bools  # (E, D)
-    desired: Floats  # (P, 2) m/s
-    force: Floats  # (P, 2) N
-    previous: Floats  # (P, 2) position at the start of the step
-    before: Floats  # (P, 2) velocity at the start of the step
+    desired_velocity: Floats  # (P, 2) m/s
     heading: Floats  # (P, 4) desired direction times the anisotropy of the social force; the desired velocity it is of
-    noticed: Noticed
-    torque: Floats  # (P,)   N m
-    phase: Ints  # (E,)   how far a step is that needs the forces of the one before; 0 = they are not known
-    push: Floats  # (P, 2) N s  sum of contact impulses on each person during the call
-    crush: Floats  # (P,)   N s  sum of their magnitudes
-    progress: Ints  # (E,)   steps done in the current call
+    previous_position: Floats  # (P, 2) m    at the start of the step
+    previous_velocity: Floats  # (P, 2) m/s  at the start of the step
+    trial_velocity: Floats  # (P, 2) m/s  before contacts change it
+    correction_velocity: Floats  # (P, 2) m/s  that takes back overlaps, used for one step and forgotten
+    substep: Ints  # (E,)   steps done in the current call
     status: Ints  # (E,)   OK, FULL, DIVERGED or TOO_FAST
-    diagnostics: Diagnostics  # of the current call
 
 
 class Batch(NamedTuple):
@@ -109,7 +121,9 @@ class Batch(NamedTuple):
     bodies: Bodies
     state: CrowdState
     control: Control
-    memory: Memory
+    results: Results
+    history: History
+    workspace: Workspace
 
 
 def allocate_control(people: int, driving: bool, bounded: bool = True) -> Control:
@@ -147,79 +161,95 @@ def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
         getattr(total, name)[:] += getattr(call, name)
 
 
-# What not every scheme works with: the fields of `Memory` that are left empty unless it says so (`SchemeInfo.uses`).
-SCRATCH = ("problem", "lanes", "desired", "force", "previous", "before", "heading", "noticed", "torque")
+# What not every scheme works with: arrays that are left empty unless it says so (`SchemeInfo.uses`).
+OPTIONAL = (
+    "problem",
+    "lanes",
+    "social_pairs",
+    "desired_velocity",
+    "heading",
+    "previous_position",
+    "previous_velocity",
+    "trial_velocity",
+    "correction_velocity",
+    "force",
+    "torque",
+)
 
 
-def allocate_memory(
-    bodies: Bodies, per_person: int = 12, rules: int = 0, doors: int = 0, uses: Collection[str] = SCRATCH
-) -> Memory:
-    """Return working memory with ``per_person`` neighbor entries a pedestrian and so many control rules and doors.
+def allocate_results(people: int, environments: int) -> Results:
+    """Return results of no step at all."""
+    return Results(np.zeros((people, 2)), np.zeros(people), no_diagnostics(environments))
 
-    Of the `SCRATCH` only what is in ``uses`` gets any room.
-    """
+
+def allocate_history(
+    bodies: Bodies, neighbors: NeighborList, rules: int = 0, doors: int = 0, uses: Collection[str] = OPTIONAL
+) -> History:
+    """Return the history of people whom nothing has happened to, with so many control rules and doors (all open)."""
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
-    near = allocate_neighbors(bodies, per_person)
+    slots = np.arange(people) - np.repeat(bodies.env_start[:-1], np.diff(bodies.env_start))  # within the environment
+    return History(
+        contacts=allocate_contacts(neighbors),
+        force=np.zeros((people if "force" in uses else 0, 2)),
+        torque=np.zeros(people if "torque" in uses else 0),
+        phase=np.zeros(environments, dtype=np.int64),
+        direction=np.zeros((people, 2)),
+        direction_age=np.full(environments, np.inf),
+        is_uniform=np.zeros(people, dtype=np.bool_),
+        lookup_turn=(slots % LOOKUP_PERIOD).astype(np.uint8),
+        turn=np.zeros(environments, dtype=np.int64),
+        followed=np.zeros(people, dtype=np.int64),
+        region_bits=np.zeros(people, dtype=np.int64),
+        local_speed=bodies.desired_speed.copy(),
+        rule_on=np.zeros((environments, rules), dtype=np.bool_),
+        rule_since=np.zeros((environments, rules)),
+        door_open=np.ones((environments, doors), dtype=np.bool_),
+    )
 
-    def reals(*shape: int) -> Floats:
-        return np.zeros(shape)
 
-    def counts() -> Ints:
-        return np.zeros(environments, dtype=np.int64)
+def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[str] = OPTIONAL) -> Workspace:
+    """Return scratch with ``per_person`` neighbor entries a pedestrian; of the `OPTIONAL` only ``uses`` get any room."""
+    people, environments = len(bodies.radius), len(bodies.env_start) - 1
+    neighbors = allocate_neighbors(bodies, per_person)
 
     def room(name: str) -> int:
         return people if name in uses else 0
 
-    return Memory(
-        near=near,
-        contacts=allocate_contacts(near),
-        problem=allocate_problem(room("problem"), len(near.touch) if "problem" in uses else 0, environments),
+    return Workspace(
+        neighbors=neighbors,
+        problem=allocate_problem(room("problem"), len(neighbors.touch) if "problem" in uses else 0, environments),
         lanes=allocate_lanes(room("lanes")),
         cut=allocate_cut(environments),
+        social_pairs=allocate_social_pairs(len(neighbors.touch) if "social_pairs" in uses else 0),
         inside=np.zeros(people, dtype=np.uint32),
-        way=reals(people, 2),
-        direction_age=np.full(environments, np.inf),
-        steady=np.zeros(people, dtype=np.bool_),
-        shift=(
-            (np.arange(people) - np.repeat(bodies.env_start[:-1], np.diff(bodies.env_start))) % LOOKUP_PERIOD
-        ).astype(np.uint8),
-        turn=counts(),
-        followed=np.zeros(people, dtype=np.int64),
-        here=np.zeros(people, dtype=np.int64),
-        pace=bodies.desired_speed.copy(),
-        rule_on=np.zeros((environments, rules), dtype=np.bool_),
-        rule_since=reals(environments, rules),
-        door_open=np.ones((environments, doors), dtype=np.bool_),
-        desired=reals(room("desired"), 2),
-        force=reals(room("force"), 2),
-        previous=reals(room("previous"), 2),
-        before=reals(room("before"), 2),
-        heading=reals(room("heading"), 4),
-        noticed=allocate_noticed(len(near.touch) if "noticed" in uses else 0),
-        torque=reals(room("torque")),
-        phase=counts(),
-        push=reals(people, 2),
-        crush=reals(people),
-        progress=counts(),
-        status=counts(),
-        diagnostics=no_diagnostics(environments),
+        desired_velocity=np.zeros((room("desired_velocity"), 2)),
+        heading=np.zeros((room("heading"), 4)),
+        previous_position=np.zeros((room("previous_position"), 2)),
+        previous_velocity=np.zeros((room("previous_velocity"), 2)),
+        trial_velocity=np.zeros((room("trial_velocity"), 2)),
+        correction_velocity=np.zeros((room("correction_velocity"), 2)),
+        substep=np.zeros(environments, dtype=np.int64),
+        status=np.zeros(environments, dtype=np.int64),
     )
 
 
-def allocate_noticed(entries: int) -> Noticed:
+def allocate_social_pairs(entries: int) -> SocialPairs:
     """Return room for so many pairs."""
-    return Noticed._make(np.zeros(entries) for _ in Noticed._fields)
+    return SocialPairs._make(np.zeros(entries) for _ in SocialPairs._fields)
 
 
-def grow_memory(memory: Memory, bodies: Bodies, uses: Collection[str] = SCRATCH) -> Memory:
-    """Return the same memory with twice the room for neighbors; contacts are kept, the list is built at the next step."""
-    people = len(bodies.radius)
-    now = (int(memory.near.entry_start[-1]) - 16 * (len(bodies.env_start) - 1)) // max(people, 1)
-    near = allocate_neighbors(bodies, 2 * now)
-    contacts = allocate_contacts(near)
-    move_contacts(memory.contacts, memory.near.entry_start, contacts, near.entry_start)
-    if "noticed" in uses:
-        memory = memory._replace(noticed=allocate_noticed(len(near.touch)))
+def grow(
+    history: History, workspace: Workspace, bodies: Bodies, uses: Collection[str] = OPTIONAL
+) -> tuple[History, Workspace]:
+    """Return the same with twice the room for neighbors; contacts are kept, the list is built at the next step."""
+    people, environments = len(bodies.radius), len(bodies.env_start) - 1
+    before = workspace.neighbors
+    neighbors = allocate_neighbors(bodies, 2 * entries_per_person(before, bodies))
+    contacts = allocate_contacts(neighbors)
+    move_contacts(history.contacts, before, contacts, neighbors)
+    workspace = workspace._replace(neighbors=neighbors)
+    if "social_pairs" in uses:
+        workspace = workspace._replace(social_pairs=allocate_social_pairs(len(neighbors.touch)))
     if "problem" in uses:
-        memory = memory._replace(problem=allocate_problem(people, len(near.touch), len(bodies.env_start) - 1))
-    return memory._replace(near=near, contacts=contacts)
+        workspace = workspace._replace(problem=allocate_problem(people, len(neighbors.touch), environments))
+    return history._replace(contacts=contacts), workspace

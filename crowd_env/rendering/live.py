@@ -1,20 +1,27 @@
 """Drawing and recording an environment while it runs."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from crowd_env.analysis.pressure import contact_pressure
-from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.envs.rollout import Driver, rollout
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.palette import FULL_PRESSURE
 from crowd_env.rendering.recordings import Recording
-from crowd_env.state import Floats
+from crowd_env.scenarios.scenario import Scenario
+from crowd_env.state import Bools, Floats
 
 
 def _pressure(env: CrowdEnv, e: int) -> Floats:
     """Return the contact pressure (N,) [N/m] on everyone since the last decision."""
     people = env.people(e)
     simulation = env.simulation
-    return contact_pressure(simulation.memory.crush[people], env.decision_dt, simulation.bodies.radius[people])
+    return contact_pressure(
+        simulation.results.impulse_magnitude[people], env.decision_dt, simulation.bodies.radius[people]
+    )
 
 
 def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tuple[np.ndarray, Renderer]:
@@ -33,42 +40,70 @@ def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tup
     return frame, renderer
 
 
-class Recorder:
-    """Keeps what one environment of a batch looked like, decision by decision.
+class FilmRecorder:
+    """Keeps what the evacuations of a rollout looked like, decision by decision; the record of each is a `Recording`.
 
-    Call `snap` after the reset and after every step, then take the `recording`.
+    Parameters
+    ----------
+    title : of the recordings.
     """
 
-    def __init__(self, env: CrowdEnv, e: int = 0) -> None:
-        self.env, self.e = env, e
-        self._samples: list[tuple[float, Floats, Floats, np.ndarray, Floats]] = []
+    def __init__(self, title: str = "") -> None:
+        self.title = title
 
-    def snap(self) -> None:
-        """Keep the present moment."""
-        people, state = self.env.people(self.e), self.env.simulation.state
-        inside = np.isnan(state.exit_time[people])  # also those whom the time limit stopped
-        self._samples.append(
-            (
-                float(state.time[self.e]),
-                state.position[people].copy(),
-                state.velocity[people].copy(),
-                inside,
-                _pressure(self.env, self.e),
-            )
-        )
+    def begin(self, env: CrowdEnv) -> None:
+        """Forget the batch before and keep the start of this one."""
+        self._moments: list[list[tuple[float, Floats, Floats, Bools, Floats]]] = [[] for _ in range(env.num_envs)]
+        self._keep(env)
 
-    def recording(self, title: str = "") -> Recording:
-        """Return all moments kept so far."""
-        time, position, velocity, active, pressure = (np.array(column) for column in zip(*self._samples, strict=True))
-        people = self.env.people(self.e)
+    def add(self, env: CrowdEnv, step: Step) -> None:
+        """Keep the moment after a step."""
+        self._keep(env)
+
+    def record(self, env: CrowdEnv, e: int) -> Recording:
+        """Return all moments of environment ``e`` kept so far."""
+        columns = zip(*self._moments[e], strict=True)
+        time, position, velocity, active, pressure = (np.array(column) for column in columns)
+        people = env.people(e)
         return Recording(
             time=time,
             position=position,
             velocity=velocity,
             active=active,
             pressure=pressure,
-            radius=self.env.simulation.bodies.radius[people].copy(),
-            geometry=self.env.scenario_of_env[self.e].geometry,
-            title=title,
-            exit_time=self.env.simulation.state.exit_time[people].copy(),
+            radius=env.simulation.bodies.radius[people].copy(),
+            geometry=env.scenario_of_env[e].geometry,
+            title=self.title,
+            exit_time=env.simulation.state.exit_time[people].copy(),
         )
+
+    def _keep(self, env: CrowdEnv) -> None:
+        state = env.simulation.state
+        for e, moments in enumerate(self._moments):
+            time, people = float(state.time[e]), env.people(e)
+            if moments and moments[-1][0] == time:
+                continue  # this evacuation has ended already
+            inside = np.isnan(state.exit_time[people])  # also people whom the time limit stopped
+            moments.append(
+                (time, state.position[people].copy(), state.velocity[people].copy(), inside, _pressure(env, e))
+            )
+
+
+def record(
+    scenario: Scenario,
+    *,
+    seed: int = 0,
+    title: str = "",
+    driver: Callable[[int], Driver] | None = None,
+    **options: Any,
+) -> Recording:
+    """Return one evacuation, a moment a decision step; the options are those of `crowd_env.envs.rollout.rollout`.
+
+    Raises
+    ------
+    ValueError
+        If an option is unknown or out of range, or the crowd does not fit.
+    """
+    (episode,) = rollout(scenario, 1, seed=seed, driver=driver, recorder=FilmRecorder(title), **options)
+    recording: Recording = episode.record
+    return recording

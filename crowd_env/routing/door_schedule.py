@@ -13,7 +13,7 @@ from crowd_env.state import Bodies, CrowdState, Floats, Ints
 CHECK_EVERY = 0.1  # s
 
 
-class DoorsThen(NamedTuple):
+class DoorState(NamedTuple):
     """What a checkpoint keeps of a `DoorSchedule`, for every environment."""
 
     closed: tuple[frozenset[str], ...]
@@ -52,11 +52,11 @@ class DoorSchedule:
         self._due[e] = 0.0
         return self.closed[e]
 
-    def moment(self) -> DoorsThen:
+    def moment(self) -> DoorState:
         """Return a copy of how things stand."""
-        return DoorsThen(tuple(self.closed), tuple(map(frozenset, self._happened)), self._due.copy())
+        return DoorState(tuple(self.closed), tuple(map(frozenset, self._happened)), self._due.copy())
 
-    def restore(self, then: DoorsThen) -> None:
+    def restore(self, then: DoorState) -> None:
         """Let things stand as they did."""
         self.closed = list(then.closed)
         self._happened = [set(events) for events in then.happened]

@@ -11,7 +11,9 @@ import numpy as np
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.navigation.congestion import write_field
 from crowd_env.navigation.field import FieldArrays, NavigationField, join_fields, regions_along
-from crowd_env.routing.route_set import RouteSet, add_fields, join_ways, region_masks_of
+from crowd_env.routing.arrays import add_fields, join_routes
+from crowd_env.routing.regions import region_masks_of
+from crowd_env.routing.route_set import RouteSet
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 Place = RouteSet | NavigationField | None
@@ -20,7 +22,7 @@ Place = RouteSet | NavigationField | None
 _Key = tuple[int, frozenset[str]]  # whose ways, see `RoutePlanner._key`, and which doors are closed
 
 
-class WaysThen(NamedTuple):
+class PlannerState(NamedTuple):
     """What a checkpoint keeps of a `RoutePlanner`."""
 
     known: tuple[_Key, ...]  # whose fields have been made, in their order
@@ -46,7 +48,7 @@ class RoutePlanner:
     ----------
     field, guidance : what kernels read.
     potential_of_route : (E, R) rows of the fields by which progress is counted, see
-        `crowd_env.routing.route_set.Way.potential`.
+        `crowd_env.routing.route_set.RouteField.potential`.
     seconds : processor time spent on new fields so far.
     marches : fields found anew so far.
     """
@@ -59,7 +61,7 @@ class RoutePlanner:
         self.places, self.interval = list(places), interval
         self.seconds, self.marches = 0.0, 0
         self._geometry_of_env, self._boundary = geometry_of_env, boundary
-        joined = join_ways(self.places, geometry_of_env)
+        joined = join_routes(self.places, geometry_of_env)
         self._fields, self._geometry_of_field, self.guidance, self.potential_of_route = joined
         self.field: FieldArrays = join_fields(self._fields, boundary, self._geometry_of_field)
         self._current: list[Place] = [self.places[g] for g in geometry_of_env]
@@ -68,9 +70,9 @@ class RoutePlanner:
         self._potentials: dict[_Key, list[int]] = {}
         for e, place in enumerate(self._current):
             if isinstance(place, RouteSet):
-                rows = self.guidance.field_of_route[e, : len(place.route_set)]
+                rows = self.guidance.field_of_route[e, : len(place.routes)]
                 self._rows.setdefault(self._key(e, frozenset()), rows.tolist())
-                potentials = self.potential_of_route[e, : len(place.route_set)]
+                potentials = self.potential_of_route[e, : len(place.routes)]
                 self._potentials.setdefault(self._key(e, frozenset()), potentials.tolist())
         self._first_rows, self._first_fields = dict(self._rows), len(self._fields)
         self._due = np.zeros(len(geometry_of_env))
@@ -108,16 +110,16 @@ class RoutePlanner:
             position = state.position[people][state.active[people]]
             if not len(position):
                 continue
-            for r, way in enumerate(place.route_set):
-                if way.remarcher is not None:
-                    self._write(e, r, way.remarcher.march(position), place)
+            for r, way in enumerate(place.routes):
+                if way.congestion is not None:
+                    self._write(e, r, way.congestion.march(position), place)
             self._due[e] = state.time[e] + self.interval
         self.seconds += clock.process_time() - begin
 
     def _write(self, e: int, r: int, field: NavigationField, place: RouteSet) -> None:
         first = int(self.field.node_start[self.guidance.field_of_route[e, r]])
         write_field(field, self.field.travel_time, self.field.direction, first)
-        if place.rules:
+        if place.plan.rules:
             through = regions_along(field, region_masks_of(field, place.geometry))
             self.field.through[first : first + through.size] = through.ravel()
         self.marches += 1
@@ -143,8 +145,8 @@ class RoutePlanner:
             for name in ("travel_time", "direction", "through"):  # as they were: some follow their crowd
                 known = getattr(before, name)
                 getattr(self.field, name)[: len(known)] = known
-        self.guidance.field_of_route[e, : len(route_set.route_set)] = self._rows[key]
-        self.potential_of_route[e, : len(route_set.route_set)] = self._potentials[key]
+        self.guidance.field_of_route[e, : len(route_set.routes)] = self._rows[key]
+        self.potential_of_route[e, : len(route_set.routes)] = self._potentials[key]
         self._current[e], self._closed[e] = route_set, closed
         self._dynamic = self._find_dynamic()
         self._due[e] = 0.0
@@ -153,14 +155,14 @@ class RoutePlanner:
         self._rows[key], self._potentials[key] = add_fields(route_set, self._fields)
         self._geometry_of_field += [geometry] * (len(self._fields) - len(self._geometry_of_field))
 
-    def moment(self) -> WaysThen:
+    def moment(self) -> PlannerState:
         """Return a copy of the ways as they are."""
         found = {row: _copied(self.field, row) for (owner, _), rows in self._rows.items() if owner >= 0 for row in rows}
-        return WaysThen(
+        return PlannerState(
             tuple(self._rows), tuple(self._closed), self.guidance.field_of_route.copy(), found, self._due.copy()
         )
 
-    def restore(self, then: WaysThen) -> None:
+    def restore(self, then: PlannerState) -> None:
         """Let the ways be as they were, and every field where it was."""
         if tuple(self._rows) != then.known:
             self._rows = dict(self._first_rows)
@@ -180,7 +182,7 @@ class RoutePlanner:
             self._closed[e] = closed
             self._current[e] = route_set = place.when(closed) if isinstance(place, RouteSet) else place
             if isinstance(route_set, RouteSet):
-                self.potential_of_route[e, : len(route_set.route_set)] = self._potentials[self._key(e, closed)]
+                self.potential_of_route[e, : len(route_set.routes)] = self._potentials[self._key(e, closed)]
         self._dynamic = self._find_dynamic()
         self._due[:] = then.due
 

@@ -1,18 +1,10 @@
-"""Ways out as data: routes with a strategy each, control rules and speed zones.
-
-Strategies (Pécol et al. 2011, section 3): the shortest path; the fastest, by the time it takes through the crowd as it is now;
-the most comfortable, with a cost on stairs and turns.  Each is a travel-time field by fast marching with its own speed map.
-"""
+"""Routes, control rules and events of doors, as data."""
 
 from dataclasses import dataclass
-from typing import Literal
 
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, shown
-from crowd_env.state import MAX_SPEED
+from crowd_env.checks import NOT_NEGATIVE, check_fields, known, shown
+from crowd_env.routing.strategies import OF_ROUTES
 
-Strategy = Literal["shortest", "fastest", "comfortable"]
-
-_NOT_GIVEN = float("nan")
 OUT = "out"  # name of the route that everyone knows: all exits
 
 
@@ -25,41 +17,19 @@ class Route:
     name : what rules, groups and controllers call it.
     exits : names of the exits that it may lead to, the best of them; () = all.
     via : region to walk to first.
-    strategy : "shortest", "fastest" or "comfortable".
+    strategy : "shortest", "fastest" or "comfortable", see `crowd_env.routing.strategies.STRATEGIES`.
     """
 
     name: str
     exits: tuple[str, ...] = ()
     via: str | None = None
-    strategy: Strategy = "shortest"
+    strategy: str = "shortest"
 
     def __post_init__(self) -> None:
         check_fields(f"route {shown(self.name)}", self)
         if not self.name:
             raise ValueError("a route needs a name")
-
-
-@dataclass(frozen=True)
-class SpeedZone:
-    """A region where people walk at another speed, such as stairs; give ``speed``, ``factor`` or both.
-
-    Parameters
-    ----------
-    region : its name.
-    speed : m/s, everyone's desired speed there; None = one's own.
-    factor : multiple of it, > 0; 1 if not given.
-    """
-
-    region: str
-    speed: float | None = None
-    factor: float = _NOT_GIVEN
-
-    def __post_init__(self) -> None:
-        if self.factor is _NOT_GIVEN:  # a factor of 1 that is given may be one of several that are tried
-            if self.speed is None:
-                raise ValueError(f"speed zone {shown(self.region)} changes nothing; give it a speed or a factor")
-            object.__setattr__(self, "factor", 1.0)
-        check_fields(f"speed zone {shown(self.region)}", self, speed=Range(0.0, MAX_SPEED, above=True), factor=POSITIVE)
+        known("strategy", self.strategy, OF_ROUTES, f"route {shown(self.name)}: ")
 
 
 @dataclass(frozen=True)
@@ -89,25 +59,6 @@ class ControlRule:
             raise ValueError(
                 f"control rule on {self.region!r}: below is {self.below}; it must be from 0 to at_least, {self.at_least}"
             )
-
-
-@dataclass(frozen=True)
-class Comfort:
-    """What the most comfortable way costs, in meters of plain floor.
-
-    Parameters
-    ----------
-    stairs : a meter in a slow zone counts as so many more.
-    turn : passing a corner that juts into the way counts as so many more meters.
-    reach : m, how near to a corner that cost is spread; it also keeps the way off corners.
-    """
-
-    stairs: float = 3.0
-    turn: float = 1.0
-    reach: float = 0.6
-
-    def __post_init__(self) -> None:
-        check_fields("comfort", self, stairs=NOT_NEGATIVE, turn=NOT_NEGATIVE, reach=POSITIVE)
 
 
 @dataclass(frozen=True)

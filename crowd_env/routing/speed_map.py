@@ -1,35 +1,90 @@
-"""Speed maps of the floor: how fast it is walked, and how far a comfortable meter goes."""
+"""Speed maps of the floor: how fast people walk where, and what a comfortable way costs."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, shown
 from crowd_env.geometry.geometry import Boundary, Geometry
-from crowd_env.routing.spec import Comfort, SpeedZone
-from crowd_env.state import Floats
+from crowd_env.state import MAX_SPEED, Floats
+
+_NOT_GIVEN = float("nan")
 
 
+@dataclass(frozen=True)
+class SpeedZone:
+    """A region where people walk at another speed, such as stairs; give ``speed``, ``factor`` or both.
+
+    Parameters
+    ----------
+    region : its name.
+    speed : m/s, everyone's desired speed there; None = one's own.
+    factor : multiple of it, > 0; 1 if not given.
+    """
+
+    region: str
+    speed: float | None = None
+    factor: float = _NOT_GIVEN
+
+    def __post_init__(self) -> None:
+        if self.factor is _NOT_GIVEN:  # a factor of 1 that is given may be one of several that are tried
+            if self.speed is None:
+                raise ValueError(f"speed zone {shown(self.region)} changes nothing; give it a speed or a factor")
+            object.__setattr__(self, "factor", 1.0)
+        check_fields(f"speed zone {shown(self.region)}", self, speed=Range(0.0, MAX_SPEED, above=True), factor=POSITIVE)
+
+
+@dataclass(frozen=True)
+class Comfort:
+    """What the most comfortable way costs, in meters of plain floor.
+
+    Parameters
+    ----------
+    stairs : a meter in a slow zone counts as so many more.
+    turn : passing a corner that juts into the way counts as so many more meters.
+    reach : m, how near to a corner that cost is spread; it also keeps the way off corners.
+    """
+
+    stairs: float = 3.0
+    turn: float = 1.0
+    reach: float = 0.6
+
+    def __post_init__(self) -> None:
+        check_fields("comfort", self, stairs=NOT_NEGATIVE, turn=NOT_NEGATIVE, reach=POSITIVE)
+
+
+@dataclass(frozen=True, eq=False)
 class SpeedMap:
-    """Speed maps: that of the zones, and that of comfort."""
+    """The floor of a place as those who walk it count it.
 
-    def __init__(self, geometry: Geometry, zones: Sequence[SpeedZone], walking_speed: float, comfort: Comfort) -> None:
-        self.geometry, self.zones, self.walking_speed, self.comfort = geometry, zones, walking_speed, comfort
+    Parameters
+    ----------
+    geometry, zones : the place, and where people walk at another speed.
+    walking_speed : m/s, on plain floor, to compare fixed speeds of zones with.
+    comfort : what a comfortable way costs.
+    """
 
-    def __call__(self, x: Floats, y: Floats) -> Floats:
-        """Return the speed at places x, y relative to plain floor."""
-        pace = np.ones(x.shape)
+    geometry: Geometry
+    zones: Sequence[SpeedZone]
+    walking_speed: float
+    comfort: Comfort
+
+    def walking(self, x: Floats, y: Floats) -> Floats:
+        """Return the speed at places x, y [m], relative to plain floor."""
+        speed = np.ones(x.shape)
         places = np.stack([x.ravel(), y.ravel()], axis=1)
         names = list(self.geometry.regions)
         for zone in sorted(self.zones, key=lambda zone: names.index(zone.region)):  # as the compiled step does
             inside = self.geometry.contains(places, zone.region).reshape(x.shape)
             if zone.speed is not None:
-                pace[inside] = zone.speed / self.walking_speed
-            pace[inside] *= zone.factor
-        return pace
+                speed[inside] = zone.speed / self.walking_speed
+            speed[inside] *= zone.factor
+        return speed
 
     def comfortable(self, x: Floats, y: Floats) -> Floats:
         """Return 1 / (cost of a meter) on a grid: ``x`` (rows, cols) grows along columns only, ``y`` along rows."""
-        slow = self(x, y) < 1.0
+        slow = self.walking(x, y) < 1.0
         cost = np.where(slow, 1.0 + self.comfort.stairs, 1.0)
         reach = self.comfort.reach
         corners = jutting_corners(self.geometry.boundary)

@@ -1,7 +1,7 @@
 """A scenario is pure data: a plan, a population, a time limit and where the numbers come from."""
 
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias, get_args
+from typing import TypeAlias
 
 import numpy as np
 
@@ -9,14 +9,15 @@ from crowd_env.checks import POSITIVE, Range, check_fields, flag, shown
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.domain import require_grid
 from crowd_env.navigation.field import NavigationField, OneWay
-from crowd_env.routing.route_set import RouteSet, Target, build_routes
-from crowd_env.routing.spec import OUT, Comfort, ControlRule, DoorEvent, Route, SpeedZone
+from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
+from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone
+from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios.groups import Groups, as_people
 from crowd_env.scenarios.placement import require_room
 from crowd_env.scenarios.population import Population, require_names
 from crowd_env.state import Floats, Ints
 
-Strategy = Literal["shortest", "nearest", "fastest", "comfortable"]
 People: TypeAlias = Population | Groups
 
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
@@ -73,32 +74,31 @@ class Scenario:
 
     def field(self) -> NavigationField:
         """Return the travel-time field of the shortest way out, for the largest body of the population."""
-        return self.route_set(rules=False).route_set[0].field
+        return self.route_set(rules=False).routes[0].field
 
     def route_set(self, strategy: str = "shortest", *, rules: bool = True) -> RouteSet:
-        """Return all ways out that people of this strategy, groups, rules and controllers may take; way 0 leads to any exit.
+        """Return all routes that people of this strategy, groups, rules and controllers may take; route 0 leads to any exit.
 
         Parameters
         ----------
-        strategy : "shortest"; "fastest", by the time it takes through the crowd as it is; "comfortable", which avoids stairs
-            and turns; "nearest": the exit that is nearest at the start, once and for all; or the name of a route.
+        strategy : a name in `crowd_env.routing.strategies.STRATEGIES`, or that of a route or exit.
         rules : whether the control rules are in force.
 
         Raises
         ------
         ValueError
-            If the strategy is unknown or a way leads nowhere.
+            If the strategy is unknown or a route leads nowhere.
         """
         flag("rules", rules)
         routes = list(self.routes)
-        known = (*get_args(Strategy), *(route.name for route in routes), *self._exits)
+        known = (*STRATEGIES, *(route.name for route in routes), *self._exits)
         if not isinstance(strategy, str) or strategy not in known:
             raise ValueError(f"{self.name}: unknown strategy {shown(strategy)}; known: {', '.join(known)}")
         for part in self.population.parts:
             names = [OUT, *(route.name for route in routes)]
             routes += [route for route in self._taken(part, strategy) if route.name not in names]
         radius = self.population.radius
-        return build_routes(
+        return RoutePlan(
             self.geometry,
             radius.high,
             min_radius=radius.low,
@@ -111,7 +111,7 @@ class Scenario:
             events=self.door_events,
             one_way=self.one_way,
             walking_speed=0.5 * (self.population.desired_speed.low + self.population.desired_speed.high) or 1.0,
-        )
+        ).build()
 
     def _taken(self, part: Population, strategy: str) -> list[Route]:
         """Return the routes that a group takes if this is the strategy of the run; of several, the nearest."""
@@ -122,21 +122,21 @@ class Scenario:
             if not part.exits or strategy in part.exits:
                 return [own.get(strategy, Route(strategy, (strategy,)))]
             return [_best_of(part.exits, "shortest")]
-        if strategy == "nearest":
+        if STRATEGIES[strategy].per_exit:
             return [own.get(name, Route(name, (name,))) for name in part.exits or self._exits]
         return [_best_of(part.exits, strategy)]
 
     def depends_on_place(self, strategy: str) -> bool:
-        """Return whether it depends on where people start which way they mean to take."""
+        """Return whether the route that people mean to take depends on where they start."""
         return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
 
     def choose(self, route_set: RouteSet, strategy: str, position: Floats) -> Ints:
-        """Return the number of the way (K,) that people mean to take who start at ``position`` (K, 2).
+        """Return the number (K,) of the route that each of the people at ``position`` (K, 2) means to take.
 
         Raises
         ------
         ValueError
-            If the groups have ways of their own, and there are not as many people as in all of them.
+            If the groups have routes of their own, and there are not as many people as in all of them.
         """
         parts = self.population.parts
         if len(parts) > 1 and len(position) != self.population.count:
@@ -156,4 +156,4 @@ def _best_of(exits: tuple[str, ...], strategy: str) -> Route:
     name = " or ".join(exits)
     if strategy == "shortest":
         return Route(name or OUT, exits)
-    return Route(f"{strategy} to {name}" if name else strategy, exits, strategy=strategy)  # type: ignore[arg-type]  # one of two
+    return Route(f"{strategy} to {name}" if name else strategy, exits, strategy=strategy)

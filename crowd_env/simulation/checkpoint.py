@@ -5,25 +5,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.physics.contacts import Contacts
+from crowd_env.physics.contacts import KEPT, Contacts, rows_of
+from crowd_env.physics.neighbors.lists import NeighborList
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.spatial_order import Order
-from crowd_env.physics.workspace import Diagnostics, Memory, World
-from crowd_env.routing.door_schedule import DoorsThen
-from crowd_env.routing.replanning import WaysThen
+from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, World
+from crowd_env.routing.door_schedule import DoorState
+from crowd_env.routing.replanning import PlannerState
 from crowd_env.state import Bodies, CrowdState, Ints
 
 Arrays = dict[str, np.ndarray]
 
-# What contacts are and remember; the rest of `Contacts` is scratch.
-_OF_CONTACTS = ("i", "j", "gap", "normal", "impulse", "memory")
 
-
-class Remembered(NamedTuple):
-    """What a checkpoint keeps of a `Memory`: all but the lists of neighbors, which are made anew, and scratch."""
+class SavedHistory(NamedTuple):
+    """A copy of a `History`."""
 
     arrays: Arrays  # by name
-    diagnostics: Diagnostics  # of the last call
     contacts: Ints  # (E,)  how many in each environment
     of_contacts: Arrays  # by name, those of all environments one behind the other
 
@@ -34,10 +31,11 @@ class Checkpoint(NamedTuple):
     made_by: dict[str, Any]  # what a simulation must have in common with the one that it was taken from
     bodies: Bodies
     state: CrowdState
-    memory: Remembered
+    history: SavedHistory
+    results: Results  # of the last call
     diagnostics: Diagnostics  # of the episodes so far
-    doors: DoorsThen
-    route_set: WaysThen
+    doors: DoorState
+    route_set: PlannerState
     order: Order | None  # None = no crowd is large
     escaped: np.ndarray  # (P,)  who was found outside of the walkable area
 
@@ -69,34 +67,45 @@ def _is_array(value: Any) -> bool:
     return isinstance(value, np.ndarray)
 
 
-def remember(memory: Memory) -> Remembered:
-    """Return a copy of what the future depends on."""
-    contacts, rows = memory.contacts, _rows_of_contacts(memory.contacts, memory.near.entry_start)
-    of_contacts = {name: getattr(contacts, name)[rows] for name in _OF_CONTACTS}
-    diagnostics = Diagnostics._make(array.copy() for array in memory.diagnostics)
-    return Remembered(copy_arrays(memory), diagnostics, contacts.number.copy(), of_contacts)
+def copy_results(results: Results) -> Results:
+    """Return an independent copy."""
+    diagnostics = Diagnostics._make(array.copy() for array in results.diagnostics)
+    return Results(results.impulse.copy(), results.impulse_magnitude.copy(), diagnostics)
 
 
-def has_room(memory: Memory, then: Remembered) -> bool:
+def write_results(results: Results, then: Results) -> None:
+    """Write them back in place."""
+    write_arrays(results, copy_arrays(then))
+    write_arrays(results.diagnostics, then.diagnostics._asdict())
+
+
+def save_history(history: History, neighbors: NeighborList) -> SavedHistory:
+    """Return a copy of the history."""
+    contacts, rows = history.contacts, _rows_of_all(history.contacts, neighbors)
+    of_contacts = {name: getattr(contacts, name)[rows] for name in KEPT}
+    return SavedHistory(copy_arrays(history), contacts.number.copy(), of_contacts)
+
+
+def has_room(workspace: Workspace, then: SavedHistory) -> bool:
     """Whether the contacts of then fit."""
-    return bool((then.contacts <= np.diff(memory.near.entry_start)).all())
+    return bool((then.contacts <= np.diff(workspace.neighbors.entry_start)).all())
 
 
-def recall(memory: Memory, then: Remembered) -> None:
+def load_history(history: History, workspace: Workspace, then: SavedHistory) -> None:
     """Write it back in place; the lists of neighbors are made anew at the next step."""
-    write_arrays(memory, then.arrays)
-    write_arrays(memory.diagnostics, then.diagnostics._asdict())
-    memory.contacts.number[:] = then.contacts
-    rows = _rows_of_contacts(memory.contacts, memory.near.entry_start)
+    write_arrays(history, then.arrays)
+    contacts = history.contacts
+    contacts.number[:] = then.contacts
+    rows = _rows_of_all(contacts, workspace.neighbors)
     for name, array in then.of_contacts.items():
-        getattr(memory.contacts, name)[rows] = array
-    memory.near.reach[:] = -1.0
+        getattr(contacts, name)[rows] = array
+    workspace.neighbors.reach[:] = -1.0
 
 
-def _rows_of_contacts(contacts: Contacts, start: Ints) -> Ints:
+def _rows_of_all(contacts: Contacts, neighbors: NeighborList) -> Ints:
     """Return where the contacts of all environments are."""
-    rows = [np.arange(first, first + number) for first, number in zip(start[:-1], contacts.number, strict=True)]
-    return np.concatenate(rows)
+    rows = [rows_of(e, contacts, neighbors) for e in range(len(contacts.number))]
+    return np.concatenate([np.arange(row.start, row.stop) for row in rows])
 
 
 def made_by(

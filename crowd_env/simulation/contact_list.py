@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env.physics.contacts import Contacts
 from crowd_env.physics.spatial_order import SortedCrowd
-from crowd_env.physics.workspace import Memory
 from crowd_env.state import Floats, Ints
 
 
@@ -20,10 +20,10 @@ class ContactList(NamedTuple):
     converged: bool  # whether every solve of the episode so far met its tolerance
 
 
-def list_contacts(e: int, first: int, memory: Memory, order: SortedCrowd | None, converged: bool) -> ContactList:
-    """Return a copy of the contacts of environment ``e``, whose first person is ``first``."""
-    contacts, begin = memory.contacts, int(memory.near.entry_start[e])
-    rows = slice(begin, begin + int(contacts.number[e]))
+def list_contacts(
+    contacts: Contacts, rows: slice, first: int, order: SortedCrowd | None, converged: bool
+) -> ContactList:
+    """Return a copy of the contacts ``rows`` of an environment whose first person is ``first``."""
     i, j, normal = contacts.i[rows], contacts.j[rows], contacts.normal[rows]
     places = np.arange(len(i))
     if order is not None:

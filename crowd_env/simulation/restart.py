@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env.physics.workspace import Diagnostics, Memory
+from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 
@@ -21,19 +21,23 @@ def begin_state(
     state.time[e] = 0.0
 
 
-def begin_memory(e: int, people: slice, memory: Memory, bodies: Bodies, route: Ints, diagnostics: Diagnostics) -> None:
-    """Forget what went on in environment ``e``, and what its people got."""
-    memory.followed[people] = route
-    memory.pace[people] = bodies.desired_speed[people]
-    memory.here[people] = 0
-    memory.rule_on[e] = False
-    memory.door_open[e] = True
-    memory.phase[e] = 0
-    memory.turn[e] = 0
-    memory.direction_age[e] = np.inf
-    memory.near.reach[e] = -1.0
-    memory.contacts.number[e] = 0
-    memory.push[people] = 0.0
-    memory.crush[people] = 0.0
-    for total in (*diagnostics, *memory.diagnostics):
-        total[e] = 0
+def begin_history(e: int, people: slice, history: History, workspace: Workspace, bodies: Bodies, route: Ints) -> None:
+    """Forget what went on in environment ``e``: no contact, no forces, nobody has looked for the route."""
+    history.contacts.number[e] = 0
+    history.phase[e] = 0
+    history.direction_age[e] = np.inf
+    history.turn[e] = 0
+    history.followed[people] = route
+    history.region_bits[people] = 0
+    history.local_speed[people] = bodies.desired_speed[people]
+    history.rule_on[e] = False
+    history.door_open[e] = True
+    workspace.neighbors.reach[e] = -1.0
+
+
+def begin_results(e: int, people: slice, results: Results, total: Diagnostics) -> None:
+    """Set to zero what the people of environment ``e`` got, and what went on since its start."""
+    results.impulse[people] = 0.0
+    results.impulse_magnitude[people] = 0.0
+    for array in (*total, *results.diagnostics):
+        array[e] = 0

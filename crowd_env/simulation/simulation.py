@@ -12,8 +12,9 @@ from crowd_env.geometry.geometry import Geometry, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.navigation.field import NavigationField
 from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.physics.contacts import rows_of
 from crowd_env.physics.neighbors.update import DIVERGED, FULL, OK, TOO_FAST
-from crowd_env.physics.scheme import scratch_of
+from crowd_env.physics.scheme import arrays_of
 from crowd_env.physics.spatial_order import SortedCrowd
 from crowd_env.physics.workspace import (
     Batch,
@@ -22,8 +23,10 @@ from crowd_env.physics.workspace import (
     World,
     add_diagnostics,
     allocate_control,
-    allocate_memory,
-    grow_memory,
+    allocate_history,
+    allocate_results,
+    allocate_workspace,
+    grow,
     no_diagnostics,
     set_command,
 )
@@ -40,13 +43,23 @@ from crowd_env.simulation.arguments import (
     vectors,
     which_geometry,
 )
-from crowd_env.simulation.checkpoint import Checkpoint, has_room, made_by, recall, remember, require_same, write_arrays
+from crowd_env.simulation.checkpoint import (
+    Checkpoint,
+    copy_results,
+    has_room,
+    load_history,
+    made_by,
+    require_same,
+    save_history,
+    write_arrays,
+    write_results,
+)
 from crowd_env.simulation.contact_list import ContactList, list_contacts
 from crowd_env.simulation.limits import why_stopped
-from crowd_env.simulation.restart import begin_memory, begin_state
+from crowd_env.simulation.restart import begin_history, begin_results, begin_state
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state
 
-_IN_PLACE = ("state", "bodies", "memory")  # others hold on to their arrays
+_IN_PLACE = ("state", "bodies", "results", "history", "workspace")  # others hold on to their arrays
 
 
 class Simulation:
@@ -106,16 +119,19 @@ class Simulation:
         self.planner = RoutePlanner(self.fields, which, boundary, replan_every)
         guidance = self.planner.guidance
         self.world = World(boundary, self.planner.field, which, guidance)
-        closed, events = ([getattr(place, name, ()) for place in self.fields] for name in ("closed_at_start", "events"))
+        plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
+        closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
         self._doorkeeper = DoorSchedule(self.geometries, closed, events, which)
         doors = max(len(place.doors) for place in self.geometries)
         rules = int(np.diff(guidance.rule.start).max(initial=0))
-        self._scratch = scratch_of(self.scheme)
-        self.memory = allocate_memory(bodies, rules=rules, doors=doors, uses=self._scratch)
+        self._uses = arrays_of(self.scheme)
+        self.results = allocate_results(len(bodies.radius), environments)
+        self.workspace = allocate_workspace(bodies, uses=self._uses)
+        self.history = allocate_history(bodies, self.workspace.neighbors, rules, doors, self._uses)
         known = (guidance.field_of_route >= 0).sum(axis=1)
         self._routes_of_person = np.repeat(known, np.diff(bodies.env_start))
         check_routes(state.route, self._routes_of_person)
-        self.memory.followed[:] = state.route
+        self.history.followed[:] = state.route
         for e in range(environments):
             self.close_doors(e, self._doorkeeper.restart(e))
         # Overlaps, residuals and solver effort since the start of each environment.
@@ -124,7 +140,7 @@ class Simulation:
         # alone, whatever the contacts say.  Nobody should be.
         self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
-        self._sorted = SortedCrowd(bodies, state, self.memory) if SortedCrowd.is_needed(bodies) else None
+        self._sorted = SortedCrowd(bodies, state, self.results, self.history) if SortedCrowd.is_needed(bodies) else None
         self._control = allocate_control(len(bodies.radius), driving, bounded=not allow_unstable)
         self._batch: StructRef | None = None  # what kernels work on
         self._made_of: tuple[object, ...] = ()  # and the tuples that it refers to
@@ -143,7 +159,7 @@ class Simulation:
     @property
     def last_diagnostics(self) -> Diagnostics:
         """Overlaps, residuals and solver effort of the last call of `advance`; with one substep, of that step."""
-        return self.memory.diagnostics
+        return self.results.diagnostics
 
     @property
     def inside(self) -> Ints:
@@ -183,9 +199,9 @@ class Simulation:
         if n_substeps < 0:
             raise ValueError(f"n_substeps is {n_substeps}; it must be >= 0")
         check_routes(self.state.route, self._routes_of_person)
-        memory = self.memory
-        memory.status[:] = OK
-        for sums in (memory.push, memory.crush, memory.progress, memory.cut.gate, *memory.diagnostics):
+        results, workspace = self.results, self.workspace
+        workspace.status[:] = OK
+        for sums in (*results[:-1], *results.diagnostics, workspace.substep, workspace.cut.gate):
             sums[:] = 0
         if self._sorted is None:
             set_command(self._control, asked)
@@ -196,7 +212,7 @@ class Simulation:
             self.planner.update(self.bodies, self.state)
             inside = self.inside
             if self._sorted is not None:
-                self._sorted.update(self.bodies, self.state, self.memory)
+                self._sorted.update(self.bodies, self.state, self.history, self.workspace.neighbors)
             waits = [
                 self._sorted.steps_until_due(self.state.time, self.dt, inside) if self._sorted is not None else None,
                 self.planner.steps_until_due(self.state.time, self.dt, inside),
@@ -204,7 +220,7 @@ class Simulation:
             ]
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
             self._run_until(target, asked)
-        add_diagnostics(self.diagnostics, self.memory.diagnostics)
+        add_diagnostics(self.diagnostics, self.results.diagnostics)
         state, geometry_of_env = self.state, self.world.geometry_of_env
         mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, state.position, self.escaped)
 
@@ -221,12 +237,12 @@ class Simulation:
             if name not in names:
                 raise ValueError(f"unknown door {name!r}; known: {', '.join(names) or 'none'}")
         stands_open = np.array([name not in shut for name in names], dtype=np.bool_)
-        if not len(names) or (self.memory.door_open[e, : len(names)] == stands_open).all():
+        if not len(names) or (self.history.door_open[e, : len(names)] == stands_open).all():
             return
         self._doorkeeper.closed[e] = shut
-        self.memory.door_open[e, : len(names)] = stands_open
-        self.memory.near.reach[e] = -1.0
-        self.memory.direction_age[e] = np.inf
+        self.history.door_open[e, : len(names)] = stands_open
+        self.workspace.neighbors.reach[e] = -1.0
+        self.history.direction_age[e] = np.inf
         self.planner.close(e, shut)
         self.world = self.world._replace(field=self.planner.field)
 
@@ -238,24 +254,27 @@ class Simulation:
 
     def _kernel_args(self) -> StructRef:
         """Return all that kernels work on, anew if something was replaced."""
-        parts = (self.world, self.bodies, self.state, self._control, self.memory)
+        parts = self._in_slots()
         if self._batch is None or any(now is not then for now, then in zip(parts, self._made_of, strict=True)):
-            batch = Batch(*parts)
             self._made_of = parts
-            self._batch = struct_ref(batch if self._sorted is None else self._sorted.view(batch))
+            self._batch = struct_ref(parts if self._sorted is None else self._sorted.view(parts))
         return self._batch
+
+    def _in_slots(self) -> Batch:
+        """Return all that a step works on, everyone in the own slot."""
+        return Batch(self.world, self.bodies, self.state, self._control, self.results, self.history, self.workspace)
 
     def _run_until(self, n_substeps: int, asked: Command) -> None:
         """Advance every environment to step ``n_substeps`` of this call."""
         while True:
             if self._sorted is not None:
-                self._sorted.gather(self.bodies, self.state, self.memory, self._control, asked)
+                self._sorted.gather(self._in_slots(), asked)
             try:
                 self._run(self._kernel_args(), n_substeps)
             finally:  # Ctrl-C too finds everyone where he has come to
                 if self._sorted is not None:
-                    self._sorted.scatter(self.state, self.memory)
-            status = self.memory.status
+                    self._sorted.scatter(self._in_slots())
+            status = self.workspace.status
             stopped = np.flatnonzero((status == DIVERGED) | (status == TOO_FAST))
             if len(stopped):
                 e, who = int(stopped[0]), (self.bodies, self.state)
@@ -266,7 +285,8 @@ class Simulation:
 
     def _grow(self) -> None:
         """Make more room for neighbors; what others hold on to stays."""
-        self.__dict__["memory"] = grow_memory(self.memory, self.bodies, self._scratch)
+        history, workspace = grow(self.history, self.workspace, self.bodies, self._uses)
+        self.__dict__.update(history=history, workspace=workspace)
 
     def _run(self, batch: StructRef, n_substeps: int) -> None:
         """Advance the batch on all threads: the kernels hold no lock.
@@ -312,9 +332,10 @@ class Simulation:
         for name in Bodies._fields[:-1]:
             getattr(self.bodies, name)[people] = getattr(bodies, name)
         begin_state(e, people, self.state, stand, walk, routes)
-        begin_memory(e, people, self.memory, self.bodies, routes, self.diagnostics)
+        begin_history(e, people, self.history, self.workspace, self.bodies, routes)
+        begin_results(e, people, self.results, self.diagnostics)
         if self._sorted is not None:
-            self._sorted.restart(e, self.memory)
+            self._sorted.restart(e, self.history)
         self.planner.restart(e)
         self.close_doors(e, self._doorkeeper.restart(e))
         self.escaped[people] = False
@@ -326,7 +347,8 @@ class Simulation:
             self._made_like(),
             Bodies._make(array.copy() for array in self.bodies),
             self.state.copy(),
-            remember(self.memory),
+            save_history(self.history, self.workspace.neighbors),
+            copy_results(self.results),
             Diagnostics._make(array.copy() for array in self.diagnostics),
             self._doorkeeper.moment(),
             self.planner.moment(),
@@ -337,7 +359,7 @@ class Simulation:
     def restore(self, checkpoint: Checkpoint) -> None:
         """Go back to a moment; what follows is bit by bit what followed it then, as far as the same is asked for.
 
-        All arrays of `state`, `bodies` and `memory` are written in place: whoever holds them sees that moment.
+        All arrays of `state`, `bodies`, `results` and `history` are written in place: who holds one sees that moment.
 
         Raises
         ------
@@ -349,9 +371,10 @@ class Simulation:
         if not isinstance(checkpoint, Checkpoint):
             raise TypeError(f"restore takes a checkpoint() of a simulation, not {type(checkpoint).__name__}")
         require_same(self._made_like(), checkpoint.made_by)
-        while not has_room(self.memory, checkpoint.memory):
+        while not has_room(self.workspace, checkpoint.history):
             self._grow()
-        recall(self.memory, checkpoint.memory)
+        load_history(self.history, self.workspace, checkpoint.history)
+        write_results(self.results, checkpoint.results)
         for ours, then in (
             (self.bodies, checkpoint.bodies),
             (self.state, checkpoint.state),
@@ -381,10 +404,12 @@ class Simulation:
         people = self._people(e)
         wanted = routes_of(route, self._routes_of_person[people])
         self.state.route[people] = wanted
-        self.memory.followed[people] = wanted
-        self.memory.direction_age[e] = np.inf
+        self.history.followed[people] = wanted
+        self.history.direction_age[e] = np.inf
 
     def contacts(self, e: int = 0) -> ContactList:
         """Return a copy of the contacts of environment ``e``."""
-        first = self._people(e).start
-        return list_contacts(e, first, self.memory, self._sorted, bool(self.diagnostics.unconverged[e] == 0))
+        first, rows = self._people(e).start, rows_of(e, self.history.contacts, self.workspace.neighbors)
+        return list_contacts(
+            self.history.contacts, rows, first, self._sorted, bool(self.diagnostics.unconverged[e] == 0)
+        )

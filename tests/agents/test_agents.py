@@ -11,9 +11,10 @@ from rich.console import Console
 from agents import POLICIES, ShortestPath, make_policy
 from agents.evaluation.evaluation import HELD_OUT_SEED, evaluate
 from agents.evaluation.report import comparison_table
-from agents.runs import new_folder, read_json, versions, write_json
+from agents.runs import new_folder, versions
 from crowd_env import SCHEMES, make_scenario
-from crowd_env.envs.rollout import report, run_rule
+from crowd_env.envs.rollout import report, run_episodes
+from crowd_env.files.json_file import read_json, write_json
 
 SMALL = make_scenario("room-v0", count=6, time_limit=8.0)
 
@@ -50,24 +51,27 @@ def test_every_policy_meets_the_same_people_in_the_same_places():
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_the_shortest_path_is_the_rule_of_the_command_line(scheme):
-    rule = run_rule(SMALL, scheme, 5, seed=HELD_OUT_SEED)
-    assert repr(evaluate(make_policy("shortest"), SMALL, scheme=scheme, runs=5).episodes) == repr(rule)
+    rule = run_episodes(SMALL, 5, scheme=scheme, seed=HELD_OUT_SEED)
+    assert repr(evaluate(make_policy("shortest"), SMALL, scheme=scheme, runs=5).episodes) == repr(
+        [episode.metrics for episode in rule]
+    )
 
 
 def test_runs_are_the_same_whatever_is_simulated_beside_them():
-    many = run_rule(SMALL, "nsm2", 5, seed=3)
-    assert [repr(run_rule(SMALL, "nsm2", 1, seed=3 + k)[0]) for k in range(5)] == [repr(episode) for episode in many]
+    many = run_episodes(SMALL, 5, seed=3)
+    alone = [run_episodes(SMALL, 1, seed=3 + k)[0] for k in range(5)]
+    assert [repr(episode.metrics) for episode in alone] == [repr(episode.metrics) for episode in many]
 
 
 def test_more_runs_than_fit_beside_each_other_are_run_one_after_the_other():
     place = make_scenario("room-v0", count=1)
     told = []
-    episodes = run_rule(place, "dem", 60, progress=told.append)
+    episodes = run_episodes(place, 60, scheme="dem", progress=told.append)
     assert len(episodes) == sum(told) == 60
-    assert len({episode.evacuation_time for episode in episodes}) == 60
-    assert repr(episodes[55]) == repr(run_rule(place, "dem", 1, seed=55)[0])
+    assert len({episode.metrics.evacuation_time for episode in episodes}) == 60
+    assert repr(episodes[55].metrics) == repr(run_episodes(place, 1, scheme="dem", seed=55)[0].metrics)
     evaluated = evaluate(make_policy("shortest"), place, scheme="dem", runs=60, first_seed=0)
-    assert repr(evaluated.episodes) == repr(episodes)
+    assert repr(evaluated.episodes) == repr([episode.metrics for episode in episodes])
 
 
 def test_who_stands_still_stays():
@@ -95,8 +99,9 @@ def test_a_row_holds_the_means_and_is_json():
 
 
 def test_the_report_of_runs_is_made_of_their_metrics():
-    episodes = run_rule(make_scenario("room-v0", time_limit=5.0), "dem", 4)
-    told = report(make_scenario("room-v0"), "dem", episodes)
+    finished = run_episodes(make_scenario("room-v0", time_limit=5.0), 4, scheme="dem")
+    told = report(make_scenario("room-v0"), "dem", finished)
+    episodes = [episode.metrics for episode in finished]
     assert told["unfinished"] == sum(episode.unfinished for episode in episodes) > 0
     assert told["unfinished_runs"] == sum(episode.unfinished > 0 for episode in episodes)
     assert told["flow"]["mean"] == pytest.approx(np.mean([episode.flow for episode in episodes]))
@@ -123,7 +128,7 @@ def test_an_unknown_policy_is_refused_with_the_known_ones():
 @pytest.mark.parametrize(("runs", "seed"), [(0, 0), (-1, 0), (1, -1)])
 def test_impossible_numbers_of_runs_are_refused(runs, seed):
     with pytest.raises(ValueError, match="it must be"):
-        run_rule(SMALL, "nsm2", runs, seed=seed)
+        run_episodes(SMALL, runs, seed=seed)
     with pytest.raises(ValueError):
         evaluate(make_policy("shortest"), SMALL, runs=runs, first_seed=seed)
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from evaluations import hall, made_up, run
 
-from agents.controllers import FixedSplit, judge
+from agents.controllers import FixedSplit
 from agents.evaluation.comparison import kendall_tau, last_times, mean_times, paired, ranking, ratio
 from agents.evaluation.report import ranking_lines
+from agents.evaluation.routing import evaluate_controller
 
 
 def test_paired_differences_by_hand():
@@ -58,7 +59,7 @@ def test_who_leaves_people_inside_is_never_faster_than_who_does_not():
 
 @pytest.mark.parametrize("controller", [FixedSplit(5.0), "nearest exit"])
 def test_judging_a_controller_counts_them_alike(controller):
-    judged = judge(controller, "two-exit-hall-v0", runs=8, first_seed=0, grid=(4, 2), time_limit=25.05)
+    judged = evaluate_controller(controller, "two-exit-hall-v0", runs=8, first_seed=0, grid=(4, 2), time_limit=25.05)
     left = judged.column("unfinished") > 0
     out = judged.times_of_all()[np.isfinite(np.array(judged.exit_times))]
     assert left.any()

@@ -14,11 +14,12 @@ from repository import ROOT
 from rich.console import Console
 
 from agents import evaluate as command
-from agents.controllers import FixedSplit, RandomController, judge
-from agents.evaluation.candidates import make_candidates, of_controller
-from agents.evaluation.evaluation import HELD_OUT_SEED, evacuate
+from agents.controllers import FixedSplit, RandomController
+from agents.evaluation.entries import controller_entry, make_entries
+from agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
 from agents.evaluation.folder import _curves
 from agents.evaluation.report import crowding_table, exits_table, left_table, times_table
+from agents.evaluation.routing import evaluate_controller
 from crowd_env import CrowdEnv, make_scenario
 from crowd_env.envs.routing.batch import RoutingBatch
 
@@ -30,20 +31,18 @@ def test_all_policies_start_from_the_same_people_in_the_same_places(scheme):
     seeds = [HELD_OUT_SEED, HELD_OUT_SEED + 1]
     reference = CrowdEnv(SMALL, num_envs=2)
     reference.reset(seeds)
-    for candidate in make_candidates(NAMES, SMALL):
-        led = candidate.lead(SMALL, scheme, 2, 1)
-        led.reset(seeds)
-        np.testing.assert_array_equal(led.env.simulation.state.position, reference.simulation.state.position)
-        for ours, theirs in zip(led.env.simulation.bodies, reference.simulation.bodies, strict=True):
+    for entry in make_entries(NAMES, SMALL):
+        driver = entry.driver(SMALL, scheme, 1)(2)
+        driver.reset(seeds)
+        np.testing.assert_array_equal(driver.env.simulation.state.position, reference.simulation.state.position)
+        for ours, theirs in zip(driver.env.simulation.bodies, reference.simulation.bodies, strict=True):
             np.testing.assert_array_equal(ours, theirs)
 
 
 @pytest.mark.parametrize("name", ["shortest", "fastest"])
 def test_a_run_does_not_depend_on_what_was_run_beside_and_before_it(name, monkeypatch):
     many = run(name, runs=7)
-    monkeypatch.setattr(
-        "agents.evaluation.evaluation._PEOPLE_AT_ONCE", 2 * 14
-    )  # two at once: environments are used again
+    monkeypatch.setattr("crowd_env.envs.rollout._PEOPLE_AT_ONCE", 2 * 14)  # two at once: environments are used again
     few = run(name, runs=5)
     assert repr(many.episodes[:5]) == repr(few.episodes)
     np.testing.assert_array_equal(many.exit_times[:5], few.exit_times)
@@ -66,8 +65,8 @@ def test_rules_are_in_force_for_rules_alone():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_all_walk_in_the_same_place(name):
-    (candidate,) = make_candidates([name], RULED)
-    assert bool(candidate.lead(RULED, "nsm2", 1, 1).env.route_set[0].rules) == (name == "rules")
+    (entry,) = make_entries([name], RULED)
+    assert bool(entry.driver(RULED, "nsm2", 1)(1).env.route_set[0].rules) == (name == "rules")
 
 
 def test_the_name_of_an_exit_sends_everyone_there():
@@ -89,8 +88,8 @@ class Balancing:
 @pytest.mark.parametrize("controller", [FixedSplit(2.5), RandomController(), Balancing()], ids=lambda one: one.name)
 def test_a_controller_sampled_between_its_decisions_is_the_controller(controller):
     options = {"grid": (4, 1), "interval": 1.0}
-    candidate = of_controller(controller, SMALL, {**options, "scenario": "hall", "scheme": "dem"})
-    ours = evacuate(lambda n: candidate.lead(SMALL, "nsm2", n, 1), SMALL, "led", "nsm2", runs=3, measure=True)
+    entry = controller_entry(controller, SMALL, {**options, "scenario": "hall", "scheme": "dem"})
+    ours = evaluate_driver(entry.driver(SMALL, "nsm2", 1), SMALL, "controller", "nsm2", runs=3, measure=True)
     batch, seeds = RoutingBatch(SMALL, num_envs=3, **options), [HELD_OUT_SEED + k for k in range(3)]
     observation, rng = batch.reset(seeds), np.random.default_rng(HELD_OUT_SEED)
     while not batch.env.finished.all():
@@ -99,7 +98,7 @@ def test_a_controller_sampled_between_its_decisions_is_the_controller(controller
     for one, other in zip(ours.episodes, theirs, strict=True):  # sums of overlaps are rounded otherwise
         assert repr((one.evacuation_time, one.mean_exit_time)) == repr((other.evacuation_time, other.mean_exit_time))
         assert one == pytest.approx(other, rel=1e-12, nan_ok=True)
-    judged = judge(controller, SMALL, runs=3, first_seed=HELD_OUT_SEED, scheme="nsm2", **options)
+    judged = evaluate_controller(controller, SMALL, runs=3, first_seed=HELD_OUT_SEED, scheme="nsm2", **options)
     assert repr(judged.episodes) == repr(ours.episodes)
     if isinstance(controller, FixedSplit):
         assert 0 < ours.row()["exits"]["west"]["people"]["mean"] < 14
@@ -157,7 +156,7 @@ def test_policies_that_do_the_same_share_a_curve():
 @pytest.mark.parametrize(("interval", "dt"), [(0.25, 0.01), (0.3, 0.03)])
 def test_a_controller_may_decide_at_times_at_which_no_sample_fits(interval, dt):
     for controller in (FixedSplit(2.5), "nearest exit"):
-        judged = judge(controller, SMALL, runs=1, first_seed=0, grid=(4, 1), interval=interval, dt=dt)
+        judged = evaluate_controller(controller, SMALL, runs=1, first_seed=0, grid=(4, 1), interval=interval, dt=dt)
         assert judged.column("unfinished").tolist() == [0.0]
 
 

@@ -12,11 +12,11 @@ from evaluations import RULED, SMALL, call, hall, random_network, random_policy,
 
 import crowd_env
 from agents import evaluate as command
-from agents.controllers import judge
-from agents.evaluation.candidates import make_candidates
+from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED
 from agents.evaluation.fingerprint import fingerprint
 from agents.evaluation.folder import EvaluationFolder, settings_of
+from agents.evaluation.routing import evaluate_controller
 from agents.evaluation.source_stamp import source_stamp
 from agents.trained import LearnedController
 from crowd_env import SCHEMES, DoorEvent, Groups, Normal, SpeedZone, Uniform, make_scenario
@@ -63,11 +63,11 @@ def test_an_interrupted_evaluation_goes_on_and_ends_as_if_it_had_not_been(capsys
     assert call(capsys, command.main, *ASKED, "--out", tmp_path / "whole")[0] == 0
     real, evaluated = command._evaluate, []
 
-    def breaks_at_the_third(candidate, scenario, scheme, *rest):
+    def breaks_at_the_third(entry, scenario, scheme, *rest):
         if len(evaluated) == 2:
             raise KeyboardInterrupt
-        evaluated.append((candidate.name, scheme))
-        return real(candidate, scenario, scheme, *rest)
+        evaluated.append((entry.name, scheme))
+        return real(entry, scenario, scheme, *rest)
 
     monkeypatch.setattr(command, "_evaluate", breaks_at_the_third)
     code, _, err = call(capsys, command.main, *ASKED, "--out", tmp_path / "broken")
@@ -80,19 +80,19 @@ def test_an_interrupted_evaluation_goes_on_and_ends_as_if_it_had_not_been(capsys
 
 
 def test_a_kept_result_is_the_result(tmp_path):
-    (candidate,) = make_candidates(["fastest"], SMALL)
+    (entry,) = make_entries(["fastest"], SMALL)
     result, folder = run("fastest"), EvaluationFolder(tmp_path, settings_of(SMALL, 3, 0))
-    assert folder.load(candidate, "nsm2") is None
-    folder.save(candidate, "nsm2", result)
-    read = folder.load(candidate, "nsm2")
+    assert folder.load(entry, "nsm2") is None
+    folder.save(entry, "nsm2", result)
+    read = folder.load(entry, "nsm2")
     assert read.row() == result.row() and repr(read.episodes) == repr(result.episodes)
     np.testing.assert_array_equal(read.measured.maps.density_mean, result.measured.maps.density_mean)
     np.testing.assert_array_equal(read.exit_times, result.exit_times)
     assert read.measured.grid == result.measured.grid and read.exit_names == result.exit_names
-    assert folder.load(candidate, "dem") is None
+    assert folder.load(entry, "dem") is None
     for path in (tmp_path / "kept").iterdir():
         path.write_bytes(path.read_bytes()[:100])
-    assert folder.load(candidate, "nsm2") is None
+    assert folder.load(entry, "nsm2") is None
 
 
 @pytest.mark.parametrize(
@@ -156,22 +156,22 @@ def test_nothing_is_spelt_like_something_else():
 
 @pytest.fixture
 def kept(tmp_path):
-    """Return folder, candidate and result of one that is kept."""
+    """Return folder, entry and result of one that is kept."""
     scenario = hall(count=3)
-    (candidate,) = make_candidates(["shortest"], scenario)
+    (entry,) = make_entries(["shortest"], scenario)
     folder, result = EvaluationFolder(tmp_path, settings_of(scenario, 1, 0)), run("shortest", scenario, runs=1)
-    folder.save(candidate, "nsm2", result)
-    return folder, candidate, result
+    folder.save(entry, "nsm2", result)
+    return folder, entry, result
 
 
 def test_what_other_code_or_another_scheme_computed_is_computed_anew(kept, monkeypatch):
-    folder, candidate, _ = kept
-    assert folder.load(candidate, "nsm2") is not None
+    folder, entry, _ = kept
+    assert folder.load(entry, "nsm2") is not None
     with monkeypatch.context() as patch:
         patch.setattr("agents.evaluation.folder.source_stamp", lambda: "other")
-        assert folder.load(candidate, "nsm2") is None
+        assert folder.load(entry, "nsm2") is None
     monkeypatch.setitem(SCHEMES, "nsm2", replace(SCHEMES["nsm2"], social=SocialForce()))
-    assert folder.load(candidate, "nsm2") is None
+    assert folder.load(entry, "nsm2") is None
 
 
 def test_the_stamp_of_the_code_is_of_all_its_sources(tmp_path, monkeypatch):
@@ -188,21 +188,21 @@ def test_the_stamp_of_the_code_is_of_all_its_sources(tmp_path, monkeypatch):
 
 
 def test_a_damaged_file_is_computed_anew(kept):
-    folder, candidate, result = kept
+    folder, entry, result = kept
     (path,) = (folder.path / "kept").iterdir()
     whole, rng, read = path.read_bytes(), np.random.default_rng(0), 0
     for bit in rng.integers(0, 8 * len(whole), 150):
         harmed = bytearray(whole)
         harmed[bit // 8] ^= 1 << (bit % 8)
         path.write_bytes(bytes(harmed))
-        found = folder.load(candidate, "nsm2")  # no error, whatever broke
+        found = folder.load(entry, "nsm2")  # no error, whatever broke
         if found is not None:
             read += 1
             assert found.row() == result.row()
     assert read < 50
     for content in (b"", b"no zip", whole[:500]):
         path.write_bytes(content)
-        assert folder.load(candidate, "nsm2") is None
+        assert folder.load(entry, "nsm2") is None
 
 
 # -------------------------------------------------------------------------------------------------------------- learned
@@ -213,16 +213,16 @@ def test_a_learned_network_is_a_policy_named_after_its_file(tmp_path):
     other.parent.mkdir()
     random_policy(0).save(path)
     other.write_bytes(path.read_bytes())
-    (candidate,) = make_candidates([str(path)], SMALL)
-    assert candidate.name == "quick"
+    (entry,) = make_entries([str(path)], SMALL)
+    assert entry.name == "quick"
     result = run(str(path), runs=2)
     assert result.policy == "quick" and result.row()["walked"]["mean"] > 0
-    assert [one.name for one in make_candidates([str(path), str(other)], SMALL)] == [str(path), str(other)]
+    assert [one.name for one in make_entries([str(path), str(other)], SMALL)] == [str(path), str(other)]
     folder = EvaluationFolder(tmp_path / "out", settings_of(SMALL, 2, 0))
-    folder.save(candidate, "nsm2", result)
-    assert folder.load(candidate, "nsm2") is not None
+    folder.save(entry, "nsm2", result)
+    assert folder.load(entry, "nsm2") is not None
     random_policy(1).save(path)
-    assert folder.load(candidate, "nsm2") is None  # another network under the same name
+    assert folder.load(entry, "nsm2") is None  # another network under the same name
 
 
 def test_a_learned_controller_is_a_policy_for_the_place_it_was_trained_for(tmp_path):
@@ -234,12 +234,12 @@ def test_a_learned_controller_is_a_policy_for_the_place_it_was_trained_for(tmp_p
     result = run(str(path), runs=2)
     loaded = LearnedController.load(path)
     assert loaded.options == {"scenario": "hall", "grid": [2, 1], "interval": 1.0}
-    theirs = judge(loaded, SMALL, runs=2, first_seed=HELD_OUT_SEED, scheme="nsm2", **options)
+    theirs = evaluate_controller(loaded, SMALL, runs=2, first_seed=HELD_OUT_SEED, scheme="nsm2", **options)
     assert result.policy == "leader" and result.column("mean_exit_time") == pytest.approx(
         theirs.column("mean_exit_time")
     )
     with pytest.raises(ValueError, match=r"leader\.npz was trained for hall"):
-        make_candidates([str(path)], make_scenario("room-v0"))
+        make_entries([str(path)], make_scenario("room-v0"))
     LearnedController(network, batch.choices, {"scenario": "hall", "grid": "wide"}).save(path)
     with pytest.raises(ValueError, match=r"leader\.npz does not fit hall"):
-        make_candidates([str(path)], SMALL)
+        make_entries([str(path)], SMALL)

@@ -45,9 +45,8 @@ def test_people_are_counted_as_by_all_pairs():
 
 
 def test_one_standing_person_is_one_person_on_the_map():
-    env, recorder = recorded(hall(starts=[(3.1, 2.3)], speed=0.0), steps=4)
-    recorder.end(env)
-    maps = recorder.measured(0.0, 0.0).maps
+    _, recorder = recorded(hall(starts=[(3.1, 2.3)], speed=0.0), steps=4)
+    maps = recorder.maps
     for density in (maps.density_mean, maps.density_max):
         assert density.sum() * CELL**2 == pytest.approx(1.0)
         assert density.max() == pytest.approx(1 / np.pi, rel=1e-3)
@@ -58,24 +57,21 @@ def test_one_standing_person_is_one_person_on_the_map():
 
 
 def test_even_in_a_corner_a_person_is_one_person_on_the_map():
-    env, recorder = recorded(hall(starts=[(0.2, 5.8)], speed=0.0))
-    recorder.end(env)
-    assert recorder.measured(0.0, 0.0).maps.density_mean.sum() * CELL**2 == pytest.approx(1.0)
+    _, recorder = recorded(hall(starts=[(0.2, 5.8)], speed=0.0))
+    assert recorder.maps.density_mean.sum() * CELL**2 == pytest.approx(1.0)
 
 
 def test_pressure_is_force_over_circumference_where_the_person_stands():
     env, recorder = recorded(hall(starts=[(3.1, 2.3), (7.1, 4.3)], speed=0.0))
     step = env.step(None)
-    env.simulation.memory.crush[:] = 50.0, 20.0  # N s in 0.1 s: 500 N and 200 N
+    env.simulation.results.impulse_magnitude[:] = 50.0, 20.0  # N s in 0.1 s: 500 N and 200 N
     recorder.add(env, step)
-    env.simulation.memory.crush[:] = 10.0, 0.0
+    env.simulation.results.impulse_magnitude[:] = 10.0, 0.0
     recorder.add(env, step)
-    recorder.end(env)
-    found = recorder.measured(0.0, 0.0)
     circumference = 2 * np.pi * 0.2
-    assert found.max_pressure == pytest.approx([500.0 / circumference])
+    assert recorder.record(env, 0).max_pressure == pytest.approx(500.0 / circumference)
     at = {place: recorder.grid.cell_of(np.array([place]))[0] for place in ((3.1, 2.3), (7.1, 4.3), (5.0, 1.0))}
-    most, mean = found.maps.pressure_max.ravel(), found.maps.pressure_mean.ravel()
+    most, mean = recorder.maps.pressure_max.ravel(), recorder.maps.pressure_mean.ravel()
     assert [most[cell] for cell in at.values()] == pytest.approx([500 / circumference, 200 / circumference, 0.0])
     # Three samples: the start, when nobody is pressed yet, and two steps.
     assert [mean[cell] for cell in at.values()] == pytest.approx([200 / circumference, 200 / 3 / circumference, 0.0])

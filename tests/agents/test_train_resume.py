@@ -21,8 +21,8 @@ from training_runs import call, checkpoint, curve, tiny
 
 import train
 from agents import make_policy
-from agents.runs import write_json
 from crowd_env import CrowdEnv
+from crowd_env.files.json_file import write_json
 
 
 def test_training_goes_on_from_the_checkpoint_with_other_draws(tmp_path, monkeypatch):

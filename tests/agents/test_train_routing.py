@@ -9,16 +9,19 @@ import pytest
 from routing_places import corridor, hall
 
 from agents import train_routing as command
-from agents.controllers import FixedSplit, RandomController, judge
+from agents.controllers import FixedSplit, RandomController
 from agents.evaluation.comparison import last_times, mean_times, paired
 from agents.evaluation.evaluation import Evaluation
+from agents.evaluation.routing import evaluate_controller
 from agents.trained import LearnedController
 from crowd_env import SCENARIOS, CrowdEnv
 from crowd_env.envs.routing.env import RoutingVectorEnv
 
 
 def test_a_scripted_split_beats_the_nearest_exit():
-    split, nearest = (judge(c, hall(), runs=10, first_seed=1_000_000) for c in (FixedSplit(5.0), "nearest exit"))
+    split, nearest = (
+        evaluate_controller(c, hall(), runs=10, first_seed=1_000_000) for c in (FixedSplit(5.0), "nearest exit")
+    )
     assert split.column("unfinished").sum() == nearest.column("unfinished").sum() == 0
     assert last_times(split).mean() < 0.8 * last_times(nearest).mean()
     assert mean_times(split).mean() < 0.9 * mean_times(nearest).mean()
@@ -28,8 +31,8 @@ def test_a_scripted_split_beats_the_nearest_exit():
 def test_telling_everyone_the_nearest_exit_is_the_strategy_of_the_nearest_exit():
     """The same draws and the same physics: the controller adds nothing of its own."""
     scenario = hall(count=30)
-    told = judge(FixedSplit(10.0), scenario, runs=3, first_seed=7)
-    free = judge("nearest exit", scenario, runs=3, first_seed=7)
+    told = evaluate_controller(FixedSplit(10.0), scenario, runs=3, first_seed=7)
+    free = evaluate_controller("nearest exit", scenario, runs=3, first_seed=7)
     np.testing.assert_array_equal(told.exit_times, free.exit_times)
 
 
@@ -56,7 +59,7 @@ def test_training_is_repeatable_and_keeps_its_best(tmp_path, options):
     assert curves[0] == curves[1] and [row["steps"] for row in curves[0]] == [0, 64, 128]
     assert not made["interrupted"] and len(made["finalists"]) == 3 and made["best"] in made["finalists"]
     saved = LearnedController.load(tmp_path / "one" / "best.npz")
-    judged = judge(saved, runs=3, first_seed=FINAL_SEED, **saved.options)
+    judged = evaluate_controller(saved, runs=3, first_seed=FINAL_SEED, **saved.options)
     assert last_times(judged).mean() == pytest.approx(made["best"]["last"])
     assert last_times(judged).std(ddof=1) / np.sqrt(3) == pytest.approx(made["best"]["standard_error"])
 
@@ -79,11 +82,11 @@ def scripted_judge(monkeypatch, first, again):
     times = {routing.VALIDATION_SEED: iter(first), routing.FINAL_SEED: iter(again)}
     blank = CrowdEnv(hall(count=1)).metrics(0)._replace(unfinished=0)
 
-    def judge(*args, runs, first_seed, **kwargs):
+    def evaluate_controller(*args, runs, first_seed, **kwargs):
         exits = [np.array([next(times[first_seed])])] * runs
         return Evaluation("learned", "nsm2", [blank] * runs, exits, np.zeros(runs), 60.0)
 
-    monkeypatch.setattr(routing, "judge", judge)
+    monkeypatch.setattr(routing, "evaluate_controller", evaluate_controller)
     return routing
 
 
@@ -127,7 +130,7 @@ def test_the_learning_rate_stays_above_zero_beyond_the_budget(tmp_path, options,
 
 def test_where_someone_is_left_inside_the_time_limit_counts():
     stuck = corridor([(1.0, 2.0), (4.0, 2.0)], speed=0.3, time_limit=4.0)
-    judged = judge("nearest exit", stuck, runs=1, first_seed=0)
+    judged = evaluate_controller("nearest exit", stuck, runs=1, first_seed=0)
     assert judged.column("unfinished").tolist() == [1.0] and last_times(judged).tolist() == [pytest.approx(4.0)]
 
 
@@ -215,14 +218,14 @@ def test_a_mistake_leaves_no_folder_behind(tmp_path, options, arguments, words):
 
 
 def test_what_was_judged_before_an_interrupt_is_kept(tmp_path, quick, monkeypatch):
-    real = command.judge
+    real = command.evaluate_controller
 
     def interrupted(controller, **more):
         if controller == "shortest path":
             os.kill(os.getpid(), signal.SIGTERM)  # as Ctrl-C
         return real(controller, **more)
 
-    monkeypatch.setattr(command, "judge", interrupted)
+    monkeypatch.setattr(command, "evaluate_controller", interrupted)
     told = call(*SMALL, "--runs", 2, "--out", tmp_path / "run")
     assert told.exit_code == 130 and "results.json" in told.stderr and "nearest exit" in told.stdout
     results = json.loads((tmp_path / "run" / "results.json").read_text())
@@ -233,7 +236,7 @@ def test_an_interrupt_while_training_ends_at_once_and_says_what_there_is(tmp_pat
     from agents.learned import routing
 
     monkeypatch.setattr(routing.Watch, "_on_step", lambda self: os.kill(os.getpid(), signal.SIGINT) or True)
-    monkeypatch.setattr(command, "judge", lambda *args, **more: pytest.fail("it goes on judging"))
+    monkeypatch.setattr(command, "evaluate_controller", lambda *args, **more: pytest.fail("it goes on judging"))
     told = call(*SMALL, "--runs", 2, "--out", tmp_path / "run")
     assert told.exit_code == 130
     assert "agents.evaluate" in told.stderr and "run/best.npz" in told.stderr
@@ -247,7 +250,7 @@ def test_a_minute_of_training_beats_the_random_controller(tmp_path, options):
     options = {"scenario": "small-hall", "count": 100}
     train_controller(tmp_path, options, envs=16, steps=20_000, seconds=60.0, seed=0, eval_every=4096, eval_runs=20)
     learned, random, nearest = (
-        judge(controller, runs=30, first_seed=1_000_000, **options)
+        evaluate_controller(controller, runs=30, first_seed=1_000_000, **options)
         for controller in (LearnedController.load(tmp_path / "best.npz"), RandomController(), "nearest exit")
     )
     for other in (random, nearest):

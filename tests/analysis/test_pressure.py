@@ -26,7 +26,7 @@ def test_someone_who_is_pushed_against_a_wall_bears_the_force_over_his_circumfer
         HALL, bodies, make_state([[0.25, 5.0]]), scheme=NSM1("inertial", tolerance=1e-9), driving=False
     )
     simulation.advance(n_substeps=20, external_force=np.array([[-500.0, 0.0]]))
-    pressure = contact_pressure(simulation.memory.crush, 20 * simulation.dt, bodies.radius)
+    pressure = contact_pressure(simulation.results.impulse_magnitude, 20 * simulation.dt, bodies.radius)
     assert pressure == pytest.approx([500.0 / (2 * np.pi * 0.25)], rel=1e-6)
 
 
@@ -37,7 +37,7 @@ def test_a_file_of_people_hands_the_force_on_to_the_wall():
     simulation = Simulation(HALL, bodies, state, scheme=NSM1("inertial", tolerance=1e-9), driving=False)
     force = np.tile([-300.0, 0.0], (3, 1))
     simulation.advance(n_substeps=20, external_force=force)
-    assert simulation.memory.crush / 0.2 == pytest.approx([1500.0, 900.0, 300.0], rel=1e-5)
+    assert simulation.results.impulse_magnitude / 0.2 == pytest.approx([1500.0, 900.0, 300.0], rel=1e-5)
     contacts = simulation.contacts()
     assert contacts.converged
     assert sorted(contacts.impulse[:, 0] / simulation.dt) == pytest.approx([300.0, 600.0, 900.0], rel=1e-5)

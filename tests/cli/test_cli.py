@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from crowd_env import SCENARIOS, SCHEMES
 from crowd_env.cli.main import app
-from crowd_env.envs.rollout import report, run_rule
+from crowd_env.envs.rollout import report, run_episodes
 from crowd_env.scenarios import make_scenario
 
 FILES = {
@@ -88,7 +88,7 @@ def test_run_prints_one_json_object_with_the_documented_keys(scheme):
         assert parts is None or set(told[name]) == parts
     assert (told["scenario"], told["scheme"], told["runs"], told["people"]) == ("room-v0", scheme, 3, 20)
     place = make_scenario("room-v0", time_limit=30.0)
-    assert told == json.loads(json.dumps(report(place, scheme, run_rule(place, scheme, 3, seed=5))))
+    assert told == json.loads(json.dumps(report(place, scheme, run_episodes(place, 3, scheme=scheme, seed=5))))
 
 
 def test_run_prints_a_table():

@@ -114,21 +114,19 @@ def test_the_command_prints_one_json_object_and_writes_what_it_saw(tmp_path):
 
 
 @needs_powerlaw
-def test_the_command_simulates_the_evacuations_of_run():
-    from crowd_env.cli.clogging import evacuate
-    from crowd_env.envs.rollout import run_rule
-    from crowd_env.physics import make_scheme
+def test_an_evacuation_becomes_the_exits_of_a_run():
+    from crowd_env.cli.clogging import run_of_episode
+    from crowd_env.envs.rollout import run_episodes
     from crowd_env.scenarios import make_scenario
 
     place = make_scenario("room-v0", time_limit=6.0)
-    ended = []
-    runs = evacuate(place, make_scheme("dem"), 3, seed=5, progress=ended.append)
-    episodes = run_rule(place, "dem", 3, seed=5)
-    assert sum(ended) == 3
+    episodes = run_episodes(place, 3, scheme="dem", seed=5)
+    runs = [run_of_episode(episode, place.geometry) for episode in episodes]
     for run, episode in zip(runs, episodes, strict=True):
-        assert len(run.time) == 20 - episode.unfinished
-        assert run.time.mean() == pytest.approx(episode.mean_exit_time, rel=1e-12)
-        assert np.isnan(run.until) if episode.unfinished == 0 else run.until == pytest.approx(6.0)
+        metrics = episode.metrics
+        assert len(run.time) == 20 - metrics.unfinished
+        assert run.time.mean() == pytest.approx(metrics.mean_exit_time, rel=1e-12)
+        assert np.isnan(run.until) if metrics.unfinished == 0 else run.until == pytest.approx(6.0)
     assert any(np.isfinite(run.until) for run in runs)
 
 

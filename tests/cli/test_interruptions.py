@@ -17,7 +17,7 @@ from crowd_env.cli import main as cli
 from crowd_env.cli import reproduce as command
 from crowd_env.cli.main import app
 from crowd_env.console import counted, friendly_errors
-from crowd_env.envs.rollout import RunsInterrupted, finished_runs, report, run_rule
+from crowd_env.envs.rollout import RunsInterrupted, report, run_episodes
 from crowd_env.scenarios import make_scenario
 
 
@@ -73,7 +73,7 @@ def test_run_reports_what_is_finished(stop_after, stop):
 
 def test_what_is_reported_are_the_runs_as_they_would_have_been(stop_after):
     place = make_scenario("room-v0", population=make_scenario("room-v0").population.changed(count=4))
-    whole = run_rule(place, "dem", 8, seed=2)
+    whole = run_episodes(place, 8, scheme="dem", seed=2)
     done = []
 
     def stop(count):
@@ -82,27 +82,26 @@ def test_what_is_reported_are_the_runs_as_they_would_have_been(stop_after):
             raise KeyboardInterrupt
 
     with pytest.raises(RunsInterrupted, match="of 8 runs are finished") as stopped:
-        run_rule(place, "dem", 8, seed=2, progress=stop)
-    assert stopped.value.finished and all(repr(whole[k]) == repr(m) for k, m in stopped.value.finished.items())
+        run_episodes(place, 8, scheme="dem", seed=2, progress=stop)
+    finished = stopped.value.episodes
+    assert finished and all(repr(whole[episode.run]) == repr(episode) for episode in finished)
     assert isinstance(stopped.value, KeyboardInterrupt)
-    figures = report(place, "dem", list(stopped.value.finished.values()), list(stopped.value.finished))
-    assert figures["runs"] == len(stopped.value.finished)
+    assert report(place, "dem", finished)["runs"] == len(finished)
 
 
 def test_the_batches_before_are_kept_too(monkeypatch):
     monkeypatch.setattr("crowd_env.envs.rollout._RUNS_AT_ONCE", 2)
     place = make_scenario("room-v0", population=make_scenario("room-v0").population.changed(count=2))
-    asked = []
+    done = []
 
-    def read(env, e):
-        asked.append(e)
-        if len(asked) == 4:
+    def stop(count):
+        done.append(count)
+        if sum(done) >= 4:
             raise KeyboardInterrupt
-        return e
 
     with pytest.raises(RunsInterrupted) as stopped:
-        finished_runs(place, 6, read, scheme="dem")
-    assert list(stopped.value.finished) == [0, 1, 2, 3]
+        run_episodes(place, 6, scheme="dem", progress=stop)
+    assert [episode.run for episode in stopped.value.episodes] == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize("line", ["run --scheme dem --n 4 --runs 2", "clogging room-v0 --scheme dem --n 4 --runs 2"])
@@ -166,7 +165,7 @@ def test_a_film_that_cannot_be_written_loses_no_figures(monkeypatch, tmp_path):
 
 def test_a_missing_library_of_films_is_said_before_the_work(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "pygame", None)
-    monkeypatch.setattr(cli, "run_rule", None)
+    monkeypatch.setattr(cli, "run_episodes", None)
     result = call(f"run --film {tmp_path / 'a.gif'}")
     assert result.exit_code == 2 and result.stdout == "" and result.stderr.count("\n") == 1
     assert "needs pygame" in result.stderr and "pip install pygame matplotlib pillow imageio-ffmpeg" in result.stderr

@@ -96,7 +96,7 @@ def test_who_starts_where_he_has_just_stood_touches_his_neighbors_again():
         env.reset([2])
         for _ in range(3):
             env.step(None)
-        assert env.simulation.memory.crush.any()
+        assert env.simulation.results.impulse_magnitude.any()
     np.testing.assert_array_equal(used.simulation.state.position, fresh.simulation.state.position)
 
 

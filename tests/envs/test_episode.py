@@ -170,7 +170,7 @@ def test_whatever_happens_the_sum_is_that_of_the_ends():
 
     def now():
         """Return the travel time of everyone by the potential of the way that he follows, looked up from outside."""
-        rows = simulation.planner.potential_of_route[env.env_of_person, simulation.memory.followed]
+        rows = simulation.planner.potential_of_route[env.env_of_person, simulation.history.followed]
         time = [
             travel_time_at(simulation.world.field, boundary, f, x, y, r)
             for f, (x, y), r in zip(rows, simulation.state.position, simulation.bodies.radius, strict=True)
@@ -181,7 +181,7 @@ def test_whatever_happens_the_sum_is_that_of_the_ends():
     for k in range(100):
         e = int(rng.integers(3))
         if rng.random() < 0.3:
-            simulation.send(e, rng.integers(len(env.route_set[0].route_set), size=5))
+            simulation.send(e, rng.integers(len(env.route_set[0].routes), size=5))
         if rng.random() < 0.2:
             simulation.close_doors(e, [[], ["west door"], ["east door"]][rng.integers(3)])
         if k == 50:

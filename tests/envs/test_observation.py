@@ -148,11 +148,11 @@ def test_impulses_add_up_over_the_physics_steps_of_a_decision():
         push, crush = np.zeros((20, 2)), np.zeros(20)
         for _ in range(10):
             fine.step(None)
-            push += fine.simulation.memory.push
-            crush += fine.simulation.memory.crush
+            push += fine.simulation.results.impulse
+            crush += fine.simulation.results.impulse_magnitude
         np.testing.assert_array_equal(coarse.simulation.state.position, fine.simulation.state.position)
-        np.testing.assert_allclose(coarse.simulation.memory.push, push, atol=1e-9)
-        np.testing.assert_allclose(coarse.simulation.memory.crush, crush, atol=1e-9)
+        np.testing.assert_allclose(coarse.simulation.results.impulse, push, atol=1e-9)
+        np.testing.assert_allclose(coarse.simulation.results.impulse_magnitude, crush, atol=1e-9)
     assert crush.any()
 
 

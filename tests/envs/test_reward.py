@@ -21,7 +21,7 @@ def episodes(policy, reward=None, *, num_envs=4, **options):
     while not env.finished.all():
         inside = env.active.copy()
         step = env.step(policy(rng, env.num_people))
-        steps.append((inside, step, env.simulation.memory.crush.copy()))
+        steps.append((inside, step, env.simulation.results.impulse_magnitude.copy()))
     return env, first, steps
 
 

@@ -10,7 +10,7 @@ import crowd_env.physics.spatial_order
 import crowd_env.simulation.simulation
 from crowd_env import CrowdEnv, Geometry, Population, Scenario, make_scenario
 from crowd_env.physics import SCHEMES
-from crowd_env.physics.workspace import allocate_memory
+from crowd_env.physics.workspace import allocate_workspace
 from crowd_env.routing.spec import DoorEvent
 
 every_scheme = pytest.mark.parametrize("scheme", SCHEMES)
@@ -24,9 +24,15 @@ def forty_are_many(monkeypatch):
 
 def shown(env, e, step):
     """Return the bytes of all that a step shows of environment ``e``."""
-    state, memory = env.simulation.state, env.simulation.memory
+    state = env.simulation.state
     seen = (step.observation, step.reward, step.terminated, step.truncated, state.position, state.velocity, state.angle)
-    others = (state.exit_time, state.route, memory.push, memory.crush, env.simulation.bodies.radius)
+    others = (
+        state.exit_time,
+        state.route,
+        env.simulation.results.impulse,
+        env.simulation.results.impulse_magnitude,
+        env.simulation.bodies.radius,
+    )
     return [array[env.people(e)].tobytes() for array in (*seen, *others)]
 
 
@@ -180,12 +186,12 @@ def test_memory_that_runs_full_in_the_midst_of_a_step_changes_nothing(scheme, dt
 
     def found(per_person):
         monkeypatch.setattr(
-            crowd_env.simulation.simulation, "allocate_memory", partial(allocate_memory, per_person=per_person)
+            crowd_env.simulation.simulation, "allocate_workspace", partial(allocate_workspace, per_person=per_person)
         )
         env = CrowdEnv(scene, scheme=scheme, dt=min(dt, SCHEMES[scheme].info.default_dt), frame="world")
-        before = len(env.simulation.memory.near.touch)
+        before = len(env.simulation.workspace.neighbors.touch)
         seen = play(env, [3], 12)
-        grown.append(len(env.simulation.memory.near.touch) > before)
+        grown.append(len(env.simulation.workspace.neighbors.touch) > before)
         return seen
 
     assert found(12) == found(1000)

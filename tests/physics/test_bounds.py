@@ -132,8 +132,8 @@ def test_a_wall_that_holds_takes_the_speed_into_it_and_says_so(scheme):
     simulation.advance(n_substeps=20)
     assert state.position[0, 0] == pytest.approx(1e-6, abs=1e-8)
     np.testing.assert_allclose(state.velocity, [[0.0, 1.0]], atol=1e-6)
-    np.testing.assert_allclose(simulation.memory.push, [[320.0, 0.0]], rtol=1e-6)
-    assert simulation.memory.crush[0] == pytest.approx(320.0, rel=1e-6)
+    np.testing.assert_allclose(simulation.results.impulse, [[320.0, 0.0]], rtol=1e-6)
+    assert simulation.results.impulse_magnitude[0] == pytest.approx(320.0, rel=1e-6)
 
 
 @every_scheme

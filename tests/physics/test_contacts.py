@@ -155,7 +155,7 @@ def test_people_slide_along_a_wall_of_pieces_without_catching(name):
 def test_a_thin_wall_pushes_to_the_side_one_stands_on(name, side):
     simulation = stand(THIN, [2.0, 3 + 0.2 * side], scheme=tight_grain(name))
     simulation.advance(external_force=np.array([[0.0, -200.0 * side]]), n_substeps=50)
-    assert simulation.memory.push[0, 1] * side > 0
+    assert simulation.results.impulse[0, 1] * side > 0
     assert side * (simulation.state.position[0, 1] - 3) > 0.15
 
 

@@ -303,7 +303,7 @@ def test_a_crowd_with_a_social_force_keeps_its_distance_and_gets_out(name, socia
         crush = np.zeros(12)
         for _ in range(30):
             simulation.advance(n_substeps=round(0.1 / simulation.dt))
-            crush += simulation.memory.crush
+            crush += simulation.results.impulse_magnitude
         crushes.append(crush.sum())
         assert np.isfinite(state.position).all()
     assert crushes[0] < 0.9 * crushes[1]

@@ -208,7 +208,7 @@ def test_velocities_in_a_jam_agree_with_an_interior_point_solver(problem, place,
     expected = reference(scheme, geometry, bodies, state, bodies.desired_speed[:, None] * command)
     simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=DT, fields=[None])
     simulation.advance(command, relative=np.zeros(count, bool))
-    pushed = (simulation.memory.crush > 1e-3).sum()
+    pushed = (simulation.results.impulse_magnitude > 1e-3).sum()
     assert pushed > 0.5 * inside.sum()
     assert simulation.diagnostics.residual[0] <= 1e-9
     np.testing.assert_allclose(state.velocity[inside], expected[inside], rtol=0, atol=1e-6)

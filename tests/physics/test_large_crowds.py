@@ -14,8 +14,8 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import direction_at
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.dem_lanes.partition import SLABS, slabs_of
-from crowd_env.physics.workspace import allocate_memory
-from crowd_env.routing.route_set import build_routes
+from crowd_env.physics.workspace import allocate_workspace
+from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import Route
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
@@ -47,9 +47,16 @@ def crowd(name, count, *, density=None, environments=1, seed=0, **options):
 
 def state_hash(simulation, people=slice(None)):
     """Return a hash of all that moves, of what people got, and of when they left."""
-    state, memory = simulation.state, simulation.memory
+    state = simulation.state
     digest = hashlib.sha256()
-    for array in (state.position, state.velocity, state.spin, state.exit_time, memory.push, memory.crush):
+    for array in (
+        state.position,
+        state.velocity,
+        state.spin,
+        state.exit_time,
+        simulation.results.impulse,
+        simulation.results.impulse_magnitude,
+    ):
         digest.update(np.ascontiguousarray(array[people]).tobytes())
     return digest.hexdigest()
 
@@ -99,19 +106,21 @@ def test_what_everyone_gets_is_what_the_contacts_say_across_slabs_too(threads):
     np.add.at(expected, found.j[people], -pushed[people])
     np.add.at(crush, found.i, found.impulse[:, 0])
     np.add.at(crush, found.j[people], found.impulse[people, 0])
-    np.testing.assert_allclose(simulation.memory.push, expected, atol=1e-9)
-    np.testing.assert_allclose(simulation.memory.crush, crush, atol=1e-9)
+    np.testing.assert_allclose(simulation.results.impulse, expected, atol=1e-9)
+    np.testing.assert_allclose(simulation.results.impulse_magnitude, crush, atol=1e-9)
 
 
 def test_threads_that_share_a_crowd_stop_together_when_memory_runs_full_or_everyone_is_out(monkeypatch):
     # Two large crowds and a small place for the list of neighbors: kernels return in the middle of the call.
     expected = crowd("dem", 4200, environments=2)
-    monkeypatch.setattr(crowd_env.simulation.simulation, "allocate_memory", partial(allocate_memory, per_person=1))
+    monkeypatch.setattr(
+        crowd_env.simulation.simulation, "allocate_workspace", partial(allocate_workspace, per_person=1)
+    )
     shared = crowd("dem", 4200, environments=2, threads=3)
     for simulation in (expected, shared):
         simulation.advance(n_substeps=30)
     assert state_hash(shared) == state_hash(expected)
-    assert len(shared.memory.near.touch) > 2 * 4200 + 32
+    assert len(shared.workspace.neighbors.touch) > 2 * 4200 + 32
     shared.state.active[:] = False
     shared.advance(n_substeps=5)
     np.testing.assert_array_equal(shared.state.time, expected.state.time)  # the clock of an empty place stands still
@@ -136,7 +145,9 @@ def test_a_crowd_in_the_order_of_space_moves_as_one_in_the_order_of_its_slots(na
             assert len(deep[0]) > 50
             assert deep[0] - set(zip(theirs.i, theirs.j, strict=True)) == set()
             assert deep[1] - set(zip(ours.i, ours.j, strict=True)) == set()
-    np.testing.assert_allclose(here.memory.crush.sum(), there.memory.crush.sum(), rtol=1e-6 if smooth else 0.1)
+    np.testing.assert_allclose(
+        here.results.impulse_magnitude.sum(), there.results.impulse_magnitude.sum(), rtol=1e-6 if smooth else 0.1
+    )
 
 
 @every_scheme
@@ -180,8 +191,8 @@ def test_how_long_a_list_is_meant_to_last_changes_nothing(name):
     for horizon in (0.0, 0.3):
         simulation = crowd(name, 60, density=4.0)
         for _ in range(6):
-            simulation.memory.near.horizon[:] = horizon
-            simulation.memory.near.reach[:] = -1.0
+            simulation.workspace.neighbors.horizon[:] = horizon
+            simulation.workspace.neighbors.reach[:] = -1.0
             simulation.advance(n_substeps=steps(simulation, 0.1))
         hashes.add(state_hash(simulation))
     assert len(hashes) == 1
@@ -197,7 +208,7 @@ def test_two_who_leave_side_by_side_leave_nothing_behind(name):
     simulation.advance(n_substeps=steps(simulation, 0.1))
     assert simulation.state.active.tolist() == [False, False, True]
     simulation.advance(n_substeps=steps(simulation, 0.1))
-    np.testing.assert_array_equal(simulation.memory.crush, 0.0)
+    np.testing.assert_array_equal(simulation.results.impulse_magnitude, 0.0)
     assert simulation.diagnostics.max_overlap[0] < 0.01
     assert (simulation.state.position[:2, 0] < 5.1).all()
 
@@ -210,9 +221,9 @@ def test_who_looks_only_now_and_then_still_goes_the_way_out(name):
     worst = 0.0
     for _ in range(30):
         simulation.advance(n_substeps=7)
-        sorted_crowd, memory = simulation._sorted, simulation.memory
+        sorted_crowd = simulation._sorted
         way, steady = np.empty((1100, 2)), np.empty(1100, dtype=bool)
-        way[sorted_crowd.slot], steady[sorted_crowd.slot] = memory.way, memory.steady
+        way[sorted_crowd.slot], steady[sorted_crowd.slot] = simulation.history.direction, simulation.history.is_uniform
         who = np.flatnonzero(state.active & steady)
         assert len(who) > 0.5 * state.active.sum()  # most of the hall
         now = [direction_at(field, boundary, 0, *state.position[i], simulation.bodies.radius[i]) for i in who]
@@ -226,7 +237,7 @@ def test_whoever_is_given_another_route_turns_at_once(name):
     rng = np.random.default_rng(0)
     exits = {"east": [(side, 12), (side, 16)], "west": [(0, 16), (0, 12)]}
     place = Geometry.from_polygon(box(0, 0, side, side), exits=exits)
-    route_set = build_routes(place, 0.2, routes=[Route("right", ("east",)), Route("left", ("west",))])
+    route_set = RoutePlan(place, 0.2, routes=[Route("right", ("east",)), Route("left", ("west",))]).build()
     lattice = np.stack(np.meshgrid(np.arange(34), np.arange(34)), -1).reshape(-1, 2)[:count]
     bodies = make_bodies(np.full(count, 0.2), np.full(count, 70.0), desired_speed=1.0)
     state = make_state(2.0 + 0.7 * lattice + rng.uniform(-0.05, 0.05, (count, 2)))

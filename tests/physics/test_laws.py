@@ -42,7 +42,7 @@ def test_free_grains_keep_their_momentum(name):
     touched = 0.0
     for _ in range(15):
         simulation.advance(n_substeps=round(0.2 / simulation.dt))
-        touched += simulation.memory.crush.sum()
+        touched += simulation.results.impulse_magnitude.sum()
         np.testing.assert_allclose(bodies.mass @ state.velocity, momentum, atol=1e-9)
     assert touched > 1000  # N s: they did collide, again and again
 
@@ -52,7 +52,7 @@ def test_pushes_are_equal_and_opposite(name):
     bodies, state, command = crowd_in(np.random.default_rng(2), Geometry.from_polygon(shapely.box(0, 0, 3, 3)), 22)
     simulation = Simulation(plain(), bodies, state, scheme=LAWS[name])
     simulation.advance(command, relative=np.zeros(22, bool), n_substeps=round(0.4 / simulation.dt))
-    push, crush = simulation.memory.push, simulation.memory.crush
+    push, crush = simulation.results.impulse, simulation.results.impulse_magnitude
     assert (crush > 1).sum() > 8
     np.testing.assert_allclose(push.sum(axis=0), 0.0, atol=1e-9)
     assert (np.hypot(*push.T) <= crush + 1e-9).all()
@@ -70,7 +70,7 @@ def test_a_push_is_the_change_of_momentum_of_a_grain(name):
         simulation.advance(external_force=force, n_substeps=7)
         change = bodies.mass[:, None] * (state.velocity - before) - (state.time[0] - start) * force
         touched += (np.abs(change).max(axis=1) > 1).sum()
-        np.testing.assert_allclose(simulation.memory.push, change, atol=1e-8)
+        np.testing.assert_allclose(simulation.results.impulse, change, atol=1e-8)
     assert touched > 40
 
 
@@ -92,7 +92,7 @@ def test_a_push_is_the_change_of_momentum_by_the_others(name):
         alone.advance(command, **asked)
         change = bodies.mass[:, None] * (state.velocity - free.velocity)
         touched += (np.abs(change).max(axis=1) > 1).sum()
-        np.testing.assert_allclose(simulation.memory.push, change, atol=1e-9)
+        np.testing.assert_allclose(simulation.results.impulse, change, atol=1e-9)
     assert touched > 40
 
 
@@ -117,7 +117,7 @@ def bounce_pairs(scheme, dt, *, count=200):
     touched = np.zeros(count)
     for _ in range(round(1.5 / dt / 25)):
         simulation.advance(n_substeps=25)
-        touched += simulation.memory.crush[::2]
+        touched += simulation.results.impulse_magnitude[::2]
     after = kinetic_energy(bodies, state.velocity).reshape(count, 2).sum(axis=1)
     apart = np.hypot(*(state.position[::2] - state.position[1::2]).T) - bodies.radius[::2] - bodies.radius[1::2]
     held = make_scheme(scheme).overlap_bound(bodies, dt)
@@ -218,8 +218,8 @@ def walked():
             bodies, start, command = crowd_in(np.random.default_rng(7), geometry, 50)
             end = start.copy()
             simulation = walk(LAWS[name], geometry, bodies, end, command)
-            assert (simulation.memory.crush > 1).sum() > 25
-            assert np.abs(simulation.memory.push.sum(axis=0)).max() > 10  # only walls push the crowd as a whole
+            assert (simulation.results.impulse_magnitude > 1).sum() > 25
+            assert np.abs(simulation.results.impulse.sum(axis=0)).max() > 10  # only walls push the crowd as a whole
             done[name] = geometry, bodies, start, end, command
         return done[name]
 

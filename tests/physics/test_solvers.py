@@ -41,7 +41,7 @@ def problem_of(simulation):
     state, bodies = simulation.state, simulation.bodies
     way = 9.0 - state.position
     free = bodies.desired_speed[:, None] * way / np.hypot(*way.T)[:, None]
-    return int(simulation.memory.contacts.number[0]), free, simulation.memory.contacts
+    return int(simulation.history.contacts.number[0]), free, simulation.history.contacts
 
 
 def natural_residual(simulation, free):
@@ -66,7 +66,7 @@ def test_a_relative_tolerance_holds_for_the_residual_of_the_contacts(share):
     simulation = jam(NSM1(tolerance=10.0, relative_tolerance=share), steps=150)
     assert simulation.diagnostics.unconverged[0] == 0
     _, free, _ = problem_of(simulation)
-    way = 9.0 - simulation.memory.previous
+    way = 9.0 - simulation.workspace.previous_position
     free = simulation.bodies.desired_speed[:, None] * way / np.hypot(*way.T)[:, None]
     none, solved = natural_residual(simulation, free)
     assert np.linalg.norm(none) > 1.0
@@ -86,7 +86,7 @@ def test_a_wall_does_not_move():
     simulation = jam(NSM1())
     number, free, contacts = problem_of(simulation)
     assert (contacts.j[:number] < 0).sum() > 10
-    problem, mass = simulation.memory.problem, simulation.bodies.mass
+    problem, mass = simulation.workspace.problem, simulation.bodies.mass
     people_ = len(mass)
     busy = pose_no_overlap(0, number, 0, people_, 0, contacts, mass, free, problem, DT, True)
     sweeps, _, converged = solve(
@@ -133,7 +133,7 @@ def test_rough_contacts_find_room_for_their_second_row():
     simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=1e-4, driving=False)
     momentum = bodies.mass @ state.velocity
     simulation.advance()
-    assert simulation.memory.problem.pair.shape[0] >= 2 * simulation.memory.contacts.number[0] > 1200
+    assert simulation.workspace.problem.pair.shape[0] >= 2 * simulation.history.contacts.number[0] > 1200
     assert (simulation.contacts().impulse[:, 1] != 0).sum() > 100
     np.testing.assert_allclose(bodies.mass @ state.velocity, momentum, atol=1e-8)
 

@@ -209,10 +209,10 @@ def test_the_forces_of_a_run_are_the_mean_of_the_last_decision_before_the_moment
     borne = np.zeros(20)  # of normal forces; the crush of the environment has the tangential ones of the wall too
     np.add.at(borne, told.i, told.force)
     np.add.at(borne, told.j[told.j >= 0], told.force[told.j >= 0])
-    stayed = env.active & (env.simulation.memory.crush > 0)
+    stayed = env.active & (env.simulation.results.impulse_magnitude > 0)
     assert stayed.any()
-    assert (borne <= env.simulation.memory.crush / 0.1 * (1 + 1e-9))[stayed].all()
-    assert borne.sum() > 0.5 * env.simulation.memory.crush.sum() / 0.1
+    assert (borne <= env.simulation.results.impulse_magnitude / 0.1 * (1 + 1e-9))[stayed].all()
+    assert borne.sum() > 0.5 * env.simulation.results.impulse_magnitude.sum() / 0.1
 
 
 def test_without_a_moment_it_is_that_of_the_hardest_push_or_the_end_of_a_blocked_run():
@@ -222,7 +222,7 @@ def test_without_a_moment_it_is_that_of_the_hardest_push_or_the_end_of_a_blocked
     borne = []
     while not env.finished.all():
         env.step(None)
-        borne.append(env.simulation.memory.crush.sum())
+        borne.append(env.simulation.results.impulse_magnitude.sum())
     assert forces_of_run(place, "dem", seed=4).time == pytest.approx(0.1 * (np.argmax(borne) + 1))
     from dataclasses import replace
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reproductions import nothing
 
-from crowd_env.envs.rollout import run_rule
+from crowd_env.envs.rollout import run_episodes
 from crowd_env.reproduce import REPRODUCTIONS, Settings, fig1, fig2, table3, table5
 from crowd_env.reproduce.pecol2011.evacuations import Evacuations, evacuate, flow_rows, raw_times, room_remarks
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, pooled_line, run_slopes
@@ -229,8 +229,10 @@ def test_the_statement_follows_the_figures():
 def test_draws_are_those_of_the_run_command_and_the_same_for_every_scheme():
     settings = Settings(runs=3, seed=4)
     for scheme in ("dem", "nsm2-printed"):
-        episodes = run_rule(make_scenario("room-v0"), scheme, 3, seed=4)
-        assert evacuate(settings, scheme, nothing).slopes == pytest.approx([episode.flow for episode in episodes])
+        episodes = run_episodes(make_scenario("room-v0"), 3, scheme=scheme, seed=4)
+        assert evacuate(settings, scheme, nothing).slopes == pytest.approx(
+            [episode.metrics.flow for episode in episodes]
+        )
 
 
 def test_options_reach_the_room():

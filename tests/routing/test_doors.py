@@ -12,7 +12,7 @@ from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.observation.layout import SIGHT, ObservationLayout
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import SCHEMES
-from crowd_env.routing.route_set import build_routes
+from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import DoorEvent, Route
 from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
@@ -36,7 +36,7 @@ def hall(doors=True):
 
 @cache
 def ways_of(doors=True, closed=(), events=(), routes=()):
-    return build_routes(hall(doors), 0.25, min_radius=0.2, closed_at_start=closed, events=events, routes=routes)
+    return RoutePlan(hall(doors), 0.25, min_radius=0.2, closed_at_start=closed, events=events, routes=routes).build()
 
 
 def simulate(route_set, *crowds, name="nsm2", **options):
@@ -161,13 +161,13 @@ def test_a_restart_puts_the_doors_as_they_were():
         closed=("west door",), events=(DoorEvent("west door", True, at=0.5), DoorEvent("gate", False, at=0.7))
     )
     simulation = simulate(route_set, [[2.0, 2.0]], [[2.0, 2.0]])
-    assert simulation.memory.door_open.tolist() == [[True, False, True]] * 2
+    assert simulation.history.door_open.tolist() == [[True, False, True]] * 2
     for _ in range(2):
         simulation.advance(n_substeps=100)
-        assert simulation.memory.door_open.tolist() == [[False, True, True]] * 2
+        assert simulation.history.door_open.tolist() == [[False, True, True]] * 2
         bodies = make_bodies([0.2], 80.0, desired_speed=1.5, relaxation_time=0.3)
         simulation.restart(0, bodies, np.array([[2.0, 2.0]]))
-        assert simulation.memory.door_open.tolist() == [[True, False, True], [False, True, True]]
+        assert simulation.history.door_open.tolist() == [[True, False, True], [False, True, True]]
         simulation.restart(1, bodies, np.array([[2.0, 2.0]]))
 
 
@@ -201,7 +201,7 @@ def moment(events, crowds, *, door="gate", opens=False, closed=(), per_call=1, s
     row, when = hall().doors.index(door), np.nan
     for _ in range(steps // per_call):
         simulation.advance(n_substeps=per_call)
-        if np.isnan(when) and simulation.memory.door_open[environment, row] == opens:
+        if np.isnan(when) and simulation.history.door_open[environment, row] == opens:
             when = simulation.state.time[environment] - per_call * simulation.dt
     return when, simulation
 
@@ -212,8 +212,8 @@ def test_a_door_opens_and_closes_at_a_time():
     at, _ = moment([DoorEvent("gate", True, at=0.4)], [[[9.0, 2.0]]], opens=True, closed=("gate",))
     assert at == pytest.approx(0.4, abs=0.011)
     events = [DoorEvent("gate", False, at=0.2), DoorEvent("gate", True, at=0.9)]
-    assert moment(events, [[[9.0, 2.0]]], steps=80)[1].memory.door_open[0, 0] == np.False_
-    assert moment(events, [[[9.0, 2.0]]], steps=120)[1].memory.door_open[0, 0] == np.True_
+    assert moment(events, [[[9.0, 2.0]]], steps=80)[1].history.door_open[0, 0] == np.False_
+    assert moment(events, [[[9.0, 2.0]]], steps=120)[1].history.door_open[0, 0] == np.True_
     assert simulation.state.active.tolist() == [False]
 
 
@@ -230,7 +230,7 @@ def test_a_door_closes_when_so_many_stand_in_a_region():
     position = [[2.0, 1.0], [6.0, 1.5], [6.0, 2.5], [6.6, 2.0]]
     simulation = simulate(ways_of(events=(DoorEvent("gate", False, at_least=3, region="left"),)), position)
     west = dict(command=np.tile([-1.0, 0.0], (4, 1)), relative=np.zeros(4, bool))
-    while simulation.memory.door_open[0, 0] and simulation.state.time[0] < 3:
+    while simulation.history.door_open[0, 0] and simulation.state.time[0] < 3:
         simulation.advance(n_substeps=1, **west)
     x = simulation.state.position[:, 0]
     assert (x < 5).sum() == 3  # the brute count, within the step of 1 cm
@@ -312,9 +312,12 @@ def test_events_that_make_no_sense_are_refused_in_one_sentence(options, message)
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"closed": ("x",)}, "unknown door 'x' in what happens to doors; known: gate, west door, east door"),
+        ({"closed": ("x",)}, "unknown door 'x'; known: gate, west door, east door"),
         ({"events": (DoorEvent("x", True, at=1.0),)}, "unknown door 'x'"),
-        ({"events": (DoorEvent("gate", True, at_least=1, exit="x"),)}, "unknown exit 'x' in .*; known: west, east"),
+        (
+            {"events": (DoorEvent("gate", True, at_least=1, exit="x"),)},
+            "names an unknown exit 'x'; known: west, east",
+        ),
     ],
 )
 def test_unknown_names_of_events_are_refused_in_one_sentence(options, message):

@@ -16,9 +16,10 @@ from shapely.geometry import LineString, Point, box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import direction_at, join_fields, travel_time_at, travel_time_field
-from crowd_env.routing.route_set import build_routes, region_masks_of
-from crowd_env.routing.spec import Comfort, ControlRule, Route, SpeedZone
-from crowd_env.routing.speed_map import jutting_corners
+from crowd_env.routing.regions import region_masks_of
+from crowd_env.routing.route_set import RoutePlan
+from crowd_env.routing.spec import ControlRule, Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone, jutting_corners
 from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
 
@@ -189,25 +190,25 @@ def hall(**options):
 
 
 def time_at(route_set, name, x, y):
-    arrays = join_fields([route_set.route_set[route_set.number(name)].field], route_set.geometry.boundary)
+    arrays = join_fields([route_set.routes[route_set.number(name)].field], route_set.geometry.boundary)
     return travel_time_at(arrays, route_set.geometry.boundary, 0, x, y, RADIUS)
 
 
 def test_a_route_leads_to_its_exits_only_and_out_to_the_best():
-    route_set = build_routes(hall(), RADIUS, routes=[Route("left", ("west",)), Route("both", ("west", "east"))])
+    route_set = RoutePlan(hall(), RADIUS, routes=[Route("left", ("west",)), Route("both", ("west", "east"))]).build()
     for x in (1.0, 4.0, 8.0, 11.0):
         assert time_at(route_set, "left", x, 2.0) == pytest.approx(x, abs=1e-6)
         assert time_at(route_set, "out", x, 2.0) == pytest.approx(min(x, 12 - x), abs=1e-6)
         assert time_at(route_set, "both", x, 2.0) == time_at(route_set, "out", x, 2.0)
-    assert [way.name for way in route_set.route_set] == ["out", "left", "both"]
+    assert [way.name for way in route_set.routes] == ["out", "left", "both"]
     assert not route_set.is_dynamic
 
 
 def test_a_route_via_a_region_has_two_halves():
-    route_set = build_routes(
+    route_set = RoutePlan(
         hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, routes=[Route("detour", ("west",), via="bay")]
-    )
-    first, then = route_set.route_set[route_set.number("detour")], route_set.route_set[route_set.number("detour/then")]
+    ).build()
+    first, then = route_set.routes[route_set.number("detour")], route_set.routes[route_set.number("detour/then")]
     assert (first.goal, first.following) == (0, route_set.number("detour/then"))
     assert (then.goal, then.following) == (-1, -1)
     assert time_at(route_set, "detour", 4.0, 2.0) == pytest.approx(np.hypot(4, 1), rel=0.02)
@@ -243,8 +244,8 @@ def test_comfort_goes_around_stairs_when_the_detour_is_cheaper(length, avoids):
     assert avoids == (detour < 10 + 3 * length)
     geometry = detour_hall(stairs)
     routes, zones = [Route("easy", strategy="comfortable")], [SpeedZone("stairs", speed=0.5)]
-    route_set = build_routes(geometry, RADIUS, routes=routes, zones=zones, comfort=Comfort(3.0, 0.0))
-    field = route_set.route_set[route_set.number("easy")].field
+    route_set = RoutePlan(geometry, RADIUS, routes=routes, zones=zones, comfort=Comfort(3.0, 0.0)).build()
+    field = route_set.routes[route_set.number("easy")].field
     path = LineString(follow(join_fields([field], geometry.boundary), geometry, (2.0, 1.0)))
     assert (path.intersection(stairs).length < 0.1 * length) == avoids
     assert time_at(route_set, "easy", 2.0, 1.0) == pytest.approx(min(detour, 10 + 3 * length), rel=0.025)
@@ -270,7 +271,7 @@ def test_regions_on_the_way_in_a_loop_of_corridors():
     geometry = Geometry.from_polygon(
         box(1, 1, 9, 9), exits={"door": [(4.5, 1), (5.5, 1)]}, obstacles=[box(3, 3, 7, 7)], regions=bars
     )
-    field = build_routes(geometry, RADIUS, rules=[ControlRule("west", 3, "door")]).route_set[0].field
+    field = RoutePlan(geometry, RADIUS, rules=[ControlRule("west", 3, "door")]).build().routes[0].field
     x, y = node_places = np.stack(np.meshgrid(*(1 + field.spacing * np.arange(n) for n in field.travel_time.shape)))
     inside = ~np.isnan(field.travel_time) & (np.abs(x - 5) > 0.2)
     own = region_masks_of(field, geometry)
@@ -284,7 +285,7 @@ def test_regions_on_the_way_in_a_loop_of_corridors():
 def test_regions_on_the_way_are_those_that_the_path_walks_through():
     regions = {"on": box(4.5, 3.8, 5.5, 4.8), "off": box(4.5, 1, 5.5, 2.3)}
     geometry = Geometry.from_polygon(box(0, 0, 10, 8), exits={"door": [(10, 0.5), (10, 1.5)]}, regions=regions)
-    field = build_routes(geometry, RADIUS, rules=[ControlRule("on", 3, "door")]).route_set[0].field
+    field = RoutePlan(geometry, RADIUS, rules=[ControlRule("on", 3, "door")]).build().routes[0].field
     arrays = join_fields([field], geometry.boundary)
     for point in starts(geometry, 100, seed=6):
         path = LineString(follow(arrays, geometry, point))
@@ -334,19 +335,19 @@ def test_parts_that_make_no_sense_are_refused_in_one_sentence(build, message):
 )
 def test_unknown_and_taken_names_are_refused_in_one_sentence(options, message):
     with pytest.raises(ValueError, match=message) as caught:
-        build_routes(hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, **options)
+        RoutePlan(hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, **options).build()
     assert "\n" not in str(caught.value)
 
 
 def test_other_impossible_ways_are_refused():
     with pytest.raises(ValueError, match=r"unknown route 'x'; known: out, a$"):
-        build_routes(hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, routes=[Route("a", via="bay")]).number("x")
+        RoutePlan(hall(regions={"bay": box(8, 3, 9, 4)}), RADIUS, routes=[Route("a", via="bay")]).build().number("x")
     many = {f"r{k}": box(k / 10, 1, k / 10 + 0.1, 2) for k in range(63)}
     with pytest.raises(ValueError, match="63 regions; at most 62 can be told apart"):
-        build_routes(hall(regions=many), RADIUS)
+        RoutePlan(hall(regions=many), RADIUS).build()
     inside_wall = hall(regions={"nook": box(5, 3.9, 5.1, 4)})
     with pytest.raises(ValueError, match=r"the region that the way leads to can.* be reached"):
-        build_routes(inside_wall, RADIUS, routes=[Route("a", via="nook")])
+        RoutePlan(inside_wall, RADIUS, routes=[Route("a", via="nook")]).build()
     scenario = Scenario("n", hall(), Population(2), 10.0)
     with pytest.raises(ValueError, match="n: unknown strategy 'x'; known: shortest, nearest, fastest, comfortable, w"):
         scenario.route_set("x")

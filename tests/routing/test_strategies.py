@@ -16,8 +16,10 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.congestion import SLOWEST, weidmann
 from crowd_env.navigation.field import direction_at, join_fields
 from crowd_env.physics import SCHEMES
-from crowd_env.routing.route_set import build_routes, region_masks
-from crowd_env.routing.spec import ControlRule, Route, SpeedZone
+from crowd_env.routing.regions import region_masks
+from crowd_env.routing.route_set import RoutePlan
+from crowd_env.routing.spec import ControlRule, Route
+from crowd_env.routing.speed_map import SpeedZone
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
 
@@ -33,7 +35,7 @@ def two_exits():
 
 @cache
 def quick_routes():
-    return build_routes(two_exits(), 0.25, min_radius=0.2, routes=[QUICK])
+    return RoutePlan(two_exits(), 0.25, min_radius=0.2, routes=[QUICK]).build()
 
 
 def crowd(count, seed, area):
@@ -76,8 +78,8 @@ def test_an_empty_place_gives_the_direction_of_the_shortest_way():
     geometry = Geometry.from_polygon(
         box(0, 0, 12, 8), exits=[[(12, 3.4), (12, 4.6)]], obstacles=[box(4, 2, 5, 6), Point(8.5, 2).buffer(0.7)]
     )
-    route_set = build_routes(geometry, 0.25, routes=[QUICK])
-    arrays = join_fields([way.field for way in route_set.route_set], geometry.boundary, [0, 0])
+    route_set = RoutePlan(geometry, 0.25, routes=[QUICK]).build()
+    arrays = join_fields([way.field for way in route_set.routes], geometry.boundary, [0, 0])
     points = np.random.default_rng(2).uniform((0, 0), (12, 8), (1500, 2))
     points = points[geometry.contains(points) & (geometry.clearance(points) > 0.6)]
     turn = []
@@ -89,11 +91,11 @@ def test_an_empty_place_gives_the_direction_of_the_shortest_way():
 
 
 def test_density_integrates_to_the_number_of_people():
-    remarcher = quick_routes().route_set[1].remarcher
-    cell = remarcher.spacing**2
+    congestion = quick_routes().routes[1].congestion
+    cell = congestion.spacing**2
     for area, most in ((box(2, 2, 10, 6), 1e-9), (box(0.2, 0.2, 11.8, 7.8), 0.12), (box(0, 0, 4, 4), 0.25)):
         _, state = crowd(30, 4, area)
-        density = remarcher.density(state.position)
+        density = congestion.density(state.position)
         assert density.sum() * cell == pytest.approx(30, rel=most)
         assert density.max() < 30 / 1.0
 
@@ -108,10 +110,10 @@ def test_speed_falls_with_density_as_weidmann_says():
 @pytest.mark.parametrize("radius", [0.2, 0.15])
 def test_the_fastest_way_does_not_lead_through_a_thin_wall(radius):
     wall, door = [(5.1, 0), (5.1, 4.8)], [(10, 0.5), (10, 2)]
-    quick = build_routes(
+    quick = RoutePlan(
         Geometry.from_polygon(box(0, 0, 10, 6), exits=[door], thin_walls=[wall]), radius, routes=[QUICK]
-    )
-    field = quick.route_set[1].field
+    ).build()
+    field = quick.routes[1].field
     assert field.travel_time[round(1 / field.spacing), round(4.6 / field.spacing)] > 9.0  # 5.4 m through the wall
 
 
@@ -152,7 +154,7 @@ def test_environments_that_began_at_other_times_replan_at_their_own():
 def corridor(zones):
     regions = {"a": box(3, 0, 9, 3), "b": box(6, 0, 12, 3)}
     geometry = Geometry.from_polygon(box(0, 0, 20, 3), exits=[[(20, 0), (20, 3)]], regions=regions)
-    return build_routes(geometry, 0.25, zones=zones)
+    return RoutePlan(geometry, 0.25, zones=zones).build()
 
 
 @every_scheme
@@ -171,7 +173,7 @@ def test_people_walk_as_fast_as_the_zones_say_after_relaxation(name, zones, spee
     simulation.advance(n_substeps=60)  # three relaxation times; nobody is in another zone yet, or in reach of another
     speed = np.hypot(*simulation.state.velocity.T)
     np.testing.assert_allclose(speed, speeds, rtol=0.06)
-    np.testing.assert_allclose(simulation.memory.pace, speeds)
+    np.testing.assert_allclose(simulation.history.local_speed, speeds)
 
 
 @every_scheme
@@ -193,7 +195,7 @@ def rule_ways(*rules):
     geometry = Geometry.from_polygon(
         box(0, 0, 12, 4), exits={"left": [(0, 1), (0, 3)], "right": [(12, 1), (12, 3)]}, regions=regions
     )
-    return build_routes(geometry, 0.25, rules=rules, routes=[Route("on", ("right",))])
+    return RoutePlan(geometry, 0.25, rules=rules, routes=[Route("on", ("right",))]).build()
 
 
 STANDING = np.array([[8.6, 1.0], [8.6, 2.0], [8.6, 3.0]])
@@ -212,8 +214,8 @@ def test_a_rule_is_on_at_so_many_and_sends_only_those_who_would_come_through(wai
     simulation = ruled([ControlRule("gate", 2, "left")], waiting=waiting)
     simulation.advance(n_substeps=1)
     on = waiting >= 2
-    assert simulation.memory.rule_on.tolist() == [[on]]
-    followed, left = simulation.memory.followed, rule_ways(ControlRule("gate", 2, "left")).number("left")
+    assert simulation.history.rule_on.tolist() == [[on]]
+    followed, left = simulation.history.followed, rule_ways(ControlRule("gate", 2, "left")).number("left")
     assert (followed[:waiting] == 1).all()  # whoever stands in the region goes on
     assert followed[waiting:].tolist() == ([left, left, 1, left] if on else [1] * 4)  # the third one is past it
     assert (simulation.state.route == 1).all()  # they still mean to go where they wanted to
@@ -226,29 +228,29 @@ def test_regions_are_bits_and_counts_are_those_of_brute_force():
     simulation = simulate(route_set, rng.uniform((0.1, 0.1), (11.9, 3.9), (40, 2)), speed=0.0)
     state = simulation.state
     state.active[::5] = False
-    simulation.memory.near.reach[:] = -1
+    simulation.workspace.neighbors.reach[:] = -1
     x = state.position.copy()
     simulation.advance(n_substeps=1)
     inside = region_masks(geometry, *x.T)
     near = np.abs(x[:, :1] - [[2, 4, 8, 10]]).min(axis=1) < 0.05
-    np.testing.assert_array_equal(simulation.memory.here[state.active & ~near], inside[state.active & ~near])
-    counts = [int((simulation.memory.here[state.active] >> k & 1).sum()) for k in range(3)]
-    assert simulation.memory.rule_on[0].tolist() == [n <= count for count in counts for n in (3, 6, 9)]
+    np.testing.assert_array_equal(simulation.history.region_bits[state.active & ~near], inside[state.active & ~near])
+    counts = [int((simulation.history.region_bits[state.active] >> k & 1).sum()) for k in range(3)]
+    assert simulation.history.rule_on[0].tolist() == [n <= count for count in counts for n in (3, 6, 9)]
 
 
 def test_a_rule_goes_off_below_and_not_before_hold():
     for below, hold, off_at in ((None, 0.0, 2), (1, 0.0, 0), (0, 0.0, None), (2, 1.5, 1)):
         simulation = ruled([ControlRule("gate", 3, "left", below=below, hold=hold)])
         simulation.advance(n_substeps=1)
-        assert simulation.memory.rule_on[0, 0]
+        assert simulation.history.rule_on[0, 0]
         for k in range(3):  # one after the other is gone
             simulation.state.active[k] = False
             simulation.advance(n_substeps=20)
             held = simulation.state.time[0] < hold
             fewer = 2 - k < (3 if below is None else below)
-            assert simulation.memory.rule_on[0, 0] == (held or not fewer), (below, hold, k)
+            assert simulation.history.rule_on[0, 0] == (held or not fewer), (below, hold, k)
         simulation.advance(n_substeps=100)
-        assert simulation.memory.rule_on[0, 0] == (off_at is None)
+        assert simulation.history.rule_on[0, 0] == (off_at is None)
 
 
 @pytest.mark.parametrize("commits", [False, True])
@@ -259,7 +261,7 @@ def test_whoever_was_sent_another_way_keeps_to_it_if_the_rule_commits(commits):
     simulation.advance(n_substeps=5)
     left = simulation.planner.route_set(0).number("left")
     expected = [left, left, 1, left] if commits else [1] * 4
-    assert simulation.state.route[3:].tolist() == simulation.memory.followed[3:].tolist() == expected
+    assert simulation.state.route[3:].tolist() == simulation.history.followed[3:].tolist() == expected
     simulation.advance(n_substeps=1300)
     assert simulation.state.exit_index[3:].tolist() == ([0, 0, 1, 0] if commits else [1] * 4)
 
@@ -271,7 +273,7 @@ def test_of_several_rules_the_first_that_applies_counts():
         simulation.advance(n_substeps=1)
         left = simulation.planner.route_set(0).number("left")
         # 1: through both; 2, 3: stand in the lobby, so that only the rule on the gate concerns them.
-        assert simulation.memory.followed.tolist() == [1, left if order[0] == "gate" else 0, left, left]
+        assert simulation.history.followed.tolist() == [1, left if order[0] == "gate" else 0, left, left]
 
 
 @every_scheme
@@ -287,8 +289,8 @@ def test_a_rule_switches_at_the_look_after_the_count_is_reached(name):
             if per_call == 1 and runs[0].state.position[1, 0] < 8.0:
                 crossed = runs[0].state.time[0]
     for run in runs:
-        assert run.memory.rule_on[0, 0]
-        assert run.memory.rule_since[0, 0] == pytest.approx(crossed, abs=0.0201)
+        assert run.history.rule_on[0, 0]
+        assert run.history.rule_since[0, 0] == pytest.approx(crossed, abs=0.0201)
 
 
 @pytest.mark.parametrize("name", ["dem", "nsm1", "nsm2", "hertz"])
@@ -314,7 +316,7 @@ def test_rules_give_the_same_bits_in_a_batch_in_threads_and_however_calls_are_cu
 
 @every_scheme
 def test_a_route_written_mid_run_sends_people_elsewhere(name):
-    route_set = build_routes(two_exits(), 0.25, routes=[Route("left", ("west",)), Route("right", ("east",))])
+    route_set = RoutePlan(two_exits(), 0.25, routes=[Route("left", ("west",)), Route("right", ("east",))]).build()
     simulation = simulate(route_set, [[4.0, 4.0], [8.0, 4.0]], name=name)
     simulation.advance(n_substeps=50)
     assert (simulation.state.velocity[:, 0] * [-1, 1] > 1).all()
@@ -328,7 +330,7 @@ def test_a_route_via_a_region_is_walked_there_first_and_then_on(name):
     geometry = Geometry.from_polygon(
         box(0, 0, 8, 5), exits={"door": [(0, 1), (0, 2)]}, regions={"bay": box(5, 3.5, 6, 4.5)}
     )
-    route_set = build_routes(geometry, 0.25, routes=[Route("round", via="bay")])
+    route_set = RoutePlan(geometry, 0.25, routes=[Route("round", via="bay")]).build()
     simulation = simulate(route_set, [[2.0, 1.5], [5.5, 4.0]], route=1, name=name)
     simulation.advance(n_substeps=1)
     assert simulation.state.route.tolist() == [1, route_set.number("round/then")]  # the second one stands there

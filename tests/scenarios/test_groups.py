@@ -8,7 +8,8 @@ import pytest
 from crowds import HALL, clear
 
 from crowd_env import CrowdEnv, Groups, LogNormal, Normal, Population, Scenario, Uniform
-from crowd_env.routing.spec import Comfort, Route, SpeedZone
+from crowd_env.routing.spec import Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone
 
 if sys.version_info >= (3, 11):
     pass
@@ -144,7 +145,7 @@ def test_every_group_means_to_take_its_own_way(strategy, expected):
     _, position = place.population.draw(np.random.default_rng(0), place.geometry)
     position[-2:, 0] = 0.3
     chosen = place.choose(route_set, strategy, position)
-    names = [route_set.route_set[k].name for k in chosen]
+    names = [route_set.routes[k].name for k in chosen]
     assert [sorted(set(names[a:b])) for a, b in ((0, 3), (3, 7), (7, 12), (12, 14))] == expected
 
 
@@ -164,7 +165,7 @@ def test_what_comfort_costs_reaches_the_way():
     for comfort in (Comfort(stairs=0.0), Comfort(stairs=20.0)):
         place = hall(Population(2), zones=(SpeedZone("left", factor=0.5),), comfort=comfort)
         route_set = place.route_set("comfortable")
-        times.append(route_set.route_set[route_set.number("comfortable")].field.travel_time)
+        times.append(route_set.routes[route_set.number("comfortable")].field.travel_time)
     assert np.nanmax(times[1]) > np.nanmax(times[0]) + 1.0
 
 

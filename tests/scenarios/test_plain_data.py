@@ -10,7 +10,8 @@ import pytest
 from crowd_env import CrowdEnv, Geometry, Groups, LogNormal, Normal, Population, Scenario, Uniform, make_scenario
 from crowd_env.geometry.geometry import box
 from crowd_env.navigation.field import OneWay
-from crowd_env.routing.spec import Comfort, ControlRule, DoorEvent, Route, SpeedZone
+from crowd_env.routing.spec import ControlRule, DoorEvent, Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone
 
 FIELDS = ("radius", "mass", "desired_speed", "relaxation_time", "response_time")
 NORMAL = {"distribution": "normal", "mean": 0.22, "sd": 0.01, "low": 0.2, "high": 0.25}

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from crowd_env import SCENARIOS, CrowdEnv, make_scenario
 from crowd_env.cli.main import _read_scenario, app
-from crowd_env.envs.rollout import run_rule
+from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import about, options_of
 from crowd_env.scenarios.file.reading import ScenarioFile
 
@@ -31,7 +31,7 @@ def test_everyone_fits_and_gets_out(name):
     assert place.title and place.reference and "{" not in place.title
     bodies, position = place.population.draw(np.random.default_rng(1), place.geometry)
     assert clear(place.geometry, position, bodies.radius) >= -1e-9
-    (episode,) = run_rule(place, "nsm2", 1, seed=0)
+    episode = run_episodes(place, 1)[0].metrics
     assert episode.unfinished == 0
     assert episode.evacuation_time < 0.8 * place.time_limit
 
@@ -42,7 +42,7 @@ def test_everyone_fits_and_gets_out(name):
 def test_everyone_gets_out_under_every_scheme(name, scheme):
     # nsm1 has neither friction nor rebound: its arches before an exit of 1 m can hold for good, with these two scenarios in
     # about a fifth of the runs.
-    episodes = run_rule(make_scenario(name), scheme, 5, seed=0)
+    episodes = [episode.metrics for episode in run_episodes(make_scenario(name), 5, scheme=scheme)]
     held = [episode for episode in episodes if episode.unfinished]
     allowed = 2 if scheme == "nsm1" and name in ("two-exit-hall-v0", "pillar-v0") else 0
     assert len(held) <= allowed
@@ -66,7 +66,8 @@ def test_a_bottleneck_of_any_width(width):
 
 
 def test_wider_bottlenecks_let_more_through():
-    times = [run_rule(make_scenario("bottleneck-v0", width=w), "nsm2", 2)[0].evacuation_time for w in (0.8, 2.4)]
+    rooms = [make_scenario("bottleneck-v0", width=width) for width in (0.8, 2.4)]
+    times = [run_episodes(room, 2)[0].metrics.evacuation_time for room in rooms]
     assert times[0] > 1.5 * times[1]
 
 

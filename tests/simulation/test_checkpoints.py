@@ -42,7 +42,13 @@ def seen(env, steps, rng):
     for _ in range(steps):
         step = env.step(rng.uniform(-1, 1, (env.num_people, 2)), np.arange(env.num_people) % 4 > 0)
         simulation, books = env.simulation, env._books.fields
-        arrays = (*step[:4], *simulation.state, simulation.memory.push, simulation.memory.crush, books.impulse)
+        arrays = (
+            *step[:4],
+            *simulation.state,
+            simulation.results.impulse,
+            simulation.results.impulse_magnitude,
+            books.impulse,
+        )
         terms = [values for name, values in step.info.items() if name.startswith("reward/")]
         found.append(b"".join(np.ascontiguousarray(a).tobytes() for a in (*arrays, *terms, *simulation.diagnostics)))
         contacts = simulation.contacts(0)
@@ -83,7 +89,7 @@ def test_doors_rules_and_fields_too(scheme, strategy):
     place = hall()
     env = goes_on(lambda: CrowdEnv(place, num_envs=2, scheme=scheme, strategy=strategy))
     assert env.simulation.state.time[0] > 1.3  # both doors have moved since then
-    assert env.simulation.memory.rule_on.shape == (2, 1)
+    assert env.simulation.history.rule_on.shape == (2, 1)
 
 
 @every_scheme
@@ -122,20 +128,24 @@ def test_an_environment_that_goes_back_comes_to_its_end():
 def test_whoever_holds_an_array_sees_that_moment():
     env = CrowdEnv("room-v0", scheme="dem")
     env.reset([0])
-    position, crush, radius = env.simulation.state.position, env.simulation.memory.crush, env.simulation.bodies.radius
+    position, crush, radius = (
+        env.simulation.state.position,
+        env.simulation.results.impulse_magnitude,
+        env.simulation.bodies.radius,
+    )
     saved, there = env.checkpoint(), position.copy()
     env.step(None)
     assert (position != there).any()
     env.restore(saved)
     np.testing.assert_array_equal(position, there)
     assert env.simulation.state.position is position
-    assert env.simulation.memory.crush is crush
+    assert env.simulation.results.impulse_magnitude is crush
     assert env.simulation.bodies.radius is radius
     env.step(None)
     assert (saved.simulation.state.position == there).all()  # the checkpoint is a copy
 
 
-@pytest.mark.parametrize("name", ["state", "bodies", "memory"])
+@pytest.mark.parametrize("name", ["state", "bodies", "results", "history", "workspace"])
 def test_nothing_can_be_replaced_behind_the_back_of_those_who_look(name):
     env = CrowdEnv("room-v0")
     env.reset([0])

@@ -11,7 +11,7 @@ from shapely.geometry import box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM1, SCHEMES
-from crowd_env.physics.workspace import grow_memory
+from crowd_env.physics.workspace import grow
 from crowd_env.scenarios.population import Population
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
@@ -244,9 +244,16 @@ def test_more_memory_keeps_all_that_others_hold_on_to():
     """Environments refer to the impulses once: they must stay the same arrays when lists of neighbors grow."""
     geometry = Geometry.from_polygon(box(0, 0, 5, 5), exits=[[(5, 2), (5, 3)]])
     bodies = make_bodies(np.full(3, 0.2), np.full(3, 70.0))
-    memory = Simulation(geometry, bodies, make_state(np.array([[1.0, 1], [2, 2], [3, 3]])), scheme="hertz").memory
-    grown = grow_memory(memory, bodies)
-    assert len(grown.near.owner) > len(memory.near.owner)
-    assert len(grown.noticed.size) == len(grown.near.owner) == len(grown.contacts.hit)
-    replaced = {name for name in memory._fields if getattr(grown, name) is not getattr(memory, name)}
-    assert replaced == {"near", "contacts", "problem", "noticed"}
+    simulation = Simulation(geometry, bodies, make_state(np.array([[1.0, 1], [2, 2], [3, 3]])), scheme="hertz")
+    before = (simulation.history, simulation.workspace)
+    grown = grow(*before, bodies)
+    entries = len(grown[1].neighbors.owner)
+    assert entries > len(simulation.workspace.neighbors.owner)
+    assert len(grown[1].social_pairs.size) == entries == len(grown[0].contacts.hit)
+    replaced = {
+        name
+        for old, new in zip(before, grown, strict=True)
+        for name in old._fields
+        if getattr(new, name) is not getattr(old, name)
+    }
+    assert replaced == {"neighbors", "contacts", "problem", "social_pairs"}

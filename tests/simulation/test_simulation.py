@@ -11,7 +11,7 @@ import crowd_env.simulation.simulation
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import travel_time_field
 from crowd_env.physics import make_scheme
-from crowd_env.physics.workspace import allocate_memory
+from crowd_env.physics.workspace import allocate_workspace
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
 
@@ -64,7 +64,7 @@ def test_who_is_out_stays_as_he_left_and_is_counted_once(name):
     simulation.advance(n_substeps=50, external_force=np.array([[-500.0, 0.0], [0.0, 0.0]]), **turned_back)
     for before, after in zip(left[:-1], simulation.state[:-1], strict=True):
         np.testing.assert_array_equal(before[0], after[0])
-    assert simulation.memory.crush.tolist() == [0.0, 0.0]
+    assert simulation.results.impulse_magnitude.tolist() == [0.0, 0.0]
 
 
 @every_scheme
@@ -179,8 +179,8 @@ def test_alone_or_anywhere_in_a_batch(name):
             for field, expected in part(alone[e].state, alone[e].bodies, 0).items():
                 np.testing.assert_array_equal(part(together.state, together.bodies, place)[field], expected)
             rows = slice(together.bodies.env_start[place], together.bodies.env_start[place + 1])
-            np.testing.assert_array_equal(together.memory.push[rows], alone[e].memory.push)
-            np.testing.assert_array_equal(together.memory.crush[rows], alone[e].memory.crush)
+            np.testing.assert_array_equal(together.results.impulse[rows], alone[e].results.impulse)
+            np.testing.assert_array_equal(together.results.impulse_magnitude[rows], alone[e].results.impulse_magnitude)
             for total, expected in zip(together.diagnostics, alone[e].diagnostics, strict=True):
                 assert total[place] == expected[0]
             for listed, expected in zip(together.contacts(place), alone[e].contacts(), strict=True):
@@ -200,7 +200,7 @@ def test_ten_steps_at_once_or_one_by_one(name):
 @every_scheme
 def test_neighbor_list_built_at_every_step_or_on_demand(name):
     def forget(simulation):
-        simulation.memory.near.reach[:] = -1.0
+        simulation.workspace.neighbors.reach[:] = -1.0
 
     on_demand = run(name, evacuations(), calls=150, n_substeps=1)
     every_step = run(name, evacuations(), calls=150, n_substeps=1, before_each=forget)
@@ -214,9 +214,11 @@ def test_memory_that_grows_or_is_large_from_the_start(name, monkeypatch):
     bodies = people(rng, 55)
     crowd = bodies, make_state(scatter(rng, ROOM, bodies.radius))
     expected = run(name, [crowd])
-    monkeypatch.setattr(crowd_env.simulation.simulation, "allocate_memory", partial(allocate_memory, per_person=1))
+    monkeypatch.setattr(
+        crowd_env.simulation.simulation, "allocate_workspace", partial(allocate_workspace, per_person=1)
+    )
     grown = run(name, [crowd])
-    assert len(grown.memory.contacts.gap) > 55 + 16
+    assert len(grown.history.contacts.gap) > 55 + 16
     same_bits(grown, expected)
     np.testing.assert_array_equal(grown.diagnostics.iterations, expected.diagnostics.iterations)
 
@@ -238,7 +240,9 @@ def test_growth_in_the_middle_of_a_call_goes_on_where_it_was(name, monkeypatch):
     # One environment of the batch runs full; the others must not be advanced twice.
     crowds = evacuations()
     expected = run(name, crowds, calls=1, n_substeps=150)
-    monkeypatch.setattr(crowd_env.simulation.simulation, "allocate_memory", partial(allocate_memory, per_person=1))
+    monkeypatch.setattr(
+        crowd_env.simulation.simulation, "allocate_workspace", partial(allocate_workspace, per_person=1)
+    )
     grown = run(name, crowds, calls=1, n_substeps=150)
     same_bits(grown, expected)
     np.testing.assert_allclose(grown.state.time[grown.inside > 0], 1.5)

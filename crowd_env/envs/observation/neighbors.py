@@ -4,7 +4,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.envs.observation.view import DENSITY, NEIGHBORS, SIGHT, SPEED_SCALE, Cells, Plan, Rows, View
-from crowd_env.physics.neighbors.lists import NeighborList, sort_into_cells
+from crowd_env.physics.neighbors.lists import NeighborList, first_cell, sort_into_cells
 from crowd_env.state import Bools, Floats
 
 DENSITY_RADIUS = 1.0  # m
@@ -47,7 +47,7 @@ def put_into_one_cell(
     e: int, begin: int, last: int, who: Cells, active: Bools, near: NeighborList
 ) -> tuple[int, int, int]:
     """Do what `sort_into_cells` does, for few people: all pairs of them are looked at."""
-    head, count = 4 * begin + 64 * e, 0
+    head, count = first_cell(e, begin), 0
     for n in range(index(begin), index(last)):
         if active[who[n]]:
             near.cell_item[begin + count] = who[n]

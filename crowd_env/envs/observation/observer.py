@@ -26,7 +26,7 @@ class Observer:
     ----------
     direction : (P, 2) of the shortest path, of whoever was last seen.
     travel_time : (P,) s, of the rest of the way at the own desired speed.
-    potential : (P,) s, travel time by which progress is counted, see `crowd_env.routing.route_set.Way.potential`.
+    potential : (P,) s, travel time by which progress is counted, see `crowd_env.routing.route_set.RouteField.potential`.
     rows : where the memory of observations comes from.
     """
 
@@ -71,28 +71,28 @@ class Observer:
 
     def _kernel_args(self) -> StructRef:
         """Return what an observation is made from, anew if the simulation has replaced something: a door, its memory."""
-        world, memory = self.simulation.world, self.simulation.memory
+        world = self.simulation.world
         if (
             self._view is None
             or self._made_of is None
             or self._made_of[0] is not world
-            or self._made_of[1] is not memory
+            or self._made_of[1] is not self.simulation.workspace
         ):
-            self._made_of = (world, memory)
+            self._made_of = (world, self.simulation.workspace)
             self._view = struct_ref(
                 View(
                     boundary=world.boundary,
-                    door_open=memory.door_open,
+                    door_open=self.simulation.history.door_open,
                     geometry_of_env=world.geometry_of_env,
                     field=world.field,
                     field_of_route=world.guidance.field_of_route,
                     potential_of_route=self.simulation.planner.potential_of_route,
-                    followed=memory.followed,
+                    followed=self.simulation.history.followed,
                     bodies=self.simulation.bodies,
                     state=self.simulation.state,
-                    near=memory.near,
-                    push=memory.push,
-                    crush=memory.crush,
+                    near=self.simulation.workspace.neighbors,
+                    push=self.simulation.results.impulse,
+                    crush=self.simulation.results.impulse_magnitude,
                     seen=self._seen,
                     who=self._who,
                     axis=self._axis,

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from crowd_env.checks import shown
 from crowd_env.envs.client_input import as_numbers
 from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.routing.layout import RoutingLayout, check_names, grid_regions, named_regions
 from crowd_env.physics import ContactScheme, make_scheme
@@ -27,9 +28,15 @@ QUEUE_REACH = 2.5  # m  whoever has no further to walk to an exit stands in its 
 class RoutingBatch:
     """E evacuations, each led by a controller of its own; see `crowd_env.envs.routing.env.RoutingEnv` for the parameters.
 
+    Parameters
+    ----------
+    sample_dt : s, the decision step of ``env``, which divides the interval; by default the interval itself.  A shorter one is
+        for callers that look at the crowds between two decisions: they call `send`, step ``env`` by themselves, and `observe`.
+
     Attributes
     ----------
-    env : the crowds, a `CrowdEnv` whose decision step is the interval.
+    env : the crowds, a `CrowdEnv`.
+    samples : number of steps of ``env`` in an interval.
     regions, layout : where decisions are made, and what is observed.
     choices : (R + D,) number of choices of each entry of an action.
     """
@@ -50,6 +57,7 @@ class RoutingBatch:
         dt: float | None = None,
         time_limit: float | None = None,
         threads: int = 1,
+        sample_dt: float | None = None,
         **scenario_options: Any,
     ) -> None:
         self.weights = _weights(reward)
@@ -58,12 +66,15 @@ class RoutingBatch:
         dt = make_scheme(scheme).info.default_dt if dt is None else dt
         if dt > 0 and (abs(interval / dt - round(interval / dt)) > 1e-6 or interval < 0.5 * dt):
             raise ValueError(f"the interval of {interval:g} s is not a whole number of physics steps of dt = {dt:g} s")
+        self.samples = 1 if sample_dt is None else max(round(interval / sample_dt), 1)
+        if sample_dt is not None and abs(interval / sample_dt - self.samples) > 1e-6:
+            raise ValueError(f"the interval of {interval:g} s is not a whole number of samples of {sample_dt:g} s")
         self.env = CrowdEnv(
             scenario,
             num_envs=num_envs,
             scheme=scheme,
             dt=dt,
-            decision_dt=interval,
+            decision_dt=interval if sample_dt is None else sample_dt,
             observation=ObservationLayout(terms=("desired_speed",)),  # nobody reads it
             time_limit=time_limit,
             threads=threads,
@@ -83,16 +94,16 @@ class RoutingBatch:
         self.choices = np.array([len(routes)] * len(self.regions.names) + [2] * len(doors), dtype=np.int64)
         self._way = np.array([route_set.number(name) for name in routes], dtype=np.int64)
         # A route via a region goes on as another way from there: whoever is on that one already follows the route.
-        self._then = np.array([route_set.route_set[k].following for k in self._way], dtype=np.int64)
+        self._then = np.array([route_set.routes[k].following for k in self._way], dtype=np.int64)
         self._exit_of_row = np.array([exits.index(name) for name in geometry.exit_names], dtype=np.int64)
         length = np.hypot(*(geometry.exits[:, 1] - geometry.exits[:, 0]).T)
         self._width = np.bincount(self._exit_of_row, weights=length, minlength=len(exits))
-        self._fields = [route_set.route_set[route_set.number(name)].field for name in exits]
+        self._fields = [route_set.routes[route_set.number(name)].field for name in exits]
 
     def reset(self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return all observations (E, D)."""
         self.env.reset(seed, mask)
-        return self._observe(self.env.active, np.zeros(self.env.num_people, dtype=np.bool_))
+        return self.observe(self.env.active, np.zeros(self.env.num_people, dtype=np.bool_))
 
     def step(self, action: ArrayLike) -> tuple[np.ndarray, Floats, Bools, Bools, dict[str, Any]]:
         """Tell everyone what to do and let ``interval`` seconds pass; an evacuation that has ended stays as it is.
@@ -107,20 +118,39 @@ class RoutingBatch:
         ValueError
             If an action is not one of the choices.
         """
-        self._tell(self._checked(action))
-        step = self.env.step(None)
-        inside = self.env.active | step.truncated
-        spent = -as_grid(step.info["reward/time"], self.env.num_envs)  # s inside during this interval
+        self.send(action)
+        left, stopped = np.zeros((2, self.env.num_people), dtype=np.bool_)
+        finished, time = np.zeros(self.env.num_envs, dtype=np.bool_), np.zeros(self.env.num_people)
+        metrics: dict[int, EpisodeMetrics] = {}
+        for _ in range(self.samples):
+            step = self.env.step(None)
+            left |= step.terminated
+            stopped |= step.truncated
+            finished |= step.info["finished"]
+            time += step.info["reward/time"]
+            metrics |= step.info["metrics"]
+        inside = self.env.active | stopped
+        spent = -as_grid(time, self.env.num_envs)  # s inside during this interval
         terms = {"mean": -spent.mean(axis=1), "last": -spent.max(axis=1)}
         reward = np.zeros(self.env.num_envs)
         for name, weight in self.weights.items():
             reward += weight * terms[name]
-        truncated = np.asarray(as_grid(step.truncated, self.env.num_envs).any(axis=1))
-        terminated = np.logical_and(step.info["finished"], ~truncated)
+        truncated = np.asarray(as_grid(stopped, self.env.num_envs).any(axis=1))
+        terminated = np.logical_and(finished, ~truncated)
         info: dict[str, Any] = {f"reward/{name}": values for name, values in terms.items()}
         info["inside"] = as_grid(inside, self.env.num_envs).sum(axis=1)
-        info["metrics"] = step.info["metrics"]
-        return self._observe(inside, step.terminated), reward, terminated, truncated, info
+        info["metrics"] = metrics
+        return self.observe(inside, left), reward, terminated, truncated, info
+
+    def send(self, action: ArrayLike) -> None:
+        """Tell everyone where to go, and open and close doors, without letting time pass.
+
+        Raises
+        ------
+        ValueError
+            If an action is not one of the choices.
+        """
+        self._tell(self._checked(action))
 
     def _checked(self, action: ArrayLike) -> Ints:
         array = as_numbers(action, (self.env.num_envs, len(self.choices)), "the array of actions")
@@ -145,11 +175,11 @@ class RoutingBatch:
         state.route[told] = self._way[choice[told]]
 
     def _closed(self, e: int) -> set[str]:
-        stands_open = self.env.simulation.memory.door_open[e]
+        stands_open = self.env.simulation.history.door_open[e]
         return {name for k, name in enumerate(self.scenario.geometry.doors) if not stands_open[k]}
 
-    def _observe(self, inside: Bools, left: Bools) -> np.ndarray:
-        """Return the observations (E, D) of people ``inside`` (P,), of whom ``left`` (P,) got out since the last one."""
+    def observe(self, inside: Bools, left: Bools) -> np.ndarray:
+        """Return the observations (E, D) of people ``inside`` (P,); ``left`` (P,) got out since the last decision."""
         state, layout = self.env.simulation.state, self.layout
         room, people = self.env.env_of_person, self.env.num_people // self.env.num_envs
         out = np.zeros((self.env.num_envs, layout.size))

@@ -35,7 +35,7 @@ class Cut(NamedTuple):
     pressed: Bools  # (E,)     external or social forces act
     last_response: Floats  # (E,)  s    when the last one begins to walk
     smallest: Floats  # (E,)  m    least radius
-    inside_start: Ints  # (E * SLABS,)  places of each slab in `Memory.inside`
+    inside_start: Ints  # (E * SLABS,)  places of each slab in `Workspace.inside`
     inside_stop: Ints
     pair_start: Ints  # (E * SLABS,)  entries of each slab
     pair_stop: Ints

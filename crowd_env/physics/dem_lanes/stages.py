@@ -17,10 +17,16 @@ from crowd_env.state import Bools, Floats
 @inner_kernel
 def begin_call(e: int, slabs: int, batch: Batch, regions: bool | None) -> None:
     """Copy everyone into the lanes; whether the list still holds is to be seen."""
-    bodies, state, memory, driving = batch.bodies, batch.state, batch.memory, batch.control.driving
+    bodies, state, driving = batch.bodies, batch.state, batch.control.driving
     mass, relaxation_time, response_time = bodies.mass, bodies.relaxation_time, bodies.response_time
     position, velocity, active, external = state.position, state.velocity, state.active, batch.control.external_force
-    push, crush, lanes, near, cut = memory.push, memory.crush, memory.lanes, memory.near, memory.cut
+    push, crush, lanes, near, cut = (
+        batch.results.impulse,
+        batch.results.impulse_magnitude,
+        batch.workspace.lanes,
+        batch.workspace.neighbors,
+        batch.workspace.cut,
+    )
     x, y, vx, vy, gx, gy = lanes.x, lanes.y, lanes.vx, lanes.vy, lanes.gx, lanes.gy
     fx, fy, squeeze, per_mass, per_tau = lanes.fx, lanes.fy, lanes.squeeze, lanes.per_mass, lanes.per_tau
     push_x, push_y, crushed = lanes.push_x, lanes.push_y, lanes.crush
@@ -40,7 +46,7 @@ def begin_call(e: int, slabs: int, batch: Batch, regions: bool | None) -> None:
         else:
             park(i, lanes, near.origin_x, near.origin_y)
     cut.pressed[e], cut.last_response[e], cut.smallest[e], cut.stray[e] = pressed, latest, smallest, True
-    memory.status[e] = OK
+    batch.workspace.status[e] = OK
     muster_slabs(e, slabs, batch)
     reset_routes(e, batch, regions)
 
@@ -48,7 +54,7 @@ def begin_call(e: int, slabs: int, batch: Batch, regions: bool | None) -> None:
 @inner_kernel
 def muster_slabs(e: int, slabs: int, batch: Batch) -> None:
     """List who is inside, and who of them belongs to which slab."""
-    cut, inside = batch.memory.cut, batch.memory.inside
+    cut, inside = batch.workspace.cut, batch.workspace.inside
     begin, end, last = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], list_active(e, batch)
     cut.inside[e] = last - begin
     for s in range(slabs):
@@ -58,10 +64,15 @@ def muster_slabs(e: int, slabs: int, batch: Batch) -> None:
 
 @inner_kernel
 def aim(first: int, last: int, e: int, batch: Batch) -> None:
-    """Write the desired velocity of the places ``first:last`` of `Memory.inside`; see `crowd_env.physics.driving_force`."""
-    time, inside, response_time = batch.state.time[e], batch.memory.inside, batch.bodies.response_time
-    command, relative, way, pace = batch.control.command, batch.control.relative, batch.memory.way, batch.memory.pace
-    wish_x, wish_y = batch.memory.lanes.wish_x, batch.memory.lanes.wish_y
+    """Write the desired velocity of the places ``first:last`` of `Workspace.inside`; see `crowd_env.physics.driving_force`."""
+    time, inside, response_time = batch.state.time[e], batch.workspace.inside, batch.bodies.response_time
+    command, relative, way, pace = (
+        batch.control.command,
+        batch.control.relative,
+        batch.history.direction,
+        batch.history.local_speed,
+    )
+    wish_x, wish_y = batch.workspace.lanes.wish_x, batch.workspace.lanes.wish_y
     for place in range(index(first), index(last)):
         i = inside[place]
         speed = pace[i] if time >= response_time[i] else 0.0
@@ -75,7 +86,12 @@ def aim(first: int, last: int, e: int, batch: Batch) -> None:
 @inner_kernel
 def leave_lanes(begin: int, end: int, batch: Batch) -> None:
     """Copy the people ``begin:end`` back, and the impulses that they have got in this call."""
-    lanes, active, push, crush = batch.memory.lanes, batch.state.active, batch.memory.push, batch.memory.crush
+    lanes, active, push, crush = (
+        batch.workspace.lanes,
+        batch.state.active,
+        batch.results.impulse,
+        batch.results.impulse_magnitude,
+    )
     show_positions(begin, end, active, lanes.x, lanes.y, batch.state.position)
     show_positions(begin, end, active, lanes.vx, lanes.vy, batch.state.velocity)
     push_x, push_y, crushed = lanes.push_x, lanes.push_y, lanes.crush
@@ -86,7 +102,7 @@ def leave_lanes(begin: int, end: int, batch: Batch) -> None:
 @inner_kernel
 def follow_list(e: int, slabs: int, batch: Batch) -> None:
     """Note which entries belong to which slab; whoever is parked stays so."""
-    near, lanes, cut, active = batch.memory.near, batch.memory.lanes, batch.memory.cut, batch.state.active
+    near, lanes, cut, active = batch.workspace.neighbors, batch.workspace.lanes, batch.workspace.cut, batch.state.active
     begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     origin_x, origin_y, x, y = near.origin_x, near.origin_y, lanes.x, lanes.y
     for i in range(index(begin), index(end)):
@@ -105,8 +121,13 @@ def follow_list(e: int, slabs: int, batch: Batch) -> None:
 @inner_kernel
 def finish(e: int, slabs: int, batch: Batch, dt: float) -> None:
     """Add up what the slabs have seen, and take out whoever crossed an exit."""
-    boundary, state, memory, g = batch.world.boundary, batch.state, batch.memory, batch.world.geometry_of_env[e]
-    near, lanes, cut, sums = memory.near, memory.lanes, memory.cut, memory.diagnostics
+    boundary, state, g = batch.world.boundary, batch.state, batch.world.geometry_of_env[e]
+    near, lanes, cut, sums = (
+        batch.workspace.neighbors,
+        batch.workspace.lanes,
+        batch.workspace.cut,
+        batch.results.diagnostics,
+    )
     bodies, seen = batch.bodies, cut.seen
     begin, end = bodies.env_start[e], bodies.env_start[e + 1]
     strays, count, fastest = 0.0, 0.0, 0.0
@@ -121,7 +142,7 @@ def finish(e: int, slabs: int, batch: Batch, dt: float) -> None:
     sums.max_speed[e] = max(sums.max_speed[e], fastest)
     bounded = batch.control.bounded
     if bounded and dt * fastest > cut.smallest[e] and _is_too_far(begin, end, dt, lanes.vx, lanes.vy, bodies.radius):
-        memory.status[e] = TOO_FAST
+        batch.workspace.status[e] = TOO_FAST
     cut.stray[e] = strays > 0.0
     near.age[e] += 1
     exits, stop = boundary.exit_start[g], boundary.exit_start[g + 1]

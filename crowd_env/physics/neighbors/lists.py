@@ -14,6 +14,11 @@ _FEW = 64
 
 FIRST_HORIZON = 0.05  # s
 
+# Room of every environment beside that of its people.
+_SPARE_ENTRIES = 16
+_SPARE_CELLS = 64
+_CELLS_PER_PERSON = 4
+
 # Unsigned, because numba checks every signed index for being negative.
 Places = NDArray[np.uint32]
 
@@ -36,7 +41,7 @@ class NeighborList(NamedTuple):
     horizon: Floats  # (E,)   s    for which the list should be good
     age: Ints  # (E,)   steps since it was built
     built: Floats  # (E,)   s    when that was
-    cell_start: NDArray[np.int32]  # cell heads of the counting sort, environment e from 4 * env_start[e] + 64 * e
+    cell_start: NDArray[np.int32]  # cell heads of the counting sort, see `first_cell`
     cell_item: NDArray[np.int32]  # (P,)
     cell_of: NDArray[np.int32]  # (P,)
 
@@ -45,7 +50,7 @@ def allocate_neighbors(bodies: Bodies, per_person: int) -> NeighborList:
     """Return an empty list with room for ``per_person`` entries a pedestrian (and a few more an environment)."""
     people = len(bodies.radius)
     environments = len(bodies.env_start) - 1
-    entry_start = bodies.env_start * per_person + 16 * np.arange(environments + 1)
+    entry_start = bodies.env_start * per_person + _SPARE_ENTRIES * np.arange(environments + 1)
     entries = int(entry_start[-1])
     return NeighborList(
         entry_start=entry_start,
@@ -63,10 +68,22 @@ def allocate_neighbors(bodies: Bodies, per_person: int) -> NeighborList:
         horizon=np.full(environments, FIRST_HORIZON),
         age=np.zeros(environments, dtype=np.int64),
         built=np.zeros(environments),
-        cell_start=np.zeros(4 * people + 64 * environments, dtype=np.int32),
+        cell_start=np.zeros(_CELLS_PER_PERSON * people + _SPARE_CELLS * environments, dtype=np.int32),
         cell_item=np.zeros(people, dtype=np.int32),
         cell_of=np.zeros(people, dtype=np.int32),
     )
+
+
+def entries_per_person(near: NeighborList, bodies: Bodies) -> int:
+    """Return for how many entries a pedestrian the list was allocated."""
+    people, environments = len(bodies.radius), len(bodies.env_start) - 1
+    return (int(near.entry_start[-1]) - _SPARE_ENTRIES * environments) // max(people, 1)
+
+
+@inner_kernel
+def first_cell(e: int, begin: int) -> int:
+    """Return where the cell table of environment ``e`` begins, whose first person is ``begin``."""
+    return _CELLS_PER_PERSON * begin + _SPARE_CELLS * e
 
 
 @inner_kernel
@@ -81,11 +98,11 @@ def sort_into_cells(
             count += 1
             x_low, x_high = min(x_low, position[i, 0]), max(x_high, position[i, 0])
             y_low, y_high = min(y_low, position[i, 1]), max(y_high, position[i, 1])
-    head = 4 * begin + 64 * e
+    head = first_cell(e, begin)
     if count == 0:
         return head, 0, 0
     start, item, cell_of = near.cell_start, near.cell_item, near.cell_of
-    room = 4 * (end - begin) + 62  # a sparse crowd gets larger cells rather than a longer table
+    room = first_cell(e + 1, end) - head - 2  # a sparse crowd gets larger cells rather than a longer table
     columns = int((x_high - x_low) / size) + 1
     rows = int((y_high - y_low) / size) + 1
     while columns * rows > room:

@@ -33,7 +33,7 @@ def update_neighbors(e: int, batch: Batch, margin: float) -> int:
 
     Returns OK; FULL if the entries do not fit; or DIVERGED if someone is nowhere near the world.
     """
-    near, radius, allowed = batch.memory.near, batch.bodies.radius, batch.memory.near.allowed
+    near, radius, allowed = batch.workspace.neighbors, batch.bodies.radius, batch.workspace.neighbors.allowed
     active, position, velocity = batch.state.active, batch.state.position, batch.state.velocity
     begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     near.age[e] += 1
@@ -56,7 +56,7 @@ def update_neighbors(e: int, batch: Batch, margin: float) -> int:
     reach = 1.1 * margin  # some schemes ask for a little more or less every step
     if not list_pairs(e, begin, end, radius, active, position, near, reach, 2.0 * (largest + widest) + reach):
         return FULL
-    g, boundary, door_open = batch.world.geometry_of_env[e], batch.world.boundary, batch.memory.door_open
+    g, boundary, door_open = batch.world.geometry_of_env[e], batch.world.boundary, batch.history.door_open
     if not list_walls(e, g, begin, end, boundary, door_open, radius, active, position, near, reach):
         return FULL
     if not list_exits(e, g, begin, end, boundary, active, position, near):

@@ -1,9 +1,12 @@
 """The contact forces of an evacuation at the moment that tells most, or at a given one."""
 
+from typing import Any
+
 import numpy as np
 
 from crowd_env.analysis.pressure import ContactForces, contact_forces, mean_contact_forces
-from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.envs.rollout import rollout
 from crowd_env.physics import ContactScheme
 from crowd_env.scenarios.scenario import Scenario
 
@@ -24,8 +27,12 @@ def forces_of_run(
     """
     if at is not None and not (np.isfinite(at) and at > 0):
         raise ValueError(f"the moment of the forces is {at!r} s; it must be > 0 and finite")
-    env = CrowdEnv(scenario, scheme=scheme, dt=dt)
-    decisions = _most_telling(env, seed) if at is None else max(int(np.ceil(at / env.decision_dt - 1e-9)), 1)
+    options: dict[str, Any] = {"scheme": scheme, "dt": dt}
+    env = CrowdEnv(scenario, **options)
+    if at is None:
+        decisions = _most_telling_decision(scenario, seed, **options)
+    else:
+        decisions = max(int(np.ceil(at / env.decision_dt - 1e-9)), 1)
     env.reset([seed])
     for _ in range(decisions - 1):
         env.step(None)
@@ -40,11 +47,22 @@ def forces_of_run(
     return mean_contact_forces(samples or [contact_forces(env.simulation)])
 
 
-def _most_telling(env: CrowdEnv, seed: int) -> int:
+class _LoadRecorder:
+    """Adds up the contact impulses that people bear in each decision step."""
+
+    def begin(self, env: CrowdEnv) -> None:
+        self._load: list[list[float]] = [[] for _ in range(env.num_envs)]
+
+    def add(self, env: CrowdEnv, step: Step) -> None:
+        for e, load in enumerate(self._load):
+            load.append(float(env.simulation.results.impulse_magnitude[env.people(e)].sum()))
+
+    def record(self, env: CrowdEnv, e: int) -> list[float]:
+        return list(self._load[e])
+
+
+def _most_telling_decision(scenario: Scenario, seed: int, **options: Any) -> int:
     """Return the number of decisions after which the forces are looked at."""
-    env.reset([seed])
-    borne = []
-    while not env.finished.all():
-        env.step(None)
-        borne.append(float(env.simulation.memory.crush.sum()))
-    return len(borne) if np.isfinite(env.metrics(0).blocked_since) else int(np.argmax(borne)) + 1
+    (episode,) = rollout(scenario, 1, seed=seed, recorder=_LoadRecorder(), **options)
+    load: list[float] = episode.record
+    return len(load) if np.isfinite(episode.metrics.blocked_since) else int(np.argmax(load)) + 1

@@ -3,17 +3,15 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from crowd_env.console import counted
-from crowd_env.envs.crowd import CrowdEnv
-from crowd_env.envs.rollout import RunsInterrupted, finished_runs
+from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, Estimate, run_slopes
 from crowd_env.reproduce.pecol2011.settings import Settings
 from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
-from crowd_env.reproduce.sound import require_nobody_outside
+from crowd_env.reproduce.sound import require_none_escaped
 from crowd_env.state import Floats
 
 # Table 5 of the paper, flows in persons/s; it has one NSM1, we have the two that its text describes.
@@ -59,22 +57,34 @@ def evacuate(settings: Settings, scheme: str, progress: Progress) -> Evacuations
     Halfway
         On Ctrl-C, with the exits of the runs that were finished by then.
     """
-    decision = settings.dt * max(1, round(0.1 / settings.dt))  # how often we look; the rule does not depend on it
-
-    def read(env: CrowdEnv, e: int) -> tuple[Floats, int, float]:
-        require_nobody_outside(env.simulation)
-        times = np.sort(env.simulation.state.exit_time[env.people(e)])
-        sums = env.simulation.diagnostics
-        return times, int(sums.unconverged[e]), float(sums.max_speed[e])
-
-    options: dict[str, Any] = {"scheme": settings.contact(scheme), "dt": settings.dt, "decision_dt": decision}
+    contact = settings.contact(scheme)
     try:
-        found = finished_runs(settings.place(), settings.runs, read, seed=settings.seed, progress=progress, **options)
+        episodes = run_episodes(
+            settings.place(),
+            settings.runs,
+            seed=settings.seed,
+            progress=progress,
+            scheme=contact,
+            dt=settings.dt,
+            # How often we look; the rule does not depend on it.
+            decision_dt=settings.dt * max(1, round(0.1 / settings.dt)),
+        )
     except RunsInterrupted as stopped:
-        rows = [row for k, (times, *_) in stopped.finished.items() for row in _exits(scheme, settings.seed + k, times)]
-        raise Halfway(RawTable(_HEADER, rows), len(stopped.finished)) from None
-    times, missed, speeds = zip(*found, strict=True)
-    return Evacuations(scheme, np.stack(times), sum(missed), max(speeds))
+        rows = [row for episode in stopped.episodes for row in _exits(scheme, episode.seed, _sorted_times(episode))]
+        raise Halfway(RawTable(_HEADER, rows), len(stopped.episodes)) from None
+    metrics = [episode.metrics for episode in episodes]
+    require_none_escaped(contact.info.name, sum(episode.escaped for episode in metrics))
+    return Evacuations(
+        scheme,
+        np.stack([_sorted_times(episode) for episode in episodes]),
+        sum(episode.unconverged for episode in metrics),
+        max(episode.max_speed for episode in metrics),
+    )
+
+
+def _sorted_times(episode: Episode) -> Floats:
+    """Return the exit times (N,) [s] in the order of leaving, nan at the end."""
+    return np.asarray(np.sort(episode.exit_time))
 
 
 def flow_rows(done: Evacuations) -> list[Row]:

@@ -65,7 +65,7 @@ def meet(scheme: ContactScheme, tau: float, *, offset: float, dt: float, duratio
     for k in range(1, count + 1):
         simulation.advance(ahead, relative=relative)
         position[k], velocity[k] = state.position, state.velocity
-        touching[k] = simulation.memory.crush[0] > 0.0
+        touching[k] = simulation.results.impulse_magnitude[0] > 0.0
     return Meeting(dt * np.arange(count + 1, dtype=np.float64), position, velocity, touching)
 
 

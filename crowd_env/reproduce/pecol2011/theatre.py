@@ -117,10 +117,10 @@ def evacuate(settings: Settings, rules: bool, progress: Progress) -> Egress:
             while not env.finished.all():
                 going = ~env.finished
                 ended = env.step(None).info["finished"]
-                state, memory = env.simulation.state, env.simulation.memory
+                state = env.simulation.state
                 if rules:
-                    ruled += env.decision_dt * (memory.rule_on & going[:, None])
-                    turned |= state.active & (memory.followed != state.route)
+                    ruled += env.decision_dt * (env.simulation.history.rule_on & going[:, None])
+                    turned |= state.active & (env.simulation.history.followed != state.route)
                 if ended.any():
                     progress(int(ended.sum()))
             require_nobody_outside(env.simulation)

@@ -1,7 +1,7 @@
 """The tables of a scenario file: every key with its type and a note, from which its JSON Schema is made too."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, Tag, TypeAdapter, WithJsonSchema, WrapValidator, model_validator
@@ -10,7 +10,9 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import Shape
 from crowd_env.navigation.field import OneWay
 from crowd_env.routing.route_set import Target
-from crowd_env.routing.spec import Comfort, ControlRule, DoorEvent, Route, SpeedZone
+from crowd_env.routing.spec import ControlRule, DoorEvent, Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone
+from crowd_env.routing.strategies import OF_ROUTES
 from crowd_env.scenarios.file.reading import COMMON
 from crowd_env.scenarios.file.values import (
     FromFields,
@@ -282,7 +284,9 @@ class ScenarioTable(Table):
     geometry: Plan
     population: People = Field(default_factory=_NOT_GIVEN, description="everybody, or what all groups share")
     groups: list[People] = Field([], description="people of several kinds")
-    routes: list[Annotated[Route, FromFields()]] = Field([], description="ways out beside every exit by its name")
+    routes: list[Annotated[Route, FromFields(strategy=Literal[OF_ROUTES])]] = Field(
+        [], description="ways out beside every exit by its name"
+    )
     zones: list[Annotated[SpeedZone, FromFields()]] = Field(
         [], description="regions where people walk slower or faster"
     )

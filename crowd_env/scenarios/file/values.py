@@ -115,24 +115,25 @@ def table_of(kind: type, **keys: Any) -> type[Table]:
     hints, notes = get_type_hints(kind), parameters(kind)
     columns: dict[str, Any] = {name: (read_as, ...) for name, read_as in keys.items() if name not in hints}
     for field in fields(kind):
-        if field.name in keys:
-            columns[field.name] = (keys[field.name], Field(default_factory=dict))
-            continue
-        default: dict[str, Any] = {"default_factory": dict}  # no default to show; it is the dataclass that knows
-        if field.default is MISSING and field.default_factory is MISSING:
-            default = {}
-        elif isinstance(field.default, str | int | float) and field.default == field.default:  # nan: not given
-            default = {"default": field.default}
-        columns[field.name] = (_read_as(hints[field.name]), Field(**default, description=notes.get(field.name)))
+        read_as = keys.get(field.name) or _read_as(hints[field.name])
+        options: dict[str, Any] = {"default_factory": dict}  # no default to show; it is the dataclass that knows
+        if isinstance(field.default, str | int | float) and field.default == field.default:  # nan: not given
+            options = {"default": field.default}
+        elif field.default is MISSING and field.default_factory is MISSING and field.name not in keys:
+            options = {}
+        if field.name not in keys or get_origin(read_as) is Literal:
+            options["description"] = notes.get(field.name)
+        columns[field.name] = (read_as, Field(**options))
     return create_model(kind.__name__, __base__=Table, __doc__=(kind.__doc__ or "").split("\n")[0], **columns)
 
 
 def parameters(of: type) -> dict[str, str]:
-    """Return what the docstring of a class says of each parameter."""
+    """Return what the docstring of a class says of each parameter, without references to code."""
     _, _, section = (inspect.getdoc(of) or "").partition("Parameters\n----------\n")
     found: dict[str, str] = {}
     for names, note in re.findall(r"^(\w+(?:, \w+)*) : (.+(?:\n +\S.*)*)", section, re.MULTILINE):
-        found |= dict.fromkeys(names.split(", "), " ".join(note.replace("``", "`").split()))
+        plain = re.sub(r",? see `[\w.]+`", "", " ".join(note.replace("``", "`").split()))
+        found |= dict.fromkeys(names.split(", "), plain)
     return found
 
 

@@ -32,7 +32,8 @@ import numpy as np
 
 from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, flag, number, refuse, whole
 from crowd_env.geometry.geometry import Geometry, box
-from crowd_env.routing.spec import ControlRule, SpeedZone
+from crowd_env.routing.spec import ControlRule
+from crowd_env.routing.speed_map import SpeedZone
 from crowd_env.scenarios.groups import as_people
 from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import People, Scenario

@@ -68,7 +68,7 @@ def _plan(axes: "Axes", place: Scenario) -> None:
     from matplotlib.patches import Circle, Polygon, Rectangle
 
     geometry, people = place.geometry, place.population.parts[0]
-    route_set = {way.name: way.field for way in place.route_set().route_set}
+    route_set = {way.name: way.field for way in place.route_set().routes}
     shells = [np.asarray(geometry.walkable.exterior.coords)]
     holes = [np.asarray(ring.coords) for ring in geometry.walkable.interiors]
     axes.add_collection(PatchCollection([Polygon(ring) for ring in shells], facecolor=hex_of(FLOOR), lw=0.0, zorder=0))

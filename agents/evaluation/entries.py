@@ -1,41 +1,43 @@
-"""Who can be evaluated, by name: strategies of the people, rules of the place, policies, and learned networks."""
+"""What can be evaluated, by name: strategies of the people, rules of the scenario, policies, and learned networks."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from agents import POLICIES, make_policy
-from agents.controllers import SAMPLE, Controller, LedByController, WayOut
-from agents.evaluation.evaluation import Led, LedByPolicy
+from agents.controllers import Controller
+from agents.drivers import SAMPLE, ControllerDriver, policy_driver
 from agents.policy import Policy
+from agents.rules import StrategyPolicy
 from agents.trained import LearnedController, load_trained
-from crowd_env import CrowdEnv, Scenario
+from crowd_env import Scenario
+from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.physics import ContactScheme
-from crowd_env.scenarios.scenario import Strategy
+from crowd_env.routing.strategies import STRATEGIES
 
 RULES = "rules"
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """Someone to evaluate.
+class Entry:
+    """A policy or controller of an evaluation.
 
     Parameters
     ----------
     name : what tables and files call it.
-    lead : makes a batch of so many evacuations of a scenario under a scheme, on so many threads.
+    driver : returns, for a scenario, a scheme and a number of threads, what makes batches of so many evacuations.
     source : file that it is from.
     """
 
     name: str
-    lead: Callable[[Scenario, str | ContactScheme, int, int], Led]
+    driver: Callable[[Scenario, str | ContactScheme, int], Callable[[int], Driver]]
     source: Path | None = None
 
 
-def make_candidates(names: Sequence[str], scenario: Scenario, *, trust_pickle: bool = False) -> list[Candidate]:
-    """Return the candidates of these names for a scenario; see `agents.trained.load_trained` for ``trust_pickle``.
+def make_entries(names: Sequence[str], scenario: Scenario, *, trust_pickle: bool = False) -> list[Entry]:
+    """Return the entries of these names for a scenario; see `agents.trained.load_trained` for ``trust_pickle``.
 
     Raises
     ------
@@ -48,49 +50,48 @@ def make_candidates(names: Sequence[str], scenario: Scenario, *, trust_pickle: b
     if twice:
         raise ValueError(f"policy {twice[0]!r} is named twice; once is enough")
     found = [_make(name, scenario, trust_pickle) for name in names]
-    labels = [candidate.name for candidate in found]
+    labels = [entry.name for entry in found]
     return [
-        Candidate(given, one.lead, one.source) if one.source and labels.count(one.name) > 1 else one
+        Entry(given, one.driver, one.source) if one.source and labels.count(one.name) > 1 else one
         for given, one in zip(names, found, strict=True)
     ]
 
 
-def _make(name: str, scenario: Scenario, trust_pickle: bool) -> Candidate:
+def _make(name: str, scenario: Scenario, trust_pickle: bool) -> Entry:
     own = [route.name for route in scenario.routes]
-    route_set = tuple(dict.fromkeys([*get_args(Strategy), *own, *scenario.geometry.exit_names]))
+    route_set = tuple(dict.fromkeys([*STRATEGIES, *own, *scenario.geometry.exit_names]))
     if name == RULES:
-        return _of_policy(WayOut("shortest", rules=True, name=RULES))
+        return _policy_entry(StrategyPolicy("shortest", rules=True, name=RULES))
     if name in route_set:
-        return _of_policy(WayOut(name))
+        return _policy_entry(StrategyPolicy(name))
     if name in POLICIES:
-        return _of_policy(make_policy(name))
+        return _policy_entry(make_policy(name))
     if name.endswith((".npz", ".zip")):
-        return _learned(Path(name), scenario, trust_pickle)
+        return _learned_entry(Path(name), scenario, trust_pickle)
     known = ", ".join(dict.fromkeys([*route_set[:4], RULES, *route_set[4:], *POLICIES]))
     raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.npz)")
 
 
-def _of_policy(policy: Policy, source: Path | None = None) -> Candidate:
-    def lead(scenario: Scenario, scheme: str | ContactScheme, num_envs: int, threads: int) -> Led:
-        # Rules off unless the policy says otherwise: all walk in the same place.
-        options = {"rules": False, "decision_dt": SAMPLE, "threads": threads, **policy.env_options}
-        return LedByPolicy(policy, CrowdEnv(scenario, num_envs=num_envs, scheme=scheme, **options))
+def _policy_entry(policy: Policy, source: Path | None = None) -> Entry:
+    def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int) -> Callable[[int], Driver]:
+        # Rules are off unless the policy says otherwise: all entries walk in the same scenario.
+        return policy_driver(policy, scenario, scheme=scheme, rules=False, decision_dt=SAMPLE, threads=threads)
 
-    return Candidate(policy.name if source is None else source.stem, lead, source)
+    return Entry(policy.name if source is None else source.stem, driver, source)
 
 
-def _learned(path: Path, scenario: Scenario, trust_pickle: bool) -> Candidate:
+def _learned_entry(path: Path, scenario: Scenario, trust_pickle: bool) -> Entry:
     """Return a network of people's own steps, or a controller that sends them to exits: its file says which."""
     found = load_trained(path, trust_pickle=trust_pickle)
     if isinstance(found, LearnedController):
-        return of_controller(found, scenario, found.options, path)
-    return _of_policy(found, path)
+        return controller_entry(found, scenario, found.options, path)
+    return _policy_entry(found, path)
 
 
-def of_controller(
+def controller_entry(
     controller: Controller, scenario: Scenario, options: dict[str, Any], source: Path | None = None
-) -> Candidate:
-    """Return a controller as a candidate.
+) -> Entry:
+    """Return a controller as an entry.
 
     Parameters
     ----------
@@ -120,8 +121,8 @@ def of_controller(
             f"{controller.network.inputs} numbers; {scenario.name} has {batch.layout.size}"
         )
 
-    def lead(scenario: Scenario, scheme: str | ContactScheme, num_envs: int, threads: int) -> Led:
-        batch = RoutingBatch(scenario, num_envs=num_envs, scheme=scheme, threads=threads, **own)
-        return LedByController(controller, batch)
+    def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int) -> Callable[[int], Driver]:
+        options = {"scheme": scheme, "threads": threads, "sample_dt": SAMPLE, **own}
+        return lambda num_envs: ControllerDriver(controller, scenario, num_envs=num_envs, **options)
 
-    return Candidate(controller.name if source is None else source.stem, lead, source)
+    return Entry(controller.name if source is None else source.stem, driver, source)

@@ -1,0 +1,59 @@
+"""Controllers that send people to exits, evaluated on the same draws as people who choose their way themselves."""
+
+from collections.abc import Callable
+from typing import Any
+
+from agents.controllers import Controller
+from agents.drivers import ControllerDriver, policy_driver, sample_step
+from agents.evaluation.evaluation import Evaluation, evaluate_driver
+from agents.rules import StrategyPolicy
+from crowd_env import Scenario
+from crowd_env.envs.routing.batch import RoutingBatch
+
+# What people do without a controller, by the strategy of `CrowdEnv`.
+STRATEGIES = {"nearest exit": "nearest", "shortest path": "shortest", "fastest path": "fastest"}
+
+
+def evaluate_controller(
+    controller: Controller | str,
+    scenario: str | Scenario,
+    *,
+    runs: int,
+    first_seed: int,
+    progress: Callable[[int], None] | None = None,
+    **options: Any,
+) -> Evaluation:
+    """Run the draws ``first_seed`` ... ``first_seed + runs - 1`` under a controller or a name in ``STRATEGIES``.
+
+    Parameters
+    ----------
+    progress : called with the number of evacuations that have just ended.
+    options : of `crowd_env.envs.routing.env.RoutingEnv`.
+
+    Raises
+    ------
+    ValueError
+        If an option is unknown, out of range, or does not fit the others.
+    """
+    one = RoutingBatch(scenario, **options)
+    simulation, sample_dt = one.env.simulation, sample_step(one.interval, one.env.simulation.dt)
+    if isinstance(controller, str):
+        name = controller
+        driver = policy_driver(
+            StrategyPolicy(STRATEGIES[controller], rules=bool(options.get("rules", False))),
+            one.scenario,
+            scheme=simulation.scheme,
+            dt=simulation.dt,
+            decision_dt=sample_dt,
+            threads=simulation.threads,
+            time_limit=float(one.env.time_limit[0]),
+        )
+    else:
+        name = controller.name
+
+        def driver(num_envs: int) -> ControllerDriver:
+            return ControllerDriver(controller, scenario, num_envs=num_envs, sample_dt=sample_dt, **options)
+
+    return evaluate_driver(
+        driver, one.scenario, name, simulation.scheme, runs=runs, first_seed=first_seed, progress=progress
+    )

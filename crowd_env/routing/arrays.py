@@ -1,0 +1,119 @@
+"""The routes of a batch as arrays: what the compiled step reads of fields, regions and rules."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crowd_env.navigation.field import NavigationField
+from crowd_env.routing.regions import region_masks
+from crowd_env.routing.route_set import RouteSet
+from crowd_env.routing.rules import MOST_REGIONS, Guidance, RegionArrays, RuleArrays
+from crowd_env.state import Ints
+
+_REGION_CELL = 0.05  # m
+_REGION_CELLS = 4e6  # a place of more than 100 m x 100 m gets larger ones
+
+
+def add_fields(
+    route_set: RouteSet | NavigationField | None, fields: list[NavigationField | None]
+) -> tuple[list[int], list[int]]:
+    """Append the fields of a place to those of a batch; return for each route the row of its field and of its potential."""
+    if not isinstance(route_set, RouteSet):
+        fields.append(route_set)
+        return [len(fields) - 1], [len(fields) - 1]
+    rows = [len(fields) + r for r in range(len(route_set.routes))]
+    fields += [route.field for route in route_set.routes]
+    potentials = list(rows)
+    for r, route in enumerate(route_set.routes):
+        if (
+            route.congestion is not None or route.to_exit is not None
+        ):  # the field changes in place, or ends at the region
+            potentials[r] = len(fields)
+            fields.append(route.potential)
+    return rows, potentials
+
+
+def join_routes(
+    places: Sequence[RouteSet | NavigationField | None], geometry_of_env: Ints
+) -> tuple[list[NavigationField | None], list[int], Guidance, Ints]:
+    """Return all fields of a batch, the geometry of each, the guidance that says which route is which, and the potentials.
+
+    A place that is one field has one route.  A route that follows the crowd has a field of its own in every environment.
+    The potentials (E, R) are rows of the fields by which progress on each route is counted, see `RouteField.potential`.
+    """
+    fields: list[NavigationField | None] = []
+    geometry_of_field: list[int] = []
+    rows_of_place: list[tuple[list[int], list[int]]] = []
+    for g, place in enumerate(places):
+        rows_of_place.append(add_fields(place, fields))
+        geometry_of_field += [g] * (len(fields) - len(geometry_of_field))
+    most = max(len(rows) for rows, _ in rows_of_place)
+    table = np.full((4, len(geometry_of_env), most), -1, dtype=np.int64)
+    for e, g in enumerate(geometry_of_env):
+        place = places[g]
+        rows, potentials = rows_of_place[g]
+        table[0, e, : len(rows)], table[3, e, : len(rows)] = rows, potentials
+        for r, route in enumerate(place.routes if isinstance(place, RouteSet) else ()):
+            table[1:3, e, r] = route.goal, route.following
+            if route.congestion is not None:
+                table[0, e, r] = len(fields)
+                fields.append(route.field)
+                geometry_of_field.append(int(g))
+    guidance = Guidance(table[0].copy(), table[1].copy(), table[2].copy(), _join_regions(places), _join_rules(places))
+    return fields, geometry_of_field, guidance, table[3].copy()
+
+
+def _join_regions(places: Sequence[RouteSet | NavigationField | None]) -> RegionArrays:
+    count = len(places)
+    shape, origin = np.zeros((count, 2), dtype=np.int64), np.zeros((count, 2))
+    fixed, factor = np.full((count, MOST_REGIONS), np.nan), np.ones((count, MOST_REGIONS))
+    spacing = np.full(count, _REGION_CELL)
+    masks: list[Ints] = []
+    for g, place in enumerate(places):
+        needed = isinstance(place, RouteSet) and (
+            place.plan.zones or place.plan.rules or any(route.goal >= 0 for route in place.routes)
+        )
+        if not needed or not isinstance(place, RouteSet):
+            masks.append(np.zeros(0, dtype=np.int64))
+            continue
+        geometry = place.geometry
+        x0, y0, x1, y1 = geometry.bounds
+        cell = spacing[g] = max(_REGION_CELL, float(np.sqrt((x1 - x0) * (y1 - y0) / _REGION_CELLS)))
+        cols, rows = (int(np.ceil(length / cell)) + 1 for length in (x1 - x0, y1 - y0))
+        middle = np.meshgrid(x0 + cell * (np.arange(cols) + 0.5), y0 + cell * (np.arange(rows) + 0.5))
+        masks.append(region_masks(geometry, *middle).ravel())
+        shape[g], origin[g] = (rows, cols), (x0, y0)
+        names = list(geometry.regions)
+        for zone in place.plan.zones:
+            k = names.index(zone.region)
+            fixed[g, k] = np.nan if zone.speed is None else zone.speed
+            factor[g, k] = zone.factor
+    start = np.concatenate([[0], np.cumsum([len(mask) for mask in masks])]).astype(np.int64)
+    return RegionArrays(start, shape, origin, spacing, np.concatenate(masks), fixed, factor)
+
+
+def _join_rules(places: Sequence[RouteSet | NavigationField | None]) -> RuleArrays:
+    rows: list[tuple[int, int, int, float, int, bool]] = []
+    start = [0]
+    for place in places:
+        if isinstance(place, RouteSet):
+            names = list(place.geometry.regions)
+            for rule in place.plan.rules:
+                below = rule.at_least if rule.below is None else rule.below
+                number = place.number(rule.route)
+                rows.append((names.index(rule.region), rule.at_least, below, rule.hold, number, rule.commits))
+        start.append(len(rows))
+    columns = list(zip(*rows, strict=True)) or [()] * 6
+
+    def whole(k: int) -> Ints:
+        return np.array(columns[k], dtype=np.int64)
+
+    return RuleArrays(
+        np.array(start, dtype=np.int64),
+        whole(0),
+        whole(1),
+        whole(2),
+        np.array(columns[3], dtype=np.float64),
+        whole(4),
+        np.array(columns[5], dtype=np.bool_),
+    )

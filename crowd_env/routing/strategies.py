@@ -1,0 +1,38 @@
+"""Strategies: what people weigh when they choose their way (Pécol et al. 2011, section 3).
+
+Each is a travel-time field by fast marching with a speed map of its own.  A new one is a line in `STRATEGIES`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from crowd_env.routing.speed_map import SpeedMap
+from crowd_env.state import Floats
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """How travel time is counted, and who chooses.
+
+    Parameters
+    ----------
+    about : what it means, in a few words.
+    speed : speed relative to plain floor, of a speed map at nodes x, y (rows, cols); None = plain floor everywhere.
+    follows_crowd : the field is found anew with the speed that the crowd leaves (Weidmann 1993).
+    per_exit : there is a route to every exit, and everyone keeps to the one that is shortest from where they start.
+    """
+
+    about: str
+    speed: Callable[[SpeedMap, Floats, Floats], Floats] | None = None
+    follows_crowd: bool = False
+    per_exit: bool = False
+
+
+STRATEGIES: dict[str, Strategy] = {
+    "shortest": Strategy("the shortest path"),
+    "nearest": Strategy("the exit that is nearest at the start, once and for all", per_exit=True),
+    "fastest": Strategy("the least time through the crowd as it is", speed=SpeedMap.walking, follows_crowd=True),
+    "comfortable": Strategy("off stairs and corners", speed=SpeedMap.comfortable),
+}
+# Those that a route can have: where it leads does not depend on where somebody starts.
+OF_ROUTES = tuple(name for name, strategy in STRATEGIES.items() if not strategy.per_exit)
