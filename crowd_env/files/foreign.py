@@ -1,4 +1,4 @@
-"""What a file is that is not what was asked for: its first bytes tell, so that an error can say it in plain words."""
+"""Which kind of file an unexpected one is, by its first bytes, so that an error can name it in plain words."""
 
 import re
 from collections.abc import Collection

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from crowd_env.checks import check_fields, number, refuse
-from crowd_env.scenarios.file.mistakes import validate
+from crowd_env.scenarios.file.errors import validate
 from crowd_env.state import Floats
 
 _LEAST_SHARE = 0.01  # of what is drawn has to lie within the bounds: what lies outside is drawn again

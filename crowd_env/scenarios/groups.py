@@ -8,7 +8,7 @@ import numpy as np
 
 from crowd_env.checks import check_fields, refuse
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.file.mistakes import at
+from crowd_env.scenarios.file.errors import at
 from crowd_env.scenarios.placement import sample_positions
 from crowd_env.scenarios.population import Population, check_count, population_of
 from crowd_env.scenarios.starts import check_starts
@@ -26,7 +26,7 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """Several populations in one place; the people of the first come first, and so on.
+    """Several populations in one scenario; the people of the first come first, and so on.
 
     It offers what a `Population` does.  People who start anywhere in the same region are placed together, so that they are
     mixed; recorded starts are taken first.  A part may be a table of the fields of a `Population`.

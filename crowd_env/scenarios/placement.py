@@ -49,7 +49,7 @@ def sample_positions(
     region: str | None = None,
     standing: Standing | None = None,
 ) -> Floats:
-    """Return random positions (N, 2) of discs that overlap neither walls nor each other, nor those who stand already.
+    """Return random positions (N, 2) of discs that overlap neither walls nor each other, nor the people in ``standing``.
 
     One after the other, each uniform over what is free (Pécol et al. 2011, section 4.2: random initial positions); a crowd
     too dense for that stands on a hexagonal lattice with random holes.
@@ -192,7 +192,8 @@ def _accept(
         found here for as many points as are looked at.
     wall, two_sided, exit_line : as in `Boundary`.
     radius, placed, done : (N,) m, (N, 2) m and how many stand by now.
-    cells : (columns * rows + N,) whoever was last placed in each cell, then for each person the one before him; -1 = nobody.
+    cells : (columns * rows + N,) index of the last person placed in each cell, then for each person the index of the one
+        placed before; -1 = none.
     columns, rows, low_x, low_y, size : cells of ``size`` [m].
     """
     table = columns * rows

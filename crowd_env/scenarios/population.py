@@ -32,8 +32,8 @@ _KEEP_THEIR_BOUNDS = (Uniform, Normal, LogNormal)
 class Population:
     """How many people, of which kind, starting where and going where.
 
-    Defaults are Table 4 of Pécol et al. 2011 (uniform within the ranges); nobody hesitates; all take the way of the run's
-    strategy.  Crowds of several kinds are `crowd_env.scenarios.groups.Groups`.
+    Defaults are Table 4 of Pécol et al. 2011 (uniform within the ranges); nobody hesitates; everyone takes the route of
+    the run's strategy.  Crowds of several kinds are `crowd_env.scenarios.groups.Groups`.
 
     A distribution may be given as in a scenario file: a number, a pair (low, high), or a table such as
     ``{"distribution": "normal", "mean": 0.22, "sd": 0.01, "low": 0.2, "high": 0.25}``.
@@ -132,7 +132,7 @@ class Population:
 
     def draw_starts(self, rng: np.random.Generator, geometry: Geometry, radius: Floats) -> Floats:
         """Return the recorded positions (count, 2), or some drawn from them, checked for bodies of ``radius`` (count,)."""
-        assert self.starts is not None  # nobody asks else
+        assert self.starts is not None  # the callers have looked
         starts = self.starts.copy()
         if len(starts) > self.count:
             starts = starts[rng.permutation(len(starts))[: self.count]]
@@ -155,7 +155,7 @@ def population_of(where: str, table: Mapping[str, Any]) -> Population:
 
 
 def check_count(what: str, count: Any) -> int:
-    """Return a number of people; raise ValueError unless it is one that a place can have."""
+    """Return a number of people; raise ValueError unless one environment can hold so many."""
     whole(what, count)
     return whole(what, count, Range(1, _MOST_PEOPLE), why="more people do not fit into one environment")
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.file.mistakes import validate
+from crowd_env.scenarios.file.errors import validate
 from crowd_env.state import Floats, Ints
 
 

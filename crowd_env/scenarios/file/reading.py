@@ -1,7 +1,7 @@
 """Scenarios in files, TOML or JSON with the same keys: lengths in m, times in s, speeds in m/s, masses in kg.
 
 The keys are the fields of `crowd_env.scenarios.file.tables.ScenarioTable`, and ``docs/scenarios.md`` lists them.  Nothing is
-ignored: an unknown key is an error that names the file, the place and the key that was probably meant.
+ignored: an unknown key is an error that names the file, the table and the key that was probably meant.
 """
 
 import json
@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowd_env.files.foreign import read_text
+from crowd_env.scenarios.file.errors import at, nearest, validate
 from crowd_env.scenarios.file.expressions import fill
-from crowd_env.scenarios.file.mistakes import at, nearest, validate
 from crowd_env.scenarios.floor_plan import read_starts
 from crowd_env.scenarios.groups import Groups
 from crowd_env.scenarios.population import Population, population_of
@@ -44,7 +44,7 @@ class ScenarioFile:
 
     Parameters
     ----------
-    path : TOML or JSON, see the keys above.
+    path : TOML or JSON.
     """
 
     path: Path
@@ -65,7 +65,7 @@ class ScenarioFile:
         return table.title, table.reference
 
     def __call__(self, **options: Any) -> Scenario:
-        """Return the scenario, checked: every way leads out, and the people fit.
+        """Return the scenario, checked: every route leads out, and the people fit.
 
         Parameters
         ----------
@@ -172,15 +172,15 @@ def _people(table: "ScenarioTable", folder: Path) -> People:
         return Groups(tuple(parts))
 
 
-def _population(given: dict[str, Any], place: str, folder: Path) -> Population:
+def _population(given: dict[str, Any], key: str, folder: Path) -> Population:
     starts = given.get("starts")
     if isinstance(starts, str):
-        with at(f"{place}.starts"):
+        with at(f"{key}.starts"):
             path = (folder / starts).resolve()
             if not path.is_relative_to(folder.resolve()):
                 raise ValueError(f"is {starts!r}, outside of the folder of the scenario; it must name a file in it")
             given = {**given, "starts": read_starts(path)}
-    with at(place):
+    with at(key):
         if "count" not in given and starts is None:
             raise ValueError("needs a 'count', or 'starts'")
         return population_of("population", given)
@@ -205,7 +205,7 @@ def _without_doubles(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _check(scenario: Scenario) -> None:
-    """Raise ValueError if a way leads nowhere, or people do not fit; recorded starts have to suit the largest bodies."""
+    """Raise ValueError if a route leads nowhere, or people do not fit; recorded starts have to suit the largest bodies."""
     route_set = scenario.route_set()
     route_set.when(frozenset(scenario.closed_doors))
     for part in scenario.population.parts:

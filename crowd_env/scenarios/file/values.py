@@ -28,8 +28,8 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform
+from crowd_env.scenarios.file.errors import nearest
 from crowd_env.scenarios.file.expressions import LARGEST
-from crowd_env.scenarios.file.mistakes import nearest
 
 
 def _number(value: Any) -> Any:

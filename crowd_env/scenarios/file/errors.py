@@ -1,9 +1,11 @@
-"""What is wrong with plain data, in one sentence that begins with the file and the place in it."""
+"""What is wrong with plain data, in one sentence that begins with the file and the path of the key in it."""
 
 import difflib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
+
+from crowd_env.checks import shown
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -23,13 +25,13 @@ _EXPECTED = {
 
 
 @contextmanager
-def at(place: str) -> Iterator[None]:
-    """Begin any ValueError of the block with ``place``, a file or a key, unless it does so already."""
+def at(where: str) -> Iterator[None]:
+    """Begin any ValueError of the block with ``where``, a file or a key, unless it does so already."""
     try:
         yield
     except ValueError as error:
-        told = str(error)
-        raise ValueError(told if not place or told.startswith(f"{place}: ") else f"{place}: {told}") from None
+        message = str(error)
+        raise ValueError(message if message.startswith(f"{where}: ") else f"{where}: {message}") from None
 
 
 def validate(adapter: "TypeAdapter[Any]", content: Any, source: str, path: str = "") -> Any:
@@ -37,7 +39,7 @@ def validate(adapter: "TypeAdapter[Any]", content: Any, source: str, path: str =
 
     Parameters
     ----------
-    source, path : the file (or the argument) that the content is from, and its place there, for errors.
+    source, path : the file (or the argument) that the content is from, and its key there, for errors.
 
     Raises
     ------
@@ -50,11 +52,11 @@ def validate(adapter: "TypeAdapter[Any]", content: Any, source: str, path: str =
         return adapter.validate_python(content)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-    raise ValueError(_sentence(first, source, _place(first["loc"], content, path)))
+    raise ValueError(_sentence(first, source, _path(first["loc"], content, path)))
 
 
-def _place(location: Sequence[int | str], content: Any, path: str) -> str:
-    """Return a location in ``content`` as ``groups[1].radius``; what it holds beside keys and indices is left out."""
+def _path(location: Sequence[int | str], content: Any, path: str) -> str:
+    """Return a location in ``content`` as ``groups[1].radius``; parts of it that are neither key nor index are left out."""
     for part in location:
         if isinstance(part, str) and isinstance(content, Mapping) and part in content:
             path, content = f"{path}.{part}" if path else part, content[part]
@@ -75,9 +77,9 @@ def _sentence(error: "ErrorDetails", source: str, path: str) -> str:
             return f"{source}: unknown key {context['key']!r}{inside}; {context['advice']}"
         case "union_tag_invalid":
             path += "." + context["discriminator"].strip("'")
-            problem = f"is {context['tag']!r}; allowed: {_words(context['expected_tags'])}"
+            problem = f"is {shown(context['tag'])}; allowed: {_words(context['expected_tags'])}"
         case "literal_error":
-            problem = f"is {value!r}; allowed: {_words(context['expected'])}"
+            problem = f"is {shown(value)}; allowed: {_words(context['expected'])}"
         case "too_short" | "too_long":
             problem = f"has {len(value)} values; it must have {context.get('min_length', context.get('max_length'))}"
         case "finite_number":
@@ -101,10 +103,10 @@ def _words(quoted: str) -> str:
 def _kind(value: Any) -> str:
     """Return what a value is, in the words of the file."""
     found = _KINDS.get(type(value), f"a {type(value).__name__}")
-    return found + (f" ({value!r})" if isinstance(value, str | bool | int | float) else "")
+    return found + (f" ({shown(value)})" if isinstance(value, str | bool | int | float) else "")
 
 
 def nearest(name: str, known: Collection[str]) -> str:
     """Return the advice about an unknown name: the one that was probably meant, or all there are."""
-    close = difflib.get_close_matches(name, known, n=1)
+    close = difflib.get_close_matches(str(name), known, n=1)
     return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
