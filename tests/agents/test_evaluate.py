@@ -66,7 +66,7 @@ def test_rules_are_in_force_for_rules_alone():
 @pytest.mark.parametrize("name", NAMES)
 def test_all_walk_in_the_same_place(name):
     (entry,) = make_entries([name], RULED)
-    assert bool(entry.driver(RULED, "nsm2", 1)(1).env.route_set[0].rules) == (name == "rules")
+    assert bool(entry.driver(RULED, "nsm2", 1)(1).env.route_set[0].plan.rules) == (name == "rules")
 
 
 def test_the_name_of_an_exit_sends_everyone_there():
