@@ -13,7 +13,7 @@ from crowd_env import EpisodeMetrics, Scenario, make_scenario
 from crowd_env.envs.metrics import summarise
 from crowd_env.envs.rollout import Driver, run_episodes, share
 from crowd_env.files.json_file import json_number
-from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.state import Floats
 
 # Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.
@@ -94,13 +94,17 @@ class Evaluation:
             "walked": named(measured.walked.mean(axis=1)),
             "max_density": {**named(measured.max_density), "max": float(measured.max_density.max())},
             "max_pressure": {**named(measured.max_pressure), "max": float(measured.max_pressure.max())},
-            # The spontaneous scheme has no inertia: its impulses make bodies keep apart, they are not pushes.
-            "pressure_is_force": self.scheme != "nsm1",
+            "pressure_is_force": self.pressure_is_force,
             "computing_seconds": measured.computing,
             "simulated_seconds": measured.simulated,
             "physics_per_simulated_second": (measured.computing - measured.replanning) / simulated,
             "replanning_per_simulated_second": measured.replanning / simulated,
         }
+
+    @property
+    def pressure_is_force(self) -> bool:
+        """Whether the scheme has forces that a body bears, or impulses that only keep bodies apart."""
+        return self.scheme not in SCHEMES or SCHEMES[self.scheme].info.impulses_are_forces
 
     def _exits(self, measured: Measured) -> dict[str, Any]:
         """Return for each exit how many took it in a run, when on average, and when its last one did."""

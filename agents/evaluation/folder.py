@@ -173,7 +173,7 @@ class EvaluationFolder:
             full = full and scale * full
             maps.append(HeatMap(f"{title}, {said}", scale * values, origin, CELL, unit, kind, full))  # type: ignore[arg-type]
         note = "Density: people within 1 m of a place over π m².  "
-        if result.scheme == "nsm1":
+        if not result.pressure_is_force:
             note += "This scheme knows no forces: its pressure is what keeps bodies apart."
         else:
             note += "Pressure: contact force over circumference of who stands there, 0 while nobody does."

@@ -123,8 +123,9 @@ def crowding_table(results: Sequence[Evaluation]) -> Table:
             caption += (
                 f" VOID: {lost} people were outside of the plan in runs of {result.policy} under {result.scheme}."
             )
-    if any(result.scheme == "nsm1" for result in results):
-        caption += " *nsm1 has no forces: its impulses keep bodies apart, nobody would feel that pressure."
+    forceless = dict.fromkeys(result.scheme for result in results if not result.pressure_is_force)
+    for scheme in forceless:
+        caption += f" *{scheme} has no forces: its impulses keep bodies apart, nobody would feel that pressure."
     names = ("flow\n1/s", "density\n1/m2", "pressure\nkN/m", "impulse\nkN s", "way\nm", "overlap\nmm", "fastest\nm/s")
     table = _table(caption, *names, "comp.\nms/s", "plan\nms/s")
     for result, _ in _with_first(results, table):

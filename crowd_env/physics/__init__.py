@@ -1,4 +1,4 @@
-"""Contact physics: ways for discs to touch, behind one list of contacts.  Knows no scenario and no learning."""
+"""Contact physics: schemes for discs in contact, behind one list of contacts.  Knows no scenario and no learning."""
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -30,11 +30,12 @@ __all__ = ["DEM", "NSM1", "NSM2", "SCHEMES", "SOCIAL_FORCES", "ContactScheme", "
 def make_scheme(
     scheme: str | Mapping[str, Any] | ContactScheme, social: str | Mapping[str, Any] | SocialForce | None = None
 ) -> ContactScheme:
-    """Return a scheme by name, the one of plain data, or the scheme itself.
+    """Return the scheme of a name, of plain data, or the scheme that is given.
 
     Parameters
     ----------
-    scheme : plain data have the name and parameters that differ: ``{"name": "nsm2", "tolerance": 1e-3, "social": "lin"}``.
+    scheme : a scheme, a name in ``SCHEMES``, or plain data with the name and the parameters that differ:
+        ``{"name": "nsm2", "tolerance": 1e-3, "social": "lin"}``.
     social : a social force, its name or its parameters, to take instead of the scheme's own.
 
     Raises
@@ -46,23 +47,13 @@ def make_scheme(
         scheme = SCHEMES[known("contact scheme", scheme, SCHEMES)]
     elif isinstance(scheme, Mapping):
         scheme = _from_table(scheme)
-    else:
-        _check_scheme(scheme)
-    if social is None:
-        return scheme
-    return replace(scheme, social=make_social(social))  # type: ignore[type-var]  # every scheme is a dataclass
-
-
-def _check_scheme(scheme: Any) -> None:
-    """Raise ValueError unless it is a scheme."""
-    if isinstance(scheme, type) or not (hasattr(scheme, "info") and hasattr(scheme, "advance")):
+    elif not isinstance(scheme, ContactScheme):
         refuse("scheme", scheme, "a scheme such as NSM2(), a table {'name': ...} or one of " + ", ".join(SCHEMES))
+    return scheme if social is None else replace(scheme, social=make_social(social))
 
 
 def _from_table(table: Mapping[str, Any]) -> ContactScheme:
     parameters = dict(table)
     base = SCHEMES[known("contact scheme", parameters.pop("name", None), SCHEMES)]
-    check_keys(f"scheme {base.info.name}", parameters, ["name", *(f.name for f in fields(base))])  # type: ignore[arg-type]
-    if "social" in parameters:
-        parameters["social"] = make_social(parameters["social"])
-    return make_scheme(replace(base, **parameters))  # type: ignore[type-var]  # every scheme is a dataclass
+    check_keys(f"scheme {base.info.name}", parameters, ["name", *(field.name for field in fields(base))])
+    return replace(base, **parameters)

@@ -1,17 +1,17 @@
-"""What nobody exceeds: the speed of a person, a radius a step, and the walls.
+"""Bounds of every step: the speed of a person, one radius a step, and the walls.
 
 A contact law pushes back in proportion to how deep, or how fast, a body comes; it does not promise that a wall holds.  Under
-thousands of people a soft wall gives way by more than a radius, and whoever's center is behind a wall is no longer touched by
-it.  So every step ends with three bounds:
+thousands of people a soft wall gives way by more than a radius, and a center behind a wall is no longer in contact with it.  So
+every step ends with three bounds:
 
-* nobody is faster than `MAX_SPEED`: whoever is pushed harder keeps the direction and loses the rest;
+* nobody is faster than `MAX_SPEED`: a velocity beyond it keeps its direction and loses the rest;
 * nobody moves further than the own radius in a step: a step in which it happens is an error, since what lies between could
   be missed;
-* no center crosses a wall: whoever's path does slides along the wall instead and loses the velocity into it, as against a
-  perfectly inelastic obstacle.  The center stays `MARGIN` away from the wall.
+* no center crosses a wall: a path that would do so slides along the wall instead, and the velocity into the wall is lost, as
+  against a perfectly inelastic obstacle.  The center stays `MARGIN` away from the wall.
 
-The path of a step can reach a wall only if the wall lay within it at the start.  A wall so near is a contact, deeper than
-the radius less the path; where no contact of a step is so deep, there is nothing to look at.
+The path of a step can reach a wall only if the wall lay within it at the start.  A wall so near is a contact deeper than the
+radius less the path; where no contact of a step is so deep, there is nothing to do.
 """
 
 import numpy as np
@@ -29,11 +29,11 @@ MARGIN = 1e-6
 
 
 @inner_kernel
-def least_radius(e: int, last: int, batch: Batch) -> float:
-    """Return the smallest radius [m] of those whom `Workspace.inside` lists up to place ``last``."""
+def least_radius(e: int, rank_stop: int, batch: Batch) -> float:
+    """Return the smallest radius [m] of those whom `Workspace.inside` lists up to ``rank_stop``."""
     inside, radius, least = batch.workspace.inside, batch.bodies.radius, np.inf
-    for place in range(index(batch.bodies.env_start[e]), index(last)):
-        least = min(least, radius[inside[place]])
+    for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
+        least = min(least, radius[inside[rank]])
     return float(least)
 
 
@@ -44,15 +44,15 @@ def speed_limit(batch: Batch) -> float:
 
 
 @inner_kernel
-def hold_to_speed(e: int, last: int, batch: Batch, velocity: Floats, limit: float) -> float:
+def hold_to_speed(e: int, rank_stop: int, batch: Batch, velocity: Floats, limit: float) -> float:
     """Hold ``velocity`` (P, 2) to ``limit`` [m/s] and return the largest speed [m/s], which is kept in the sums too."""
-    begin, inside, most, fastest = batch.bodies.env_start[e], batch.workspace.inside, limit * limit, 0.0
-    for place in range(index(begin), index(last)):
-        i = inside[place]
+    rank_start, inside, most, fastest = batch.bodies.env_start[e], batch.workspace.inside, limit * limit, 0.0
+    for rank in range(index(rank_start), index(rank_stop)):
+        i = inside[rank]
         fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
     if fastest > most:
-        for place in range(index(begin), index(last)):
-            i = inside[place]
+        for rank in range(index(rank_start), index(rank_stop)):
+            i = inside[rank]
             square = velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1]
             if square > most:
                 share = limit / np.sqrt(square)
@@ -65,15 +65,15 @@ def hold_to_speed(e: int, last: int, batch: Batch, velocity: Floats, limit: floa
 
 
 @inner_kernel
-def stay_within_bounds(e: int, last: int, batch: Batch, deepest: float, smallest: float, furthest: float) -> bool:
-    """Hold environment ``e`` at its walls after a move; False (with the reason in `status`) if someone went too far.
+def stay_within_bounds(e: int, rank_stop: int, batch: Batch, deepest: float, smallest: float, longest: float) -> bool:
+    """Hold environment ``e`` at its walls after a move; False (with the reason in `status`) if somebody went too far.
 
     ``deepest`` [m] is the deepest contact with a wall at the start of the step, ``smallest`` the least radius and
-    ``furthest`` the longest path; people are those whom `Workspace.inside` lists up to place ``last``.
+    ``longest`` the longest path; people are those whom `Workspace.inside` lists up to ``rank_stop``.
     """
-    if deepest + furthest <= smallest - 2.0 * MARGIN or not batch.control.bounded:
+    if deepest + longest <= smallest - 2.0 * MARGIN or not batch.control.bounded:
         return True
-    if furthest > smallest and _is_too_far(e, last, batch):
+    if longest > smallest and _is_too_far(e, rank_stop, batch):
         batch.workspace.status[e] = TOO_FAST
         return False
     _hold_at_walls(e, batch)
@@ -81,7 +81,7 @@ def stay_within_bounds(e: int, last: int, batch: Batch, deepest: float, smallest
 
 
 @inner_kernel
-def _is_too_far(e: int, last: int, batch: Batch) -> bool:
+def _is_too_far(e: int, rank_stop: int, batch: Batch) -> bool:
     """Whether anyone has moved further than the own radius in this step."""
     inside, previous, position, radius = (
         batch.workspace.inside,
@@ -89,8 +89,8 @@ def _is_too_far(e: int, last: int, batch: Batch) -> bool:
         batch.state.position,
         batch.bodies.radius,
     )
-    for place in range(index(batch.bodies.env_start[e]), index(last)):
-        i = inside[place]
+    for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
+        i = inside[rank]
         dx, dy = position[i, 0] - previous[i, 0], position[i, 1] - previous[i, 1]
         if dx * dx + dy * dy > radius[i] * radius[i]:
             return True
@@ -101,7 +101,7 @@ def _is_too_far(e: int, last: int, batch: Batch) -> bool:
 def _hold_at_walls(e: int, batch: Batch) -> None:
     """Let nobody of environment ``e`` cross a wall in the step from `Workspace.previous_position` to `CrowdState.position`."""
     near, state, bodies = batch.workspace.neighbors, batch.state, batch.bodies
-    first, last = near.pair_end[e], near.wall_end[e]
+    entry_start, entry_end = near.pair_end[e], near.wall_end[e]
     boundary, g, owner, partner = batch.world.boundary, batch.world.geometry_of_env[e], near.owner, near.partner
     position, previous, velocity, active = (
         state.position,
@@ -109,14 +109,14 @@ def _hold_at_walls(e: int, batch: Batch) -> None:
         state.velocity,
         state.active,
     )
-    begin = first
-    while begin < last:
-        i, stop = owner[begin], begin + 1
-        while stop < last and owner[stop] == i:
-            stop += 1
+    entry = entry_start
+    while entry < entry_end:
+        i, entry_stop = owner[entry], entry + 1
+        while entry_stop < entry_end and owner[entry_stop] == i:
+            entry_stop += 1
         if active[i]:
             x, y, nx, ny, mx, my = _held(
-                boundary, g, partner, begin, stop, previous[i, 0], previous[i, 1], position[i, 0], position[i, 1]
+                boundary, g, partner, entry, entry_stop, previous[i, 0], previous[i, 1], position[i, 0], position[i, 1]
             )
             if nx != 0.0 or ny != 0.0:
                 position[i, 0], position[i, 1] = x, y
@@ -126,7 +126,7 @@ def _hold_at_walls(e: int, batch: Batch) -> None:
                 batch.results.impulse[i, 1] += py
                 batch.results.impulse_magnitude[i] += np.sqrt(px * px + py * py)
                 velocity[i, 0], velocity[i, 1] = ux, uy
-        begin = stop
+        entry = entry_stop
 
 
 @inner_kernel

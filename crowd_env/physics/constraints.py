@@ -1,15 +1,15 @@
-"""The contact problem of NSM1 and NSM2 as rows: who, in which direction, under which law.
+"""The contacts of NSM1 and NSM2 as rows of constraints: two bodies, a direction and a law each.
 
-Both schemes ask for impulses P and velocities v = v_start + M^-1 B^T P such that every contact meets its own law, with
+Both schemes look for impulses P and velocities v = v_start + M^-1 B^T P such that every contact meets its own law, with
 w = B v + bias the speed at which it separates ((B v)_c = n_c . (v_i - v_j), a_c = 1/m_i + 1/m_j its diagonal):
 
     unilateral          0 <= P orthogonal to w >= 0                                  NSM1, with bias D / h
     with dissipation    P = -K_N (w- + w) / 2 + mu,  0 <= mu orthogonal to w >= 0    NSM2, if it approached; else as above
     tangential          P_T = -K_T (w_T- + w_T) / 2                                  NSM2, if it approached
 
-Each law is a row that knows two bodies, a direction and what its reaction r = a P [m/s] should be, all else being as it is; a
-wall is a body that no reaction moves.  Rows of NSM1 are sorted by color: no two of a color share a body (but walls), so that
-the processor need not wait for one row to start the next; a sweep was measured to take 1.5 times as long in the order of the
+A row holds two bodies, a direction and what its reaction r = a P [m/s] should be while all others stay as they are; a wall is
+a body that no reaction moves.  Rows of NSM1 are sorted by color: no two of a color share a body (but walls), so that the
+processor need not wait for one row to start the next; a sweep was measured to take 1.5 times as long in the order of the
 contacts.
 """
 
@@ -22,100 +22,108 @@ from crowd_env._kernels.jit import inner_kernel
 from crowd_env.physics.contacts import Contacts
 from crowd_env.state import Floats
 
-_FEW = 32  # contacts; so many are in flight together in any order, to sort them costs more than it saves
-_COLOURS = 12  # 7 or 8 are used in a jam; whoever finds none free shares the last
+_FEW = 32  # contacts; this many are in flight together in any order, and sorting costs more than it saves
+_COLORS = 12  # 7 or 8 are used in a jam; a contact that finds none free shares the last
 
 Indices = NDArray[np.uint32]
 
 
-class Problem(NamedTuple):
-    """The rows of all environments, in the order of solution, and the velocities that they work on.
+class Constraints(NamedTuple):
+    """The rows of all environments, in the order of solution, and the velocities that they act on.
 
-    Environment e has the rows from its first contact on, and the bodies ``env_start[e] + e`` to
-    ``env_start[e + 1] + e``, of which the last is the wall.
+    Environment e has the rows from its first contact on, and the bodies ``env_start[e] + e`` to ``env_start[e + 1] + e``, of
+    which the last is the wall.
     """
 
-    pair: Indices  # (M, 2)        the two bodies, counted within the environment; the wall is the last
-    source: Indices  # (M,)          contact of the row, counted from the first of its environment
-    row: Floats  # (M, 4)        direction from the second to the first (2); m/s bias, or if it is soft w-; share of the first
-    soft: Floats  # (M,)          compliance of the law: 0 hard, > 0 with dissipation, < 0 tangential
-    reaction: Floats  # (M, 2)   m/s  r = a P of this sweep and of the one before
-    velocity: Floats  # (P+E, 2) m/s
-    v_last: Floats  # (P+E, 2) m/s  of the sweep before
-    colors: Indices  # (P+E, 2)      colors taken by each body (bits); where each color starts
+    pair: Indices  # (M, 2)         the two bodies, counted within the environment; the wall is the last
+    source: Indices  # (M,)           contact of the row, counted from the first of its environment
+    coefficients: (
+        Floats  # (M, 4)         direction from the second to the first (2); m/s bias, or w- of a soft row; share of i
+    )
+    compliance: Floats  # (M,)           0 hard, > 0 with dissipation, < 0 tangential
+    reaction: Floats  # (M, 2)    m/s  r = a P of this sweep and of the one before
+    velocity: Floats  # (P+E, 2)  m/s
+    previous_velocity: Floats  # (P+E, 2)  m/s  of the sweep before
+    colors: Indices  # (P+E, 2)       colors taken by each body (bits); where each color starts
 
 
-def allocate_problem(people: int, entries: int, environments: int) -> Problem:
-    """Return a problem with room for ``entries`` contacts."""
+def allocate_constraints(people: int, entries: int, environments: int) -> Constraints:
+    """Return no constraints, with room for ``entries`` contacts."""
     bodies = people + environments
-    return Problem(
+    return Constraints(
         pair=np.zeros((entries, 2), dtype=np.uint32),
         source=np.zeros(entries, dtype=np.uint32),
-        row=np.zeros((entries, 4)),
-        soft=np.zeros(entries),
+        coefficients=np.zeros((entries, 4)),
+        compliance=np.zeros(entries),
         reaction=np.zeros((entries, 2)),
         velocity=np.zeros((bodies, 2)),
-        v_last=np.zeros((bodies, 2)),
+        previous_velocity=np.zeros((bodies, 2)),
         colors=np.zeros((bodies, 2), dtype=np.uint32),
     )
 
 
 @inner_kernel
-def pose_no_overlap(
-    begin: int,
-    end: int,
-    first: int,
-    last: int,
+def assemble_no_overlap(
+    contact_start: int,
+    contact_stop: int,
+    slot_start: int,
+    slot_stop: int,
     e: int,
     contacts: Contacts,
     mass: Floats,
     v: Floats,
-    problem: Problem,
+    constraints: Constraints,
     dt: float,
     warm: bool,
 ) -> int:
-    """NSM1: D + h w >= 0 for the contacts ``begin:end`` of the people ``first:last`` (Pécol et al. 2011, eq 6).
+    """NSM1: D + h w >= 0 for the contacts of the people ``slot_start:slot_stop`` (Pécol et al. 2011, eq 6).
 
     ``v`` (P, 2) m/s are the velocities without contact; ``warm`` starts from the impulses that the contacts hold.
-    Returns the number of rows that are likely to push: they come first.
+    Returns the size of the active set: the number of rows that are likely to push, which come first.
     """
-    busy = _sort(begin, end, first, last, e, contacts, v, problem, dt)
-    source, row, reaction = problem.source, problem.row, problem.reaction
+    active_rows = _sort_by_color(contact_start, contact_stop, slot_start, slot_stop, e, contacts, v, constraints, dt)
+    source, coefficients, reaction = constraints.source, constraints.coefficients, constraints.reaction
     gap, impulse = contacts.gap, contacts.impulse
-    for t in range(begin, end):
-        c = begin + source[t]
-        a = _place(t, c, first, last, contacts, mass, problem)
-        row[t, 2] = gap[c] / dt
+    for t in range(contact_start, contact_stop):
+        c = contact_start + source[t]
+        a = _assemble_row(t, c, slot_start, slot_stop, contacts, mass, constraints)
+        coefficients[t, 2] = gap[c] / dt
         reaction[t, 0] = a * impulse[c, 0] if warm else 0.0
         reaction[t, 1] = 0.0
-    return busy
+    return active_rows
 
 
 @inner_kernel
-def pose_percussions(
-    begin: int,
-    end: int,
-    first: int,
-    last: int,
+def assemble_percussions(
+    contact_start: int,
+    contact_stop: int,
+    slot_start: int,
+    slot_stop: int,
     contacts: Contacts,
     mass: Floats,
     before: Floats,
-    problem: Problem,
+    constraints: Constraints,
     k_normal: float,
     k_tangent: float,
     dissipative: bool,
 ) -> int:
-    """NSM2: a contact dissipates if it approached at t(n), velocities ``before`` (eqs 8-10 with the approach gate).
+    """NSM2: a contact dissipates if it approached at t(n), with velocities ``before`` (eqs 8-10 with the approach gate).
 
     ``dissipative`` lets a contact that was separating be closed only down to w+ = -w-, where it does no work.  Returns the
     number of rows: with tangential dissipation up to twice the number of contacts.
     """
-    tangents = end
-    source, pair, row, soft, reaction = problem.source, problem.pair, problem.row, problem.soft, problem.reaction
+    tangents = contact_stop
+    source, pair, coefficients, compliance, reaction = (
+        constraints.source,
+        constraints.pair,
+        constraints.coefficients,
+        constraints.compliance,
+        constraints.reaction,
+    )
     contact_i, contact_j, normal = contacts.i, contacts.j, contacts.normal
-    for t in range(begin, end):
-        source[t] = t - begin
-        a = _place(t, t, first, last, contacts, mass, problem)
+    for t in range(contact_start, contact_stop):
+        source[t] = t - contact_start
+        a = _assemble_row(t, t, slot_start, slot_stop, contacts, mass, constraints)
         i, j = contact_i[t], contact_j[t]
         vx, vy = before[i, 0], before[i, 1]
         if j >= 0:
@@ -125,59 +133,72 @@ def pose_percussions(
         w = vx * nx + vy * ny
         reaction[t, 0], reaction[t, 1] = 0.0, 0.0
         if w < 0.0:
-            row[t, 2] = w if k_normal > 0.0 else 0.0
-            soft[t] = a / (2.0 / k_normal + a)
+            coefficients[t, 2] = w if k_normal > 0.0 else 0.0
+            compliance[t] = a / (2.0 / k_normal + a)
             if k_tangent > 0.0:
                 k = tangents
                 tangents += 1
-                source[k] = t - begin
+                source[k] = t - contact_start
                 pair[k, 0], pair[k, 1] = pair[t, 0], pair[t, 1]
-                row[k, 0], row[k, 1] = -ny, nx
-                row[k, 2] = vy * nx - vx * ny
-                row[k, 3] = row[t, 3]
-                soft[k] = -a / (2.0 / k_tangent + a)
+                coefficients[k, 0], coefficients[k, 1] = -ny, nx
+                coefficients[k, 2] = vy * nx - vx * ny
+                coefficients[k, 3] = coefficients[t, 3]
+                compliance[k] = -a / (2.0 / k_tangent + a)
                 reaction[k, 0], reaction[k, 1] = 0.0, 0.0
         else:
-            row[t, 2] = w if dissipative else 0.0
-            soft[t] = 0.0
-    return tangents - begin
+            coefficients[t, 2] = w if dissipative else 0.0
+            compliance[t] = 0.0
+    return tangents - contact_start
 
 
 @inner_kernel
-def _place(t: int, c: int, first: int, last: int, contacts: Contacts, mass: Floats, problem: Problem) -> float:
+def _assemble_row(
+    t: int, c: int, slot_start: int, slot_stop: int, contacts: Contacts, mass: Floats, constraints: Constraints
+) -> float:
     """Give row ``t`` the bodies and the direction of contact ``c``; returns its inverse effective mass a_c [1/kg]."""
-    pair, row, normal = problem.pair, problem.row, contacts.normal
+    pair, coefficients, normal = constraints.pair, constraints.coefficients, contacts.normal
     i, j = contacts.i[c], contacts.j[c]
     a = 1.0 / mass[i]
-    pair[t, 0] = i - first
-    row[t, 0], row[t, 1] = normal[c, 0], normal[c, 1]
+    pair[t, 0] = i - slot_start
+    coefficients[t, 0], coefficients[t, 1] = normal[c, 0], normal[c, 1]
     if j >= 0:
-        pair[t, 1] = j - first
-        row[t, 3] = mass[j] / (mass[i] + mass[j])
+        pair[t, 1] = j - slot_start
+        coefficients[t, 3] = mass[j] / (mass[i] + mass[j])
         a += 1.0 / mass[j]
     else:
-        pair[t, 1] = last - first
-        row[t, 3] = 1.0  # exactly: the wall gets 1 - 1 = 0
+        pair[t, 1] = slot_stop - slot_start
+        coefficients[t, 3] = 1.0  # exactly: the wall gets 1 - 1 = 0
     return a
 
 
 @inner_kernel
-def _sort(
-    begin: int, end: int, first: int, last: int, e: int, contacts: Contacts, v: Floats, problem: Problem, dt: float
+def _sort_by_color(
+    contact_start: int,
+    contact_stop: int,
+    slot_start: int,
+    slot_stop: int,
+    e: int,
+    contacts: Contacts,
+    v: Floats,
+    constraints: Constraints,
+    dt: float,
 ) -> int:
-    """Sort the contacts by color; returns how many come before those that neither pushed nor would close without pushes."""
-    source, pair, bodies = problem.source, problem.pair, problem.colors
+    """Sort the contacts by color; last come those that neither pushed nor would close without impulses.
+
+    Returns how many come before these.
+    """
+    source, pair, bodies = constraints.source, constraints.pair, constraints.colors
     contact_i, contact_j, normal, impulse, gap = contacts.i, contacts.j, contacts.normal, contacts.impulse, contacts.gap
-    if end - begin <= _FEW:
-        for c in range(begin, end):
-            source[c] = c - begin
-        return end - begin
-    base = first + e
-    idle = min(_COLOURS, last - first)  # the color of those
-    for i in range(base, last + e + 1):
+    if contact_stop - contact_start <= _FEW:
+        for c in range(contact_start, contact_stop):
+            source[c] = c - contact_start
+        return contact_stop - contact_start
+    base = slot_start + e
+    idle = min(_COLORS, slot_stop - slot_start)  # the color of these
+    for i in range(base, slot_stop + e + 1):
         bodies[i, 0] = 0
         bodies[i, 1] = 0
-    for c in range(begin, end):
+    for c in range(contact_start, contact_stop):
         i, j = contact_i[c], contact_j[c]
         color = idle
         nx, ny = normal[c, 0], normal[c, 1]
@@ -199,40 +220,44 @@ def _sort(
         count = bodies[base + color, 1]
         bodies[base + color, 1] = total
         total += count
-    busy = bodies[base + idle, 1]
-    for c in range(begin, end):
-        place = base + pair[c, 0]
-        source[begin + bodies[place, 1]] = c - begin
-        bodies[place, 1] += 1
-    return busy
+    active_rows = bodies[base + idle, 1]
+    for c in range(contact_start, contact_stop):
+        head = base + pair[c, 0]
+        source[contact_start + bodies[head, 1]] = c - contact_start
+        bodies[head, 1] += 1
+    return active_rows
 
 
 @inner_kernel
-def give_impulses(begin: int, rows: int, number: int, contacts: Contacts, mass: Floats, problem: Problem) -> None:
-    """Leave the impulses [N s] of the solution with the ``number`` contacts: rows beyond are tangential."""
-    source, row, reaction = problem.source, problem.row, problem.reaction
+def set_impulses(
+    contact_start: int, rows: int, number: int, contacts: Contacts, mass: Floats, constraints: Constraints
+) -> None:
+    """Write the impulses [N s] of the solution to the ``number`` contacts: rows beyond are tangential."""
+    source, coefficients, reaction = constraints.source, constraints.coefficients, constraints.reaction
     impulse, contact_i = contacts.impulse, contacts.i
-    for c in range(begin, begin + number):
+    for c in range(contact_start, contact_start + number):
         impulse[c, 1] = 0.0
-    for t in range(begin, begin + rows):
-        c = begin + source[t]
-        gained = reaction[t, 0] * row[t, 3] * mass[contact_i[c]]  # share of i = 1 / (a m_i)
-        impulse[c, 0 if t < begin + number else 1] = gained
+    for t in range(contact_start, contact_start + rows):
+        c = contact_start + source[t]
+        gained = reaction[t, 0] * coefficients[t, 3] * mass[contact_i[c]]  # share of i = 1 / (a m_i)
+        impulse[c, 0 if t < contact_start + number else 1] = gained
 
 
 @inner_kernel
-def keep_impulses(begin: int, end: int, contacts: Contacts, problem: Problem) -> None:
-    """Keep the impulses of the contacts ``begin:end`` while they are found once more, up to a wider gap."""
-    reaction, impulse = problem.reaction, contacts.impulse
-    for c in range(begin, end):
+def stash_impulses(contact_start: int, contact_stop: int, contacts: Contacts, constraints: Constraints) -> None:
+    """Put the impulses of the contacts aside while contacts are found once more, up to a wider gap."""
+    reaction, impulse = constraints.reaction, contacts.impulse
+    for c in range(contact_start, contact_stop):
         reaction[c, 1] = impulse[c, 0]
 
 
 @inner_kernel
-def take_impulses(begin: int, end: int, margin: float, contacts: Contacts, problem: Problem) -> None:
-    """Give the kept impulses to the same contacts: those with a gap below the former ``margin``, in the same order."""
-    gap, impulse, reaction, kept = contacts.gap, contacts.impulse, problem.reaction, begin
-    for c in range(begin, end):
+def restore_impulses(
+    contact_start: int, contact_stop: int, margin: float, contacts: Contacts, constraints: Constraints
+) -> None:
+    """Give the stashed impulses to the same contacts: those with a gap below the former ``margin``, in the same order."""
+    gap, impulse, reaction, stashed = contacts.gap, contacts.impulse, constraints.reaction, contact_start
+    for c in range(contact_start, contact_stop):
         if gap[c] < margin:
-            impulse[c, 0] = reaction[kept, 1]
-            kept += 1
+            impulse[c, 0] = reaction[stashed, 1]
+            stashed += 1

@@ -1,11 +1,11 @@
-"""The waist of the hourglass: every touch, disc on disc, disc on wall and disc on corner, as one struct of arrays.
+"""The waist of the hourglass: every contact of disc and disc, wall or corner, as one struct of arrays.
 
 Sign conventions: ``gap`` is the distance between the surfaces (negative = overlap); the unit ``normal`` points from ``j`` to
 ``i``, so a positive normal impulse pushes ``i`` along ``+normal`` and ``j`` along ``-normal``; the tangent is the normal turned
 left by 90 degrees.  ``j < 0`` is a wall feature: it does not move.
 
 A wall is a set of segments and of end points.  A disc touches the inside of a segment only where its center projects on it,
-and an end point only where every segment that ends there projects beyond it: each touch is found exactly once, at a door
+and an end point only where every segment that ends there projects beyond it: each contact is found exactly once, at a door
 jamb, around the corner of an obstacle, and along a straight wall made of pieces.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.physics.neighbors.lists import NeighborList, Places
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 
 class Contacts(NamedTuple):
@@ -32,7 +32,7 @@ class Contacts(NamedTuple):
     #                nsm1, nsm2: normal and tangential impulse of the last step [N s]; hertz: tangential elongation [m], 0
     old_key: Ints  # (M,)    scratch: keys and history of the contacts of the last step
     old_history: Floats  # (M, 2)
-    hit: Places  # (M,)    scratch: entries of the list that are contacts
+    candidates: Places  # (M,)    scratch: entries of the list that may be contacts
 
 
 # What contacts are and keep; the rest of `Contacts` is scratch.
@@ -41,7 +41,7 @@ KEPT = ("i", "j", "gap", "normal", "impulse", "history")
 
 def allocate_contacts(near: NeighborList) -> Contacts:
     """Return no contacts, with as much room as the neighbor list."""
-    entries = len(near.touch)
+    entries = len(near.contact_distance)
     return Contacts(
         number=np.zeros(len(near.reach), dtype=np.int64),
         i=np.zeros(entries, dtype=np.int64),
@@ -52,7 +52,7 @@ def allocate_contacts(near: NeighborList) -> Contacts:
         history=np.zeros((entries, 2)),
         old_key=np.zeros(entries, dtype=np.int64),
         old_history=np.zeros((entries, 2)),
-        hit=np.zeros(entries, dtype=np.uint32),
+        candidates=np.zeros(entries, dtype=np.uint32),
     )
 
 
@@ -73,12 +73,12 @@ def move_contacts(old: Contacts, old_near: NeighborList, new: Contacts, new_near
 
 @inner_kernel
 def contact_key(i: int, j: int) -> int:
-    """Where a contact stands in the order (i, j), walls last."""
+    """Return a number that orders contacts by (i, j), walls last."""
     return (i << 32) + (j if j >= 0 else (1 << 31) - 1 - j)
 
 
 def contact_keys(i: Ints, j: Ints) -> Ints:
-    """The same for arrays (C,)."""
+    """Return `contact_key` of arrays (C,)."""
     return np.asarray((i << 32) + np.where(j >= 0, j, (1 << 31) - 1 - j))
 
 
@@ -97,132 +97,97 @@ def find_contacts(
 
     The starting impulse is what is kept of a pair that was in contact in the previous step, else zero.
     """
-    first, wall, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
-    kept = first
-    if contacts.number[e] > 0:
-        kept = _keep_history(
-            first,
-            first + contacts.number[e],
-            contacts.i,
-            contacts.j,
-            contacts.history,
-            contacts.old_key,
-            contacts.old_history,
-        )
-    hits = _near_enough(first, wall, near.owner, near.partner, near.touch, state.position, margin, contacts.hit)
-    c, walls = first, wall
-    if wall < wall_end:
-        walls = _near_walls(
-            g,
-            wall,
-            wall_end,
-            boundary.wall_start,
-            boundary.corner_start,
-            boundary.wall,
-            boundary.corner,
-            near.owner,
-            near.partner,
-            bodies.radius,
-            state.position,
-            margin,
-            contacts.hit,
-        )
-    if walls > wall:
-        c = _touch_all(
-            g, first, hits, wall, walls, boundary, bodies.radius, state.active, state.position, near, contacts, margin
-        )
-    elif hits > first:
-        c = _touch_people(
-            first, hits, near.owner, near.partner, near.touch, state.active, state.position, margin, contacts, c
-        )
-    contacts.number[e] = c - first
-    if c > first:
-        _load_history(
-            first,
-            c,
-            kept,
-            contacts.i,
-            contacts.j,
-            contacts.impulse,
-            contacts.history,
-            contacts.old_key,
-            contacts.old_history,
-        )
+    entry_start, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
+    kept = _keep_history(entry_start, entry_start + contacts.number[e], contacts)
+    pairs = _find_candidates(entry_start, pair_end, near, state.position, margin, contacts.candidates)
+    c, walls = entry_start, pair_end
+    if pair_end < wall_end:
+        radius, candidates = bodies.radius, contacts.candidates
+        walls = _find_wall_candidates(g, pair_end, wall_end, boundary, near, radius, state.position, margin, candidates)
+    if walls > pair_end:
+        c = _write_all(g, entry_start, pairs, pair_end, walls, boundary, bodies.radius, state, near, contacts, margin)
+    elif pairs > entry_start:
+        c = _write_pairs(entry_start, pairs, state, near, contacts, margin, c)
+    contacts.number[e] = c - entry_start
+    _load_history(entry_start, c, kept, contacts)
 
 
 @inner_kernel
-def _near_enough(
-    first: int, last: int, owner: Places, partner: Places, touch: Floats, position: Floats, margin: float, hit: Places
+def _find_candidates(
+    entry_start: int, entry_stop: int, near: NeighborList, position: Floats, margin: float, candidates: Places
 ) -> int:
-    """Write the entries ``first:last`` with a gap below ``margin`` into ``hit``; returns one past the last.
+    """Write the pair entries with a gap below ``margin`` into ``candidates``; returns one past the last.
 
-    Every entry is written down, whether it counts or not: the processor would guess a branch wrong every third time, which
-    costs more than all of the rest.
+    Every entry is written, and kept only if it counts: a branch would be mispredicted every third time, which costs more than
+    all of the rest.
     """
-    hits = index(first)
-    for entry in range(index(first), index(last)):
+    owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
+    candidate = index(entry_start)
+    for entry in range(index(entry_start), index(entry_stop)):
         i, j = owner[entry], partner[entry]
-        dx, dy, limit = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry] + margin
-        hit[hits] = entry
-        hits += index(dx * dx + dy * dy < limit * limit)
-    return int(np.int64(hits))
+        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+        limit = contact_distance[entry] + margin
+        candidates[candidate] = entry
+        candidate += index(dx * dx + dy * dy < limit * limit)
+    return int(np.int64(candidate))
 
 
 @inner_kernel
-def _near_walls(
+def _find_wall_candidates(
     g: int,
-    first: int,
-    last: int,
-    wall_start: Ints,
-    corner_start: Ints,
-    wall: Floats,
-    corner: Floats,
-    owner: Places,
-    partner: Places,
+    entry_start: int,
+    entry_stop: int,
+    boundary: Boundary,
+    near: NeighborList,
     radius: Floats,
     position: Floats,
     margin: float,
-    hit: Places,
+    candidates: Places,
 ) -> int:
-    """The same for the wall entries ``first:last``: those whose line or corner is near enough, without root or division."""
-    hits, walls = first, wall_start[g + 1] - wall_start[g]
-    for entry in range(index(first), index(last)):
+    """Write the wall entries whose line or corner is near enough into ``candidates``; returns one past the last.
+
+    It takes no root and no division.
+    """
+    owner, partner, wall, corner = near.owner, near.partner, boundary.wall, boundary.corner
+    wall_first, corner_first = boundary.wall_start[g], boundary.corner_start[g]
+    candidate, walls = entry_start, boundary.wall_start[g + 1] - wall_first
+    for entry in range(index(entry_start), index(entry_stop)):
         i, k = owner[entry], np.int64(partner[entry])
         x, y, limit = position[i, 0], position[i, 1], radius[i] + margin
-        hit[hits] = entry
+        candidates[candidate] = entry
         if k < walls:
-            k += wall_start[g]
+            k += wall_first
             ax, ay = wall[k, 0, 0], wall[k, 0, 1]
             tx, ty = wall[k, 1, 0] - ax, wall[k, 1, 1] - ay
             cross = tx * (y - ay) - ty * (x - ax)
-            # With room for rounding: what is exactly at the limit is for the narrow phase to say.
-            hits += cross * cross < 1.000001 * limit * limit * (tx * tx + ty * ty)
+            # With room for rounding: the narrow phase decides about what is exactly at the limit.
+            candidate += cross * cross < 1.000001 * limit * limit * (tx * tx + ty * ty)
         else:
-            k += corner_start[g] - walls
+            k += corner_first - walls
             dx, dy = x - corner[k, 0], y - corner[k, 1]
-            hits += dx * dx + dy * dy < 1.000001 * limit * limit
-    return hits
+            candidate += dx * dx + dy * dy < 1.000001 * limit * limit
+    return candidate
 
 
 @inner_kernel
-def _touch_people(
-    first: int,
-    last: int,
-    owner: Places,
-    partner: Places,
-    touch: Floats,
-    active: Bools,
-    position: Floats,
-    margin: float,
+def _write_pairs(
+    candidate_start: int,
+    candidate_stop: int,
+    state: CrowdState,
+    near: NeighborList,
     contacts: Contacts,
+    margin: float,
     c: int,
 ) -> int:
-    """Write the contacts of the hits ``first:last`` from contact ``c`` on; returns one past the last contact."""
-    hit, contact_i, contact_j, contact_gap, normal = contacts.hit, contacts.i, contacts.j, contacts.gap, contacts.normal
-    for h in range(index(first), index(last)):
-        entry = hit[h]
+    """Write the contacts among these pair candidates from contact ``c`` on; returns one past the last contact."""
+    owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
+    active, position, candidates = state.active, state.position, contacts.candidates
+    contact_i, contact_j, contact_gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
+    for h in range(index(candidate_start), index(candidate_stop)):
+        entry = candidates[h]
         i, j = owner[entry], partner[entry]
-        gap, nx, ny = _disc_on_point(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry])
+        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+        gap, nx, ny = _disc_on_point(dx, dy, contact_distance[entry])
         if active[i] and active[j] and gap < margin:
             contact_i[c], contact_j[c], contact_gap[c] = i, j, gap
             normal[c, 0], normal[c, 1] = nx, ny
@@ -231,44 +196,51 @@ def _touch_people(
 
 
 @inner_kernel
-def _touch_all(
+def _write_all(
     g: int,
-    first: int,
-    last: int,
-    wall: int,
-    wall_end: int,
+    candidate_start: int,
+    candidate_stop: int,
+    wall_candidate_start: int,
+    wall_candidate_stop: int,
     boundary: Boundary,
     radius: Floats,
-    active: Bools,
-    position: Floats,
+    state: CrowdState,
     near: NeighborList,
     contacts: Contacts,
     margin: float,
 ) -> int:
-    """Write the contacts of the hits ``first:last`` and ``wall:wall_end``; returns one past the last contact."""
-    owner, partner, touch, hit, c, h = near.owner, near.partner, near.touch, contacts.hit, first, first
+    """Write the contacts among these pair and wall candidates; returns one past the last contact."""
+    owner, partner, active, position = near.owner, near.partner, state.active, state.position
     contact_i, contact_j, contact_gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
-    for entry in hit[wall:wall_end]:
+    candidates, c, h = contacts.candidates, candidate_start, candidate_start
+    for entry in candidates[wall_candidate_start:wall_candidate_stop]:
         i, feature = owner[entry], np.int64(partner[entry])
         if not active[i]:
             continue
         gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature)
         if gap < margin:
             before = h
-            while h < last and owner[hit[h]] <= i:  # walls come after the people whom i touches
+            while h < candidate_stop and owner[candidates[h]] <= i:  # walls come after the pairs of i
                 h += 1
-            c = _touch_people(before, h, owner, partner, touch, active, position, margin, contacts, c)
+            c = _write_pairs(before, h, state, near, contacts, margin, c)
             contact_i[c], contact_j[c], contact_gap[c] = i, -1 - feature, gap
             normal[c, 0], normal[c, 1] = nx, ny
             c += 1
-    return _touch_people(h, last, owner, partner, touch, active, position, margin, contacts, c)
+    return _write_pairs(h, candidate_stop, state, near, contacts, margin, c)
 
 
 @inner_kernel
-def _keep_history(first: int, last: int, i: Ints, j: Ints, history: Floats, old_key: Ints, old_history: Floats) -> int:
-    """Put aside the history of the contacts ``first:last`` of the last step; returns one past the last of these."""
-    kept = first
-    for c in range(first, last):
+def _keep_history(contact_start: int, contact_stop: int, contacts: Contacts) -> int:
+    """Put aside the history of the contacts of the last step; returns one past the last of these."""
+    i, j, history, old_key, old_history = (
+        contacts.i,
+        contacts.j,
+        contacts.history,
+        contacts.old_key,
+        contacts.old_history,
+    )
+    kept = contact_start
+    for c in range(contact_start, contact_stop):
         if history[c, 0] != 0.0 or history[c, 1] != 0.0:
             old_key[kept] = contact_key(i[c], j[c])
             old_history[kept, 0], old_history[kept, 1] = history[c, 0], history[c, 1]
@@ -277,20 +249,12 @@ def _keep_history(first: int, last: int, i: Ints, j: Ints, history: Floats, old_
 
 
 @inner_kernel
-def _load_history(
-    first: int,
-    last: int,
-    kept: int,
-    i: Ints,
-    j: Ints,
-    impulse: Floats,
-    history: Floats,
-    old_key: Ints,
-    old_history: Floats,
-) -> None:
-    """Give the contacts ``first:last`` the history of the same contacts, and start their impulses from it."""
-    old = first
-    for c in range(index(first), index(last)):
+def _load_history(contact_start: int, contact_stop: int, kept: int, contacts: Contacts) -> None:
+    """Give the contacts the history of the same contacts in the last step, and start their impulses from it."""
+    i, j, impulse, history = contacts.i, contacts.j, contacts.impulse, contacts.history
+    old_key, old_history = contacts.old_key, contacts.old_history
+    old = contact_start
+    for c in range(index(contact_start), index(contact_stop)):
         normal, tangent = 0.0, 0.0
         if old < kept:
             key = contact_key(i[c], j[c])
@@ -307,16 +271,16 @@ def gap_to_feature(
     x: float, y: float, radius: float, boundary: Boundary, g: int, feature: int
 ) -> tuple[float, float, float]:
     """Return gap and normal between a disc and wall feature ``feature`` of geometry ``g``; infinite if it does not face it."""
-    first, stop = boundary.wall_start[g], boundary.wall_start[g + 1]
-    walls = stop - first
+    wall_first, wall_stop = boundary.wall_start[g], boundary.wall_start[g + 1]
+    walls = wall_stop - wall_first
     if feature < walls:
-        return _disc_on_wall(x, y, radius, boundary, first + feature)
+        return _disc_on_wall(x, y, radius, boundary, wall_first + feature)
     return _disc_on_corner(x, y, radius, boundary, boundary.corner_start[g] + feature - walls)
 
 
 @inner_kernel
 def _disc_on_point(dx: float, dy: float, radius: float) -> tuple[float, float, float]:
-    """Gap and normal between a disc and a point (dx, dy) away (or, with ``radius`` the sum of two, between two discs)."""
+    """Return gap and normal of a disc and a point (dx, dy) away (or, with ``radius`` the sum of two, of two discs)."""
     distance = np.sqrt(dx * dx + dy * dy)
     if distance == 0.0:  # coincident centers: any direction will do, but always the same
         return -radius, 1.0, 0.0

@@ -47,10 +47,11 @@ from crowd_env.physics.dem_lanes.stages import (
     press,
     write_impulses,
 )
-from crowd_env.physics.driving_force import LOOK_EVERY, choose_turn, follow_rules, influences, update_steering
+from crowd_env.physics.driving_force import influences
 from crowd_env.physics.neighbors.update import OK, update_neighbors
-from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social_force import SocialForce, SocialLaw, add_social_forces
+from crowd_env.physics.scheme import ContactScheme, SchemeInfo
+from crowd_env.physics.social_force import SocialParams, add_social_forces
+from crowd_env.physics.steering import LOOK_EVERY, choose_turn, follow_rules, update_steering
 from crowd_env.physics.step import tick
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
@@ -72,19 +73,19 @@ _NOTHING, _AIM, _LOOK = 0, 1, 2
 
 
 @dataclass(frozen=True)
-class DEM:
+class DEM(ContactScheme):
     """Soft discs.
 
     Parameters
     ----------
     stiffness : N/m, constant ``k`` of eq 5; 1.2e5 after Helbing et al. 2000.
-    social : social force; None = people do not mind until they touch.
+    social : see `ContactScheme`.
     """
 
     stiffness: float = 1.2e5
-    social: SocialForce | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_positive("dem", "the contact force k |D| (eq 5) has to push", stiffness=self.stiffness)
         check_fields("dem", self)
 
@@ -96,7 +97,7 @@ class DEM:
     def stable_dt(self, bodies: Bodies) -> float:
         """Return 2 / omega of the stiffest pair (h omega < 2 for a binary contact), or 2 tau of the quickest drive."""
         contact = 2.0 / np.sqrt(2.0 * self.stiffness / bodies.mass.min())
-        return float(min(contact, 2.0 * bodies.relaxation_time.min()))
+        return float(min(contact, super().stable_dt(bodies)))
 
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return head-on closing speed / omega plus the static push of the largest crowd leaning on one contact."""
@@ -105,9 +106,6 @@ class DEM:
         drive = bodies.mass * bodies.desired_speed / bodies.relaxation_time
         lean = np.add.reduceat(drive, bodies.env_start[:-1]).max() / self.stiffness
         return float(impact + lean)
-
-    def check(self, driving: bool) -> None:
-        """Accept both uses."""
 
     def slabs(self, people: int, driving: bool) -> int:
         """Return into how many slabs a crowd of so many is cut; the social force is not shared out."""
@@ -160,7 +158,6 @@ def _prepare(
         if regions is not None:
             show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
             follow_rules(e, batch)
-    batch.history.direction_age[e] += dt
     if batch.workspace.substep[e] == n_substeps - 1:
         show_positions(begin, end, state.active, lanes.x, lanes.y, state.position)
         find_contacts(e, g, world.boundary, bodies, state, near, contacts, 0.0)
@@ -176,7 +173,7 @@ def _push(
     batch: Batch,
     dt: float,
     stiffness: float,
-    social: SocialLaw | None,
+    social: SocialParams | None,
 ) -> None:
     """Find the forces on and among the people ``low:high`` of one slab."""
     world, bodies, state = batch.world, batch.bodies, batch.state
@@ -205,11 +202,11 @@ def _push(
         high,
         near.owner,
         near.partner,
-        near.touch,
+        near.contact_distance,
         lanes.x,
         lanes.y,
         stiffness,
-        contacts.hit,
+        contacts.candidates,
         lanes.fx,
         lanes.fy,
         lanes.squeeze,
@@ -290,7 +287,7 @@ def _advance_range(
     first: int,
     stop: int,
     stiffness: float,
-    social: SocialLaw | None,
+    social: SocialParams | None,
     reach: float,
     regions: bool | None,
     thread: int,

@@ -1,4 +1,4 @@
-"""Who gets out: whoever's center crosses an exit line outwards during a step, at the moment of the crossing."""
+"""Exits: a pedestrian is out as soon as the center crosses an exit line outwards, at the moment of the crossing."""
 
 import numpy as np
 
@@ -11,27 +11,27 @@ from crowd_env.state import Bools, Floats, Ints
 
 
 @inner_kernel
-def leave(e: int, last: int, batch: Batch, dt: float) -> int:
-    """Take out whoever's center crossed an exit line outwards during this step.
+def leave(e: int, rank_stop: int, batch: Batch, dt: float) -> int:
+    """Make everyone inactive whose center crossed an exit line outwards during this step.
 
-    Those inside are listed up to place ``last`` of `Workspace.inside`; returns how far they are now.  Of several exits
-    that someone crosses in one step the first counts.
+    `Workspace.inside` lists the active people up to ``rank_stop``; returns where the list ends now.  Of several exits that a
+    person crosses in one step the first counts.
     """
     state, boundary, g = batch.state, batch.world.boundary, batch.world.geometry_of_env[e]
-    exits, stop, exit_line = boundary.exit_start[g], boundary.exit_start[g + 1], boundary.exit
+    exit_start, exit_stop, exit_line = boundary.exit_start[g], boundary.exit_start[g + 1], boundary.exit
     inside, previous, position = batch.workspace.inside, batch.workspace.previous_position, state.position
     active, exit_time, exit_index, time = state.active, state.exit_time, state.exit_index, state.time[e]
-    begin, left = batch.bodies.env_start[e], False
-    for k in range(exits, stop):
-        for place in range(index(begin), index(last)):
-            i = inside[place]
+    slot_start, left = batch.bodies.env_start[e], False
+    for k in range(exit_start, exit_stop):
+        for rank in range(index(slot_start), index(rank_stop)):
+            i = inside[rank]
             part = _crossing(exit_line, k, previous[i, 0], previous[i, 1], position[i, 0], position[i, 1])
             if part <= 1.0 and _is_first(active[i], exit_time[i], time, time + part * dt):
                 left = True
                 active[i] = False
                 exit_time[i] = time + part * dt
-                exit_index[i] = k - exits
-    return list_active(e, batch) if left else last
+                exit_index[i] = k - exit_start
+    return list_active(e, batch) if left else rank_stop
 
 
 @inner_kernel

@@ -7,16 +7,16 @@ With overlap d, R = r_i r_j / (r_i + r_j), m = m_i m_j / (m_i + m_j), alpha = sq
     I dw/dt = -r sum F_t,   I = m r^2 / 2                                                                 (eqs 5, 6)
     k_n = 2 E / (3 (1 - sigma^2)),   k_t = 2 E / ((1 + sigma) (2 - sigma))
 The formulas and parameters are those of granular flow codes, which settles what the paper leaves open: gamma is a rate per
-length.  In two dimensions s is one number, in the frame that turns with the contact; it lives with the pair in the list.
+length.  In two dimensions s is one number, in the frame that turns with the contact; `Contacts.history` keeps it.
 
-Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new place with the HALF-step velocity, half a kick.  The forces of
-the last step are kept for the first half kick of the next.
+Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new positions with the HALF-step velocity, half a kick.  The
+forces of the last step are kept for the first half kick of the next.
 
 What the paper leaves open about WALLS decides whether the crowd blocks: with the friction of people (the literal reading) it
 freezes above 1 m/s already.  The default wall, mu = 0.1 and a social force of 300 N, is FITTED to the paper's Figure 7.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -25,11 +25,12 @@ from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import Range, check_fields, require_not_negative, require_positive
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
-from crowd_env.physics.driving_force import influences, regular_forces, reset_routes
+from crowd_env.physics.driving_force import influences, regular_forces
 from crowd_env.physics.exits import leave
-from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social_force import SocialForce, SocialLaw
-from crowd_env.physics.step import detect, list_active, record_impulses, record_overlaps, tick
+from crowd_env.physics.scheme import ContactScheme, SchemeInfo
+from crowd_env.physics.social_force import SocialForce, SocialParams
+from crowd_env.physics.steering import reset_routes, steer
+from crowd_env.physics.step import contact_range, detect, list_active, record_impulses, record_overlaps, tick
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
 
@@ -48,13 +49,20 @@ INFO = SchemeInfo(
     contacts_at="end",
 )
 
-# Phases of a step, in History.phase: the forces at the present place are not known; are known; the step has drifted.
+# The paper as printed: walls rub like people do and have no social force.
+LITERAL = replace(
+    INFO, name="hertz-literal", title="Hertz contact, friction with memory, rotation, social force; as printed"
+)
+
+# How far an environment is, in `History.phase`.  The forces at the end of a step are those at the start of the next, hence
+# KNOWN between two steps.  A step that has moved people, and then stops for want of room for the contacts at the new positions,
+# goes on from there when there is more: DRIFTED.
 _UNKNOWN, _KNOWN, _DRIFTED = 0, 1, 2
 
 _FITTED = SocialForce(wall_strength=300.0)  # eq 2 with Table 1; the walls' share is ours
 
 
-class HertzLaw(NamedTuple):
+class HertzParams(NamedTuple):
     """The contact as kernels read it."""
 
     normal_stiffness: float  # Pa
@@ -68,7 +76,7 @@ class HertzLaw(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Hertz:
+class Hertz(ContactScheme):
     """Discs with Hertzian contacts, friction and spin.
 
     The defaults are the preset "calibrated": Table 1 of the paper, with the two wall parameters fitted.  `Hertz.literal` is the
@@ -83,7 +91,7 @@ class Hertz:
     friction : Coulomb coefficient of people on people.
     wall_friction : Coulomb coefficient of people on walls; 0.1 is fitted, 0.5 literal.
     rotation : False switches eqs 5 and 6 off: nobody turns.
-    social : eq 2; its ``wall_strength`` of 300 N is fitted, 0 literal.  None = no social force.
+    social : eq 2; its ``wall_strength`` of 300 N is fitted, 0 literal.  None = no social force; see `ContactScheme`.
     """
 
     youngs_modulus: float = 5e6
@@ -94,9 +102,11 @@ class Hertz:
     friction: float = 0.5
     wall_friction: float = 0.1
     rotation: bool = True
+    _: KW_ONLY
     social: SocialForce | None = _FITTED
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_positive("hertz", "k_n = 2 E / (3 (1 - sigma^2)) has to push", youngs_modulus=self.youngs_modulus)
         require_not_negative(
             "hertz",
@@ -116,11 +126,8 @@ class Hertz:
     @property
     def info(self) -> SchemeInfo:
         """Facts about the scheme."""
-        if self != Hertz.literal():
-            return INFO
-        return replace(
-            INFO, name="hertz-literal", title="Hertz contact, friction with memory, rotation, social force; as printed"
-        )
+        walls_are_people = self.wall_friction == self.friction and getattr(self.social, "wall_strength", 0.0) == 0.0
+        return LITERAL if walls_are_people else INFO
 
     @property
     def normal_stiffness(self) -> float:
@@ -136,13 +143,13 @@ class Hertz:
         """Return 2 / omega at the overlap bound, or 2 tau of the quickest drive."""
         alpha = np.sqrt(self.overlap_bound(bodies, 0.0) * 0.5 * bodies.radius.max())
         omega = np.sqrt(1.5 * self.normal_stiffness * alpha / (0.5 * bodies.mass.min()))
-        return float(min(2.0 / omega, 2.0 * bodies.relaxation_time.min()))
+        return float(min(2.0 / omega, super().stable_dt(bodies)))
 
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return the overlap of a head-on impact plus that under the push of the largest crowd leaning on one contact.
 
-        Raises nothing; the social force, which pushes apart, is left out.  An impact of people who stand still by themselves is
-        taken at 1 m/s each.
+        The social force, which pushes apart, is left out.  An impact is taken at 1 m/s each, or the desired speeds if those are
+        higher.
         """
         speed = 2.0 * max(float(bodies.desired_speed.max()), 1.0)
         stiffness = self.normal_stiffness * np.sqrt(0.5 * bodies.radius.min())
@@ -151,18 +158,18 @@ class Hertz:
         lean = (np.add.reduceat(drive, bodies.env_start[:-1]).max() / stiffness) ** (2.0 / 3.0)
         return float(impact + lean)
 
-    def check(self, driving: bool) -> None:
-        """Accept both uses."""
-
-    def slabs(self, people: int, driving: bool) -> int:
-        """One: a crowd is stepped by one thread."""
-        return 1
-
     def advance(
-        self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self,
+        batch: StructRef,
+        dt: float,
+        n_substeps: int,
+        env_first: int,
+        env_stop: int,
+        thread: int = 0,
+        threads: int = 1,
     ) -> None:
-        """Advance the environments ``first:stop`` in place."""
-        law = HertzLaw(
+        """Advance the environments ``env_first:env_stop`` in place."""
+        params = HertzParams(
             self.normal_stiffness,
             self.tangential_stiffness,
             self.normal_damping,
@@ -172,87 +179,134 @@ class Hertz:
             self.wall_friction,
             self.rotation,
         )
-        _advance_range(batch, dt, n_substeps, first, stop, law, *influences(self.social, batch))
+        _advance_range(batch, dt, n_substeps, env_first, env_stop, params, *influences(self.social, batch))
 
 
 @inner_kernel
-def _touch(first: int, last: int, batch: Batch, dt: float, elapsed: float, law: HertzLaw) -> None:
-    """Add the forces and torques of the contacts ``first:last`` (eqs 3, 4, 6); ``elapsed`` is what the springs stretch over.
+def _kick(e: int, rank_stop: int, batch: Batch, half: float, limit: float) -> float:
+    """Half a kick (eqs 9, 11), to no more than ``limit`` [m/s]; returns the largest speed [m/s]."""
+    inside, velocity, spin, mass = batch.workspace.inside, batch.state.velocity, batch.state.spin, batch.bodies.mass
+    inertia, force, torque = batch.bodies.inertia, batch.history.force, batch.history.torque
+    for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
+        i = inside[rank]
+        rate = half / mass[i]
+        velocity[i, 0] += rate * force[i, 0]
+        velocity[i, 1] += rate * force[i, 1]
+        if torque[i] != 0.0:  # few are in contact, and a division is slow
+            spin[i] += half * torque[i] / inertia[i]
+    return float(hold_to_speed(e, rank_stop, batch, velocity, limit))
+
+
+@inner_kernel
+def _drift(e: int, rank_stop: int, batch: Batch, dt: float) -> None:
+    """Move and turn (eq 10)."""
+    state, inside, previous = batch.state, batch.workspace.inside, batch.workspace.previous_position
+    position, velocity, angle, spin = state.position, state.velocity, state.angle, state.spin
+    for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
+        i = inside[rank]
+        previous[i, 0], previous[i, 1] = position[i, 0], position[i, 1]
+        position[i, 0] += dt * velocity[i, 0]
+        position[i, 1] += dt * velocity[i, 1]
+        angle[i] += dt * spin[i]
+
+
+@inner_kernel
+def _clear_torques(e: int, batch: Batch) -> None:
+    """Set all torques of environment ``e`` to zero."""
+    torque = batch.history.torque
+    for i in range(index(batch.bodies.env_start[e]), index(batch.bodies.env_start[e + 1])):
+        torque[i] = 0.0
+
+
+@inner_kernel
+def _add_contact_forces(e: int, batch: Batch, dt: float, elapsed: float, params: HertzParams) -> None:
+    """Add the forces and torques of all contacts (eqs 3, 4, 6); ``elapsed`` is the time over which the springs stretch.
 
     With the normal from j to i and the tangent t = normal turned left, the contact point of i moves with v_i - w_i r_i t and
     that of j with v_j + w_j r_j t; a tangential force F_t t on i turns both the same way, by -r F_t.
     """
     contacts, radius, masses = batch.history.contacts, batch.bodies.radius, batch.bodies.mass
     contact_i, contact_j, gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
-    remembered, impulse = contacts.history, contacts.impulse
+    history, impulse = contacts.history, contacts.impulse
     velocity, spin, force, torque = batch.state.velocity, batch.state.spin, batch.history.force, batch.history.torque
-    kn, kt, turning = law.normal_stiffness, law.tangential_stiffness, law.rotation
-    for c in range(first, last):
+    kn, kt, turning = params.normal_stiffness, params.tangential_stiffness, params.rotation
+    contact_start, contact_stop = contact_range(e, batch)
+    for c in range(contact_start, contact_stop):
         i, j, overlap = contact_i[c], contact_j[c], -gap[c]
         nx, ny = normal[c, 0], normal[c, 1]
-        reduced, mass, limit = radius[i], masses[i], law.wall_friction
+        reduced, mass, friction = radius[i], masses[i], params.wall_friction
         ux, uy, turn = velocity[i, 0], velocity[i, 1], radius[i] * spin[i]
         if j >= 0:
             other, heft = radius[j], masses[j]
-            reduced, mass, limit = reduced * other / (reduced + other), mass * heft / (mass + heft), law.friction
+            reduced, mass, friction = reduced * other / (reduced + other), mass * heft / (mass + heft), params.friction
             ux, uy, turn = ux - velocity[j, 0], uy - velocity[j, 1], turn + other * spin[j]
         closing, slip = -(ux * nx + uy * ny), uy * nx - ux * ny - turn
         alpha = np.sqrt(overlap * reduced)
-        cn, ct = mass * law.normal_damping, mass * law.tangential_damping  # N s/m, per alpha
-        if law.damping_unit == 1:
+        cn, ct = mass * params.normal_damping, mass * params.tangential_damping  # N s/m, per alpha
+        if params.damping_unit == 1:
             cn, ct = cn / alpha, ct / alpha
-        elif law.damping_unit == 2:
-            cn = 2.0 * law.normal_damping * np.sqrt(1.5 * kn * mass / alpha)
-            ct = 2.0 * law.tangential_damping * np.sqrt(kt * mass / alpha)
-        push = kn * overlap + cn * closing
-        stretch = remembered[c, 0] + slip * elapsed
-        rub = -(kt * stretch + ct * slip)
-        most = limit * abs(push)
-        if abs(rub) > most:  # slides: the spring is let go to where it gives the limit
-            rub = most if rub > 0.0 else -most
-            stretch = -(rub + ct * slip) / kt
-        remembered[c, 0] = stretch
-        push *= alpha
-        rub *= alpha
-        impulse[c, 0], impulse[c, 1] = push * dt, rub * dt
-        px, py = push * nx - rub * ny, push * ny + rub * nx
-        force[i, 0] += px
-        force[i, 1] += py
+        elif params.damping_unit == 2:
+            cn = 2.0 * params.normal_damping * np.sqrt(1.5 * kn * mass / alpha)
+            ct = 2.0 * params.tangential_damping * np.sqrt(kt * mass / alpha)
+        fn = kn * overlap + cn * closing
+        stretch = history[c, 0] + slip * elapsed
+        ft = -(kt * stretch + ct * slip)
+        most = friction * abs(fn)
+        if abs(ft) > most:  # it slides: the spring keeps the length that gives the limit
+            ft = most if ft > 0.0 else -most
+            stretch = -(ft + ct * slip) / kt
+        history[c, 0] = stretch
+        fn *= alpha
+        ft *= alpha
+        impulse[c, 0], impulse[c, 1] = fn * dt, ft * dt
+        fx, fy = fn * nx - ft * ny, fn * ny + ft * nx
+        force[i, 0] += fx
+        force[i, 1] += fy
         if turning:
-            torque[i] -= radius[i] * rub
+            torque[i] -= radius[i] * ft
         if j >= 0:
-            force[j, 0] -= px
-            force[j, 1] -= py
+            force[j, 0] -= fx
+            force[j, 1] -= fy
             if turning:
-                torque[j] -= radius[j] * rub
+                torque[j] -= radius[j] * ft
 
 
 @inner_kernel
-def _kick(e: int, last: int, batch: Batch, half: float, limit: float) -> float:
-    """Half a kick (eqs 9, 11), to no more than ``limit`` [m/s]; returns the largest speed [m/s]."""
-    inside, velocity, spin, mass = batch.workspace.inside, batch.state.velocity, batch.state.spin, batch.bodies.mass
-    inertia, force, torque = batch.bodies.inertia, batch.history.force, batch.history.torque
-    for place in range(index(batch.bodies.env_start[e]), index(last)):
-        i = inside[place]
-        rate = half / mass[i]
-        velocity[i, 0] += rate * force[i, 0]
-        velocity[i, 1] += rate * force[i, 1]
-        if torque[i] != 0.0:  # few touch, and a division is dear
-            spin[i] += half * torque[i] / inertia[i]
-    return float(hold_to_speed(e, last, batch, velocity, limit))
+def _find_forces(
+    e: int,
+    rank_stop: int,
+    batch: Batch,
+    dt: float,
+    elapsed: float,
+    params: HertzParams,
+    social: SocialParams | None,
+    regions: bool | None,
+) -> None:
+    """Write all forces and torques at the present positions (eqs 1-6)."""
+    steer(e, rank_stop, batch, dt, regions)
+    regular_forces(e, rank_stop, batch, social)
+    _clear_torques(e, batch)
+    _add_contact_forces(e, batch, dt, elapsed, params)
 
 
 @inner_kernel
-def _drift(first: int, last: int, batch: Batch, dt: float) -> None:
-    """Move and turn (eq 10)."""
-    state, inside, previous = batch.state, batch.workspace.inside, batch.workspace.previous_position
-    position, velocity, angle, spin = state.position, state.velocity, state.angle, state.spin
-    for place in range(index(first), index(last)):
-        i = inside[place]
-        previous[i, 0], previous[i, 1] = position[i, 0], position[i, 1]
-        position[i, 0] += dt * velocity[i, 0]
-        position[i, 1] += dt * velocity[i, 1]
-        angle[i] += dt * spin[i]
+def _first_forces(
+    e: int,
+    rank_stop: int,
+    batch: Batch,
+    dt: float,
+    params: HertzParams,
+    social: SocialParams | None,
+    reach: float,
+    regions: bool | None,
+) -> bool:
+    """Find the forces before the first step, where no spring is stretched yet; False if the contacts do not fit."""
+    if not detect(e, batch, 0.0, reach):
+        return False
+    _find_forces(e, rank_stop, batch, dt, 0.0, params, social, regions)
+    batch.history.direction_age[e] += dt  # counts as a step: the next look-up is not put off by it
+    batch.history.phase[e] = _KNOWN
+    return True
 
 
 @kernel
@@ -260,42 +314,44 @@ def _advance_range(
     batch: Batch,
     dt: float,
     n_substeps: int,
-    first: int,
-    stop: int,
-    law: HertzLaw,
-    social: SocialLaw | None,
+    env_first: int,
+    env_stop: int,
+    params: HertzParams,
+    social: SocialParams | None,
     reach: float,
     regions: bool | None,
 ) -> None:
-    env_start, progress, phase = batch.bodies.env_start, batch.workspace.substep, batch.history.phase
-    near, contacts, torque = batch.workspace.neighbors, batch.history.contacts, batch.history.torque
-    for e in range(first, stop):
-        begin, last, contact = env_start[e], list_active(e, batch), near.entry_start[e]
+    """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other."""
+    phase, substep = batch.history.phase, batch.workspace.substep
+    for e in range(env_first, env_stop):
+        rank_start, rank_stop = batch.bodies.env_start[e], list_active(e, batch)
         reset_routes(e, batch, regions)
-        limit, smallest = speed_limit(batch), least_radius(e, last, batch)
-        deepest = np.inf  # with a wall, at the start of the step; not known before the first
-        while progress[e] < n_substeps and last > begin:
+        limit, smallest = speed_limit(batch), least_radius(e, rank_stop, batch)
+        deepest = np.inf  # contact with a wall [m] at the start of the step, not known before the first of a call
+        is_first = phase[e] == _UNKNOWN and substep[e] < n_substeps and rank_stop > rank_start
+        if is_first and not _first_forces(e, rank_stop, batch, dt, params, social, reach, regions):
+            continue
+        while substep[e] < n_substeps and rank_stop > rank_start:
             if phase[e] == _KNOWN:
-                record_impulses(contact, contact + contacts.number[e], batch, 0.5)  # those of the last step
-                furthest = dt * _kick(e, last, batch, 0.5 * dt, limit)
-                _drift(begin, last, batch, dt)
-                if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
+                # Half a kick with the forces of the last step, and the drift (eqs 9, 10).
+                record_impulses(e, batch, 0.5)
+                longest = dt * _kick(e, rank_stop, batch, 0.5 * dt, limit)
+                _drift(e, rank_stop, batch, dt)
+                # Nobody through a wall.
+                if not stay_within_bounds(e, rank_stop, batch, deepest, smallest, longest):
                     break
-                last = leave(e, last, batch, dt)
+                # Exits.
+                rank_stop = leave(e, rank_stop, batch, dt)
                 phase[e] = _DRIFTED
+            # Contacts at the new positions.
             if not detect(e, batch, 0.0, reach):
-                break  # goes on from here, with more room
-            regular_forces(e, last, batch, dt, social, regions)
-            for i in range(index(begin), index(env_start[e + 1])):
-                torque[i] = 0.0
-            behind = contact + contacts.number[e]
-            elapsed = (
-                dt if phase[e] == _DRIFTED else 0.0
-            )  # the first forces of all are those of springs not yet stretched
-            _touch(contact, behind, batch, dt, elapsed, law)
-            if phase[e] == _DRIFTED:
-                record_impulses(contact, behind, batch, 0.5)
-                deepest = record_overlaps(e, contact, behind, batch)
-                _kick(e, last, batch, 0.5 * dt, limit)
-                tick(e, batch, dt)
+                break
+            # Forces there, with the velocity of the half step (eqs 1-6).
+            _find_forces(e, rank_stop, batch, dt, dt, params, social, regions)
+            # Half of the impulses and the overlaps into the sums.
+            record_impulses(e, batch, 0.5)
+            deepest = record_overlaps(e, batch)
+            # The other half of the kick (eq 11), and the clock.
+            _kick(e, rank_stop, batch, 0.5 * dt, limit)
+            tick(e, batch, dt)
             phase[e] = _KNOWN

@@ -8,24 +8,26 @@ The trial velocity is either V_trial = u(n) + (h/m) f (inertial: grains, and sec
 inelastic.  The linearised gap bounds the true one from below, so what overlap there is comes from the solver: h * tolerance.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef
-from crowd_env.checks import POSITIVE, check_fields, require_positive
+from crowd_env.checks import POSITIVE, check_fields
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
-from crowd_env.physics.constraints import give_impulses, keep_impulses, pose_no_overlap, take_impulses
-from crowd_env.physics.driving_force import influences, regular_forces, reset_routes
+from crowd_env.physics.constraints import assemble_no_overlap, restore_impulses, set_impulses, stash_impulses
+from crowd_env.physics.driving_force import influences, regular_forces
 from crowd_env.physics.exits import leave
-from crowd_env.physics.neighbors.update import FULL, OK, update_neighbors
-from crowd_env.physics.scheme import SchemeInfo
-from crowd_env.physics.social_force import SocialForce, SocialLaw
-from crowd_env.physics.solvers import SolverName, Stopping, closing_speed, solve
+from crowd_env.physics.scheme import IterativeScheme, SchemeInfo
+from crowd_env.physics.social_force import SocialParams
+from crowd_env.physics.solvers import Stopping, closing_speed, solve
+from crowd_env.physics.steering import reset_routes, steer
 from crowd_env.physics.step import (
+    contact_range,
     detect,
+    find_neighbors,
     list_active,
     record_impulses,
     record_overlaps,
@@ -44,53 +46,47 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=False,
     overlap="solver tolerance times time step, 0.1 mm with the defaults; it does not accumulate",
     stable_step="2 tau_min with inertia, from the explicit driving force; none without",
-    uses=("problem", "desired_velocity", "force", "previous_position", "previous_velocity"),
+    uses=("constraints", "desired_velocity", "force", "previous_position", "trial_velocity"),
+    impulses_are_forces=False,  # without inertia they only keep bodies apart: nobody would feel them as a push
 )
 
-
-# In History.phase: whether the forces of the present step have been found before it ran out of room.
-_UNKNOWN, _KNOWN = 0, 1
+INERTIAL = replace(
+    INFO,
+    name="nsm1-inertial",
+    title="no overlap: projection of the inertial velocity",
+    impulses_are_forces=True,
+)
 
 # Margin for contacts over what the speeds before and of the trial ask for: wider costs less than to solve a step twice.
 _HEADROOM = 1.25
 
 
 @dataclass(frozen=True)
-class NSM1:
+class NSM1(IterativeScheme):
     """Discs that never overlap.
 
     Parameters
     ----------
     trial : "spontaneous" (Venel: the desired velocity itself) or "inertial" (velocity, driving and external force).
-    tolerance : m/s, complementarity residual at which the solver stops.
-    relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
-        without any impulse.
-    max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
-    solver : "gauss-seidel", "accelerated" (with momentum), or "auto": the faster one, here the second.
-    social : social force; None = people do not mind until they touch.
+    tolerance, relative_tolerance, max_iterations, solver, social : see `IterativeScheme` and `ContactScheme`.
     """
 
     trial: Literal["spontaneous", "inertial"] = "spontaneous"
+    _: KW_ONLY
     tolerance: float = 1e-2
-    relative_tolerance: float | None = None
-    max_iterations: int = 20_000
-    solver: SolverName = "auto"
-    social: SocialForce | None = None
 
     def __post_init__(self) -> None:
-        require_positive("nsm1", "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
+        super().__post_init__()
         check_fields("nsm1", self, relative_tolerance=POSITIVE)
 
     @property
     def info(self) -> SchemeInfo:
         """Facts about the scheme."""
-        if self.trial == "spontaneous":
-            return INFO
-        return replace(INFO, name="nsm1-inertial", title="no overlap: projection of the inertial velocity")
+        return INFO if self.trial == "spontaneous" else INERTIAL
 
     def stable_dt(self, bodies: Bodies) -> float:
-        """Unconditional for the contact; the explicit driving force of the inertial form needs h < 2 tau."""
-        return np.inf if self.trial == "spontaneous" else 2.0 * float(bodies.relaxation_time.min())
+        """Return 2 tau_min for the explicit driving force of the inertial form; the spontaneous one is always stable."""
+        return np.inf if self.trial == "spontaneous" else super().stable_dt(bodies)
 
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return 2 h tolerance: h times the residual, twice for safety against rounding."""
@@ -101,89 +97,94 @@ class NSM1:
         if not driving and self.trial == "spontaneous":
             raise ValueError("nsm1: passive grains have no spontaneous velocity; use NSM1(trial='inertial')")
 
-    def slabs(self, people: int, driving: bool) -> int:
-        """One: a crowd is stepped by one thread."""
-        return 1
-
     def advance(
-        self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self,
+        batch: StructRef,
+        dt: float,
+        n_substeps: int,
+        env_first: int,
+        env_stop: int,
+        thread: int = 0,
+        threads: int = 1,
     ) -> None:
-        """Advance the environments ``first:stop`` in place."""
-        accelerated = self.solver != "gauss-seidel"
-        relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
-        law = Stopping(self.tolerance, relative, self.max_iterations, accelerated)
-        _advance_range(
-            batch, dt, n_substeps, first, stop, self.trial == "spontaneous", law, *influences(self.social, batch)
-        )
+        """Advance the environments ``env_first:env_stop`` in place."""
+        spontaneous, acting = self.trial == "spontaneous", influences(self.social, batch)
+        _advance_range(batch, dt, n_substeps, env_first, env_stop, spontaneous, self.stopping(), *acting)
 
 
 @inner_kernel
-def _try_velocities(first: int, last: int, batch: Batch, dt: float, spontaneous: bool) -> None:
-    """Write V_trial = u + h f / m into `Workspace.previous_velocity`.
+def _propose(e: int, rank_stop: int, batch: Batch, dt: float, spontaneous: bool) -> None:
+    """Write V_trial = u + h f / m into `Workspace.trial_velocity`.
 
     A spontaneous velocity is what the forces would lead to if h were tau: without others, the desired velocity itself; an
     external or social force shifts it by tau f / m, where the drive balances it.
     """
     inside, velocity, mass = batch.workspace.inside, batch.state.velocity, batch.bodies.mass
-    relaxation_time, force, trial = batch.bodies.relaxation_time, batch.history.force, batch.workspace.previous_velocity
-    for place in range(index(first), index(last)):
-        i = inside[place]
+    relaxation_time, force, trial = batch.bodies.relaxation_time, batch.history.force, batch.workspace.trial_velocity
+    for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
+        i = inside[rank]
         ahead = relaxation_time[i] if spontaneous else dt
         for k in range(2):
             trial[i, k] = velocity[i, k] + ahead * force[i, k] / mass[i]
 
 
 @inner_kernel
-def _project(e: int, last: int, batch: Batch, dt: float, spontaneous: bool, law: Stopping, cutoff: float) -> bool:
-    """Leave the projection of the trial velocity in `Workspace.previous_velocity`; False if the contacts could not be found.
+def _project(
+    e: int, rank_stop: int, batch: Batch, dt: float, spontaneous: bool, stopping: Stopping, reach: float
+) -> bool:
+    """Project the trial velocities in place (eq 6); False if the contacts could not be found.
 
-    Contacts are gathered up to the gap that two people could close in this step.  The projection can make someone faster
-    than anyone was in the trial and in the step before; then the gap is widened and the step solved anew,
-    from where it stood, so no contact is ever missed.
+    Contacts are gathered up to the gap that two people could close in this step.  The projection can make a body faster
+    than any was in the trial and in the step before; then the gap is widened and the step solved anew, from where it stood,
+    so no contact is ever missed.
     """
-    mass, inside, v = batch.bodies.mass, batch.workspace.inside, batch.workspace.previous_velocity
-    begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    contacts, problem, first = batch.history.contacts, batch.workspace.problem, batch.workspace.neighbors.entry_start[e]
+    mass, inside, v = batch.bodies.mass, batch.workspace.inside, batch.workspace.trial_velocity
+    slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    contacts, constraints = batch.history.contacts, batch.workspace.constraints
     sweeps, margin, solved = 0, -1.0, -np.inf
     while True:
-        _try_velocities(begin, last, batch, dt, spontaneous)
+        _propose(e, rank_stop, batch, dt, spontaneous)
         if margin < 0.0:
-            before = closing_speed(begin, last, inside, batch.state.velocity)
-            margin = _HEADROOM * dt * max(closing_speed(begin, last, inside, v), before) + 1e-3
-        if not detect(e, batch, margin, cutoff):
+            before = closing_speed(slot_start, rank_stop, inside, batch.state.velocity)
+            margin = _HEADROOM * dt * max(closing_speed(slot_start, rank_stop, inside, v), before) + 1e-3
+        if not detect(e, batch, margin, reach):
             return False
-        number = contacts.number[e]
-        stop = first + number
-        take_impulses(first, stop, solved, contacts, problem)
-        busy = pose_no_overlap(first, stop, begin, end, e, contacts, mass, v, problem, dt, True)
-        iterations, residual, converged = solve(first, number, busy, begin, end, e, mass, v, problem, None, law)
+        contact_start, contact_stop = contact_range(e, batch)
+        rows = contact_stop - contact_start
+        restore_impulses(contact_start, contact_stop, solved, contacts, constraints)
+        active_rows = assemble_no_overlap(
+            contact_start, contact_stop, slot_start, slot_stop, e, contacts, mass, v, constraints, dt, True
+        )
+        iterations, residual, converged = solve(
+            contact_start, rows, active_rows, slot_start, slot_stop, e, mass, v, constraints, None, stopping
+        )
         sweeps += iterations
-        needed = dt * closing_speed(begin, last, inside, v)
-        give_impulses(first, number, number, contacts, mass, problem)
+        needed = dt * closing_speed(slot_start, rank_stop, inside, v)
+        set_impulses(contact_start, rows, rows, contacts, mass, constraints)
         if not needed > margin:
-            record_solver(e, batch.results.diagnostics, sweeps, residual, residual if converged else 0.0)
+            record_solver(e, batch, sweeps, residual, converged)
             return True
-        keep_impulses(first, stop, contacts, problem)
+        stash_impulses(contact_start, contact_stop, contacts, constraints)
         solved, margin = margin, 1.2 * needed
 
 
 @inner_kernel
-def _move(e: int, last: int, batch: Batch, dt: float, limit: float) -> float:
+def _move(e: int, rank_stop: int, batch: Batch, dt: float, limit: float) -> float:
     """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
     inside, after, previous = (
         batch.workspace.inside,
-        batch.workspace.previous_velocity,
+        batch.workspace.trial_velocity,
         batch.workspace.previous_position,
     )
     position, velocity = batch.state.position, batch.state.velocity
-    furthest = dt * hold_to_speed(e, last, batch, after, limit)
-    for place in range(index(batch.bodies.env_start[e]), index(last)):
-        i = inside[place]
+    longest = dt * hold_to_speed(e, rank_stop, batch, after, limit)
+    for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
+        i = inside[rank]
         for k in range(2):
             previous[i, k] = position[i, k]
             velocity[i, k] = after[i, k]
             position[i, k] += dt * after[i, k]
-    return float(furthest)
+    return float(longest)
 
 
 @kernel
@@ -191,38 +192,41 @@ def _advance_range(
     batch: Batch,
     dt: float,
     n_substeps: int,
-    first: int,
-    stop: int,
+    env_first: int,
+    env_stop: int,
     spontaneous: bool,
-    law: Stopping,
-    social: SocialLaw | None,
+    stopping: Stopping,
+    social: SocialParams | None,
     reach: float,
     regions: bool | None,
 ) -> None:
-    env_start, progress, phase = batch.bodies.env_start, batch.workspace.substep, batch.history.phase
-    for e in range(first, stop):
-        begin, last = env_start[e], list_active(e, batch)
+    """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other.
+
+    A step that stops for want of room is done again as a whole: nothing that it has written till then is read by it.
+    """
+    for e in range(env_first, env_stop):
+        rank_start, rank_stop = batch.bodies.env_start[e], list_active(e, batch)
         reset_routes(e, batch, regions)
-        limit, smallest = speed_limit(batch), least_radius(e, last, batch)
-        while progress[e] < n_substeps and last > begin:
-            if social is not None:
-                batch.workspace.status[e] = update_neighbors(e, batch, reach)
-                if batch.workspace.status[e] != OK:
-                    break
-            if phase[e] == _UNKNOWN:  # or the way would be looked up twice in one step
-                regular_forces(e, last, batch, dt, social, regions)
-            if not _project(e, last, batch, dt, spontaneous, law, reach):
-                # with more room it goes on from here
-                phase[e] = _KNOWN if batch.workspace.status[e] == FULL else _UNKNOWN
+        limit, smallest = speed_limit(batch), least_radius(e, rank_stop, batch)
+        while batch.workspace.substep[e] < n_substeps and rank_stop > rank_start:
+            # Pairs that notice each other; without a social force the contacts bring their own list.
+            if social is not None and not find_neighbors(e, batch, reach):
                 break
-            phase[e] = _UNKNOWN
-            contact = batch.workspace.neighbors.entry_start[e]
-            behind = contact + batch.history.contacts.number[e]
-            record_impulses(contact, behind, batch, 1.0)
-            deepest = record_overlaps(e, contact, behind, batch)
-            store_warm_start(contact, behind, batch)
-            furthest = _move(e, last, batch, dt, limit)
-            if not stay_within_bounds(e, last, batch, deepest, smallest, furthest):
+            # Where everyone wants to go, and all forces but contact.
+            steer(e, rank_stop, batch, dt, regions)
+            regular_forces(e, rank_stop, batch, social)
+            # Trial velocities and their projection onto velocities without overlap (eqs 6, 7).
+            if not _project(e, rank_stop, batch, dt, spontaneous, stopping, reach):
                 break
-            last = leave(e, last, batch, dt)
+            # Impulses and overlaps into the sums, and for the solver of the next step.
+            record_impulses(e, batch, 1.0)
+            deepest = record_overlaps(e, batch)
+            store_warm_start(e, batch)
+            # Positions.
+            longest = _move(e, rank_stop, batch, dt, limit)
+            # Nobody through a wall.
+            if not stay_within_bounds(e, rank_stop, batch, deepest, smallest, longest):
+                break
+            # Exits and clock.
+            rank_stop = leave(e, rank_stop, batch, dt)
             tick(e, batch, dt)

@@ -1,10 +1,15 @@
-"""What a contact scheme is: its facts, its parameters, and one compiled call that advances a batch of crowds."""
+"""What a contact scheme is: facts, a frozen dataclass of parameters, and one compiled call that advances a batch of crowds."""
 
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from abc import ABC, abstractmethod
+from dataclasses import KW_ONLY, dataclass
+from typing import Literal
+
+import numpy as np
 
 from crowd_env._kernels.struct_ref import StructRef
-from crowd_env.physics.social_force import SocialForce
+from crowd_env.checks import require_positive
+from crowd_env.physics.social_force import SocialForce, make_social
+from crowd_env.physics.solvers import SolverName, Stopping
 from crowd_env.state import Bodies
 
 
@@ -12,7 +17,7 @@ from crowd_env.state import Bodies
 class SchemeInfo:
     """Facts about a scheme that tests and reports ask for."""
 
-    name: str
+    name: str  # in `SCHEMES`
     title: str
     reference: str  # paper and equations
     order: int  # of convergence in the time step, on a smooth case
@@ -21,50 +26,100 @@ class SchemeInfo:
     stable_step: str  # formula of the largest stable time step
     uses: tuple[str, ...]  # of the arrays in `workspace.OPTIONAL`; a social force adds what it needs
     contacts_at: Literal["start", "end"] = "start"  # of the step: where the listed contacts are those of the positions
-    default_dt: float = 0.01  # s  physics step if none is asked for: the paper's
+    default_dt: float = 0.01  # s  physics step unless a caller gives one: the paper's
+    impulses_are_forces: bool = (
+        True  # impulse over time is the force that a body bears; else it only keeps bodies apart
+    )
 
 
-def arrays_of(scheme: "ContactScheme") -> frozenset[str]:
-    """Return which of the arrays in `workspace.OPTIONAL` a scheme works with."""
-    social = ("desired_velocity", "force", "heading", "social_pairs") if scheme.social is not None else ()
-    return frozenset((*scheme.info.uses, *social))
+@dataclass(frozen=True)
+class ContactScheme(ABC):
+    """Base of all schemes: a frozen dataclass of parameters; all memory is handed in.
 
+    A scheme has to give `info`, `overlap_bound` and `advance`.  The defaults of the rest are those of a scheme that is
+    unconditionally stable in contact, moves pedestrians and grains, and steps a crowd on one thread.
 
-class ContactScheme(Protocol):
-    """A frozen dataclass of parameters; all memory is handed in."""
+    Parameters
+    ----------
+    social : social force, its name in ``SOCIAL_FORCES`` or a table of its parameters; None = people do not mind until they
+        touch.
+    """
+
+    _: KW_ONLY
+    social: SocialForce | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "social", make_social(self.social))
 
     @property
+    @abstractmethod
     def info(self) -> SchemeInfo:
         """Facts about the scheme."""
-        ...
-
-    @property
-    def social(self) -> SocialForce | None:
-        """How people keep their distance before they touch; None = not at all."""
-        ...
 
     def stable_dt(self, bodies: Bodies) -> float:
-        """Largest stable time step [s]; infinite for an unconditionally stable scheme."""
-        ...
+        """Return the largest stable time step [s]: here 2 tau_min, of the explicit driving force alone."""
+        return 2.0 * float(bodies.relaxation_time.min())
 
+    @abstractmethod
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
-        """Overlap [m] that the scheme states it stays below in a room of people who push at their desired speed."""
-        ...
+        """Return the overlap [m] below which the scheme stays in a room of people who push at their desired speed."""
 
-    def check(self, driving: bool) -> None:
+    def check(self, driving: bool) -> None:  # noqa: B027  # most schemes accept both
         """Raise ValueError if the scheme cannot be used for pedestrians (``driving``) or for passive grains."""
-        ...
 
     def slabs(self, people: int, driving: bool) -> int:
-        """Into how many slabs a crowd of so many is cut that several threads can step together; 1 = it is not."""
-        ...
+        """Return into how many slabs a crowd is cut that several threads can step together; 1 = it is not cut."""
+        return 1
 
+    @abstractmethod
     def advance(
-        self, batch: StructRef, dt: float, n_substeps: int, first: int, stop: int, thread: int = 0, threads: int = 1
+        self,
+        batch: StructRef,
+        dt: float,
+        n_substeps: int,
+        env_first: int,
+        env_stop: int,
+        thread: int = 0,
+        threads: int = 1,
     ) -> None:
-        """Advance the environments ``first:stop`` of a `Batch` to step ``n_substeps`` of this call, in place.
+        """Advance the environments ``env_first:env_stop`` of a `Batch` to step ``n_substeps`` of this call, in place.
 
         `Workspace.substep` says from where.  Other environments are neither read nor written.  With ``threads`` > 1 as many
         threads make this call at once, each with its own number ``thread``, and share the slabs.
         """
-        ...
+
+
+@dataclass(frozen=True)
+class IterativeScheme(ContactScheme):
+    """Base of the schemes that solve for all impulses of a step together, by sweeps over the contacts.
+
+    Parameters
+    ----------
+    tolerance : m/s, residual at which the solver stops.
+    relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
+        without any impulse.
+    max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
+    solver : "gauss-seidel", "accelerated" (with momentum), or "auto": the faster one, here the second.
+    """
+
+    _: KW_ONLY
+    tolerance: float = 1e-4
+    relative_tolerance: float | None = None
+    max_iterations: int = 20_000
+    solver: SolverName = "auto"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        name = type(self).__name__.lower()
+        require_positive(name, "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
+
+    def stopping(self) -> Stopping:
+        """Return when the solver stops, as kernels read it."""
+        relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
+        return Stopping(self.tolerance, relative, self.max_iterations, self.solver != "gauss-seidel")
+
+
+def arrays_of(scheme: ContactScheme) -> frozenset[str]:
+    """Return which of the arrays in `workspace.OPTIONAL` a scheme works with."""
+    social = ("desired_velocity", "force", "heading", "social_pairs") if scheme.social is not None else ()
+    return frozenset((*scheme.info.uses, *social))

@@ -3,14 +3,14 @@
     f_i = A exp(-D / B) (1 + phi cos beta_i) n        on i, along n away from the other
     cos beta_i                                         between the desired direction of i and the direction to the other
 
-Lin, Ma, Lo (eq 2) write it so: phi > 0 makes whoever stands in front count for more.  Helbing's form, eq 12 of
+This is the form of Lin, Ma, Lo (eq 2): phi > 0 gives those in front more weight.  Helbing's form, eq 12 of
 Pécol et al. 2011,
     f_i = A exp(-D / B) (Lambda + (1 - Lambda) (1 + cos beta_i) / 2) n
-is the same with strength A (1 + Lambda) / 2 and phi = (1 - Lambda) / (1 + Lambda).  (The paper prints the unit vector that
+is this form with strength A (1 + Lambda) / 2 and phi = (1 - Lambda) / (1 + Lambda).  (The paper prints the unit vector that
 attracts; here it pushes apart.)
 
-The two of a pair look different ways, so the force of the one on the other is NOT minus the force of the other on the one.
-It acts in contact too, for any overlap.  Someone who wants to go nowhere has no front: cos beta is 0.
+The two of a pair walk in different directions, so the two forces are NOT opposite.  The force acts in contact too, for any
+overlap.  A pedestrian without a desired direction has no front: cos beta is 0.
 """
 
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ from crowd_env.physics.workspace import Batch
 from crowd_env.state import Floats
 
 
-class SocialLaw(NamedTuple):
+class SocialParams(NamedTuple):
     """A social force as kernels read it."""
 
     strength: float
@@ -45,7 +45,7 @@ class SocialForce:
     strength : N, ``A``: the force at zero distance from someone at the side.
     length : m, ``B``: the distance over which it falls to 1/e.
     anisotropy : ``phi``; at zero distance the force is A (1 + phi) from someone in front and A (1 - phi) from someone behind.
-    wall_strength : N, the same for walls; neither paper gives walls a social force, so 0 is the literal reading.
+    wall_strength : N, ``A`` of walls; neither paper gives walls a social force, so 0 is the literal reading.
     cutoff : m, distance beyond which nobody is noticed; at 8 lengths the force has fallen to 1/3000.
 
     Raises
@@ -81,12 +81,12 @@ class SocialForce:
         half = 0.5 * (1.0 + behind)
         return SocialForce(strength * half, length, (1.0 - behind) / (1.0 + behind), cutoff=8.0 * length)
 
-    def law(self) -> SocialLaw:
+    def params(self) -> SocialParams:
         """Return the force as kernels read it."""
-        return SocialLaw(self.strength, self.length, self.anisotropy, self.wall_strength, self.cutoff)
+        return SocialParams(self.strength, self.length, self.anisotropy, self.wall_strength, self.cutoff)
 
 
-# Name -> social force; what the command line knows.
+# Name -> social force.
 SOCIAL_FORCES: dict[str, SocialForce | None] = {
     "none": None,
     "helbing": SocialForce.helbing(),
@@ -95,7 +95,7 @@ SOCIAL_FORCES: dict[str, SocialForce | None] = {
 
 
 def make_social(social: str | Mapping[str, Any] | SocialForce | None) -> SocialForce | None:
-    """Return a social force, one by its name, or the one of plain data such as ``{"strength": 300.0, "length": 0.05}``.
+    """Return the social force of a name, of plain data such as ``{"strength": 300.0, "length": 0.05}``, or that is given.
 
     Raises
     ------
@@ -116,7 +116,7 @@ _POWERS = 2.0 ** np.arange(-160.0, 161.0)
 
 @inner_kernel
 def _exp(x: float) -> float:
-    """Return exp(x) to a relative 1e-10, for |x| < 110; half the time of the library's, which is half of the whole force.
+    """Return exp(x) to a relative 1e-10, for |x| < 110, in half the time of the library's, which is half of the whole force.
 
     2^k times the Taylor series of what is left, at most ln 2 / 2, paired up so that the processor need not wait for each term.
     """
@@ -131,11 +131,11 @@ def _exp(x: float) -> float:
 
 
 @inner_kernel
-def add_social_forces(e: int, last: int, batch: Batch, law: SocialLaw) -> None:
-    """Add the social forces [N] on those inside, whom `Workspace.inside` lists up to place ``last``, to `History.force`.
+def add_social_forces(e: int, rank_stop: int, batch: Batch, params: SocialParams) -> None:
+    """Add the social forces [N] on the people whom `Workspace.inside` lists up to ``rank_stop`` to `History.force`.
 
-    The neighbor list must be complete up to the cut-off.  Distance and size are found for all pairs first, eight in one
-    instruction; then what they do to whom is added up in the order of the list.
+    The neighbor list must be complete up to the cut-off.  Distances and sizes are found for all pairs first, eight in one
+    instruction; then the forces are added up in the order of the list.
     """
     near, inside, position, force = (
         batch.workspace.neighbors,
@@ -144,24 +144,24 @@ def add_social_forces(e: int, last: int, batch: Batch, law: SocialLaw) -> None:
         batch.history.force,
     )
     desired, heading = batch.workspace.desired_velocity, batch.workspace.heading
-    begin = batch.bodies.env_start[e]
-    for place in range(index(begin), index(last)):
-        i = inside[place]
+    slot_start = batch.bodies.env_start[e]
+    for rank in range(index(slot_start), index(rank_stop)):
+        i = inside[rank]
         x, y = desired[i, 0], desired[i, 1]
         if heading[i, 2] != x or heading[i, 3] != y:  # seldom: a root and a division are dear
             speed = np.sqrt(x * x + y * y)
-            share = law.anisotropy / speed if speed > 0.0 else 0.0
+            share = params.anisotropy / speed if speed > 0.0 else 0.0
             heading[i, 0], heading[i, 1], heading[i, 2], heading[i, 3] = share * x, share * y, x, y
-    noticed, hit, owner, partner = batch.workspace.social_pairs, batch.history.contacts.hit, near.owner, near.partner
-    sizes, normal_x, normal_y = noticed.size, noticed.x, noticed.y
-    pair, hits = index(near.entry_start[e]), _notice(e, batch, law.cutoff)
-    _repel(pair, hits, normal_x, normal_y, sizes, law.strength, law.cutoff, 1.0 / law.length)
+    pairs, owner, partner = batch.workspace.social_pairs, near.owner, near.partner
+    entry, sizes, normal_x, normal_y = pairs.entry, pairs.size, pairs.x, pairs.y
+    pair, pair_stop = index(near.entry_start[e]), _find_pairs(e, batch, params.cutoff)
+    _repel(pair, pair_stop, normal_x, normal_y, sizes, params.strength, params.cutoff, 1.0 / params.length)
     wall, wall_end = index(near.pair_end[e]), index(near.wall_end[e])
-    for place in range(index(begin), index(last)):
-        i = inside[place]
+    for rank in range(index(slot_start), index(rank_stop)):
+        i = inside[rank]
         ahead_x, ahead_y, total_x, total_y = heading[i, 0], heading[i, 1], 0.0, 0.0
-        while pair < hits and owner[hit[pair]] == i:
-            j, nx, ny, size = partner[hit[pair]], normal_x[pair], normal_y[pair], sizes[pair]
+        while pair < pair_stop and owner[entry[pair]] == i:
+            j, nx, ny, size = partner[entry[pair]], normal_x[pair], normal_y[pair], sizes[pair]
             pair += index(1)
             mine = size * (1.0 - (ahead_x * nx + ahead_y * ny))
             other = size * (1.0 + (heading[j, 0] * nx + heading[j, 1] * ny))
@@ -169,13 +169,17 @@ def add_social_forces(e: int, last: int, batch: Batch, law: SocialLaw) -> None:
             total_y += mine * ny
             force[j, 0] -= other * nx
             force[j, 1] -= other * ny
-        while law.wall_strength > 0.0 and wall < wall_end and owner[wall] <= i:
+        while params.wall_strength > 0.0 and wall < wall_end and owner[wall] <= i:
             if owner[wall] == i:
                 boundary, g, radius = batch.world.boundary, batch.world.geometry_of_env[e], batch.bodies.radius[i]
                 feature = np.int64(partner[wall])
                 gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius, boundary, g, feature)
-                if gap < law.cutoff:
-                    size = law.wall_strength * _exp(-gap * (1.0 / law.length)) * (1.0 - (ahead_x * nx + ahead_y * ny))
+                if gap < params.cutoff:
+                    size = (
+                        params.wall_strength
+                        * _exp(-gap * (1.0 / params.length))
+                        * (1.0 - (ahead_x * nx + ahead_y * ny))
+                    )
                     total_x += size * nx
                     total_y += size * ny
             wall += index(1)
@@ -184,34 +188,40 @@ def add_social_forces(e: int, last: int, batch: Batch, law: SocialLaw) -> None:
 
 
 @inner_kernel
-def _notice(e: int, batch: Batch, cutoff: float) -> Any:
-    """Write down the pairs nearer than ``cutoff``, without a branch; returns one past the last place.
+def _find_pairs(e: int, batch: Batch, cutoff: float) -> Any:
+    """Write the pairs nearer than ``cutoff`` into `Workspace.social_pairs`, without a branch; returns one past the last.
 
-    The entries go to `Contacts.hit`, the way from the one to the other [m] to `Workspace.social_pairs`, and to its ``size`` how
-    far apart their centers are at the cut-off.
+    ``x`` and ``y`` hold the displacement [m] between the two centers, ``size`` their distance [m] at the cut-off.
     """
-    near, hit, position, active = (
-        batch.workspace.neighbors,
-        batch.history.contacts.hit,
-        batch.state.position,
-        batch.state.active,
-    )
-    owner, partner, touch, hits = near.owner, near.partner, near.touch, index(near.entry_start[e])
-    x, y, size = batch.workspace.social_pairs.x, batch.workspace.social_pairs.y, batch.workspace.social_pairs.size
+    near, position, active = batch.workspace.neighbors, batch.state.position, batch.state.active
+    owner, partner, contact_distance, pair = near.owner, near.partner, near.contact_distance, index(near.entry_start[e])
+    pairs = batch.workspace.social_pairs
+    entry_of, x, y, size = pairs.entry, pairs.x, pairs.y, pairs.size
     for entry in range(index(near.entry_start[e]), index(near.pair_end[e])):
         i, j = owner[entry], partner[entry]
-        dx, dy, reach = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], touch[entry] + cutoff
-        hit[hits], x[hits], y[hits], size[hits] = entry, dx, dy, reach
-        hits += index((dx * dx + dy * dy < reach * reach) & active[i] & active[j])
-    return hits
+        dx, dy, reach = (
+            position[i, 0] - position[j, 0],
+            position[i, 1] - position[j, 1],
+            contact_distance[entry] + cutoff,
+        )
+        entry_of[pair], x[pair], y[pair], size[pair] = entry, dx, dy, reach
+        pair += index((dx * dx + dy * dy < reach * reach) & active[i] & active[j])
+    return pair
 
 
 @inner_kernel
 def _repel(
-    first: int, last: int, x: Floats, y: Floats, size: Floats, strength: float, cutoff: float, per_length: float
+    pair_start: int,
+    pair_stop: int,
+    x: Floats,
+    y: Floats,
+    size: Floats,
+    strength: float,
+    cutoff: float,
+    per_length: float,
 ) -> None:
-    """Make of ways and reaches unit vectors and the sizes [N] of isotropic forces."""
-    for pair in range(first, last):
+    """Turn displacements and reaches into unit vectors and the sizes [N] of isotropic forces."""
+    for pair in range(pair_start, pair_stop):
         dx, dy = x[pair], y[pair]
         distance = np.sqrt(dx * dx + dy * dy)
         per_distance = 1.0 / distance

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.navigation.field import FieldArrays
-from crowd_env.physics.constraints import Problem, allocate_problem
+from crowd_env.physics.constraints import Constraints, allocate_constraints
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.dem_lanes.lanes import Lanes, allocate_lanes
 from crowd_env.physics.dem_lanes.partition import Cut, allocate_cut
@@ -90,6 +90,7 @@ class History(NamedTuple):
 class SocialPairs(NamedTuple):
     """Scratch of the social force: the pairs near enough for it, (M,) each."""
 
+    entry: Places  # of the neighbor list
     x: Floats  # unit vector from the second to the first
     y: Floats
     size: Floats  # N
@@ -99,7 +100,7 @@ class Workspace(NamedTuple):
     """Scratch: what is made anew whenever it is not there."""
 
     neighbors: NeighborList
-    problem: Problem
+    constraints: Constraints
     lanes: Lanes
     cut: Cut
     social_pairs: SocialPairs
@@ -163,7 +164,7 @@ def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
 
 # What not every scheme works with: arrays that are left empty unless it says so (`SchemeInfo.uses`).
 OPTIONAL = (
-    "problem",
+    "constraints",
     "lanes",
     "social_pairs",
     "desired_velocity",
@@ -217,10 +218,12 @@ def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[st
 
     return Workspace(
         neighbors=neighbors,
-        problem=allocate_problem(room("problem"), len(neighbors.touch) if "problem" in uses else 0, environments),
+        constraints=allocate_constraints(
+            room("constraints"), len(neighbors.contact_distance) if "constraints" in uses else 0, environments
+        ),
         lanes=allocate_lanes(room("lanes")),
         cut=allocate_cut(environments),
-        social_pairs=allocate_social_pairs(len(neighbors.touch) if "social_pairs" in uses else 0),
+        social_pairs=allocate_social_pairs(len(neighbors.contact_distance) if "social_pairs" in uses else 0),
         inside=np.zeros(people, dtype=np.uint32),
         desired_velocity=np.zeros((room("desired_velocity"), 2)),
         heading=np.zeros((room("heading"), 4)),
@@ -235,7 +238,7 @@ def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[st
 
 def allocate_social_pairs(entries: int) -> SocialPairs:
     """Return room for so many pairs."""
-    return SocialPairs._make(np.zeros(entries) for _ in SocialPairs._fields)
+    return SocialPairs(np.zeros(entries, dtype=np.uint32), np.zeros(entries), np.zeros(entries), np.zeros(entries))
 
 
 def grow(
@@ -249,7 +252,9 @@ def grow(
     move_contacts(history.contacts, before, contacts, neighbors)
     workspace = workspace._replace(neighbors=neighbors)
     if "social_pairs" in uses:
-        workspace = workspace._replace(social_pairs=allocate_social_pairs(len(neighbors.touch)))
-    if "problem" in uses:
-        workspace = workspace._replace(problem=allocate_problem(people, len(neighbors.touch), environments))
+        workspace = workspace._replace(social_pairs=allocate_social_pairs(len(neighbors.contact_distance)))
+    if "constraints" in uses:
+        workspace = workspace._replace(
+            constraints=allocate_constraints(people, len(neighbors.contact_distance), environments)
+        )
     return history._replace(contacts=contacts), workspace

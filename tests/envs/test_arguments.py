@@ -213,7 +213,8 @@ PHYSICS = [
       for row in rows(f"Hertz.{name}", of(Hertz, name), (NAN, -1.0, "1", None, True))],
     *rows("Hertz.damping_unit", of(Hertz, "damping_unit"), (*NO_CHOICE, None)),
     *[row for make in (DEM, NSM1, NSM2, Hertz)
-      for row in rows(f"{make.__name__}.social", of(make, "social"), ("lin", 3, SocialForce))],
+      for row in rows(f"{make.__name__}.social", of(make, "social"), ("lim", 3, SocialForce))],
+    ("NSM2.social key", lambda: NSM2(social={"stregth": 1.0}), ("'stregth'", "strength")),
     *rows("NSM2.max_iterations", of(NSM2, "max_iterations"), (2.5,)),
     *rows("Hertz.rotation", of(Hertz, "rotation"), NO_FLAG),
     *rows("make_scheme.scheme", make_scheme, (None, 3, NSM2, ["nsm2"], b"nsm2", ...)),
@@ -270,6 +271,7 @@ def test_plain_data_do_where_scenario_files_take_them():
         == DEM(social=SocialForce(100.0))
         == make_scheme(DEM(), SocialForce(100.0))
     )
+    assert NSM2(social="lin") == NSM2(social={}) == NSM2(social=SocialForce()) != NSM2(social="none") == NSM2()
     assert make_scheme("hertz", "none") == Hertz(social=None) == make_scheme({"name": "hertz", "social": None})
     assert Route("r", ["a", "b"]).exits == ("a", "b")
 

@@ -189,9 +189,9 @@ def test_memory_that_runs_full_in_the_midst_of_a_step_changes_nothing(scheme, dt
             crowd_env.simulation.simulation, "allocate_workspace", partial(allocate_workspace, per_person=per_person)
         )
         env = CrowdEnv(scene, scheme=scheme, dt=min(dt, SCHEMES[scheme].info.default_dt), frame="world")
-        before = len(env.simulation.workspace.neighbors.touch)
+        before = len(env.simulation.workspace.neighbors.contact_distance)
         seen = play(env, [3], 12)
-        grown.append(len(env.simulation.workspace.neighbors.touch) > before)
+        grown.append(len(env.simulation.workspace.neighbors.contact_distance) > before)
         return seen
 
     assert found(12) == found(1000)

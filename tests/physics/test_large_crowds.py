@@ -120,7 +120,7 @@ def test_threads_that_share_a_crowd_stop_together_when_memory_runs_full_or_every
     for simulation in (expected, shared):
         simulation.advance(n_substeps=30)
     assert state_hash(shared) == state_hash(expected)
-    assert len(shared.workspace.neighbors.touch) > 2 * 4200 + 32
+    assert len(shared.workspace.neighbors.contact_distance) > 2 * 4200 + 32
     shared.state.active[:] = False
     shared.advance(n_substeps=5)
     np.testing.assert_array_equal(shared.state.time, expected.state.time)  # the clock of an empty place stands still

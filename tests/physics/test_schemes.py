@@ -1,9 +1,11 @@
 """Parameters of the schemes: bounds with their formula, and the two extensions of NSM2."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from crowd_env import DEM, NSM1, NSM2, Geometry, Simulation, make_bodies, make_state
+from crowd_env import DEM, NSM1, NSM2, SCHEMES, Geometry, Simulation, make_bodies, make_scheme, make_state
 
 pytestmark = pytest.mark.kernels
 
@@ -65,3 +67,30 @@ def test_without_the_correction_a_resting_overlap_stays():
     simulation = Simulation(HALL, make_bodies([0.2, 0.2], [60.0, 90.0]), state, scheme=NSM2(), driving=False)
     simulation.advance(n_substeps=50)
     assert state.position[1, 0] - state.position[0, 0] == 5.36 - 5.0
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_a_scheme_has_the_name_of_its_entry_whatever_else_is_changed(name):
+    assert SCHEMES[name].info.name == name
+    for changed in (replace(SCHEMES[name], social="helbing"), make_scheme({"name": name, "social": "none"})):
+        assert changed.info.name == name
+    for parameter in ("tolerance", "youngs_modulus", "stiffness"):
+        if hasattr(SCHEMES[name], parameter):
+            assert make_scheme({"name": name, parameter: 0.125}).info.name == name
+
+
+def test_only_without_inertia_are_impulses_no_forces():
+    assert [name for name, scheme in SCHEMES.items() if not scheme.info.impulses_are_forces] == ["nsm1"]
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.05])
+def test_a_step_that_is_done_again_with_more_room_looks_up_directions_once(dt):
+    # Near a round wall of many edges the lists hold more than they have room for at first.
+    angles = np.linspace(0, 2 * np.pi, 1200, endpoint=False)
+    place = Geometry.from_polygon(2.0 * np.column_stack([np.cos(angles), np.sin(angles)]))
+    bodies = make_bodies([0.2] * 3, [60.0] * 3, desired_speed=1.0)
+    state = make_state([[1.79, 0.0], [-1.79, 0.0], [0.0, 1.79]])
+    simulation = Simulation(place, bodies, state, scheme="nsm1", dt=dt, fields=[None])
+    room = len(simulation.history.contacts.gap)
+    simulation.advance(n_substeps=1)
+    assert len(simulation.history.contacts.gap) > room and simulation.history.turn.tolist() == [1]

@@ -8,7 +8,7 @@ from shapely.geometry import box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import NSM1, NSM2, constraints, solvers
-from crowd_env.physics.constraints import allocate_problem
+from crowd_env.physics.constraints import allocate_constraints
 from crowd_env.physics.solvers import Stopping
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_state
@@ -16,9 +16,9 @@ from crowd_env.state import make_state
 DT = 0.01
 
 # Only kernels call these: here they get an entrance for Python.
-pose_no_overlap, solve, _begin = (
+assemble_no_overlap, solve, _warm_start = (
     numba.njit(getattr(stage, "py_func", stage), error_model="numpy")
-    for stage in (constraints.pose_no_overlap, solvers.solve, solvers._begin)
+    for stage in (constraints.assemble_no_overlap, solvers.solve, solvers._warm_start)
 )
 
 
@@ -86,14 +86,14 @@ def test_a_wall_does_not_move():
     simulation = jam(NSM1())
     number, free, contacts = problem_of(simulation)
     assert (contacts.j[:number] < 0).sum() > 10
-    problem, mass = simulation.workspace.problem, simulation.bodies.mass
+    rows, mass = simulation.workspace.constraints, simulation.bodies.mass
     people_ = len(mass)
-    busy = pose_no_overlap(0, number, 0, people_, 0, contacts, mass, free, problem, DT, True)
+    active_rows = assemble_no_overlap(0, number, 0, people_, 0, contacts, mass, free, rows, DT, True)
     sweeps, _, converged = solve(
-        0, number, busy, 0, people_, 0, mass, free, problem, None, Stopping(1e-9, np.inf, 20_000, True)
+        0, number, active_rows, 0, people_, 0, mass, free, rows, None, Stopping(1e-9, np.inf, 20_000, True)
     )
     assert converged and sweeps > 50
-    np.testing.assert_array_equal(problem.velocity[people_], 0.0)
+    np.testing.assert_array_equal(rows.velocity[people_], 0.0)
 
 
 @pytest.mark.parametrize("factor", [0.0, 1.0, -1.0, 30.0])
@@ -102,24 +102,24 @@ def test_a_start_is_never_worse_than_none(factor):
     simulation = jam(NSM1())
     number, free, contacts = problem_of(simulation)
     mass, count = simulation.bodies.mass, len(free)
-    problem = allocate_problem(count, number, 1)
+    rows = allocate_constraints(count, number, 1)
     rng = np.random.default_rng(1)
     contacts.impulse[:number, 0] *= factor * rng.uniform(0.5, 1.5, number)
-    pose_no_overlap(0, number, 0, count, 0, contacts, mass, free, problem, DT, True)
+    assemble_no_overlap(0, number, 0, count, 0, contacts, mass, free, rows, DT, True)
     u = np.vstack([free, [[0.0, 0.0]]])
-    _begin(problem.pair, problem.row, problem.reaction, mass, free, u)
-    share, first = problem.row[:, 3], problem.pair[:, 0]
-    impulse = problem.reaction[:, 0] * share * mass[first]
-    energy = 0.5 * (mass[:, None] * u[:-1] ** 2).sum() + impulse @ problem.row[:, 2]
+    _warm_start(rows.pair, rows.coefficients, rows.reaction, mass, free, u)
+    share, first = rows.coefficients[:, 3], rows.pair[:, 0]
+    impulse = rows.reaction[:, 0] * share * mass[first]
+    energy = 0.5 * (mass[:, None] * u[:-1] ** 2).sum() + impulse @ rows.coefficients[:, 2]
     none = 0.5 * (mass[:, None] * free**2).sum()
     assert energy <= none + 1e-9
-    assert (problem.reaction[:, 0] >= 0).all() or factor < 0
+    assert (rows.reaction[:, 0] >= 0).all() or factor < 0
     if factor > 0:
         assert energy < none - 1.0
     back = np.zeros_like(u)  # the velocities belong to the reactions
-    push = problem.reaction[:, :1] * problem.row[:, :2]
+    push = rows.reaction[:, :1] * rows.coefficients[:, :2]
     np.add.at(back, first, share[:, None] * push)
-    np.subtract.at(back, problem.pair[:, 1], (1 - share)[:, None] * push)
+    np.subtract.at(back, rows.pair[:, 1], (1 - share)[:, None] * push)
     np.testing.assert_allclose(u - np.vstack([free, [[0.0, 0.0]]]), back, atol=1e-9)
 
 
@@ -133,7 +133,7 @@ def test_rough_contacts_find_room_for_their_second_row():
     simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=1e-4, driving=False)
     momentum = bodies.mass @ state.velocity
     simulation.advance()
-    assert simulation.workspace.problem.pair.shape[0] >= 2 * simulation.history.contacts.number[0] > 1200
+    assert simulation.workspace.constraints.pair.shape[0] >= 2 * simulation.history.contacts.number[0] > 1200
     assert (simulation.contacts().impulse[:, 1] != 0).sum() > 100
     np.testing.assert_allclose(bodies.mass @ state.velocity, momentum, atol=1e-8)
 

@@ -249,7 +249,7 @@ def test_more_memory_keeps_all_that_others_hold_on_to():
     grown = grow(*before, bodies)
     entries = len(grown[1].neighbors.owner)
     assert entries > len(simulation.workspace.neighbors.owner)
-    assert len(grown[1].social_pairs.size) == entries == len(grown[0].contacts.hit)
+    assert len(grown[1].social_pairs.size) == entries == len(grown[0].contacts.candidates)
     replaced = {
         name
         for old, new in zip(before, grown, strict=True)

@@ -6,9 +6,9 @@ from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.physics.dem_lanes.contact import COUNT, DEEPEST, FASTEST, OUTSIDE, STRAYS, SUM
 from crowd_env.physics.dem_lanes.lanes import park, show_positions
 from crowd_env.physics.dem_lanes.partition import SLABS, first_entry, slab_start
-from crowd_env.physics.driving_force import reset_routes
 from crowd_env.physics.exits import leave_lanes_anywhere, leave_lanes_by_list, take_out_of_lanes
 from crowd_env.physics.neighbors.update import OK, TOO_FAST
+from crowd_env.physics.steering import reset_routes
 from crowd_env.physics.step import list_active
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bools, Floats

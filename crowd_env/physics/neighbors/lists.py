@@ -1,4 +1,4 @@
-"""The lists of neighbors: what they hold, and how they are made."""
+"""Lists of neighbors: what they hold, and how they are built."""
 
 from typing import NamedTuple
 
@@ -9,8 +9,8 @@ from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.state import Bodies, Bools, Floats, Ints
 
-# Up to so many people all pairs are looked at: quicker than to sort them into cells.
-_FEW = 64
+# Up to this number of people all pairs are tested, which is quicker than to sort them into cells.
+_FEW = 64  # people
 
 FIRST_HORIZON = 0.05  # s
 
@@ -32,13 +32,13 @@ class NeighborList(NamedTuple):
     exit_end: Ints  # (E,)
     owner: Places  # (M,)   person i
     partner: Places  # (M,)   person j > i; or wall k of the geometry, then its corners; or exit k of the geometry
-    touch: Floats  # (M,)   m    sum of the two radii of a pair
+    contact_distance: Floats  # (M,)   m    sum of the two radii of a pair
     origin_x: Floats  # (P,)   m    positions when the list was built
     origin_y: Floats
-    allowed: Floats  # (P,)   m    how far everyone may go from there
-    room: Floats  # (P,)   m    scratch: radius and way allowed, in the order of cells
-    reach: Floats  # (E,)   m    gap up to which the list is complete until someone goes further; -1 = must be built
-    horizon: Floats  # (E,)   s    for which the list should be good
+    allowed: Floats  # (P,)   m    how far each may go from there
+    room: Floats  # (P,)   m    scratch: radius and allowed displacement, in the order of cells
+    reach: Floats  # (E,)   m    gap up to which the list is complete until somebody goes further; -1 = must be built
+    horizon: Floats  # (E,)   s    for which the list should last
     age: Ints  # (E,)   steps since it was built
     built: Floats  # (E,)   s    when that was
     cell_start: NDArray[np.int32]  # cell heads of the counting sort, see `first_cell`
@@ -59,7 +59,7 @@ def allocate_neighbors(bodies: Bodies, per_person: int) -> NeighborList:
         exit_end=entry_start[:-1].copy(),
         owner=np.zeros(entries, dtype=np.uint32),
         partner=np.zeros(entries, dtype=np.uint32),
-        touch=np.zeros(entries),
+        contact_distance=np.zeros(entries),
         origin_x=np.zeros(people),
         origin_y=np.zeros(people),
         allowed=np.zeros(people),
@@ -81,28 +81,28 @@ def entries_per_person(near: NeighborList, bodies: Bodies) -> int:
 
 
 @inner_kernel
-def first_cell(e: int, begin: int) -> int:
+def first_cell(e: int, slot_start: int) -> int:
     """Return where the cell table of environment ``e`` begins, whose first person is ``begin``."""
-    return _CELLS_PER_PERSON * begin + _SPARE_CELLS * e
+    return _CELLS_PER_PERSON * slot_start + _SPARE_CELLS * e
 
 
 @inner_kernel
 def sort_into_cells(
-    e: int, begin: int, end: int, active: Bools, position: Floats, near: NeighborList, size: float
+    e: int, slot_start: int, slot_stop: int, active: Bools, position: Floats, near: NeighborList, size: float
 ) -> tuple[int, int, int]:
     """Counting sort of the active people into square cells; returns the head of the cell table, columns and rows."""
     x_low, y_low, x_high, y_high = np.inf, np.inf, -np.inf, -np.inf
     count = 0
-    for i in range(begin, end):
+    for i in range(slot_start, slot_stop):
         if active[i]:
             count += 1
             x_low, x_high = min(x_low, position[i, 0]), max(x_high, position[i, 0])
             y_low, y_high = min(y_low, position[i, 1]), max(y_high, position[i, 1])
-    head = first_cell(e, begin)
+    head = first_cell(e, slot_start)
     if count == 0:
         return head, 0, 0
     start, item, cell_of = near.cell_start, near.cell_item, near.cell_of
-    room = first_cell(e + 1, end) - head - 2  # a sparse crowd gets larger cells rather than a longer table
+    room = first_cell(e + 1, slot_stop) - head - 2  # a sparse crowd gets larger cells rather than a longer table
     columns = int((x_high - x_low) / size) + 1
     rows = int((y_high - y_low) / size) + 1
     while columns * rows > room:
@@ -111,18 +111,18 @@ def sort_into_cells(
         rows = int((y_high - y_low) / size) + 1
     for c in range(head, head + columns * rows + 1):
         start[c] = 0
-    for i in range(begin, end):
+    for i in range(slot_start, slot_stop):
         if active[i]:
             cell = int((position[i, 1] - y_low) / size) * columns + int((position[i, 0] - x_low) / size)
             cell_of[i] = cell
             start[head + cell + 1] += 1
     for c in range(head, head + columns * rows):
         start[c + 1] += start[c]
-    for i in range(end - 1, begin - 1, -1):  # backwards: ids ascend within a cell
+    for i in range(slot_stop - 1, slot_start - 1, -1):  # backwards: ids ascend within a cell
         if active[i]:
             cell = cell_of[i]
             start[head + cell + 1] -= 1
-            item[begin + start[head + cell + 1]] = i
+            item[slot_start + start[head + cell + 1]] = i
     # start[head + c + 1] is now the first item of cell c; its end is start[head + c + 2], or `count` for the last cell
     for c in range(head, head + columns * rows):
         start[c] = start[c + 1]
@@ -133,8 +133,8 @@ def sort_into_cells(
 @inner_kernel
 def list_pairs(
     e: int,
-    begin: int,
-    end: int,
+    slot_start: int,
+    slot_stop: int,
     radius: Floats,
     active: Bools,
     position: Floats,
@@ -142,38 +142,45 @@ def list_pairs(
     reach: float,
     size: float,
 ) -> bool:
-    """Write all pairs nearer than ``reach`` and the ways allowed; cells of ``size``.  False if they do not fit."""
-    first, owner, partner, touch = near.entry_start[e], near.owner, near.partner, near.touch
-    if end - begin <= _FEW:
-        entry = _all_pairs(e, begin, end, radius, active, position, near, reach)
+    """Write all pairs nearer than ``reach`` and their allowed displacements; cells of ``size``.  False if they do not fit."""
+    entry_start, owner, partner, contact_distance = near.entry_start[e], near.owner, near.partner, near.contact_distance
+    if slot_stop - slot_start <= _FEW:
+        entry = _all_pairs(e, slot_start, slot_stop, radius, active, position, near, reach)
     else:
-        grid = sort_into_cells(e, begin, end, active, position, near, size)
-        entry = _pairs_by_cell(e, begin, end, radius, active, position, near, reach, grid)
+        grid = sort_into_cells(e, slot_start, slot_stop, active, position, near, size)
+        entry = _pairs_by_cell(e, slot_start, slot_stop, radius, active, position, near, reach, grid)
     if entry < 0:
         return False
-    for k in range(index(first), index(entry)):
-        touch[k] = radius[owner[k]] + radius[partner[k]]
+    for k in range(index(entry_start), index(entry)):
+        contact_distance[k] = radius[owner[k]] + radius[partner[k]]
     near.pair_end[e] = entry
     return True
 
 
-# Entries are counted without sign: numba would guard every place they are written to, which takes half as long again.
+# Entries are counted without sign: numba would guard every index that is written to, which takes half as long again.
 
 
 @inner_kernel
 def _all_pairs(
-    e: int, begin: int, end: int, radius: Floats, active: Bools, position: Floats, near: NeighborList, reach: float
+    e: int,
+    slot_start: int,
+    slot_stop: int,
+    radius: Floats,
+    active: Bools,
+    position: Floats,
+    near: NeighborList,
+    reach: float,
 ) -> int:
     """Write the near pairs of few people; returns one past the last entry, -1 if they do not fit."""
     owner, partner, allowed = near.owner, near.partner, near.allowed
-    entry, last = index(near.entry_start[e]), index(near.entry_start[e + 1])
-    for i in range(index(begin), index(end)):
+    entry, entry_stop = index(near.entry_start[e]), index(near.entry_start[e + 1])
+    for i in range(index(slot_start), index(slot_stop)):
         if not active[i]:
             continue
-        if entry + index(end) - i > last:  # room for all: then none needs to be asked
+        if entry + index(slot_stop) - i > entry_stop:  # there is room for all of them: no test inside the loop
             return -1
         x, y, limit = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach
-        for j in range(i + index(1), index(end)):
+        for j in range(i + index(1), index(slot_stop)):
             dx, dy, far = x - position[j, 0], y - position[j, 1], limit + (radius[j] + allowed[j])
             owner[entry], partner[entry] = i, j
             entry += index((dx * dx + dy * dy < far * far) & active[j])
@@ -183,8 +190,8 @@ def _all_pairs(
 @inner_kernel
 def _pairs_by_cell(
     e: int,
-    begin: int,
-    end: int,
+    slot_start: int,
+    slot_stop: int,
     radius: Floats,
     active: Bools,
     position: Floats,
@@ -192,36 +199,39 @@ def _pairs_by_cell(
     reach: float,
     grid: tuple[int, int, int],
 ) -> int:
-    """The same for many, who lie in cells no smaller than two radii, the ways allowed, and the reach."""
+    """Write the near pairs of many people, sorted into cells; returns one past the last entry, -1 if they do not fit.
+
+    Cells are no smaller than two radii, the allowed displacements and the reach.
+    """
     head, columns, rows = grid
     cell_of, cell_item, cell_start, allowed = near.cell_of, near.cell_item, near.cell_start, near.allowed
     x_of, y_of, room = near.origin_x, near.origin_y, near.room  # in the order of cells; the origins are written later
-    for item in range(index(begin), index(begin) + index(cell_start[head + columns * rows])):
+    for item in range(index(slot_start), index(slot_start) + index(cell_start[head + columns * rows])):
         j = cell_item[item]
         x_of[item], y_of[item], room[item] = position[j, 0], position[j, 1], radius[j] + allowed[j]
     owner, partner, one = near.owner, near.partner, index(1)
-    entry, last = index(near.entry_start[e]), index(near.entry_start[e + 1])
-    for i in range(begin, end):
+    entry, entry_stop = index(near.entry_start[e]), index(near.entry_start[e + 1])
+    for i in range(slot_start, slot_stop):
         if not active[i]:
             continue
-        x, y, limit, row_begin = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach, entry
+        x, y, limit, own_start = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach, entry
         column, row = cell_of[i] % columns, cell_of[i] // columns
         for above in range(max(row - 1, 0), min(row + 2, rows)):
-            start = index(begin + cell_start[head + above * columns + max(column - 1, 0)])
-            stop = index(begin + cell_start[head + above * columns + min(column + 1, columns - 1) + 1])
-            if entry + stop - start > last:
+            item_start = index(slot_start + cell_start[head + above * columns + max(column - 1, 0)])
+            item_stop = index(slot_start + cell_start[head + above * columns + min(column + 1, columns - 1) + 1])
+            if entry + item_stop - item_start > entry_stop:
                 return -1
-            for item in range(start, stop):
+            for item in range(item_start, item_stop):
                 j = cell_item[item]
                 dx, dy, far = x - x_of[item], y - y_of[item], limit + room[item]
                 owner[entry], partner[entry] = i, j
                 entry += index((j > i) & (dx * dx + dy * dy < far * far))
-        for k in range(row_begin + one, entry):  # insertion sort by partner: they are few, and nearly in order
-            j, place = partner[k], index(k)
-            while place > row_begin and partner[place - one] > j:
-                partner[place] = partner[place - one]
-                place -= one
-            partner[place] = j
+        for k in range(own_start + one, entry):  # insertion sort by partner: they are few, and nearly in order
+            j, at = partner[k], index(k)
+            while at > own_start and partner[at - one] > j:
+                partner[at] = partner[at - one]
+                at -= one
+            partner[at] = j
     return int(np.int64(entry))
 
 
@@ -229,8 +239,8 @@ def _pairs_by_cell(
 def list_walls(
     e: int,
     g: int,
-    begin: int,
-    end: int,
+    slot_start: int,
+    slot_stop: int,
     boundary: Boundary,
     door_open: Bools,
     radius: Floats,
@@ -240,16 +250,16 @@ def list_walls(
     reach: float,
 ) -> bool:
     """Write the wall features nearer than ``reach`` to anyone, but for open doors; False if they do not fit."""
-    first, stop = boundary.wall_start[g], boundary.wall_start[g + 1]
+    wall_first, wall_stop = boundary.wall_start[g], boundary.wall_start[g + 1]
     wall, wall_door = boundary.wall, boundary.wall_door
     corner, corner_door, corner_start = boundary.corner, boundary.corner_door, boundary.corner_start
     owner, partner, allowed = near.owner, near.partner, near.allowed
-    entry, last = near.pair_end[e], near.entry_start[e + 1]
-    for i in range(begin, end):
+    entry, entry_stop = near.pair_end[e], near.entry_start[e + 1]
+    for i in range(slot_start, slot_stop):
         if not active[i]:
             continue
         x, y, limit = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach
-        for k in range(first, stop):
+        for k in range(wall_first, wall_stop):
             ax, ay, bx, by = wall[k, 0, 0], wall[k, 0, 1], wall[k, 1, 0], wall[k, 1, 1]
             if x < min(ax, bx) - limit or x > max(ax, bx) + limit or y < min(ay, by) - limit or y > max(ay, by) + limit:
                 continue
@@ -257,18 +267,18 @@ def list_walls(
                 continue
             length = np.hypot(bx - ax, by - ay)
             if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) < limit * length:
-                if entry == last:
+                if entry == entry_stop:
                     return False
-                owner[entry], partner[entry] = i, k - first
+                owner[entry], partner[entry] = i, k - wall_first
                 entry += 1
         for k in range(corner_start[g], corner_start[g + 1]):
             dx, dy = x - corner[k, 0], y - corner[k, 1]
             if dx * dx + dy * dy < limit * limit:
                 if corner_door[k] >= 0 and door_open[e, corner_door[k]]:
                     continue
-                if entry == last:
+                if entry == entry_stop:
                     return False
-                owner[entry], partner[entry] = i, stop - first + k - corner_start[g]
+                owner[entry], partner[entry] = i, wall_stop - wall_first + k - corner_start[g]
                 entry += 1
     near.wall_end[e] = entry
     return True
@@ -278,26 +288,26 @@ def list_walls(
 def list_exits(
     e: int,
     g: int,
-    begin: int,
-    end: int,
+    slot_start: int,
+    slot_stop: int,
     boundary: Boundary,
     active: Bools,
     position: Floats,
     near: NeighborList,
 ) -> bool:
     """Write the exit lines that anyone's center may come to; False if they do not fit."""
-    entry, last, line, exit_start = near.wall_end[e], near.entry_start[e + 1], boundary.exit, boundary.exit_start
+    entry, entry_stop, line, exit_start = near.wall_end[e], near.entry_start[e + 1], boundary.exit, boundary.exit_start
     owner, partner, allowed = near.owner, near.partner, near.allowed
     for k in range(exit_start[g], exit_start[g + 1]):
         ax, ay, bx, by = line[k, 0, 0], line[k, 0, 1], line[k, 1, 0], line[k, 1, 1]
         left, right, low, high = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
         length = np.hypot(bx - ax, by - ay)
-        for i in range(index(begin), index(end)):
+        for i in range(index(slot_start), index(slot_stop)):
             x, y, limit = position[i, 0], position[i, 1], allowed[i]
             if x < left - limit or x > right + limit or y < low - limit or y > high + limit or not active[i]:
                 continue
             if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) <= limit * length:
-                if entry == last:
+                if entry == entry_stop:
                     return False
                 owner[entry], partner[entry] = i, k - exit_start[g]
                 entry += 1

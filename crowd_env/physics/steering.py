@@ -1,0 +1,146 @@
+"""Which way pedestrians walk: the route that each follows, the direction along it, and the desired speed there."""
+
+import numpy as np
+
+from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.navigation.lookup import BLEND, blended_direction, exit_frame, quick_cell, through_exit, way_at
+from crowd_env.physics.workspace import LOOKUP_PERIOD, Batch
+from crowd_env.routing.rules import apply_rules, notice_regions
+from crowd_env.state import Floats
+
+# Directions are looked up anew after this time: at every step of 0.01 s, at every tenth of 0.001 s.  A look-up costs as much
+# as two contacts, and nobody gets 2 cm further in between.
+LOOK_EVERY = 0.01  # s
+# The table of directions of a crowd of this size does not fit into the caches, and the look-up is most of a step.  Where all
+# directions of a cell agree to 1/20 (3 degrees) a pedestrian looks only every fourth time: in 0.04 s nobody leaves the cell by
+# more than its width.
+_MANY = 1000
+_UNIFORM = 0.05
+
+
+@inner_kernel
+def reset_routes(e: int, batch: Batch, regions: bool | None) -> None:
+    """Where there are no regions everyone walks at the own desired speed on the own route, for the whole of a call."""
+    if regions is not None and has_regions(e, batch):
+        return
+    desired_speed, route = batch.bodies.desired_speed, batch.state.route
+    speed, followed = batch.history.local_speed, batch.history.followed
+    changed = False
+    for i in range(index(batch.bodies.env_start[e]), index(batch.bodies.env_start[e + 1])):
+        speed[i] = desired_speed[i]
+        changed |= followed[i] != route[i]
+        followed[i] = route[i]
+    if changed:
+        batch.history.direction_age[e] = np.inf
+
+
+@inner_kernel
+def steer(e: int, rank_stop: int, batch: Batch, dt: float, regions: bool | None) -> None:
+    """Bring rules, routes and directions of environment ``e`` up to date if they are due."""
+    if batch.history.direction_age[e] > max(LOOK_EVERY - 0.5 * dt, 0.0):  # a step done again does not look again
+        if regions is not None:
+            follow_rules(e, batch)
+        update_steering(e, batch.bodies.env_start[e], rank_stop, batch, dt, choose_turn(e, batch, regions))
+        batch.history.direction_age[e] = 0.0
+
+
+@inner_kernel
+def has_regions(e: int, batch: Batch) -> bool:
+    """Whether there are regions, and so perhaps rules, in environment ``e``."""
+    return bool(batch.world.guidance.region.shape[batch.world.geometry_of_env[e], 1] > 0)
+
+
+@inner_kernel
+def follow_rules(e: int, batch: Batch) -> None:
+    """Bring local speeds and followed routes up to date where there are regions."""
+    if not has_regions(e, batch):
+        return
+    world, history, g = batch.world, batch.history, batch.world.geometry_of_env[e]
+    notice_regions(e, g, world.guidance.region, batch.bodies, batch.state, history.region_bits, history.local_speed)
+    apply_rules(
+        e,
+        g,
+        world.field,
+        world.guidance,
+        batch.bodies,
+        batch.state,
+        history.region_bits,
+        history.followed,
+        history.rule_on,
+        history.rule_since,
+    )
+
+
+@inner_kernel
+def choose_turn(e: int, batch: Batch, regions: bool | None) -> int:
+    """Return which turn it is for those who need not look every time; -1 = everyone looks."""
+    turn, many = batch.history.turn, batch.bodies.env_start[e + 1] - batch.bodies.env_start[e] >= _MANY
+    turn[e] = (turn[e] + 1) % LOOKUP_PERIOD
+    if regions is not None and has_regions(e, batch):
+        many = False  # rules send people elsewhere at any time
+    return turn[e] if many and batch.history.direction_age[e] < np.inf else -1
+
+
+@inner_kernel
+def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: float, turn: int) -> None:
+    """Look up the direction of the people with the ranks ``rank_start:rank_stop`` in `Workspace.inside`.
+
+    It is written for those whose command is relative to it, and for everyone if it will be good for more than one step; but
+    not for those around whom it is uniform and whose turn it is not.
+    """
+    field, boundary, field_of_route = batch.world.field, batch.world.boundary, batch.world.guidance.field_of_route
+    cell, table, exit_line, position = field.cell, field.direction, boundary.exit, batch.state.position
+    radius, relative, inside, history = (
+        batch.bodies.radius,
+        batch.control.relative,
+        batch.workspace.inside,
+        batch.history,
+    )
+    followed, direction, is_uniform, lookup_turn = (
+        history.followed,
+        history.direction,
+        history.is_uniform,
+        history.lookup_turn,
+    )
+    everyone = dt < LOOK_EVERY  # a command that becomes relative before the next look-up needs the direction too
+    f, rows, cols, start, keep, left, bottom, size = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0
+    aim, ax, ay, ux, uy, width, nx, ny = -1, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
+    for rank in range(index(rank_start), index(rank_stop)):
+        i = inside[rank]
+        if not (relative[i] or everyone):
+            is_uniform[i] = False
+            continue
+        if turn >= 0 and is_uniform[i] and lookup_turn[i] != turn:
+            continue
+        mine = field_of_route[e, followed[i]]
+        if mine != f:
+            f = mine
+            rows, cols, keep = field.shape[f, 0], field.shape[f, 1], field.margin[f]
+            start, left, bottom, size = field.node_start[f], field.origin[f, 0], field.origin[f, 1], field.spacing[f]
+        plain, ex, ey = False, np.nan, np.nan
+        is_uniform[i] = False
+        if cols > 0:
+            x, y, r = position[i, 0], position[i, 1], radius[i]
+            node, u, v = quick_cell(start, rows, cols, left, bottom, size, x, y)
+            k = cell[node]
+            if k >= 0:
+                if k != aim:  # most aim at the same exit as the one before
+                    aim = k
+                    ax, ay, ux, uy, width, nx, ny = exit_frame(exit_line, k)
+                plain = True
+                ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, r, keep if keep >= 0.0 else r)
+            elif k == BLEND:
+                plain, ex, ey = blended_direction(table, node, cols, u, v)
+                is_uniform[i] = _agree(table, node, cols)
+        if not plain:  # in cells that a wall runs through
+            ex, ey, _ = way_at(field, boundary, f, position[i, 0], position[i, 1], radius[i])
+        direction[i, 0], direction[i, 1] = ex, ey
+
+
+@inner_kernel
+def _agree(direction: Floats, node: int, cols: int) -> bool:
+    """Whether the directions at the corners of a cell hardly differ, along either diagonal."""
+    above = node + cols
+    ax, ay = direction[node, 0] - direction[above + 1, 0], direction[node, 1] - direction[above + 1, 1]
+    bx, by = direction[node + 1, 0] - direction[above, 0], direction[node + 1, 1] - direction[above, 1]
+    return max(ax * ax + ay * ay, bx * bx + by * by) < _UNIFORM * _UNIFORM
