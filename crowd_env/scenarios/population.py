@@ -157,7 +157,7 @@ def population_of(where: str, table: Mapping[str, Any]) -> Population:
 def check_count(what: str, count: Any) -> int:
     """Return a number of people; raise ValueError unless one environment can hold so many."""
     whole(what, count)
-    return whole(what, count, Range(1, _MOST_PEOPLE), why="more people do not fit into one environment")
+    return whole(what, count, Range(1, _MOST_PEOPLE).because("more people do not fit into one environment"))
 
 
 def require_names(kind: str, names: Iterable[str | None], allowed: Iterable[str]) -> None:

@@ -123,7 +123,7 @@ def taken_seats(count: int) -> list[int]:
         If there are more people than seats.
     """
     everything = len(seats())
-    count = whole("theatre: count", count, Range(1, everything), why="the number of seats")
+    count = whole("theatre: count", count, Range(1, everything).because("the number of seats"))
     first = EMPTY_ROWS * SEATS_A_ROW
     first = first if count <= everything - first else 0
     there = everything - first
