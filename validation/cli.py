@@ -18,6 +18,7 @@ from validation.bits import ROOT, chosen, report
 from validation.bits_scenes import scenes
 from validation.gate import REFERENCE, export, gate_scenario, recorded, recorded_speed, simulated
 from validation.halls import HALLS, empty, holds, told
+from validation.pages import TABLES, fill, run
 from validation.positions import STORED, write
 from validation.trajectories import find_recording, read_trajectories
 
@@ -303,6 +304,31 @@ def _with_sd(value: dict[str, float | None]) -> str:
     if value["mean"] is None:
         return "-"
     return f"{value['mean']:.2f}" + ("" if value["sd"] is None else f" ± {value['sd']:.2f}")
+
+
+@app.command()
+def pages(
+    names: Annotated[list[str] | None, typer.Argument(help=f"Tables: {', '.join(TABLES)}; default all.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print which pages were written, as JSON.")] = False,
+) -> None:
+    """Make the tables of measured figures in docs/ anew: half an hour for all, the text around them is yours to mend.
+
+    Example: python -m validation pages clogging strategies
+    """
+    with _said_plainly():
+        for name in names or ():
+            if name not in TABLES:
+                raise ValueError(f"unknown table {name!r}; known: {', '.join(TABLES)}")
+        written: dict[str, str] = {}
+        for name in names or TABLES:
+            with _notes.status(f"{name} ...") as status:
+
+                def command(line: str, name: str = name, status: Status = status) -> dict[str, Any]:
+                    status.update(f"{name}: python -m {line}")
+                    return run(line)
+
+                written[name] = fill(name, command).name
+        typer.echo(json.dumps(written) if as_json else "\n".join(f"{name}: {page}" for name, page in written.items()))
 
 
 def main() -> None:

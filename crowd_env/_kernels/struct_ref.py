@@ -4,12 +4,12 @@ numba hands a NamedTuple over by value.  The tuples of a step hold 130 arrays of
 words were copied, and every copy compiled.  A `StructRef` is one word.  In a kernel its attributes are the arrays, numbers and
 further references of the tuple, read where they are used::
 
-    batch = refer(Batch(world, bodies, state, ...))      # once; whoever wants other arrays makes another reference
+    batch = struct_ref(Batch(world, bodies, state, ...))  # once; `StructRef.replace` hands it other arrays
     kernel(batch)                                         # def kernel(batch): ... batch.state.position[i, 0] ...
 
-What a kernel can do with a reference is to read attributes; it cannot be unpacked, indexed or changed (the arrays can).  Tables
-never change, which is told to the compiler: a loop reads them once.  Outside of compiled code, which is all code under
-``NUMBA_DISABLE_JIT=1``, attributes are those of the tuple.
+What a kernel can do with a reference is to read attributes; it cannot be unpacked, indexed or changed (the arrays can).  No
+table changes while a kernel runs, which is told to the compiler: a loop reads it once.  Outside of compiled code, which is all
+code under ``NUMBA_DISABLE_JIT=1``, attributes are those of the tuple, and tuples in it are references too.
 """
 
 from typing import Any
@@ -53,7 +53,7 @@ class StructRef:
     Attributes
     ----------
     address : of the table.
-    fields : what it refers to, as Python sees it.
+    fields : what it refers to, as Python sees it: the tuple, with references in place of the tuples in it.
     """
 
     def __init__(self, fields: Any) -> None:
@@ -66,20 +66,50 @@ class StructRef:
             kinds.append((name, kind))
             words += its_words
             kept.append(value)
-        self._kept = kept
         self._table = np.array(words, dtype=np.int64)
         self._table.flags.writeable = False
         self.address = int(self._table.ctypes.data)
-        self.fields = fields
+        self.fields = fields._make(kept)
         self._numba_type_ = StructRefType(tuple(kinds))
 
     def __getattr__(self, name: str) -> Any:
-        """Return a field of the tuple: this is what a kernel reads when it runs as plain Python."""
+        """Return a field: this is what a kernel reads when it runs as plain Python."""
         if name == "fields" or name.startswith(
             "_"
         ):  # no field, but what a half-made object lacks or a library looks for
             raise AttributeError(f"a reference has no attribute {name!r}")
         return getattr(self.fields, name)
+
+    def replace(self, **values: Any) -> None:
+        """Refer to other arrays from the next call of a kernel on, and so do all references that this one is part of.
+
+        A field that is a reference itself is replaced in place, field by field.
+
+        Raises
+        ------
+        TypeError
+            If a value has not the type of the one before: kernels are compiled for that.
+        """
+        words = []
+        for name, value in values.items():
+            found = self._numba_type_.find(name)
+            assert found is not None, f"a reference has no field {name!r}"
+            place, kind = found
+            if not isinstance(kind, StructRefType):
+                now, its_words = _describe(name, value)
+                if now != kind:
+                    raise TypeError(f"{name} is {now}; kernels are compiled for {kind}")
+                words.append((place, its_words))
+        self._table.flags.writeable = True
+        for place, its_words in words:
+            self._table[place : place + len(its_words)] = its_words
+        self._table.flags.writeable = False
+        for name, value in values.items():
+            known = getattr(self.fields, name)
+            if isinstance(known, StructRef):
+                known.replace(**value._asdict())
+            else:
+                self.fields = self.fields._replace(**{name: value})
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles refer to arrays of their own: an address means nothing elsewhere."""

@@ -270,7 +270,7 @@ class CrowdEnv:
         reward, terms = self._reward(self._transition)
         over = np.flatnonzero(ended)
         info: dict[str, Any] = {**terms, "finished": ended}
-        info["diagnostics"] = type(simulation.last_diagnostics)._make(a.copy() for a in simulation.last_diagnostics)
+        info["diagnostics"] = simulation.results.diagnostics.copy()
         info["metrics"] = {int(e): self.metrics(int(e)) for e in over}
         if self.autoreset and len(over):
             info["final_observation"] = final = self._observer.rows.take()

@@ -120,7 +120,7 @@ def _clear(edges: Floats, bottom: float, per_height: float, row: int) -> tuple[f
 def mark_outside(
     border: Border, geometry_of_env: Ints, env_start: Ints, active: Bools, position: Floats, outside: Bools
 ) -> None:
-    """Set ``outside`` (P,) of whoever is active and not in the walkable area; nobody's is cleared."""
+    """Set ``outside`` (P,) of everyone who is active and not in the walkable area; clear none."""
     low, high, x_low, slope = border.low, border.high, border.x, border.slope
     edge_start, clear = border.edge_start, border.clear
     for e in range(len(geometry_of_env)):

@@ -6,15 +6,15 @@ every touch of a neighbor had to be fetched from beyond the processor's caches. 
 with it their last digits; it depends on nothing but the environment's own clock and positions.
 """
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowd_env._kernels.jit import index, kernel
+from crowd_env.clock import DueClock, next_multiple
 from crowd_env.physics.contacts import KEPT, Contacts, contact_keys, rows_of
-from crowd_env.physics.neighbors.lists import NeighborList
-from crowd_env.physics.workspace import Batch, Command, History, Results, set_command
+from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
+from crowd_env.physics.workspace import Batch, Command, Results, set_command
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 MANY = 1000  # people from which on an environment is sorted: fewer lie in the caches anyhow
@@ -35,23 +35,29 @@ class Order(NamedTuple):
 class SortedCrowd:
     """Working copies of a batch, in the order of space where an environment is large.
 
+    Parameters
+    ----------
+    batch : as others see it, everyone in the own slot.  Of the arrays that have one row a person none is ever replaced.
+
     Attributes
     ----------
     slot : (P,) slot of everyone in the order of the copies; those of one environment stay together.
+    batch : as the physics sees it, with the copies.
     """
 
-    def __init__(self, bodies: Bodies, state: CrowdState, results: Results, history: History) -> None:
-        self._env_start = bodies.env_start
-        self.slot: Ints = np.arange(len(bodies.radius))
-        self._first_turn = history.lookup_turn.copy()  # in slots
+    def __init__(self, batch: Batch) -> None:
+        bodies, state, results = batch.bodies, batch.state, batch.results
+        self._in_slots = batch
+        self._first_turn = batch.history.lookup_turn.copy()  # in slots
         self._large = np.flatnonzero(np.diff(bodies.env_start) >= MANY).tolist()
         self._small = _stretches(np.diff(bodies.env_start) < MANY, bodies.env_start)  # who keep their order
-        self._due = np.full(len(state.time), -math.inf)
-        self._bodies = Bodies._make([*(array.copy() for array in bodies[:-1]), bodies.env_start])
-        self._state = CrowdState._make([*(array.copy() for array in state[:-1]), state.time])
-        self._followed = history.followed.copy()
-        self._results = results._replace(
-            impulse=results.impulse.copy(), impulse_magnitude=results.impulse_magnitude.copy()
+        self._clock = DueClock(len(state.time))
+        self.slot: Ints = np.arange(len(bodies.radius))
+        self.batch = batch._replace(
+            bodies=Bodies._make([*(array.copy() for array in bodies[:-1]), bodies.env_start]),
+            state=CrowdState._make([*(array.copy() for array in state[:-1]), state.time]),
+            results=Results._make([*(array.copy() for array in results[:-1]), results.diagnostics]),
+            history=batch.history._replace(followed=batch.history.followed.copy()),
         )
 
     @staticmethod
@@ -59,75 +65,76 @@ class SortedCrowd:
         """Whether any environment is large."""
         return bool((np.diff(bodies.env_start) >= MANY).any())
 
-    def restart(self, e: int, history: History) -> None:
+    def restart(self, e: int) -> None:
         """Environment ``e`` has other people: in their slots, as at first, and to be sorted before the next step."""
-        people = slice(int(self._env_start[e]), int(self._env_start[e + 1]))
+        people = self._people(e)
         self.slot[people] = np.arange(people.start, people.stop)
-        history.lookup_turn[people] = self._first_turn[people]
-        self._due[e] = -math.inf
+        self._in_slots.history.lookup_turn[people] = self._first_turn[people]
+        self._clock.due[e] = 0.0
 
     def order(self) -> Order:
         """Return a copy of the order."""
-        return Order(self.slot.copy(), self._due.copy())
+        return Order(self.slot.copy(), self._clock.due.copy())
 
-    def restore(self, order: Order, bodies: Bodies) -> None:
+    def restore(self, order: Order) -> None:
         """Take up an order; the history that lies in it is restored by itself."""
-        self.slot[:], self._due[:] = order
-        for own, array in zip(self._bodies[:-1], bodies[:-1], strict=True):
-            own[:] = array[self.slot]
+        self.slot[:], self._clock.due[:] = order
+        self._gather_bodies(slice(None))
 
     def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
         """Return after how many steps the next environment is due; None if there is none."""
-        waits = [max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9)) for e in self._large if inside[e] > 0]
-        return min(waits, default=None)
+        return self._clock.steps_until_due((e for e in self._large if inside[e] > 0), time, dt)
 
-    def update(self, bodies: Bodies, state: CrowdState, history: History, neighbors: NeighborList) -> None:
-        """Sort the environments that are due anew."""
+    def update(self, contacts: Contacts, neighbors: NeighborList) -> None:
+        """Sort the environments that are due anew, and let their contacts follow."""
+        time = self._in_slots.state.time
         for e in self._large:
-            if state.time[e] >= self._due[e] - 1e-9:
-                self._sort(e, bodies, state, history, neighbors)
-                self._due[e] = (math.floor(float(state.time[e]) / EVERY + 1e-6) + 1) * EVERY
+            if self._clock.is_due(e, time[e]):
+                self._sort(e, contacts, rows_of(e, contacts, neighbors))
+                invalidate_lists(neighbors, e)
+                self._clock.due[e] = next_multiple(EVERY, float(time[e]))
 
-    def _sort(self, e: int, bodies: Bodies, state: CrowdState, history: History, neighbors: NeighborList) -> None:
-        people = slice(int(self._env_start[e]), int(self._env_start[e + 1]))
+    def _sort(self, e: int, contacts: Contacts, rows: slice) -> None:
+        people, state = self._people(e), self._in_slots.state
         slots = self.slot[people]
         order = _order_of_space(state.position[slots], state.active[slots])
         self.slot[people] = slots[order]
-        for array in (getattr(history, name) for name in _IN_ORDER):
+        for array in (getattr(self._in_slots.history, name) for name in _IN_ORDER):
             if len(array):  # not every scheme uses all
                 array[people] = array[people][order]
-        for own, values in zip(self._bodies[:-1], bodies[:-1], strict=True):
-            own[people] = values[self.slot[people]]
-        neighbors.reach[e] = -1.0
+        self._gather_bodies(people)
         rank = np.empty(len(order), dtype=np.int64)
         rank[order] = np.arange(len(order))
-        _renumber(people.start, rank, history.contacts, rows_of(e, history.contacts, neighbors))
+        _renumber(people.start, rank, contacts, rows)
 
-    def view(self, batch: Batch) -> Batch:
-        """Return the batch as the physics sees it: with the copies."""
-        history = batch.history._replace(followed=self._followed)
-        return batch._replace(bodies=self._bodies, state=self._state, results=self._results, history=history)
+    def _people(self, e: int) -> slice:
+        env_start = self._in_slots.bodies.env_start
+        return slice(int(env_start[e]), int(env_start[e + 1]))
 
-    def gather(self, batch: Batch, asked: Command) -> None:
-        """Read anew what others may have changed, and write what is asked for to ``control``."""
+    def _gather_bodies(self, people: slice) -> None:
+        for copy, array in zip(self.batch.bodies[:-1], self._in_slots.bodies[:-1], strict=True):
+            copy[people] = array[self.slot[people]]
+
+    def gather(self, asked: Command) -> None:
+        """Read anew what others may have changed, and write what is asked for to where the physics reads it."""
         for people in self._small:
-            for own, values in zip(self._bodies[:-1], batch.bodies[:-1], strict=True):
-                own[people] = values[people]
-        for copy, array in self._shown(batch):
+            self._gather_bodies(people)
+        for copy, array in self._shown():
             _gather(self.slot, array, copy)
-        set_command(batch.control, asked, lambda array, values: _gather(self.slot, values, array))
+        set_command(self.batch.control, asked, lambda array, values: _gather(self.slot, values, array))
 
-    def scatter(self, batch: Batch) -> None:
+    def scatter(self) -> None:
         """Write what the physics has done to where everyone looks for it."""
-        for copy, array in self._shown(batch):
+        for copy, array in self._shown():
             _scatter(self.slot, copy, array)
 
-    def _shown(self, batch: Batch) -> list[tuple[Any, Any]]:
-        """Return what lies in slots for others to read and write: each copy, and the array that it is of."""
+    def _shown(self) -> list[tuple[Any, Any]]:
+        """Return what others read and write: each copy, and the array that it is of."""
+        copies, arrays = self.batch, self._in_slots
         return [
-            *zip(self._state[:-1], batch.state[:-1], strict=True),
-            (self._followed, batch.history.followed),
-            *zip(self._results[:-1], batch.results[:-1], strict=True),
+            *zip(copies.state[:-1], arrays.state[:-1], strict=True),
+            (copies.history.followed, arrays.history.followed),
+            *zip(copies.results[:-1], arrays.results[:-1], strict=True),
         ]
 
     def by_slot(self, i: Ints, j: Ints, normal: Floats) -> tuple[Ints, Ints, Floats, Ints]:

@@ -58,6 +58,10 @@ class Diagnostics(NamedTuple):
     iterations: Ints  # (E,)       solver sweeps in all
     unconverged: Ints  # (E,)       steps that ended above the tolerance
 
+    def copy(self) -> "Diagnostics":
+        """Return an independent copy."""
+        return Diagnostics._make(array.copy() for array in self)
+
 
 class Results(NamedTuple):
     """What a call of `Simulation.advance` tells: of the current or last call, for everyone to read."""
@@ -65,6 +69,10 @@ class Results(NamedTuple):
     impulse: Floats  # (P, 2)  N s  sum of the contact impulses on each person
     impulse_magnitude: Floats  # (P,)    N s  sum of their magnitudes
     diagnostics: Diagnostics
+
+    def copy(self) -> "Results":
+        """Return an independent copy."""
+        return Results(self.impulse.copy(), self.impulse_magnitude.copy(), self.diagnostics.copy())
 
 
 class History(NamedTuple):
@@ -206,6 +214,11 @@ def allocate_history(
         rule_since=np.zeros((environments, rules)),
         door_open=np.ones((environments, doors), dtype=np.bool_),
     )
+
+
+def invalidate_directions(history: History, e: int) -> None:
+    """Let everyone in environment ``e`` look up the direction of the route at the next step."""
+    history.direction_age[e] = np.inf
 
 
 def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[str] = OPTIONAL) -> Workspace:

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env.clock import DueClock, next_multiple
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.spec import DoorEvent
-from crowd_env.state import Bodies, CrowdState, Floats, Ints
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 CHECK_EVERY = 0.1  # s
 
@@ -16,7 +17,6 @@ CHECK_EVERY = 0.1  # s
 class DoorState(NamedTuple):
     """What a checkpoint keeps of a `DoorSchedule`, for every environment."""
 
-    closed: tuple[frozenset[str], ...]
     happened: tuple[frozenset[int], ...]  # events
     due: Floats  # (E,)  s
 
@@ -40,62 +40,61 @@ class DoorSchedule:
         self._geometries = [geometries[g] for g in geometry_of_env]
         self._closed_at_start = [frozenset(closed_at_start[g]) for g in geometry_of_env]
         self._events = [list(events[g]) for g in geometry_of_env]
-        self.closed: list[frozenset[str]] = [frozenset() for _ in geometry_of_env]
         self._happened: list[set[int]] = [set() for _ in geometry_of_env]
-        self._due = np.zeros(len(self._events))
+        self._clock = DueClock(len(self._events))
         self._watched = [e for e, events in enumerate(self._events) if events]
 
     def restart(self, e: int) -> frozenset[str]:
         """Begin environment ``e`` anew; returns the doors that are closed."""
-        self.closed[e] = self._closed_at_start[e]
         self._happened[e] = set()
-        self._due[e] = 0.0
-        return self.closed[e]
+        self._clock.due[e] = 0.0
+        return self._closed_at_start[e]
 
     def moment(self) -> DoorState:
         """Return a copy of how things stand."""
-        return DoorState(tuple(self.closed), tuple(map(frozenset, self._happened)), self._due.copy())
+        return DoorState(tuple(map(frozenset, self._happened)), self._clock.due.copy())
 
     def restore(self, then: DoorState) -> None:
         """Let things stand as they did."""
-        self.closed = list(then.closed)
         self._happened = [set(events) for events in then.happened]
-        self._due[:] = then.due
+        self._clock.due[:] = then.due
 
     def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
         """Return after how many steps the next environment must be looked at; None if no door moves any more."""
-        waits = [
-            max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9))
-            for e in self._watched
-            if inside[e] > 0
-            and len(self._happened[e]) < len(self._events[e])  # the clock of an empty place stands still
-        ]
-        return min(waits, default=None)
+        # The clock of an empty place stands still.
+        waiting = (e for e in self._watched if inside[e] > 0 and len(self._happened[e]) < len(self._events[e]))
+        return self._clock.steps_until_due(waiting, time, dt)
 
     def _next_look(self, e: int, now: float) -> float:
         """Return when to look next: at the time of an event, or every `CHECK_EVERY` of the episode while people are counted."""
         pending = [event for k, event in enumerate(self._events[e]) if k not in self._happened[e]]
         times = [event.at for event in pending if event.at is not None]
         if any(event.at is None for event in pending):
-            times.append((math.floor(now / CHECK_EVERY + 1e-6) + 1) * CHECK_EVERY)
+            times.append(next_multiple(CHECK_EVERY, now))
         return min(times, default=math.inf)
 
-    def update(self, bodies: Bodies, state: CrowdState) -> list[int]:
-        """Let what is due happen; returns the environments in which a door moved."""
+    def update(self, bodies: Bodies, state: CrowdState, door_open: Bools) -> list[tuple[int, frozenset[str]]]:
+        """Let what is due happen; returns the environments in which a door moves, and which are closed then.
+
+        ``door_open`` (E, D) says how they stand, in the order of `Geometry.doors`.
+        """
         moved = []
         for e in self._watched:
             events = self._events[e]
-            if len(self._happened[e]) == len(events) or state.time[e] < self._due[e] - 1e-9:
+            if len(self._happened[e]) == len(events) or not self._clock.is_due(e, state.time[e]):
                 continue
             people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
-            before = self.closed[e]
+            doors = zip(
+                self._geometries[e].doors, door_open[e].tolist(), strict=False
+            )  # padded to the most of any place
+            before = closed = frozenset(name for name, is_open in doors if not is_open)
             for k, event in enumerate(events):
                 if k not in self._happened[e] and self._is_due(e, event, state, people):
                     self._happened[e].add(k)
-                    self.closed[e] = self.closed[e] - {event.door} if event.opens else self.closed[e] | {event.door}
-            self._due[e] = self._next_look(e, float(state.time[e]))
-            if self.closed[e] != before:
-                moved.append(e)
+                    closed = closed - {event.door} if event.opens else closed | {event.door}
+            self._clock.due[e] = self._next_look(e, float(state.time[e]))
+            if closed != before:
+                moved.append((e, closed))
         return moved
 
     def _is_due(self, e: int, event: DoorEvent, state: CrowdState, people: slice) -> bool:

@@ -1,13 +1,13 @@
 """Which field leads whom, environment by environment: fastest ways follow the crowd, all ways follow the doors."""
 
-import math
-import time as clock
+import time
 import warnings
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env.clock import DueClock
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.navigation.congestion import write_field
 from crowd_env.navigation.field import FieldArrays, NavigationField, join_fields, regions_along
@@ -75,11 +75,11 @@ class RoutePlanner:
                 potentials = self.potential_of_route[e, : len(place.routes)]
                 self._potentials.setdefault(self._key(e, frozenset()), potentials.tolist())
         self._first_rows, self._first_fields = dict(self._rows), len(self._fields)
-        self._due = np.zeros(len(geometry_of_env))
+        self._clock = DueClock(len(geometry_of_env))
         self._dynamic = self._find_dynamic()
 
     def _find_dynamic(self) -> list[tuple[int, RouteSet]]:
-        """Return the environments whose ways follow the crowd: mostly none, and then nobody has to ask them all."""
+        """Return the environments with routes that follow the crowd: mostly none, and then none has to be looked at."""
         return [(e, place) for e, place in enumerate(self._current) if isinstance(place, RouteSet) and place.is_dynamic]
 
     def route_set(self, e: int) -> RouteSet | None:
@@ -91,20 +91,19 @@ class RoutePlanner:
         """Begin environment ``e`` anew: all its doors stand open, and its fastest ways are due."""
         if self._closed[e]:
             self.close(e, frozenset())
-        self._due[e] = 0.0
+        self._clock.due[e] = 0.0
 
     def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
         """Return after how many steps the next environment is due; None if there is nothing to plan."""
-        waits = [max(1, math.ceil((self._due[e] - time[e]) / dt - 1e-9)) for e, _ in self._dynamic if inside[e] > 0]
-        return min(waits, default=None)
+        return self._clock.steps_until_due((e for e, _ in self._dynamic if inside[e] > 0), time, dt)
 
     def update(self, bodies: Bodies, state: CrowdState, only: int | None = None) -> None:
         """Find the fastest ways of the environments that are due anew, or of ``only`` one of them, in place."""
         if not self._dynamic:
             return
-        begin = clock.process_time()
+        begin = time.process_time()
         for e, place in self._dynamic:
-            if state.time[e] < self._due[e] - 1e-9 or only not in (None, e):
+            if only not in (None, e) or not self._clock.is_due(e, state.time[e]):
                 continue
             people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
             position = state.position[people][state.active[people]]
@@ -113,8 +112,8 @@ class RoutePlanner:
             for r, way in enumerate(place.routes):
                 if way.congestion is not None:
                     self._write(e, r, way.congestion.march(position), place)
-            self._due[e] = state.time[e] + self.interval
-        self.seconds += clock.process_time() - begin
+            self._clock.due[e] = state.time[e] + self.interval
+        self.seconds += time.process_time() - begin
 
     def _write(self, e: int, r: int, field: NavigationField, place: RouteSet) -> None:
         first = int(self.field.node_start[self.guidance.field_of_route[e, r]])
@@ -127,7 +126,7 @@ class RoutePlanner:
     def close(self, e: int, closed: frozenset[str]) -> None:
         """Let the ways of environment ``e`` be those while these doors are closed.
 
-        If that locks somebody in, the ways stay as they were, with a warning: people wait at the door.
+        If that locks people in, the routes stay as they were, with a warning: they wait at the door.
         """
         place = self.places[self._geometry_of_env[e]]
         if not isinstance(place, RouteSet):
@@ -149,7 +148,7 @@ class RoutePlanner:
         self.potential_of_route[e, : len(route_set.routes)] = self._potentials[key]
         self._current[e], self._closed[e] = route_set, closed
         self._dynamic = self._find_dynamic()
-        self._due[e] = 0.0
+        self._clock.due[e] = 0.0
 
     def _add(self, key: _Key, route_set: RouteSet, geometry: int) -> None:
         self._rows[key], self._potentials[key] = add_fields(route_set, self._fields)
@@ -159,7 +158,7 @@ class RoutePlanner:
         """Return a copy of the ways as they are."""
         found = {row: _copied(self.field, row) for (owner, _), rows in self._rows.items() if owner >= 0 for row in rows}
         return PlannerState(
-            tuple(self._rows), tuple(self._closed), self.guidance.field_of_route.copy(), found, self._due.copy()
+            tuple(self._rows), tuple(self._closed), self.guidance.field_of_route.copy(), found, self._clock.due.copy()
         )
 
     def restore(self, then: PlannerState) -> None:
@@ -184,7 +183,7 @@ class RoutePlanner:
             if isinstance(route_set, RouteSet):
                 self.potential_of_route[e, : len(route_set.routes)] = self._potentials[self._key(e, closed)]
         self._dynamic = self._find_dynamic()
-        self._due[:] = then.due
+        self._clock.due[:] = then.due
 
     def _key(self, e: int, closed: frozenset[str]) -> _Key:
         """Fields are shared by the environments of a place, unless they follow the crowd of one."""

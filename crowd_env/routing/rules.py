@@ -1,7 +1,7 @@
-"""Who follows which way, and how fast: routes, control rules and regions, as the compiled step evaluates them.
+"""Routes, control rules and regions as the compiled step evaluates them: which route everyone follows, and how fast.
 
 A route is a row of travel-time fields that an environment may offer; everyone has one (`CrowdState.route`).  A control rule
-counts the people in a region; while it is on, whoever is elsewhere and would come through that region follows another
+counts the people in a region; while it is on, people elsewhere who would come through that region follow another
 route (Pécol et al. 2011, section 4.3).  A region may set or scale the desired speed: stairs.
 """
 
@@ -37,11 +37,11 @@ class RuleArrays(NamedTuple):
     below: Ints  # (K,)  switched off by fewer than so many
     hold: Floats  # (K,)  s   stays on for so long at least
     route: Ints  # (K,)  what others follow meanwhile
-    commits: Bools  # (K,)  whoever has been sent there keeps to it
+    commits: Bools  # (K,)  people who have been sent there keep to it
 
 
 class Guidance(NamedTuple):
-    """All that steers people but their own decisions."""
+    """All that steers people except their own decisions."""
 
     field_of_route: Ints  # (E, R)  row of `FieldArrays`; -1 = no such route
     goal: Ints  # (E, R)  region that a route leads to; -1 = exits
@@ -52,27 +52,27 @@ class Guidance(NamedTuple):
 
 @inner_kernel
 def notice_regions(
-    e: int, g: int, region: RegionArrays, bodies: Bodies, state: CrowdState, here: Ints, pace: Floats
+    e: int, g: int, region: RegionArrays, bodies: Bodies, state: CrowdState, region_bits: Ints, local_speed: Floats
 ) -> None:
     """Write the regions that everyone stands in (bits) and the desired speed there [m/s]."""
     rows, cols, mask, fixed, factor = region.shape[g, 0], region.shape[g, 1], region.mask, region.fixed, region.factor
     start, left, bottom, spacing = region.node_start[g], region.origin[g, 0], region.origin[g, 1], region.spacing[g]
     active, position, desired_speed = state.active, state.position, bodies.desired_speed
     for i in range(bodies.env_start[e], bodies.env_start[e + 1]):
-        pace[i] = desired_speed[i]
-        here[i] = 0
+        local_speed[i] = desired_speed[i]
+        region_bits[i] = 0
         if cols == 0 or not active[i]:
             continue
         column = int(np.floor((position[i, 0] - left) / spacing))
         row = int(np.floor((position[i, 1] - bottom) / spacing))
         bits = mask[start + min(max(row, 0), rows - 1) * cols + min(max(column, 0), cols - 1)]
-        here[i] = bits
+        region_bits[i] = bits
         k = 0
         while bits:
             if bits & 1:
                 if fixed[g, k] >= 0.0:  # false for nan
-                    pace[i] = fixed[g, k]
-                pace[i] *= factor[g, k]
+                    local_speed[i] = fixed[g, k]
+                local_speed[i] *= factor[g, k]
             bits >>= 1
             k += 1
 
@@ -85,38 +85,38 @@ def apply_rules(
     guidance: Guidance,
     bodies: Bodies,
     state: CrowdState,
-    here: Ints,
+    region_bits: Ints,
     followed: Ints,
     rule_on: Bools,
     rule_since: Floats,
 ) -> None:
     """Switch the rules of environment ``e`` on and off, and write the route that everyone follows now."""
-    rule, begin, end, time = guidance.rule, bodies.env_start[e], bodies.env_start[e + 1], state.time[e]
+    rule, slot_begin, slot_end, time = guidance.rule, bodies.env_start[e], bodies.env_start[e + 1], state.time[e]
     active, position, own, field_of_route = state.active, state.position, state.route, guidance.field_of_route
-    first, stop = rule.start[g], rule.start[g + 1]
+    rule_begin, rule_end = rule.start[g], rule.start[g + 1]
     any_on = False
-    for k in range(first, stop):
+    for k in range(rule_begin, rule_end):
         count = 0
-        for i in range(begin, end):
+        for i in range(slot_begin, slot_end):
             if active[i]:
-                count += (here[i] >> rule.region[k]) & 1
-        on = rule_on[e, k - first]
+                count += (region_bits[i] >> rule.region[k]) & 1
+        on = rule_on[e, k - rule_begin]
         if not on and count >= rule.at_least[k]:
-            rule_on[e, k - first], rule_since[e, k - first] = True, time
-        elif on and count < rule.below[k] and time - rule_since[e, k - first] >= rule.hold[k]:
-            rule_on[e, k - first] = False
-        any_on |= rule_on[e, k - first]
-    for i in range(begin, end):
+            rule_on[e, k - rule_begin], rule_since[e, k - rule_begin] = True, time
+        elif on and count < rule.below[k] and time - rule_since[e, k - rule_begin] >= rule.hold[k]:
+            rule_on[e, k - rule_begin] = False
+        any_on |= rule_on[e, k - rule_begin]
+    for i in range(slot_begin, slot_end):
         if not active[i]:
             continue
-        route = _after_goals(e, guidance, own[i], here[i])
+        route = _after_goals(e, guidance, own[i], region_bits[i])
         own[i] = route
         if any_on:
             through = regions_ahead(field, field_of_route[e, route], position[i, 0], position[i, 1])
-            for k in range(first, stop):
+            for k in range(rule_begin, rule_end):
                 bit = 1 << rule.region[k]
-                if rule_on[e, k - first] and through & bit and not here[i] & bit:
-                    route = _after_goals(e, guidance, rule.route[k], here[i])
+                if rule_on[e, k - rule_begin] and through & bit and not region_bits[i] & bit:
+                    route = _after_goals(e, guidance, rule.route[k], region_bits[i])
                     if rule.commits[k]:
                         own[i] = route
                     break
@@ -124,11 +124,11 @@ def apply_rules(
 
 
 @inner_kernel
-def _after_goals(e: int, guidance: Guidance, route: int, here: int) -> int:
-    """Return the route to follow where ``here`` says one stands: the next one, if the goal of this one is reached."""
+def _after_goals(e: int, guidance: Guidance, route: int, region_bits: int) -> int:
+    """Return the route to follow from the regions that someone stands in: the next one, if the goal of this one is reached."""
     for _ in range(guidance.goal.shape[1]):
         goal = guidance.goal[e, route]
-        if goal < 0 or not (here >> goal) & 1 or guidance.following[e, route] < 0:
+        if goal < 0 or not (region_bits >> goal) & 1 or guidance.following[e, route] < 0:
             break
         route = guidance.following[e, route]
     return route

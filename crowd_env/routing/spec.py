@@ -34,7 +34,7 @@ class Route:
 
 @dataclass(frozen=True)
 class ControlRule:
-    """If a region is crowded, whoever is elsewhere and would come through it takes another route.
+    """While a region is crowded, people elsewhere who would come through it take another route.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class ControlRule:
     route : name of a route or exit that the others take meanwhile.
     below : fewer than so many switch it off again; by default ``at_least``.
     hold : s, it stays on for so long at least.
-    commits : whoever has been sent another way keeps to it, even when the rule is off.
+    commits : people who have been sent another way keep to it, even when the rule is off.
     """
 
     region: str

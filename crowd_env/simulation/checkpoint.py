@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.physics.contacts import KEPT, Contacts, rows_of
-from crowd_env.physics.neighbors.lists import NeighborList
+from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.spatial_order import Order
 from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, World
@@ -67,12 +67,6 @@ def _is_array(value: Any) -> bool:
     return isinstance(value, np.ndarray)
 
 
-def copy_results(results: Results) -> Results:
-    """Return an independent copy."""
-    diagnostics = Diagnostics._make(array.copy() for array in results.diagnostics)
-    return Results(results.impulse.copy(), results.impulse_magnitude.copy(), diagnostics)
-
-
 def write_results(results: Results, then: Results) -> None:
     """Write them back in place."""
     write_arrays(results, copy_arrays(then))
@@ -99,7 +93,7 @@ def load_history(history: History, workspace: Workspace, then: SavedHistory) -> 
     rows = _rows_of_all(contacts, workspace.neighbors)
     for name, array in then.of_contacts.items():
         getattr(contacts, name)[rows] = array
-    workspace.neighbors.reach[:] = -1.0
+    invalidate_lists(workspace.neighbors)
 
 
 def _rows_of_all(contacts: Contacts, neighbors: NeighborList) -> Ints:

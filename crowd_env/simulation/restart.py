@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace
+from crowd_env.physics.neighbors.lists import invalidate_lists
+from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, invalidate_directions
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 
@@ -25,14 +26,14 @@ def begin_history(e: int, people: slice, history: History, workspace: Workspace,
     """Forget what went on in environment ``e``: no contact, no forces, nobody has looked for the route."""
     history.contacts.number[e] = 0
     history.phase[e] = 0
-    history.direction_age[e] = np.inf
+    invalidate_directions(history, e)
     history.turn[e] = 0
     history.followed[people] = route
     history.region_bits[people] = 0
     history.local_speed[people] = bodies.desired_speed[people]
     history.rule_on[e] = False
     history.door_open[e] = True
-    workspace.neighbors.reach[e] = -1.0
+    invalidate_lists(workspace.neighbors, e)
 
 
 def begin_results(e: int, people: slice, results: Results, total: Diagnostics) -> None:

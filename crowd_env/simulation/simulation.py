@@ -13,13 +13,13 @@ from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.navigation.field import NavigationField
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.contacts import rows_of
+from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.neighbors.update import DIVERGED, FULL, OK, TOO_FAST
 from crowd_env.physics.scheme import arrays_of
 from crowd_env.physics.spatial_order import SortedCrowd
 from crowd_env.physics.workspace import (
     Batch,
     Command,
-    Diagnostics,
     World,
     add_diagnostics,
     allocate_control,
@@ -27,6 +27,7 @@ from crowd_env.physics.workspace import (
     allocate_results,
     allocate_workspace,
     grow,
+    invalidate_directions,
     no_diagnostics,
     set_command,
 )
@@ -45,7 +46,6 @@ from crowd_env.simulation.arguments import (
 )
 from crowd_env.simulation.checkpoint import (
     Checkpoint,
-    copy_results,
     has_room,
     load_history,
     made_by,
@@ -59,7 +59,7 @@ from crowd_env.simulation.limits import why_stopped
 from crowd_env.simulation.restart import begin_history, begin_results, begin_state
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state
 
-_IN_PLACE = ("state", "bodies", "results", "history", "workspace")  # others hold on to their arrays
+_IN_PLACE = ("world", "state", "bodies", "results", "history", "workspace")  # others hold on to their arrays
 
 
 class Simulation:
@@ -121,7 +121,7 @@ class Simulation:
         self.world = World(boundary, self.planner.field, which, guidance)
         plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
         closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
-        self._doorkeeper = DoorSchedule(self.geometries, closed, events, which)
+        self._door_schedule = DoorSchedule(self.geometries, closed, events, which)
         doors = max(len(place.doors) for place in self.geometries)
         rules = int(np.diff(guidance.rule.start).max(initial=0))
         self._uses = arrays_of(self.scheme)
@@ -132,19 +132,20 @@ class Simulation:
         self._routes_of_person = np.repeat(known, np.diff(bodies.env_start))
         check_routes(state.route, self._routes_of_person)
         self.history.followed[:] = state.route
-        for e in range(environments):
-            self.close_doors(e, self._doorkeeper.restart(e))
         # Overlaps, residuals and solver effort since the start of each environment.
         self.diagnostics = no_diagnostics(environments)
         # (P,) who was found outside of the walkable area after any call since the start of the environment: by position
         # alone, whatever the contacts say.  Nobody should be.
         self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
-        self._sorted = SortedCrowd(bodies, state, self.results, self.history) if SortedCrowd.is_needed(bodies) else None
         self._control = allocate_control(len(bodies.radius), driving, bounded=not allow_unstable)
-        self._batch: StructRef | None = None  # what kernels work on
-        self._made_of: tuple[object, ...] = ()  # and the tuples that it refers to
+        batch = Batch(self.world, bodies, state, self._control, self.results, self.history, self.workspace)
+        self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
+        # What kernels work on, always the same reference: see `_replace`.
+        self.batch: StructRef = struct_ref(batch if self._sorted is None else self._sorted.batch)
         self._workers = Workers()
+        for e in range(environments):
+            self.close_doors(e, self._door_schedule.restart(e))
         self.times_restored = 0  # whoever keeps books beside the simulation sees that they are of another moment
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -155,11 +156,6 @@ class Simulation:
                 "checkpoint() and restore()"
             )
         super().__setattr__(name, value)
-
-    @property
-    def last_diagnostics(self) -> Diagnostics:
-        """Overlaps, residuals and solver effort of the last call of `advance`; with one substep, of that step."""
-        return self.results.diagnostics
 
     @property
     def inside(self) -> Ints:
@@ -207,17 +203,14 @@ class Simulation:
             set_command(self._control, asked)
         target = 0
         while target < n_substeps:
-            for e in self._doorkeeper.update(self.bodies, self.state):
-                self.close_doors(e, self._doorkeeper.closed[e])
+            for e, closed in self._door_schedule.update(self.bodies, self.state, self.history.door_open):
+                self.close_doors(e, closed)
             self.planner.update(self.bodies, self.state)
             inside = self.inside
             if self._sorted is not None:
-                self._sorted.update(self.bodies, self.state, self.history, self.workspace.neighbors)
-            waits = [
-                self._sorted.steps_until_due(self.state.time, self.dt, inside) if self._sorted is not None else None,
-                self.planner.steps_until_due(self.state.time, self.dt, inside),
-                self._doorkeeper.steps_until_due(self.state.time, self.dt, inside),
-            ]
+                self._sorted.update(self.history.contacts, self.workspace.neighbors)
+            tasks = (self._sorted, self.planner, self._door_schedule)
+            waits = [task.steps_until_due(self.state.time, self.dt, inside) for task in tasks if task is not None]
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
             self._run_until(target, asked)
         add_diagnostics(self.diagnostics, self.results.diagnostics)
@@ -239,12 +232,11 @@ class Simulation:
         stands_open = np.array([name not in shut for name in names], dtype=np.bool_)
         if not len(names) or (self.history.door_open[e, : len(names)] == stands_open).all():
             return
-        self._doorkeeper.closed[e] = shut
         self.history.door_open[e, : len(names)] = stands_open
-        self.workspace.neighbors.reach[e] = -1.0
-        self.history.direction_age[e] = np.inf
+        invalidate_lists(self.workspace.neighbors, e)
+        invalidate_directions(self.history, e)
         self.planner.close(e, shut)
-        self.world = self.world._replace(field=self.planner.field)
+        self._replace("world", self.world._replace(field=self.planner.field))
 
     def _people(self, e: int) -> slice:
         """Return whose slots are those of environment ``e``; ValueError if there is none of that number."""
@@ -252,28 +244,16 @@ class Simulation:
             raise ValueError(f"there is no environment {e!r}; they are numbered 0 to {len(self.state.time) - 1}")
         return slice(int(self.bodies.env_start[e]), int(self.bodies.env_start[e + 1]))
 
-    def _kernel_args(self) -> StructRef:
-        """Return all that kernels work on, anew if something was replaced."""
-        parts = self._in_slots()
-        if self._batch is None or any(now is not then for now, then in zip(parts, self._made_of, strict=True)):
-            self._made_of = parts
-            self._batch = struct_ref(parts if self._sorted is None else self._sorted.view(parts))
-        return self._batch
-
-    def _in_slots(self) -> Batch:
-        """Return all that a step works on, everyone in the own slot."""
-        return Batch(self.world, self.bodies, self.state, self._control, self.results, self.history, self.workspace)
-
     def _run_until(self, n_substeps: int, asked: Command) -> None:
         """Advance every environment to step ``n_substeps`` of this call."""
         while True:
             if self._sorted is not None:
-                self._sorted.gather(self._in_slots(), asked)
+                self._sorted.gather(asked)
             try:
-                self._run(self._kernel_args(), n_substeps)
+                self._run(n_substeps)
             finally:  # Ctrl-C too finds everyone where he has come to
                 if self._sorted is not None:
-                    self._sorted.scatter(self._in_slots())
+                    self._sorted.scatter()
             status = self.workspace.status
             stopped = np.flatnonzero((status == DIVERGED) | (status == TOO_FAST))
             if len(stopped):
@@ -286,25 +266,30 @@ class Simulation:
     def _grow(self) -> None:
         """Make more room for neighbors; what others hold on to stays."""
         history, workspace = grow(self.history, self.workspace, self.bodies, self._uses)
-        self.__dict__.update(history=history, workspace=workspace)
+        self._replace("history", history)
+        self._replace("workspace", workspace)
 
-    def _run(self, batch: StructRef, n_substeps: int) -> None:
+    def _replace(self, part: str, new: Any) -> None:
+        """Let a part of the batch have other arrays, here and for kernels: nowhere else are any replaced."""
+        old = self.__dict__[part]
+        changed = {name: value for name, value in new._asdict().items() if value is not getattr(old, name)}
+        self.__dict__[part] = new
+        getattr(self.batch, part).replace(**changed)
+
+    def _run(self, n_substeps: int) -> None:
         """Advance the batch on all threads: the kernels hold no lock.
 
         Either ranges of environments side by side, which share no memory; or, where a crowd is large and the scheme knows how,
         all threads go through all environments together.
         """
         count, threads = len(self.state.time), self.threads
-        if threads > 1 and self._is_shared():
+        largest = int(np.diff(self.bodies.env_start).max())
+        if threads > 1 and self.scheme.slabs(largest, self.driving) > 1:
             parts = [(0, count, thread, threads) for thread in range(threads)]
         else:
             edges = np.linspace(0, count, min(threads, count) + 1).astype(int).tolist()
             parts = [(first, stop, 0, 1) for first, stop in itertools.pairwise(edges)]
-        self._workers.run(lambda *part: self.scheme.advance(batch, self.dt, n_substeps, *part), parts)
-
-    def _is_shared(self) -> bool:
-        """Whether several threads step one crowd together."""
-        return bool(self.scheme.slabs(int(np.diff(self.bodies.env_start).max()), self.driving) > 1)
+        self._workers.run(lambda *part: self.scheme.advance(self.batch, self.dt, n_substeps, *part), parts)
 
     def restart(
         self, e: int, bodies: Bodies, position: Floats, velocity: Floats | None = None, route: Ints | int = 0
@@ -335,9 +320,9 @@ class Simulation:
         begin_history(e, people, self.history, self.workspace, self.bodies, routes)
         begin_results(e, people, self.results, self.diagnostics)
         if self._sorted is not None:
-            self._sorted.restart(e, self.history)
+            self._sorted.restart(e)
         self.planner.restart(e)
-        self.close_doors(e, self._doorkeeper.restart(e))
+        self.close_doors(e, self._door_schedule.restart(e))
         self.escaped[people] = False
         self.planner.update(self.bodies, self.state, only=e)
 
@@ -348,9 +333,9 @@ class Simulation:
             Bodies._make(array.copy() for array in self.bodies),
             self.state.copy(),
             save_history(self.history, self.workspace.neighbors),
-            copy_results(self.results),
-            Diagnostics._make(array.copy() for array in self.diagnostics),
-            self._doorkeeper.moment(),
+            self.results.copy(),
+            self.diagnostics.copy(),
+            self._door_schedule.moment(),
             self.planner.moment(),
             None if self._sorted is None else self._sorted.order(),
             self.escaped.copy(),
@@ -382,11 +367,11 @@ class Simulation:
         ):
             write_arrays(ours, then._asdict())
         self.escaped[:] = checkpoint.escaped
-        self._doorkeeper.restore(checkpoint.doors)
+        self._door_schedule.restore(checkpoint.doors)
         self.planner.restore(checkpoint.route_set)
-        self.world = self.world._replace(field=self.planner.field)
+        self._replace("world", self.world._replace(field=self.planner.field))
         if self._sorted is not None and checkpoint.order is not None:
-            self._sorted.restore(checkpoint.order, self.bodies)
+            self._sorted.restore(checkpoint.order)
         self.times_restored += 1
 
     def _made_like(self) -> dict[str, Any]:
@@ -405,7 +390,7 @@ class Simulation:
         wanted = routes_of(route, self._routes_of_person[people])
         self.state.route[people] = wanted
         self.history.followed[people] = wanted
-        self.history.direction_age[e] = np.inf
+        invalidate_directions(self.history, e)
 
     def contacts(self, e: int = 0) -> ContactList:
         """Return a copy of the contacts of environment ``e``."""

@@ -82,10 +82,32 @@ def test_a_reference_keeps_its_arrays_alive_and_nested_ones_are_taken_as_they_ar
     del rubbish
 
 
-def test_tables_never_change():
-    # The compiler was told so, and may read a table once for many uses.
+def test_a_table_cannot_be_written_to():
+    # The compiler was told that it never changes while a kernel runs, and may read it once for many uses.
+    reference = struct_ref(make())
+    reference.replace(count=np.zeros(3, dtype=np.int64))
     with pytest.raises(ValueError, match="read-only"):
-        struct_ref(make())._table[0] = 0
+        reference._table[0] = 0
+
+
+def test_all_who_hold_a_reference_see_what_replaces_its_arrays():
+    outer = make()
+    reference = struct_ref(outer)
+    other = struct_ref(outer._replace(inner=reference.inner, dt=0.25))  # shares the inner one
+    longer = make().inner._replace(position=np.ones((5, 2)), active=np.ones(5, dtype=bool))
+    reference.replace(inner=longer, count=np.zeros(5, dtype=np.int64), steps=3)
+    other.replace(count=np.zeros(5, dtype=np.int64))
+    assert read(reference)[:4] == (5 * 1.5, 7.0, 3_999_999_998, 3)
+    assert read(other)[:4] == (5 * 1.75, 7.0, 3_999_999_998, 7)
+    assert reference.inner.position is other.inner.position is longer.position
+    assert reference.fields.steps == 3
+    twin, inner = copy.deepcopy((reference, reference.inner))
+    twin.replace(inner=make().inner)
+    assert inner.position is twin.inner.position is not reference.inner.position  # still shared
+    count = reference.count
+    with pytest.raises(TypeError, match=r"^steps is float64; kernels are compiled for int64$"):
+        reference.replace(count=np.ones(5, dtype=np.int64), steps=0.5)
+    assert reference.count is count
 
 
 def test_python_reads_the_same_attributes_as_a_kernel():

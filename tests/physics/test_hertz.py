@@ -112,7 +112,7 @@ def test_a_wall_is_a_body_that_does_not_move():
     deepest = 0.0
     for _ in range(1000):
         simulation.advance()
-        deepest = max(deepest, float(simulation.last_diagnostics.max_outside[0]))
+        deepest = max(deepest, float(simulation.results.diagnostics.max_outside[0]))
     assert state.velocity[0, 0] == pytest.approx(1.0, rel=1e-6)
     assert deepest == pytest.approx((5 * 70 / (4 * KN * np.sqrt(0.3))) ** 0.4, rel=1e-3)  # R = r, m = m
 

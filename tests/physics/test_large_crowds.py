@@ -14,6 +14,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import direction_at
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.dem_lanes.partition import SLABS, slabs_of
+from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.workspace import allocate_workspace
 from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import Route
@@ -192,7 +193,7 @@ def test_how_long_a_list_is_meant_to_last_changes_nothing(name):
         simulation = crowd(name, 60, density=4.0)
         for _ in range(6):
             simulation.workspace.neighbors.horizon[:] = horizon
-            simulation.workspace.neighbors.reach[:] = -1.0
+            invalidate_lists(simulation.workspace.neighbors)
             simulation.advance(n_substeps=steps(simulation, 0.1))
         hashes.add(state_hash(simulation))
     assert len(hashes) == 1

@@ -16,6 +16,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.congestion import SLOWEST, weidmann
 from crowd_env.navigation.field import direction_at, join_fields
 from crowd_env.physics import SCHEMES
+from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.routing.regions import region_masks
 from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import ControlRule, Route
@@ -228,7 +229,7 @@ def test_regions_are_bits_and_counts_are_those_of_brute_force():
     simulation = simulate(route_set, rng.uniform((0.1, 0.1), (11.9, 3.9), (40, 2)), speed=0.0)
     state = simulation.state
     state.active[::5] = False
-    simulation.workspace.neighbors.reach[:] = -1
+    invalidate_lists(simulation.workspace.neighbors)
     x = state.position.copy()
     simulation.advance(n_substeps=1)
     inside = region_masks(geometry, *x.T)

@@ -2,14 +2,17 @@
 
 import copy
 import pickle
+from functools import partial
 
 import numpy as np
 import pytest
 from shapely.geometry import box
 
 import crowd_env.physics.spatial_order
+import crowd_env.simulation.simulation
 from crowd_env import CrowdEnv, Geometry, Population, Scenario, make_scenario
-from crowd_env.physics import SCHEMES, make_scheme
+from crowd_env.physics import DEM, SCHEMES, SOCIAL_FORCES, make_scheme
+from crowd_env.physics.workspace import allocate_workspace
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
@@ -108,6 +111,43 @@ def test_the_episodes_that_follow_too():
     goes_on(lambda: CrowdEnv("two-exit-hall-v0", strategy="fastest", **options), before=5, after=15)
 
 
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
+def test_a_copy_of_an_environment_goes_on_alike_when_doors_and_growth_replace_arrays(copied, monkeypatch):
+    few = partial(allocate_workspace, per_person=1)
+    monkeypatch.setattr(crowd_env.simulation.simulation, "allocate_workspace", few)
+    env = CrowdEnv(hall(), num_envs=2, scheme=DEM(social=SOCIAL_FORCES["lin"]), strategy="fastest")
+    env.reset([0, 1])
+    other = copied(env)
+    before = len(other.simulation.workspace.neighbors.owner)
+    expected = seen(env, 14, np.random.default_rng(2))
+    assert env.simulation.state.time[0] > 1.3  # both doors have moved since then
+    assert seen(other, 14, np.random.default_rng(2)) == expected
+    assert len(other.simulation.workspace.neighbors.owner) > before
+
+
+def spoil(fields, rng):
+    """Fill arrays with rubbish, but for where entries lie, whether there is a list, and how long one should last."""
+    for name, values in zip(fields._fields, fields, strict=True):
+        if hasattr(values, "_fields"):
+            spoil(values, rng)
+        elif name not in ("entry_start", "is_valid", "horizon"):
+            values[...] = (
+                rng.normal(size=values.shape) if values.dtype.kind == "f" else rng.integers(0, 2, values.shape)
+            )
+
+
+@every_scheme
+def test_what_is_to_come_depends_on_nothing_in_the_workspace(scheme):
+    env = CrowdEnv(hall(), num_envs=2, scheme=scheme)
+    env.reset([0, 1])
+    seen(env, 4, np.random.default_rng(1))
+    checkpoint = env.checkpoint()
+    expected = seen(env, 4, np.random.default_rng(2))
+    env.restore(checkpoint)
+    spoil(env.simulation.workspace, np.random.default_rng(3))
+    assert seen(env, 4, np.random.default_rng(2)) == expected
+
+
 def test_an_environment_that_goes_back_comes_to_its_end():
     env = CrowdEnv("room-v0", scheme="dem")
     env.reset([0])
@@ -145,7 +185,7 @@ def test_whoever_holds_an_array_sees_that_moment():
     assert (saved.simulation.state.position == there).all()  # the checkpoint is a copy
 
 
-@pytest.mark.parametrize("name", ["state", "bodies", "results", "history", "workspace"])
+@pytest.mark.parametrize("name", ["world", "state", "bodies", "results", "history", "workspace"])
 def test_nothing_can_be_replaced_behind_the_back_of_those_who_look(name):
     env = CrowdEnv("room-v0")
     env.reset([0])

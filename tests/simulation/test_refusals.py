@@ -224,7 +224,7 @@ def test_every_step_says_what_went_on_in_it(name):
     deepest, iterations = [], []
     for _ in range(200):
         simulation.advance(**east)
-        step = simulation.last_diagnostics
+        step = simulation.results.diagnostics
         deepest.append(float(step.max_overlap[0]))
         iterations.append(int(step.iterations[0]))
         gap = simulation.contacts().gap
@@ -256,4 +256,4 @@ def test_more_memory_keeps_all_that_others_hold_on_to():
         for name in old._fields
         if getattr(new, name) is not getattr(old, name)
     }
-    assert replaced == {"neighbors", "contacts", "problem", "social_pairs"}
+    assert replaced == {"neighbors", "contacts", "constraints", "social_pairs"}

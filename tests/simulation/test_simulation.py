@@ -11,6 +11,7 @@ import crowd_env.simulation.simulation
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import travel_time_field
 from crowd_env.physics import make_scheme
+from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.workspace import allocate_workspace
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
@@ -200,7 +201,7 @@ def test_ten_steps_at_once_or_one_by_one(name):
 @every_scheme
 def test_neighbor_list_built_at_every_step_or_on_demand(name):
     def forget(simulation):
-        simulation.workspace.neighbors.reach[:] = -1.0
+        invalidate_lists(simulation.workspace.neighbors)
 
     on_demand = run(name, evacuations(), calls=150, n_substeps=1)
     every_step = run(name, evacuations(), calls=150, n_substeps=1, before_each=forget)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env._kernels.struct_ref import StructRef, struct_ref
+from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env._kernels.threads import Workers
 from crowd_env.envs.buffers import BufferPool
 from crowd_env.envs.observation.layout import ObservationLayout, View
@@ -45,12 +45,34 @@ class Observer:
         largest = int(np.diff(simulation.bodies.env_start).max())
         self._plans = [struct_ref(layout.plan(largest)) for _ in range(side_by_side)]
         self._workers = Workers()
-        self._view: StructRef | None = None
-        self._made_of: tuple[object, object] | None = None  # what the view refers to and the simulation may replace
+        world, batch, history, results = simulation.world, simulation.batch, simulation.history, simulation.results
+        # The parts of `simulation.batch` stay the same references when doors or growth replace what they refer to.
+        self._view = struct_ref(
+            View(
+                boundary=world.boundary,
+                door_open=history.door_open,
+                geometry_of_env=world.geometry_of_env,
+                field=batch.world.field,
+                field_of_route=world.guidance.field_of_route,
+                potential_of_route=simulation.planner.potential_of_route,
+                followed=history.followed,
+                bodies=simulation.bodies,
+                state=simulation.state,
+                near=batch.workspace.neighbors,
+                push=results.impulse,
+                crush=results.impulse_magnitude,
+                seen=self._seen,
+                who=self._who,
+                axis=self._axis,
+                direction=self.direction,
+                travel_time=self.travel_time,
+                potential=self.potential,
+            )
+        )
 
     def observe(self, seen: Bools, rooms: Ints | None = None, out: np.ndarray | None = None) -> np.ndarray:
         """Return the observation (P, D) of those ``seen`` (P,), or write that of some rooms; the others' rows are zero."""
-        view = self._kernel_args()
+        view = self._view
         self._seen[:] = seen
         rows = self.rows.take() if out is None else out
         if rooms is not None or len(self._plans) == 1:
@@ -68,37 +90,3 @@ class Observer:
     def kept(self) -> tuple[np.ndarray, ...]:
         """What the next observation and reward depend on besides the simulation."""
         return self.direction, self.travel_time, self.potential
-
-    def _kernel_args(self) -> StructRef:
-        """Return what an observation is made from, anew if the simulation has replaced something: a door, its memory."""
-        world = self.simulation.world
-        if (
-            self._view is None
-            or self._made_of is None
-            or self._made_of[0] is not world
-            or self._made_of[1] is not self.simulation.workspace
-        ):
-            self._made_of = (world, self.simulation.workspace)
-            self._view = struct_ref(
-                View(
-                    boundary=world.boundary,
-                    door_open=self.simulation.history.door_open,
-                    geometry_of_env=world.geometry_of_env,
-                    field=world.field,
-                    field_of_route=world.guidance.field_of_route,
-                    potential_of_route=self.simulation.planner.potential_of_route,
-                    followed=self.simulation.history.followed,
-                    bodies=self.simulation.bodies,
-                    state=self.simulation.state,
-                    near=self.simulation.workspace.neighbors,
-                    push=self.simulation.results.impulse,
-                    crush=self.simulation.results.impulse_magnitude,
-                    seen=self._seen,
-                    who=self._who,
-                    axis=self._axis,
-                    direction=self.direction,
-                    travel_time=self.travel_time,
-                    potential=self.potential,
-                )
-            )
-        return self._view

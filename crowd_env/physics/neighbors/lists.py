@@ -37,7 +37,8 @@ class NeighborList(NamedTuple):
     origin_y: Floats
     allowed: Floats  # (P,)   m    how far each may go from there
     room: Floats  # (P,)   m    scratch: radius and allowed displacement, in the order of cells
-    reach: Floats  # (E,)   m    gap up to which the list is complete until somebody goes further; -1 = must be built
+    reach: Floats  # (E,)   m    gap up to which the list is complete until somebody goes further
+    is_valid: Bools  # (E,)   there is a list: nobody and no door has been moved from outside since it was built
     horizon: Floats  # (E,)   s    for which the list should last
     age: Ints  # (E,)   steps since it was built
     built: Floats  # (E,)   s    when that was
@@ -64,7 +65,8 @@ def allocate_neighbors(bodies: Bodies, per_person: int) -> NeighborList:
         origin_y=np.zeros(people),
         allowed=np.zeros(people),
         room=np.zeros(people),
-        reach=np.full(environments, -1.0),
+        reach=np.zeros(environments),
+        is_valid=np.zeros(environments, dtype=np.bool_),
         horizon=np.full(environments, FIRST_HORIZON),
         age=np.zeros(environments, dtype=np.int64),
         built=np.zeros(environments),
@@ -72,6 +74,11 @@ def allocate_neighbors(bodies: Bodies, per_person: int) -> NeighborList:
         cell_item=np.zeros(people, dtype=np.int32),
         cell_of=np.zeros(people, dtype=np.int32),
     )
+
+
+def invalidate_lists(near: NeighborList, environments: int | slice = slice(None)) -> None:
+    """Let the next step of an environment, or of all, build its list anew."""
+    near.is_valid[environments] = False
 
 
 def entries_per_person(near: NeighborList, bodies: Bodies) -> int:

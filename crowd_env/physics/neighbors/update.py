@@ -37,17 +37,19 @@ def update_neighbors(e: int, batch: Batch, margin: float) -> int:
     active, position, velocity = batch.state.active, batch.state.position, batch.state.velocity
     slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     near.age[e] += 1
-    if margin <= near.reach[e] and are_near(
-        slot_start, slot_stop, active, position, near.origin_x, near.origin_y, allowed
+    if (
+        near.is_valid[e]
+        and margin <= near.reach[e]
+        and are_near(slot_start, slot_stop, active, position, near.origin_x, near.origin_y, allowed)
     ):
         return OK
     for i in range(slot_start, slot_stop):
         if active[i] and not (abs(position[i, 0]) < _FARTHEST and abs(position[i, 1]) < _FARTHEST):
             return DIVERGED  # nan too
-    if near.reach[e] >= margin:
+    if near.is_valid[e] and near.reach[e] >= margin:
         near.horizon[e] = _better_horizon(e, slot_start, slot_stop, radius, near, batch.state.time[e] - near.built[e])
     near.age[e], near.built[e] = 0, batch.state.time[e]
-    near.reach[e] = -1.0
+    near.is_valid[e] = False
     widest, largest, horizon = 0.0, 0.0, near.horizon[e]
     for i in range(index(slot_start), index(slot_stop)):
         speed = np.sqrt(velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
@@ -70,7 +72,7 @@ def update_neighbors(e: int, batch: Batch, margin: float) -> int:
         # A person who is not listed is never near: one who is made active from outside forces a new list.
         origin_x[i] = position[i, 0] if active[i] else np.inf
         origin_y[i] = position[i, 1]
-    near.reach[e] = reach
+    near.reach[e], near.is_valid[e] = reach, True
     return OK
 
 
