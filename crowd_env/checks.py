@@ -27,6 +27,7 @@ class Range(NamedTuple):
     high: float = math.inf
     above: bool = False  # ``low`` itself is not allowed
     infinite: bool = False  # infinity is allowed
+    why: str = ""  # the reason or formula, for the message
 
     def __contains__(self, value: object) -> bool:
         """Return whether a number is allowed; nan never is."""
@@ -37,6 +38,10 @@ class Range(NamedTuple):
         if not (math.isfinite(size) or (self.infinite and size == math.inf)):
             return False
         return (self.low < size if self.above else self.low <= size) and size <= self.high
+
+    def because(self, why: str) -> "Range":
+        """Return the same numbers with a reason, which ends the message."""
+        return self._replace(why=why)
 
     def __str__(self) -> str:
         """Say it as the end of "it must be"."""
@@ -73,7 +78,7 @@ def refuse(what: str, value: Any, allowed: str) -> NoReturn:
     raise ValueError(f"{what} is {shown(value)}; it must be {allowed}")
 
 
-def number(what: str, value: Any, allowed: Range = FINITE, unit: str = "", why: str = "") -> float:
+def number(what: str, value: Any, allowed: Range = FINITE, unit: str = "") -> float:
     """Return a number as a float.
 
     Raises
@@ -81,7 +86,7 @@ def number(what: str, value: Any, allowed: Range = FINITE, unit: str = "", why: 
     ValueError
         If it is no number, not finite, or not ``allowed``.
     """
-    why = why and f": {why}"
+    why = allowed.why and f": {allowed.why}"
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
         refuse(what, value, f"a number{'' if allowed == FINITE else f', {allowed}'}{why}")
     if value not in allowed:
@@ -89,7 +94,7 @@ def number(what: str, value: Any, allowed: Range = FINITE, unit: str = "", why: 
     return float(value)
 
 
-def whole(what: str, value: Any, allowed: Range = COUNT, why: str = "") -> int:
+def whole(what: str, value: Any, allowed: Range = COUNT) -> int:
     """Return a whole number as an int; 20.0 is one.
 
     Raises
@@ -98,7 +103,7 @@ def whole(what: str, value: Any, allowed: Range = COUNT, why: str = "") -> int:
         If it is no whole number, or not ``allowed``.
     """
     bounds = f"{allowed.low:.0f} to {allowed.high:.0f}" if allowed.high < math.inf else f"at least {allowed.low:.0f}"
-    why = why and f": {why}"
+    why = allowed.why and f": {allowed.why}"
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real) or value not in FINITE or float(value) % 1.0:
         refuse(what, value, f"a whole number, {bounds}{why}")
     if value not in allowed:
@@ -240,7 +245,7 @@ def check_fields(where: str, thing: Any, **allowed: Range) -> None:
     """Check every field of a frozen dataclass against its annotation, and give it the type that is annotated.
 
     Numbers, flags, texts, literals, tuples of texts or of other dataclasses and these or None are known; other annotations are
-    left to the caller.
+    left to the caller.  For another dataclass a table of its fields may be given.
 
     Parameters
     ----------
@@ -278,8 +283,8 @@ def _of_kind(what: str, value: Any, kind: Any, allowed: Range | None) -> Any:
             refuse(what, value, " or ".join(f"a {one.__name__}" for one in kinds))
         return value
     if get_origin(kind) is Literal:
-        where, _, name = what.rpartition(": ")
-        return require_known(where, name, value, get_args(kind))
+        where, colon, name = what.rpartition(": ")
+        return known(name, value, get_args(kind), where + colon)
     if get_origin(kind) is tuple and get_args(kind)[1:] == (...,):
         one = get_args(kind)[0]
         return texts(what, value) if one is str else _things(what, value, one)
@@ -291,19 +296,22 @@ def _of_kind(what: str, value: Any, kind: Any, allowed: Range | None) -> Any:
         return flag(what, value)
     if kind is str:
         return text(what, value)
-    if is_dataclass(kind) and not isinstance(value, kind):  # type: ignore[arg-type]  # a dataclass is a class
-        refuse(what, value, f"a {kind.__name__}")  # type: ignore[union-attr]
-    return value
+    return _thing(what, value, kind) if is_dataclass(kind) else value
 
 
 def _things(what: str, value: Any, kind: type) -> tuple[Any, ...]:
     if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
         refuse(what, value, f"a tuple of {kind.__name__} objects")
-    things = tuple(value)
-    for k, one in enumerate(things):
-        if not isinstance(one, kind):
-            refuse(f"{what}[{k}]", one, f"a {kind.__name__}")
-    return things
+    return tuple(_thing(f"{what}[{k}]", one, kind) for k, one in enumerate(value))
+
+
+def _thing(what: str, value: Any, kind: Any) -> Any:
+    """Return an object of a class; one that checks its fields may be given as a table of them."""
+    if isinstance(value, Mapping) and hasattr(kind, "__post_init__"):
+        return from_table(what, kind, value)
+    if not isinstance(value, kind):
+        refuse(what, value, f"a {kind.__name__}")
+    return value
 
 
 def from_table(where: str, kind: type[Thing], table: Mapping[str, Any]) -> Thing:
@@ -344,26 +352,3 @@ def check_keys(where: str, table: Mapping[str, Any], names: Collection[str]) -> 
     for key in table:
         if key not in names:
             raise ValueError(f"{where}: unknown key {shown(key)}; known: {', '.join(names)}")
-
-
-# ------------------------------------------------------------------------------------- parameters of contact schemes
-
-
-def require_positive(scheme: str, why: str = "", **values: float) -> None:
-    """Raise ValueError, naming scheme, parameter and formula, unless every value is > 0 and finite."""
-    for name, value in values.items():
-        number(f"{scheme}: {name}", value, POSITIVE, why=why)
-
-
-def require_not_negative(scheme: str, why: str = "", **values: float) -> None:
-    """Raise ValueError, naming scheme, parameter and formula, unless every value is >= 0 (infinity is allowed)."""
-    for name, value in values.items():
-        number(f"{scheme}: {name}", value, Range(0.0, infinite=True), why=why)
-
-
-def require_known(scheme: str, name: str, value: str, names: Iterable[str]) -> str:
-    """Return the value; raise ValueError, naming scheme and parameter, unless it is a known one."""
-    try:
-        return known(name, value, names)
-    except ValueError as error:
-        raise ValueError(f"{scheme}{scheme and ': '}{error}") from None

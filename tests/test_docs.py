@@ -79,8 +79,8 @@ def test_commands_run(command, monkeypatch, tmp_path):
     for option, value in (("--runs", "1"), ("--n", "8")):
         if option in words:
             words[words.index(option) + 1] = value
-    if "--force-network" in words:  # written, but not into the checkout
-        where = words.index("--force-network") + 1
+    for option in {"--force-network", "--out"} & set(words):  # written, but not into the checkout
+        where = words.index(option) + 1
         words[where] = str(tmp_path / words[where])
     if "--film" in words:  # try the suffix, but spare the time and write nothing into the checkout
         where = words.index("--film")

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from crowd_env.cli.clogging import clog
 from crowd_env.cli.reproduce import reproduce
+from crowd_env.cli.schema import schema
 from crowd_env.console import check_picture, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.envs.rollout import RunsInterrupted, report, run_episodes
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
@@ -338,6 +339,7 @@ def warmup(
 
 app.command("reproduce")(reproduce)
 app.command("clogging")(clog)
+app.command("schema")(schema)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""What a file is, by its first bytes, so that an error can say in plain words why the file is not read."""
+"""Which kind of file an unexpected one is, by its first bytes, so that an error can name it in plain words."""
 
 import re
 from collections.abc import Collection

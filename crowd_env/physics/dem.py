@@ -13,7 +13,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef
-from crowd_env.checks import check_fields, require_positive
+from crowd_env.checks import POSITIVE, check_fields
 from crowd_env.physics.contacts import find_contacts, gap_to_feature
 from crowd_env.physics.dem_lanes.barrier import wait_for_all
 from crowd_env.physics.dem_lanes.buffers import interleave
@@ -69,8 +69,7 @@ class DEM(ContactScheme):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive("dem", "the contact force k |D| (eq 5) has to push", stiffness=self.stiffness)
-        check_fields("dem", self)
+        check_fields("dem", self, stiffness=POSITIVE.because("the contact force k |D| (eq 5) has to push"))
 
     @property
     def info(self) -> SchemeInfo:

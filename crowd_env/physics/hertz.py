@@ -23,7 +23,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef
-from crowd_env.checks import Range, check_fields, require_not_negative, require_positive
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.driving_force import influences, regular_forces
 from crowd_env.physics.exits import leave
@@ -107,16 +107,17 @@ class Hertz(ContactScheme):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive("hertz", "k_n = 2 E / (3 (1 - sigma^2)) has to push", youngs_modulus=self.youngs_modulus)
-        require_not_negative(
+        dissipates = NOT_NEGATIVE.because("a contact dissipates (eqs 3, 4)")
+        check_fields(
             "hertz",
-            "a contact dissipates (eqs 3, 4)",
-            normal_damping=self.normal_damping,
-            tangential_damping=self.tangential_damping,
-            friction=self.friction,
-            wall_friction=self.wall_friction,
+            self,
+            youngs_modulus=POSITIVE.because("k_n = 2 E / (3 (1 - sigma^2)) has to push"),
+            poisson_ratio=Range(-1.0, 0.5, above=True),
+            normal_damping=dissipates,
+            tangential_damping=dissipates,
+            friction=dissipates,
+            wall_friction=dissipates,
         )
-        check_fields("hertz", self, poisson_ratio=Range(-1.0, 0.5, above=True))
 
     @staticmethod
     def literal() -> "Hertz":

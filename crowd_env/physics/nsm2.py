@@ -18,7 +18,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef
-from crowd_env.checks import POSITIVE, SHARE, Range, check_fields, require_not_negative
+from crowd_env.checks import POSITIVE, SHARE, Range, check_fields
 from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
 from crowd_env.physics.constraints import assemble_no_overlap, assemble_percussions, set_impulses
 from crowd_env.physics.driving_force import influences, regular_forces
@@ -103,18 +103,14 @@ class NSM2(IterativeScheme):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_not_negative(
-            "nsm2",
-            "a contact dissipates, restitution (K_N - 2 m_e) / (K_N + 2 m_e)",
-            normal_dissipation=self.normal_dissipation,
-            tangential_dissipation=self.tangential_dissipation,
+        dissipates = Range(0.0, infinite=True).because(
+            "a contact dissipates, restitution (K_N - 2 m_e) / (K_N + 2 m_e)"
         )
-        at_least_0 = Range(0.0, infinite=True)
         check_fields(
             "nsm2",
             self,
-            normal_dissipation=at_least_0,
-            tangential_dissipation=at_least_0,
+            normal_dissipation=dissipates,
+            tangential_dissipation=dissipates,
             relative_tolerance=POSITIVE,
             position_correction=SHARE,
         )

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from crowd_env._kernels.struct_ref import StructRef
-from crowd_env.checks import require_positive
+from crowd_env.checks import COUNT, POSITIVE, number, whole
 from crowd_env.physics.social_force import SocialForce, make_social
 from crowd_env.physics.solvers import SolverName, Stopping
 from crowd_env.state import Bodies
@@ -111,7 +111,9 @@ class IterativeScheme(ContactScheme):
     def __post_init__(self) -> None:
         super().__post_init__()
         name = type(self).__name__.lower()
-        require_positive(name, "the solver stops on it", tolerance=self.tolerance, max_iterations=self.max_iterations)
+        why = "the solver stops on it"
+        number(f"{name}: tolerance", self.tolerance, POSITIVE.because(why))
+        whole(f"{name}: max_iterations", self.max_iterations, COUNT.because(why))
 
     def stopping(self) -> Stopping:
         """Return when the solver stops, as kernels read it."""

@@ -61,9 +61,15 @@ class SocialForce:
     cutoff: float = 0.4
 
     def __post_init__(self) -> None:
-        number("social force: anisotropy", self.anisotropy, Range(-1.0, 1.0), why="outside, the force would attract")
-        sizes = {"strength": NOT_NEGATIVE, "wall_strength": NOT_NEGATIVE, "length": POSITIVE, "cutoff": POSITIVE}
-        check_fields("social force", self, **sizes)
+        check_fields(
+            "social force",
+            self,
+            strength=NOT_NEGATIVE,
+            length=POSITIVE,
+            anisotropy=Range(-1.0, 1.0).because("outside, the force would attract"),
+            wall_strength=NOT_NEGATIVE,
+            cutoff=POSITIVE,
+        )
 
     @staticmethod
     def helbing(strength: float = 2000.0, length: float = 0.08, behind: float = 0.0) -> "SocialForce":

@@ -77,5 +77,5 @@ def about(name: str) -> tuple[str, str]:
     make = SCENARIOS[name]
     if isinstance(make, ScenarioFile):
         return make.about()
-    place = make()
-    return place.title, place.reference
+    scenario = make()
+    return scenario.title, scenario.reference

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from numbers import Real
 from typing import Any, Protocol
 
 import numpy as np
 
 from crowd_env.checks import check_fields, number, refuse
-from crowd_env.scenarios.file.entry import Entry
+from crowd_env.scenarios.file.errors import validate
 from crowd_env.state import Floats
 
 _LEAST_SHARE = 0.01  # of what is drawn has to lie within the bounds: what lies outside is drawn again
@@ -35,7 +35,13 @@ class Distribution(Protocol):
 
 @dataclass(frozen=True)
 class Uniform:
-    """Uniform on [low, high]; equal bounds give a constant."""
+    """Uniform on [low, high]; equal bounds give a constant.
+
+    Parameters
+    ----------
+    low : the smallest possible value.
+    high : the largest.
+    """
 
     low: float
     high: float
@@ -52,7 +58,15 @@ class Uniform:
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal with ``mean`` and ``sd``, drawn again wherever it falls outside [low, high]."""
+    """Normal, drawn again wherever it falls outside [low, high].
+
+    Parameters
+    ----------
+    mean : before what lies outside is drawn again.
+    sd : standard deviation, before what lies outside is drawn again.
+    low : the smallest possible value.
+    high : the largest.
+    """
 
     mean: float
     sd: float
@@ -81,8 +95,13 @@ class Normal:
 class LogNormal:
     """Log-normal, drawn again wherever it falls outside [low, high]: the usual one for response times.
 
-    Half of all draws (before they are cut) lie below ``median``; ``sigma`` is the standard deviation of the logarithm, so
-    that about two thirds lie between ``median / exp(sigma)`` and ``median * exp(sigma)``.
+    Parameters
+    ----------
+    median : half of all values lie below it, before what lies outside is drawn again.
+    sigma : standard deviation of the logarithm: about two thirds lie between ``median / exp(sigma)`` and
+        ``median * exp(sigma)``.
+    high : the largest possible value.
+    low : the smallest.
     """
 
     median: float
@@ -119,30 +138,8 @@ def _require_share(kind: str, low: float, high: float, from_sd: float, to_sd: fl
         raise ValueError(f"{kind} distribution: only {share:.2g} of it lies in [{low:g}, {high:g}]; set wider bounds")
 
 
-# Name in plain data -> distribution.
-KINDS: dict[str, type[Uniform | Normal | LogNormal]] = {"uniform": Uniform, "normal": Normal, "lognormal": LogNormal}
-
-
-def read_distribution(entry: Entry) -> Distribution:
-    """Read a distribution: a number, ``[low, high]`` (uniform), or a table that says which."""
-    if isinstance(entry.value, list):
-        low, high = (number.number() for number in entry.entries(2))
-        with entry.named():
-            return Uniform(low, high)
-    if not isinstance(entry.value, Mapping):
-        constant = entry.number()
-        return Uniform(constant, constant)
-    first = entry.table(needed=("distribution",))
-    make = KINDS[first["distribution"].one_of(KINDS)]
-    keys = [field.name for field in fields(make)]
-    needed = [name for name in keys if not (make is LogNormal and name == "low")]
-    table = entry.table(("distribution", *keys), needed=needed)
-    with entry.named():
-        return make(**{name: table[name].number() for name in keys if name in table})
-
-
 def as_distribution(where: str, name: str, value: Any) -> Distribution:
-    """Return a distribution, or the one that plain data says, as in a scenario file; a pair may be a tuple.
+    """Return a distribution, or the one that plain data describe: a number, a pair, or a table as in a scenario file.
 
     Raises
     ------
@@ -150,14 +147,14 @@ def as_distribution(where: str, name: str, value: Any) -> Distribution:
         If it is neither, or a bound is not finite.
     """
     if isinstance(value, Real | list | tuple | Mapping):
-        return read_distribution(Entry(list(value) if isinstance(value, tuple) else value, where, name))
+        from crowd_env.scenarios.file.values import distribution_adapter  # loads pydantic
+
+        plain: Distribution = validate(distribution_adapter, value, where, name)
+        return plain
     what = f"{where}: {name}"
     if isinstance(value, type) or not all(hasattr(value, part) for part in ("low", "high", "sample")):
-        refuse(
-            what,
-            value,
-            "a number, a pair (low, high), a table of a scenario file or a distribution: Uniform(low, high)",
-        )
+        allowed = "a number, a pair (low, high), a table of a scenario file or a distribution: Uniform(low, high)"
+        refuse(what, value, allowed)
     for bound in ("low", "high"):
         number(f"{what}.{bound}", getattr(value, bound))
     return value

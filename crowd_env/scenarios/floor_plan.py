@@ -20,9 +20,10 @@ from crowd_env.state import Floats
 
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
-# A place larger than this is rare, and one in centimeters always is: it is asked about ...
+# A plan larger than this is rare, and one in centimeters always is: a warning asks for the unit ...
+
 _WIDE_EXIT, _LARGE = 20.0, 300.0  # m
-# ... and beyond this there is none.
+# ... and beyond this no plan is accepted.
 _WIDEST_EXIT, _LARGEST = 200.0, 3000.0  # m
 _SMALL = 1.0  # m
 
@@ -100,7 +101,7 @@ def _ask_for_unit(area: BaseGeometry, exits: Sequence[BaseGeometry]) -> None:
         If nothing so large or so small is a building.
     """
     if not area.area > 0 or not np.isfinite(shapely.get_coordinates(area)).all():
-        return  # said better by those who read the shapes
+        return  # reading the shapes gives the better message
     x0, y0, x1, y1 = area.bounds
     across = max(x1 - x0, y1 - y0)
     widest = max((float(door.length) for door in exits if "Line" in door.geom_type), default=0.0)

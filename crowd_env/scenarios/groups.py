@@ -1,4 +1,4 @@
-"""A crowd of several kinds of people: each with its own bodies, its own place to start from and its own way out."""
+"""A crowd of several kinds of people: each with its own bodies, starting positions and route."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,9 +6,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from crowd_env.checks import check_fields, from_table, refuse
+from crowd_env.checks import check_fields, refuse
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.population import Population, check_count, check_starts, place
+from crowd_env.scenarios.file.errors import at
+from crowd_env.scenarios.placement import sample_positions
+from crowd_env.scenarios.population import Population, check_count, population_of
+from crowd_env.scenarios.starts import check_starts
 from crowd_env.state import Bodies, Floats, make_bodies
 
 _BOUNDED = ("radius", "mass", "desired_speed", "relaxation_time", "response_time")
@@ -23,10 +26,10 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """Several populations in one place; the people of the first come first, and so on.
+    """Several populations in one scenario; the people of the first come first, and so on.
 
-    It offers what a `Population` does.  Those who start anywhere in the same region are placed together, so that they are
-    mixed; recorded starts are taken first.
+    It offers what a `Population` does.  People who start anywhere in the same region are placed together, so that they are
+    mixed; recorded starts are taken first.  A part may be a table of the fields of a `Population`.
 
     Raises
     ------
@@ -43,6 +46,10 @@ class Groups:
     parts: tuple[Population, ...]
 
     def __post_init__(self) -> None:
+        if isinstance(self.parts, list | tuple):
+            tables = enumerate(self.parts)
+            parts = [population_of(f"groups[{k}]", one) if isinstance(one, Mapping) else one for k, one in tables]
+            object.__setattr__(self, "parts", tuple(parts))
         check_fields("groups", self)
         if not self.parts:
             raise ValueError("a crowd needs at least one group")
@@ -141,7 +148,7 @@ class Groups:
             if len(here) > 1:
                 people = rng.permutation(people)
             already = (position[stands], bodies.radius[stands]) if stands.any() else None
-            position[people] = place(geometry, bodies.radius[people], rng, region, already)
+            position[people] = sample_positions(geometry, bodies.radius[people], rng, region, already)
             stands[people] = True
         return bodies, position
 
@@ -163,7 +170,8 @@ class Parts(Protocol):
 def extreme_bodies(people: Parts) -> Bodies:
     """Return bodies whose stable step is no longer than that of any draw.
 
-    Of each part all are as heavy, thick, quick and eager as they can be, and one more is as light and thin as he can be.
+    Of each part all bodies have the largest mass, radius and speed and the shortest relaxation time; one more has the
+    smallest mass and radius.
     """
     parts = people.parts
     counts = [part.count + 1 for part in parts]
@@ -176,8 +184,10 @@ def extreme_bodies(people: Parts) -> Bodies:
     return make_bodies(radius, mass, desired_speed=speed, relaxation_time=tau)
 
 
-def as_people(population: Population | Groups | Mapping[str, Any] | None) -> Population | Groups | None:
+def as_people(population: Any) -> Population | Groups | None:
     """Return a population, or the one of plain data such as ``{"count": 30, "radius": 0.2}``; None stays.
+
+    A list of populations or such tables makes groups.
 
     Raises
     ------
@@ -185,7 +195,12 @@ def as_people(population: Population | Groups | Mapping[str, Any] | None) -> Pop
         If it is something else, or a key is unknown.
     """
     if isinstance(population, Mapping):
-        return from_table("population", Population, population)
+        return population_of("population", population)
+    if isinstance(population, list | tuple):
+        with at("population"):
+            return Groups(tuple(population))
     if population is not None and not isinstance(population, Population | Groups):
-        refuse("population", population, "a Population, Groups, or a table of the fields of a Population")
+        refuse(
+            "population", population, "a Population, Groups, a table of the fields of a Population, or a list of these"
+        )
     return population

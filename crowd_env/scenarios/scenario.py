@@ -14,7 +14,8 @@ from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios.groups import Groups, as_people
-from crowd_env.scenarios.population import Population, require_names, require_room
+from crowd_env.scenarios.placement import require_room
+from crowd_env.scenarios.population import Population, require_names
 from crowd_env.state import Floats, Ints
 
 People: TypeAlias = Population | Groups
@@ -26,7 +27,7 @@ _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
 class Scenario:
     """What is evacuated; knows neither physics nor rewards.
 
-    ``target`` says what people walk to: "path", the shortest path of a disc (the way to go); or straight to the nearest exit,
+    ``target`` says what people walk to: "path", the shortest path of a disc (the default); or straight to the nearest exit,
     whatever stands between: to the "nearest" point that keeps the body off the jambs, to the "centre" of the door, or to the
     nearest point of its whole "width".  The straight ones are for comparison with models that have no path planning.
 
@@ -47,7 +48,7 @@ class Scenario:
     reference: str = ""  # where the numbers come from
     target: Target = "path"
     blocked_after: float = np.inf  # s without anyone getting out, after which the exits count as blocked
-    routes: tuple[Route, ...] = ()  # ways that rules and controllers can send people on, beside every exit by its name
+    routes: tuple[Route, ...] = ()  # beside those to every exit, which have its name
     zones: tuple[SpeedZone, ...] = ()
     rules: tuple[ControlRule, ...] = ()
     closed_doors: tuple[str, ...] = ()  # at the start

@@ -1,16 +1,28 @@
 """Recorded starts: read, and checked to be places where people can stand."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from crowd_env._kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.scenarios.file.errors import validate
 from crowd_env.state import Floats, Ints
 
 
-def read_starts(starts: Any, count: int) -> Floats:
-    """Return a copy of recorded starts (K, 2) as kernels want it; ValueError if they cannot be such."""
+def as_positions(starts: Any, count: int = 0) -> Floats:
+    """Return a copy of recorded starts (K, 2) [m] as kernels want it; tables in a list stand for grids, as in a scenario file.
+
+    Raises
+    ------
+    ValueError
+        If they cannot be positions, or are fewer than ``count``.
+    """
+    if isinstance(starts, list | tuple) and any(isinstance(one, Mapping) for one in starts):
+        from crowd_env.scenarios.file.tables import positions_adapter  # loads pydantic
+
+        starts = validate(positions_adapter, list(starts), "population", "starts")
     try:
         positions = np.array(starts, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:

@@ -137,7 +137,7 @@ WAYS = [
 SCENARIO = [
     *rows("Scenario.name", lambda x: scenario(name=x), (*NO_TEXT, None)),
     *rows("Scenario.geometry", lambda x: scenario(geometry=x), (*NO_OBJECT, None, Geometry)),
-    *rows("Scenario.population", lambda x: scenario(population=x), (*NO_OBJECT, None, 20, [Population(3)])),
+    *rows("Scenario.population", lambda x: scenario(population=x), (*NO_OBJECT, None, 20, [])),
     *numeric("Scenario.time_limit", lambda x: scenario(time_limit=x), "positive"),
     *numeric("Scenario.blocked_after", lambda x: scenario(blocked_after=x), "positive or infinite"),
     *rows("Scenario.target", lambda x: scenario(target=x), (*NO_CHOICE, None)),
@@ -145,7 +145,7 @@ SCENARIO = [
     *[row for name in ("routes", "zones", "rules", "door_events", "one_way")
       for row in rows(f"Scenario.{name}", lambda x, name=name: scenario(**{name: x}), NO_PARTS)],
     *rows("Scenario.closed_doors", lambda x: scenario(closed_doors=x), NO_NAMES),
-    *rows("Scenario.comfort", lambda x: scenario(comfort=x), (*NO_OBJECT, None)),
+    *rows("Scenario.comfort", lambda x: scenario(comfort=x), ([], "flat", 3, Comfort, None, {"stars": 1})),
     ("Scenario without exits", lambda: scenario(geometry=Geometry.from_polygon([(0, 0), (5, 0), (5, 5)])), ("no exit",)),
     *rows("Scenario.ways.strategy", lambda x: scenario().route_set(x), (*NO_CHOICE, None)),
     *rows("Scenario.ways.rules", lambda x: scenario().route_set(rules=x), NO_FLAG),

@@ -75,7 +75,7 @@ CONSTRUCTOR = [
     ("CrowdEnv.reward unknown", lambda: CrowdEnv(reward={"joy": 1.0}), ("'joy'", "progress")),
     ("CrowdEnv.reward key", lambda: CrowdEnv(reward={"weights": {"time": 1.0}, "share": 1}), ("reward", "'share'", "weights")),
     ("CrowdEnv.reward weight", lambda: CrowdEnv(reward={"time": "1"}), ("'time'", "'1'")),
-    *rows("CrowdEnv.population", of("population"), (20, "20", Population, [Population(3)])),
+    *rows("CrowdEnv.population", of("population"), (20, "20", Population, [Population])),
     ("CrowdEnv.population key", lambda: CrowdEnv(population={"number": 3}), ("population", "'number'", "count")),
     ("CrowdEnv.population lacks", lambda: CrowdEnv(population={"radius": 0.2}), ("population", "'count' is missing")),
     ("CrowdEnv.count", lambda: CrowdEnv(count=10**9), ("count", "1000000000")),

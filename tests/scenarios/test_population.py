@@ -8,7 +8,9 @@ from crowds import HALL, PLANS, clear, scatter
 from shapely.geometry import box
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.population import Normal, Population, Uniform, check_starts, closest_pair, place
+from crowd_env.scenarios.placement import sample_positions
+from crowd_env.scenarios.population import Normal, Population, Uniform
+from crowd_env.scenarios.starts import check_starts, closest_pair
 
 ROOM = Geometry.from_polygon(box(0, 0, 5, 5), exits=[[(5, 2.09), (5, 2.91)]])
 # ----------------------------------------------------------------------------------------------------- distributions
@@ -74,7 +76,7 @@ def test_very_unequal_bodies_do_not_overlap():
 
 def test_a_lone_start_is_uniform_over_the_room():
     rng = np.random.default_rng(3)
-    starts = np.concatenate([place(ROOM, np.array([0.25]), rng) for _ in range(3000)])
+    starts = np.concatenate([sample_positions(ROOM, np.array([0.25]), rng) for _ in range(3000)])
     # 5 x 5 cells over where a center can be; the exit opens no wall-free strip of note.
     counts, *_ = np.histogram2d(*starts.T, bins=5, range=[[0.25, 4.75]] * 2)
     assert counts.sum() > 2900
@@ -107,7 +109,7 @@ def test_crowds_stand_as_if_placed_one_by_one():
         )
 
     rng, radius = np.random.default_rng(6), np.full(30, 0.2)
-    placed = figures(np.array([place(ROOM, radius, rng) for _ in range(400)]))
+    placed = figures(np.array([sample_positions(ROOM, radius, rng) for _ in range(400)]))
     expected = figures(np.array([scatter(rng, ROOM, radius) for _ in range(100)]))
     np.testing.assert_allclose(placed, expected, rtol=0.02)
 

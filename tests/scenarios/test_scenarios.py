@@ -20,7 +20,7 @@ DATA = Path(SCENARIOS[FILES[0]].path).parent
 
 
 def test_every_data_file_is_listed_under_its_name():
-    assert {path.stem for path in DATA.iterdir()} == set(FILES)
+    assert {path.stem for path in DATA.glob("*.toml")} == set(FILES)
     assert all(make_scenario(name).name == name for name in FILES)
     assert len(FILES) >= 11
 
@@ -51,11 +51,10 @@ def test_everyone_gets_out_under_every_scheme(name, scheme):
 @pytest.mark.parametrize("name", FILES)
 def test_the_ends_of_every_option_make_a_scenario(name):
     make = SCENARIOS[name]
-    declared = make._own(make._read())
-    for option, bounds in declared.items():
-        for end in ("low", "high"):
-            if np.isfinite(bounds[end]):
-                make_scenario(name, **{option: bounds[end], "count": 4})
+    for option, declared in make.declared().items():
+        for end in (declared.low, declared.high):
+            if np.isfinite(end):
+                make_scenario(name, **{option: end, "count": 4})
 
 
 @pytest.mark.parametrize("width", [0.7, 1.0, 2.5, 5.0])

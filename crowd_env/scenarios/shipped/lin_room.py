@@ -34,7 +34,7 @@ def lin_room(
     exit_depth : m, how thick the wall is: people are out at x = side + exit_depth.
     target : what people walk to, see `Scenario`; the paper does not say.
     time_limit : s.
-    blocked_after : s, the exit counts as blocked when nobody has left for so long.
+    blocked_after : s without anyone getting out, after which the exit counts as blocked.
 
     Raises
     ------

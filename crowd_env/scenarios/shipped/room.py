@@ -31,7 +31,7 @@ def room(
     ----------
     side, door_width : m.
     count : number of people; ignored if a ``population`` is given.
-    time_limit : s; whoever is still inside then is unfinished.
+    time_limit : s; people still inside then are unfinished.
     target : what people walk to, see `Scenario`.
     exit_line : m, how far beyond the door (before it if negative) people are counted and removed.
 

@@ -17,9 +17,9 @@ Seen from above, the screen is at x = 0, on the left, and the floor rises to the
   round the corner of the hall and along it to the foyer; A is where the foyer begins.
 * Route B: the emergency exit, a door of 1.2 m beside the screen; behind it a landing and a straight flight of stairs 1.8 m
   wide, 12 m long seen from above, down to the open; B is its foot.  In the exercise nobody came out at B before about 40 s
-  (inferred from the mean and the last time): that needs a way of 10 to 15 m on stairs behind the front rows.
+  (inferred from the mean and the last time): that needs a path of 10 to 15 m on stairs behind the front rows.
 * People: the first four rows are empty, those behind are filled evenly: 101 of 126 seats, every fifth is free.
-* The corridor of A ends where it does, in whole meters, so that the shortest ways part the audience about as Table 7 implies
+* The corridor of A ends where it does, in whole meters, so that the shortest paths divide the audience about as Table 7 implies
   (42 by A, 59 by B; here 44 and 57): that split is put in, not found.
 * Rectangles: 1 and 2 are the ends of both aisles towards A, two rows long; 3 is the floor before the door to B, 3.0 by 2.5 m.
   Their thresholds 5, 5 and 15 are about 2 people per square meter in each.
@@ -64,15 +64,15 @@ def theatre(
     time_limit: float = 180.0,
     population: People | Mapping[str, Any] | None = None,
 ) -> Scenario:
-    """Return the theatre; people walk the shortest way, unless a control rule sends them the other.
+    """Return the theatre; people take the shortest route, unless a control rule sends them on the other.
 
     Parameters
     ----------
     count : number of people, on seats that are always the same; ignored if a ``population`` is given.
-    crowded : so many people in rectangle 1, 2 or 3 turn the others away: from A to B (1 and 2), or from B to A (3).
+    crowded : this many people in rectangle 1, 2 or 3 turn the others away: from A to B (1 and 2), or from B to A (3).
     hold : s, a rule stays on for so long at least; 0 is the literal reading of the paper.
-    commits : whoever has been turned away does not come back when the rule is off.  In an aisle those meet the others
-        head-on, and two who do may stop each other for good: people here do not step aside.
+    commits : people who have been turned away do not come back when the rule is off.  In an aisle they meet the others
+        head-on, and two may stop each other for good: people here do not step aside.
     stair_speed : m/s, of everybody on stairs.
     time_limit : s.
 
@@ -123,7 +123,7 @@ def taken_seats(count: int) -> list[int]:
         If there are more people than seats.
     """
     everything = len(seats())
-    count = whole("theatre: count", count, Range(1, everything), why="the number of seats")
+    count = whole("theatre: count", count, Range(1, everything).because("the number of seats"))
     first = EMPTY_ROWS * SEATS_A_ROW
     first = first if count <= everything - first else 0
     there = everything - first

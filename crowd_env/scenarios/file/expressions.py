@@ -6,6 +6,8 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from crowd_env.scenarios.file.errors import at
+
 LARGEST = 1e15  # of all numbers in a scenario file
 _LONGEST = 1000  # characters of an expression
 
@@ -19,8 +21,28 @@ _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 }
 
 
+def fill(content: Any, options: Mapping[str, float], path: str = "") -> Any:
+    """Return the content of a file with the numbers of ``options`` where texts have braces; ``path`` is its key, for errors.
+
+    Raises
+    ------
+    ValueError
+        If braces are wrong; the message begins with the path of the text, such as ``groups[1].count``.
+    """
+    match content:
+        case str():
+            with at(path):
+                return fill_in(content, options)
+        case dict():
+            inside = f"{path}." if path else ""
+            return {key: fill(value, options, f"{inside}{key}") for key, value in content.items()}
+        case list():
+            return [fill(value, options, f"{path}[{k}]") for k, value in enumerate(content)]
+    return content
+
+
 def fill_in(text: str, options: Mapping[str, float]) -> str | float:
-    """Return ``text`` with the value of every ``{expression}`` in its place; of a text that is one expression, the number.
+    """Return ``text`` with every ``{expression}`` replaced by its value; of a text that is one expression, the number.
 
     Raises
     ------

@@ -1,0 +1,160 @@
+"""The tables of a scenario file: every key with its type and a note, from which its JSON Schema is made too."""
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field, Tag, TypeAdapter, WithJsonSchema, WrapValidator, model_validator
+
+from crowd_env.navigation.field import OneWay
+from crowd_env.routing.route_set import Target
+from crowd_env.routing.spec import ControlRule, DoorEvent, Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone
+from crowd_env.routing.strategies import OF_ROUTES
+from crowd_env.scenarios.file.plan import Grid, Plan
+from crowd_env.scenarios.file.reading import COMMON
+from crowd_env.scenarios.file.values import (
+    FromFields,
+    Number,
+    Pair,
+    PerhapsInfinite,
+    Table,
+    Text,
+    Texts,
+    Whole,
+    one_of_kinds,
+    table_of,
+)
+from crowd_env.scenarios.population import Population
+from crowd_env.state import Floats
+
+# ------------------------------------------------------------------------------------------------------------- options
+
+
+def _option_name(name: str) -> str:
+    if not name.isidentifier() or name in COMMON:
+        raise ValueError(f"the name cannot be taken: letters, digits and _, and none of {', '.join(COMMON)}")
+    return name
+
+
+def _as_written(value: Any, check: Any) -> Any:
+    check(value)
+    return value
+
+
+# Whole numbers stay whole; an option cannot hold braces.
+_Given = Annotated[Number, WrapValidator(_as_written), WithJsonSchema({"type": "number"})]
+
+
+class Option(Table):
+    """A number that callers may set."""
+
+    default: _Given
+    low: _Given = Field(default_factory=lambda: -np.inf, description="the smallest that is allowed")
+    high: _Given = Field(default_factory=lambda: np.inf, description="the largest that is allowed")
+    about: Text = Field("", description="a line for people, such as the unit")
+
+    @model_validator(mode="after")
+    def _check(self) -> "Option":
+        if not self.low <= self.default <= self.high:
+            raise ValueError(f"default {self.default:g} is outside of {self.low:g} to {self.high:g}")
+        return self
+
+
+Options = dict[
+    Annotated[Text, AfterValidator(_option_name)],
+    Annotated[
+        Annotated[_Given, AfterValidator(lambda value: Option(default=value)), Tag("number")]
+        | Annotated[Option, Tag("table")],
+        one_of_kinds("a number or a table with the key 'default'"),
+    ],
+]
+
+# -------------------------------------------------------------------------------------------------------------- people
+
+
+class Seats(Grid):
+    """Starting positions in columns and rows."""
+
+    first: Pair = Field(description="[x, y] in m")
+
+
+def _positions(content: list[Any]) -> Floats:
+    rows = [one.copies(one.first) if isinstance(one, Seats) else [one] for one in content]
+    return np.array([point for row in rows for point in row], dtype=np.float64).reshape(-1, 2)
+
+
+# Positions (K, 2) [m], those of grids one by one.
+Positions = Annotated[
+    list[
+        Annotated[
+            Annotated[Pair, Tag("list")] | Annotated[Seats, Tag("table")],
+            one_of_kinds("a point [x, y] or a table with the key 'first'"),
+        ]
+    ],
+    AfterValidator(_positions),
+]
+positions_adapter: TypeAdapter[Any] = TypeAdapter(Positions)
+
+
+class People(
+    table_of(  # type: ignore[misc]  # a base that is made
+        Population,
+        count=Annotated[Whole, Field(description="number of people; by default as many as there are starts")],
+        starts=Annotated[
+            Annotated[Text, Tag("text")] | Annotated[Positions, Tag("list")],
+            one_of_kinds("the name of a CSV file, or a list of points [x, y] and of tables with the key 'first'"),
+            Field(
+                description="CSV file beside this one with the columns x and y in m, or a list of points [x, y] and of "
+                "grids; of more than count, some are drawn"
+            ),
+        ],
+    )
+):
+    """People of one kind; what a group does not say is as in `population`."""
+
+
+# ------------------------------------------------------------------------------------------------------------ scenario
+
+
+_NOT_GIVEN: Any = dict  # looked for in ``model_fields_set``
+
+
+class ScenarioTable(Table):
+    """A scenario of crowd_env. Lengths are in m, times in s, speeds in m/s, masses in kg."""
+
+    schema_: Text = Field("", alias="$schema", description="JSON Schema of this file, for editors; not read")
+    name: Text = Field(default_factory=str, description="by default the name of the file")
+    title: Text = Field("", description="a line for people")
+    reference: Text = Field("", description="where the numbers come from")
+    time_limit: Number = Field(300.0, description="s, when an evacuation ends at the latest")
+    blocked_after: PerhapsInfinite = Field(
+        default_factory=float,
+        description="s without anyone getting out, after which the exits count as blocked; by default never",
+    )
+    target: Target = Field(
+        "path", description="the shortest path, or straight to a point of the nearest exit, whatever stands between"
+    )
+    options: Options = Field(
+        {}, description='name = number, or a table: what callers may set; "{name}" in any text stands for it'
+    )
+    geometry: Plan
+    population: People = Field(default_factory=_NOT_GIVEN, description="everybody, or what all groups share")
+    groups: list[People] = Field([], description="people of several kinds")
+    routes: list[Annotated[Route, FromFields(strategy=Literal[OF_ROUTES])]] = Field(
+        [], description="routes beside those to every exit"
+    )
+    zones: list[Annotated[SpeedZone, FromFields()]] = Field(
+        [], description="regions where people walk slower or faster"
+    )
+    rules: list[Annotated[ControlRule, FromFields()]] = Field([], description="who takes another route when, and which")
+    closed_doors: Texts = Field([], description="names of the doors that are closed at the start")
+    door_events: list[Annotated[DoorEvent, FromFields()]] = Field([], description="when doors open and close")
+    one_way: list[Annotated[OneWay, FromFields()]] = Field([], description="doors that people pass one way only")
+    comfort: Annotated[Comfort, FromFields()] = Field(
+        default_factory=_NOT_GIVEN, description="what the most comfortable route costs, in meters of plain floor"
+    )
+
+
+options_adapter: TypeAdapter[Any] = TypeAdapter(Options)
+scenario_adapter = TypeAdapter(ScenarioTable)
+number_adapters: dict[bool, TypeAdapter[Any]] = {True: TypeAdapter(Whole), False: TypeAdapter(Number)}

@@ -1,0 +1,253 @@
+"""Random starting positions: discs that overlap neither walls nor each other."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from crowd_env._kernels.jit import inner_kernel, kernel
+from crowd_env.checks import known
+from crowd_env.geometry.geometry import Boundary, Geometry
+from crowd_env.state import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from crowd_env.scenarios.population import Population
+
+# Equal discs cannot cover more of the plane than a hexagonal packing does.
+_CLOSEST_PACKING = np.pi / np.sqrt(12.0)
+# Random placement one by one jams near 0.547; above this share people are set on a hexagonal lattice instead.
+_RANDOM_LIMIT = 0.45
+_ROUNDS = 400
+_MOST_CELLS = 4e6
+
+Standing = tuple[Floats, Floats]
+"""Positions (K, 2) and radii (K,) [m] of people who stand already."""
+
+
+def require_room(geometry: Geometry, parts: Iterable["Population"]) -> None:
+    """Raise ValueError if there are more people than even the closest packing has room for, before any of them is drawn."""
+    waiting: dict[str | None, tuple[int, float]] = {}
+    for part in parts:
+        if part.starts is None:
+            count, cover = waiting.get(part.start_region, (0, 0.0))
+            waiting[part.start_region] = count + part.count, cover + part.count * np.pi * part.radius.low**2
+    for region, (count, cover) in waiting.items():
+        area = geometry.area_of(region)
+        if cover > _CLOSEST_PACKING * area:
+            where = f"{area:.1f} m2" + ("" if region is None else f" of {region!r}")
+            most = int(count * _CLOSEST_PACKING * area / cover)
+            raise ValueError(
+                f"{count} people do not fit without overlap into {where}: even the closest packing of the smallest bodies "
+                f"leaves room for at most {most}"
+            )
+
+
+def sample_positions(
+    geometry: Geometry,
+    radius: Floats,
+    rng: np.random.Generator,
+    region: str | None = None,
+    standing: Standing | None = None,
+) -> Floats:
+    """Return random positions (N, 2) of discs that overlap neither walls nor each other, nor the people in ``standing``.
+
+    One after the other, each uniform over what is free (Pécol et al. 2011, section 4.2: random initial positions); a crowd
+    too dense for that stands on a hexagonal lattice with random holes.
+
+    Raises
+    ------
+    ValueError
+        If they do not fit, or the region is unknown.
+    """
+    if region is not None:
+        known("start region", region, geometry.regions)
+    area = geometry.area_of(region)
+    cover = float((np.pi * radius**2).sum())
+    if cover > _CLOSEST_PACKING * area:
+        most = int(_CLOSEST_PACKING * area / (np.pi * float((radius**2).mean())))
+        raise ValueError(_too_many(radius, area, f"even the closest packing leaves room for at most {most}"))
+    if cover < _RANDOM_LIMIT * area:
+        placed = _place_randomly(geometry, radius, rng, region, standing)
+        if placed is not None:
+            return placed
+    return _place_on_lattice(geometry, radius, rng, region, area, standing)
+
+
+def _too_many(radius: Floats, area: float, room: str) -> str:
+    return (
+        f"{len(radius)} people do not fit without overlap into {area:.1f} m2: "
+        f"with bodies of radius {radius.min():.2f} to {radius.max():.2f} m {room}"
+    )
+
+
+@kernel
+def _clearances(points: Floats, boundary: Boundary, clearance: Floats) -> None:
+    """Write the distance (K,) of points to the nearest wall, -1 outside (even-odd rule over walls and exits)."""
+    for k in range(len(points)):
+        x, y = points[k, 0], points[k, 1]
+        clearance[k] = _clearance(x, y, boundary.wall, boundary.two_sided, boundary.exit)
+
+
+@inner_kernel
+def _clearance(x: float, y: float, wall: Floats, two_sided: Bools, exit_line: Floats) -> float:
+    """Return the distance of (x, y) to the nearest wall, -1 outside."""
+    nearest, inside = np.inf, False
+    for w in range(len(wall)):
+        ax, ay, bx, by = wall[w, 0, 0], wall[w, 0, 1], wall[w, 1, 0], wall[w, 1, 1]
+        if not two_sided[w] and (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+        square = (bx - ax) ** 2 + (by - ay) ** 2
+        along = min(max(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square, 0.0), 1.0)
+        dx, dy = ax + along * (bx - ax) - x, ay + along * (by - ay) - y
+        nearest = min(nearest, dx * dx + dy * dy)
+    for w in range(len(exit_line)):
+        ax, ay, bx, by = exit_line[w, 0, 0], exit_line[w, 0, 1], exit_line[w, 1, 0], exit_line[w, 1, 1]
+        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+    return np.sqrt(nearest) if inside else -1.0
+
+
+def _usable(geometry: Geometry, points: Floats, region: str | None, standing: Standing | None) -> Floats:
+    """Distance (K,) of points to walls and to people who stand already; -1 outside of the area or region."""
+    clearance = np.empty(len(points))
+    _clearances(points, geometry.boundary, clearance)
+    if region is not None:
+        clearance[~geometry.contains(points, region)] = -1.0
+    if standing is not None:
+        _keep_off(points, *standing, clearance)
+    return clearance
+
+
+@kernel
+def _keep_off(points: Floats, position: Floats, radius: Floats, clearance: Floats) -> None:
+    for k in range(len(points)):
+        for j in range(len(radius)):
+            gap = np.hypot(points[k, 0] - position[j, 0], points[k, 1] - position[j, 1]) - radius[j]
+            clearance[k] = min(clearance[k], gap)
+
+
+def _place_randomly(
+    geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None, standing: Standing | None
+) -> Floats | None:
+    low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
+    # Cells a body wide, or wider in places so large that there would be many more of them than people.
+    size = max(2.0 * float(radius.max()), float(np.sqrt((high_x - low_x) * (high_y - low_y) / _MOST_CELLS)))
+    columns, rows = int((high_x - low_x) / size) + 1, int((high_y - low_y) / size) + 1
+    boundary, count = geometry.boundary, len(radius)
+    cells = np.empty(columns * rows + count, dtype=np.int64)
+    placed = np.zeros((count, 2))
+    anywhere = region is None and standing is None
+    done = 0
+    for _ in range(_ROUNDS):
+        points = rng.random((16 + 3 * count, 2))
+        points *= (high_x - low_x, high_y - low_y)
+        points += (low_x, low_y)
+        clearance = _NOT_KNOWN if anywhere else _usable(geometry, points, region, standing)
+        done = _accept(
+            points,
+            clearance,
+            boundary.wall,
+            boundary.two_sided,
+            boundary.exit,
+            radius,
+            placed,
+            done,
+            cells,
+            columns,
+            rows,
+            low_x,
+            low_y,
+            size,
+        )
+        if done == count:
+            return placed
+    return None
+
+
+_NOT_KNOWN = np.empty(0)
+
+
+@kernel
+def _accept(
+    points: Floats,
+    clearance: Floats,
+    wall: Floats,
+    two_sided: Bools,
+    exit_line: Floats,
+    radius: Floats,
+    placed: Floats,
+    done: int,
+    cells: Ints,
+    columns: int,
+    rows: int,
+    low_x: float,
+    low_y: float,
+    size: float,
+) -> int:
+    """Give each next person the first candidate point where it fits; returns how many stand.
+
+    Parameters
+    ----------
+    points, clearance : (K, 2) m, (K,) m to walls and people who stand already, -1 = not usable; empty = only walls matter,
+        found here for as many points as are looked at.
+    wall, two_sided, exit_line : as in `Boundary`.
+    radius, placed, done : (N,) m, (N, 2) m and how many stand by now.
+    cells : (columns * rows + N,) index of the last person placed in each cell, then for each person the index of the one
+        placed before; -1 = none.
+    columns, rows, low_x, low_y, size : cells of ``size`` [m].
+    """
+    table = columns * rows
+    if done == 0:
+        for c in range(table):
+            cells[c] = -1
+    for k in range(len(points)):
+        if done == len(radius):
+            break
+        x, y = points[k, 0], points[k, 1]
+        if len(clearance) > 0 and clearance[k] < radius[done]:
+            continue
+        column, row = int((x - low_x) / size), int((y - low_y) / size)
+        free = True
+        for r in range(max(row - 1, 0), min(row + 2, rows)):
+            for c in range(max(column - 1, 0), min(column + 2, columns)):
+                j = cells[r * columns + c]
+                while j >= 0 and free:
+                    limit = radius[j] + radius[done]
+                    free = (x - placed[j, 0]) ** 2 + (y - placed[j, 1]) ** 2 >= limit * limit
+                    j = cells[table + j]
+        if free and len(clearance) == 0:
+            free = _clearance(x, y, wall, two_sided, exit_line) >= radius[done]
+        if free:
+            placed[done, 0], placed[done, 1] = x, y
+            cells[table + done] = cells[row * columns + column]
+            cells[row * columns + column] = done
+            done += 1
+    return done
+
+
+def _place_on_lattice(
+    geometry: Geometry,
+    radius: Floats,
+    rng: np.random.Generator,
+    region: str | None,
+    area: float,
+    standing: Standing | None,
+) -> Floats:
+    low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
+    step = 2.0 * float(radius.max()) * (1.0 + 1e-9)
+    height = step * np.sqrt(0.75)
+    shift = rng.uniform(0.0, 1.0, 2) * (step, height)
+    most = 0
+    for offset in ((0.0, 0.0), tuple(shift)):  # flush with the walls first: nothing holds more
+        x, y = np.meshgrid(
+            np.arange(low_x + radius.max() + offset[0], high_x, step),
+            np.arange(low_y + radius.max() + offset[1], high_y, height),
+        )
+        x[1::2] += 0.5 * step
+        points = np.column_stack([x.ravel(), y.ravel()])
+        points = points[_usable(geometry, points, region, standing) >= radius.max() - 1e-12]
+        most = max(most, len(points))
+        if len(points) >= len(radius):
+            return points[rng.permutation(len(points))[: len(radius)]]
+    beside = "" if standing is None else f" beside the {len(standing[1])} who stand already"
+    raise ValueError(_too_many(radius, area, f"a regular lattice holds {most} there{beside}"))

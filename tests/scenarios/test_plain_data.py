@@ -1,0 +1,185 @@
+"""Plain data in Python: numbers, pairs, tables and lists stand for the objects, as they do in a scenario file."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from crowd_env import CrowdEnv, Geometry, Groups, LogNormal, Normal, Population, Scenario, Uniform, make_scenario
+from crowd_env.geometry.geometry import box
+from crowd_env.navigation.field import OneWay
+from crowd_env.routing.spec import ControlRule, DoorEvent, Route
+from crowd_env.routing.speed_map import Comfort, SpeedZone
+
+FIELDS = ("radius", "mass", "desired_speed", "relaxation_time", "response_time")
+NORMAL = {"distribution": "normal", "mean": 0.22, "sd": 0.01, "low": 0.2, "high": 0.25}
+LOG_NORMAL = {"distribution": "lognormal", "median": 0.3, "sigma": 0.5, "high": 2}
+SAME = [
+    (0.2, Uniform(0.2, 0.2)),
+    (1, Uniform(1.0, 1.0)),
+    (np.float32(0.25), Uniform(0.25, 0.25)),
+    ((0.2, 0.25), Uniform(0.2, 0.25)),
+    ([0.2, 1], Uniform(0.2, 1.0)),
+    ({"distribution": "uniform", "low": 0.2, "high": 0.25}, Uniform(0.2, 0.25)),
+    (NORMAL, Normal(0.22, 0.01, 0.2, 0.25)),
+    ({**LOG_NORMAL, "low": 0.1}, LogNormal(0.3, 0.5, 2.0, 0.1)),
+]
+HALL = Geometry.from_polygon(
+    box(0, 0, 12, 6), exits={"west": [(0, 2), (0, 4)], "east": [(12, 2), (12, 4)]}, regions={"left": box(0, 0, 6, 6)}
+)
+WEST = {"count": 8, "radius": (0.2, 0.22), "start_region": "left", "route": "west", "name": "west"}
+EAST = {"count": 5, "radius": NORMAL, "mass": 70, "response_time": LOG_NORMAL, "exits": ["east"]}
+
+
+def people():
+    return Groups(
+        (
+            Population(8, radius=Uniform(0.2, 0.22), start_region="left", route="west", name="west"),
+            Population(
+                5,
+                radius=Normal(0.22, 0.01, 0.2, 0.25),
+                mass=Uniform(70.0, 70.0),
+                response_time=LogNormal(0.3, 0.5, 2.0),
+                exits=("east",),
+            ),
+        )
+    )
+
+
+def drawn(crowd, seed=5):
+    bodies, position = crowd.draw(np.random.default_rng(seed), HALL)
+    return [*bodies, position]
+
+
+def assert_same_draws(one, other):
+    for mine, theirs in zip(drawn(one), drawn(other), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize(("plain", "law"), SAME, ids=str)
+def test_a_distribution_of_plain_data_is_the_object_and_draws_alike(name, plain, law):
+    one, other = Population(5, **{name: plain}), Population(5, **{name: law})
+    assert getattr(one, name) == law
+    assert_same_draws(one, other)
+    assert getattr(Population(5).changed(**{name: plain}), name) == law
+
+
+@pytest.mark.parametrize("form", [list, tuple, json.dumps])
+def test_groups_of_tables_are_groups_of_objects(form):
+    parts = [WEST, EAST] if form is json.dumps else form([WEST, EAST])
+    plain = json.loads(form(parts)) if form is json.dumps else parts
+    for crowd in (Groups(plain), Scenario("hall", HALL, plain, 60.0).population, Groups([WEST, people().parts[1]])):
+        assert [(part.route, part.exits, part.name) for part in crowd.parts] == [
+            ("west", (), "west"),
+            (None, ("east",), ""),
+        ]
+        assert_same_draws(crowd, people())
+
+
+def test_a_file_and_python_take_the_same_tables(tmp_path):
+    plan = {"walkable": {"box": [0, 0, 12, 6]}, "exits": {"west": [[0, 2], [0, 4]], "east": [[12, 2], [12, 4]]}}
+    content = {"geometry": {**plan, "regions": {"left": {"box": [0, 0, 6, 6]}}}, "groups": [WEST, EAST]}
+    path = tmp_path / "hall.json"
+    path.write_text(json.dumps(content))
+    assert_same_draws(make_scenario(path).population, Groups([WEST, EAST]))
+
+
+def test_starts_may_hold_grids_and_say_how_many_people_there_are():
+    grid = [[1, 1], {"first": [2, 1], "columns": 2, "rows": 2, "step": [1, 1]}]
+    expected = [[1, 1], [2, 1], [3, 1], [2, 2], [3, 2]]
+    assert Population(5, starts=grid).starts.tolist() == expected
+    table = {"starts": grid, "radius": 0.2}
+    for scenario in (Scenario("hall", HALL, table, 60.0), Scenario("hall", HALL, [table], 60.0)):
+        (part,) = scenario.population.parts
+        assert part.count == 5 and part.starts.tolist() == expected
+    env = CrowdEnv(Scenario("hall", HALL, table, 60.0))
+    assert env.num_people == 5
+
+
+def test_routes_and_rules_of_a_scenario_may_be_tables():
+    geometry = Geometry.from_polygon(
+        box(0, 0, 12, 6),
+        exits={"west": [(0, 2), (0, 4)], "east": [(12, 2), (12, 4)]},
+        regions={"left": box(0, 0, 6, 6)},
+        doors={"gate": [(6, 0), (6, 6)]},
+    )
+    plain = Scenario(
+        "hall",
+        geometry,
+        {"count": 3},
+        60.0,
+        routes=[{"name": "loop", "exits": ["east"], "via": "left"}],
+        zones=[{"region": "left", "factor": 0.5}],
+        rules=[{"region": "left", "at_least": 4, "route": "loop"}],
+        door_events=[{"door": "gate", "opens": False, "at": 3}],
+        one_way=[{"door": "gate", "to": "left"}],
+        comfort={"stairs": 2},
+    )
+    assert plain.routes == (Route("loop", ("east",), "left"),)
+    assert plain.zones == (SpeedZone("left", factor=0.5),)
+    assert plain.rules == (ControlRule("left", 4, "loop"),)
+    assert plain.door_events == (DoorEvent("gate", False, at=3.0),)
+    assert plain.one_way == (OneWay("gate", "left"),) and plain.comfort == Comfort(stairs=2.0)
+
+
+def test_the_validator_is_loaded_only_when_plain_data_are_read():
+    program = "import crowd_env, sys; crowd_env.make_scenario('room-v0'); print('pydantic' in sys.modules)"
+    assert subprocess.check_output([sys.executable, "-c", program], text=True).strip() == "False"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: Population(3, radius="0.2"),
+            "population: radius is '0.2'; it must be a number, a pair (low, high), a table of a scenario file or a "
+            "distribution: Uniform(low, high)",
+        ),
+        (lambda: Population(3, radius=[0.2]), "population: radius: has 1 values; it must have 2"),
+        (
+            lambda: Population(3, radius=(0.25, 0.2)),
+            "population: radius: uniform distribution from 0.25 to 0.2: the first",
+        ),
+        (lambda: Population(3, mass=["60", 80]), "population: mass[0]: is a text ('60'); it must be a number"),
+        (lambda: Population(3, mass=1e16), "population: mass: is beyond 1e+15, the largest number that is read"),
+        (
+            lambda: Population(3, mass={**NORMAL, "mean": "x"}),
+            "population: mass.mean: is a text ('x'); it must be a number",
+        ),
+        (
+            lambda: Population(3, mass={**NORMAL, "maen": 1}),
+            "population: unknown key 'maen' in mass; did you mean 'mean'?",
+        ),
+        (
+            lambda: Population(3, mass={"distribution": "gauss"}),
+            "population: mass.distribution: is 'gauss'; allowed: uniform, normal, lognormal",
+        ),
+        (lambda: Population(3, mass={"mean": 3}), "population: key 'distribution' is missing in mass"),
+        (
+            lambda: Population(3, mass={**NORMAL, "sd": -1}),
+            "population: mass: normal distribution with mean 0.22, sd -1",
+        ),
+        (lambda: Groups([WEST, {"raduis": 1}]), "groups[1]: unknown key 'raduis'; known: count, radius"),
+        (lambda: Groups([WEST, {"radius": 0.2}]), "groups[1]: key 'count' is missing"),
+        (lambda: Scenario("hall", HALL, [WEST, WEST], 60.0), "population: two groups have the name 'west'"),
+        (
+            lambda: Scenario("hall", HALL, {**WEST, "route": "wets"}, 60.0),
+            "unknown route 'wets'; known: west, east",
+        ),
+        (
+            lambda: Scenario("hall", HALL, WEST, 60.0, routes=[{"nmae": "a"}]),
+            "scenario 'hall': routes[0]: unknown key 'nmae'; known: name, exits, via, strategy",
+        ),
+        (
+            lambda: Population(3, starts=[{"first": [1, 1], "rows": 0}]),
+            "population: starts[0]: has 1 columns and 0 rows; there must be at least 1 of each",
+        ),
+    ],
+)
+def test_a_mistake_in_plain_data_is_one_sentence(make, message):
+    with pytest.raises(ValueError) as error:
+        make()
+    assert str(error.value).startswith(message) and "\n" not in str(error.value)
