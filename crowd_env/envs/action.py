@@ -36,7 +36,8 @@ class ActionKind:
     name : what messages call it.
     space : of one pedestrian's action.
     decode : turns actions (P, *shape of the space) into commands (P, 2), desired velocities as multiples of the own desired
-        speed.  Commands longer than 1 are shortened afterwards.
+        speed.  Commands longer than 1 are shortened afterwards.  Rows of those who follow the rule hold the neutral action.
+        None = an action is a command.
     neutral : the action that is decoded as (1, 0), the rule.
 
     Raises
@@ -47,28 +48,24 @@ class ActionKind:
 
     name: str
     space: gymnasium.Space[Any]
-    decode: Callable[[np.ndarray], np.ndarray]
+    decode: Callable[[np.ndarray], np.ndarray] | None
     neutral: ArrayLike
 
     def __post_init__(self) -> None:
         check_fields("action kind", self)
         if not isinstance(self.space, gymnasium.Space) or self.space.shape is None:
             refuse(f"action kind {self.name!r}: space", self.space, "a space of Gymnasium that has a shape")
-        if not callable(self.decode):
+        if self.decode is not None and not callable(self.decode):
             refuse(f"action kind {self.name!r}: decode", self.decode, "a function (actions)")
         neutral = np.asarray(self.neutral)
         if neutral.shape != self.space.shape:
             refuse(f"action kind {self.name!r}: neutral", self.neutral, f"an action of the shape {self.space.shape}")
-        command = np.asarray(self.decode(neutral[None])).tolist()
+        command = np.asarray(neutral[None] if self.decode is None else self.decode(neutral[None])).tolist()
         if command != [list(RULE)]:
             raise ValueError(
                 f"action kind {self.name!r}: the neutral action {shown(self.neutral)} is decoded as {shown(command)}; it must "
                 f"be decoded as {[list(RULE)]}, the rule"
             )
-
-
-def _as_it_is(action: np.ndarray) -> np.ndarray:
-    return action
 
 
 def _choose(action: np.ndarray) -> np.ndarray:
@@ -85,7 +82,7 @@ def _choose(action: np.ndarray) -> np.ndarray:
 
 ACTIONS: Mapping[str, ActionKind] = MappingProxyType(
     {
-        "continuous": ActionKind("continuous", gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32), _as_it_is, RULE),
+        "continuous": ActionKind("continuous", gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32), None, RULE),
         "discrete": ActionKind("discrete", gymnasium.spaces.Discrete(len(DISCRETE)), _choose, 0),
     }
 )
@@ -131,21 +128,27 @@ def to_command(action: ArrayLike, kind: ActionKind, controlled: Bools) -> Floats
     """
     count, shape = len(controlled), kind.space.shape or ()
     given = array(f"{kind.name} actions", action, (count, *shape))
-    if not controlled.all():
+    if kind.decode is not None and not controlled.all():
         given = np.where(controlled.reshape(count, *(1 for _ in shape)), given, kind.neutral)
-    command = np.array(kind.decode(given), dtype=np.float64, order="C")
+    command = np.array(given if kind.decode is None else kind.decode(given), dtype=np.float64, order="C")
     if command.shape != (count, 2):
         raise ValueError(f"action kind {kind.name!r} decodes into the shape {command.shape}; it must be {(count, 2)}")
-    bad = shorten(command)
+    bad = shorten(command, controlled)
     if bad >= 0:
         raise ValueError(f"action of pedestrian {bad} is {shown(given[bad].tolist())}; it must be finite")
     return command
 
 
 @kernel
-def shorten(command: Floats) -> int:
-    """Shorten commands (P, 2) longer than 1 to 1, in place; return the first row that is not finite, -1 if there is none."""
+def shorten(command: Floats, controlled: Bools) -> int:
+    """Shorten commands (P, 2) longer than 1 to 1, in place; (1, 0), the rule, for those who are not controlled (P,).
+
+    Returns the first row of somebody controlled that is not finite, -1 if there is none.
+    """
     for i in range(len(command)):
+        if not controlled[i]:
+            command[i, 0], command[i, 1] = 1.0, 0.0
+            continue
         x, y = command[i, 0], command[i, 1]
         if not (abs(x) < np.inf and abs(y) < np.inf):  # nan too
             return i

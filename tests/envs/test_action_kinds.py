@@ -101,7 +101,7 @@ WRONG = [
     ("no kind", lambda: make_action(ONE), ("action kind", "known: continuous, discrete")),
     ("space", lambda: ActionKind("turn", 2, turned, 0.0), ("'turn'", "space", "Gymnasium")),
     ("space without shape", lambda: ActionKind("turn", gymnasium.spaces.Text(3), turned, 0.0), ("'turn'", "shape")),
-    ("decode", lambda: ActionKind("turn", ONE, None, 0.0), ("'turn'", "decode", "function")),
+    ("decode", lambda: ActionKind("turn", ONE, 3, 0.0), ("'turn'", "decode", "function")),
     ("neutral", lambda: ActionKind("turn", ONE, turned, 1.0), ("'turn'", "1.0", "rule")),
     ("neutral shape", lambda: ActionKind("turn", ONE, turned, (0.0, 0.0)), ("'turn'", "neutral", "()")),
     ("shape", lambda: acted(TURN, np.zeros((2, 2))), ("turn actions", "(2,)", "(2, 2)")),
