@@ -24,7 +24,7 @@ from agents.training_config import (
     read_config,
 )
 from crowd_env import make_scenario
-from crowd_env.console import friendly_errors, notes
+from crowd_env.cli.console import friendly_errors, notes
 from crowd_env.files.json_file import write_json
 
 BASELINES = ("shortest", "stand-still", "random")

@@ -16,7 +16,7 @@ from agents.evaluation.report import crowding_table, exits_table, left_table, ra
 from agents.runs import versions
 from agents.training_config import check_runs
 from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
-from crowd_env.console import friendly_errors, notes, progress_bar
+from crowd_env.cli.console import friendly_errors, notes, progress_bar
 from crowd_env.files.json_file import write_json
 
 _POLICIES, _SCHEMES = "--policies", "--schemes"

@@ -18,7 +18,7 @@ from agents.evaluation.routing import STRATEGIES, evaluate_controller
 from agents.runs import new_folder, versions
 from agents.trained import LearnedController
 from agents.training_config import check_budget, check_envs, check_libraries, check_runs, check_seed
-from crowd_env.console import friendly_errors, notes
+from crowd_env.cli.console import friendly_errors, notes
 from crowd_env.envs.rollout import share
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.files.json_file import write_json

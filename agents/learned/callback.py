@@ -9,7 +9,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.learned.rate import FallingRate
-from crowd_env.console import notes
+from crowd_env.cli.console import notes
 
 # Draws on which the best network is chosen: neither trained on nor used for the final table.
 VALIDATION_SEED = 2_000_000

@@ -15,7 +15,7 @@ from agents.learned.export import network_of
 from agents.learned.rate import FallingRate
 from agents.trained import LearnedController
 from crowd_env.adapters.sb3 import VectorVecEnv
-from crowd_env.console import notes
+from crowd_env.cli.console import notes
 from crowd_env.envs.routing.env import RoutingVectorEnv
 from crowd_env.files.json_file import write_json
 

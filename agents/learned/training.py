@@ -15,7 +15,7 @@ from agents.learned.checkpoint import write_checkpoint
 from agents.learned.export import network_of
 from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv, Scenario
-from crowd_env.console import notes, stops_by
+from crowd_env.cli.console import notes, stops_by
 from crowd_env.files.csv_table import write_csv
 
 # evacuation_time and its standard error are over all validation draws, people left inside count as in

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run, powerlaw_library
 from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
-from crowd_env.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
+from crowd_env.cli.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme

@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.table import Table
 
 from crowd_env.cli.clogging import clog
+from crowd_env.cli.console import check_picture, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.schema import schema
-from crowd_env.console import check_picture, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.envs.rollout import RunsInterrupted, report, run_episodes
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
 from crowd_env.scenarios import SCENARIOS, about, is_file, make_scenario

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from crowd_env.cli.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.cli.paper_options import takes_settings
-from crowd_env.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.reproduce import FIGURES, PAPERS, Figure, Paper, Result, Settings, Work, find
 from crowd_env.reproduce.pool import Interrupted, all_cores, complete, distinct
 from crowd_env.reproduce.report import as_object, show, show_names

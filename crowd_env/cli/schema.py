@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from crowd_env.console import friendly_errors, notes
+from crowd_env.cli.console import friendly_errors, notes
 from crowd_env.files.atomic import check_suffix, written
 
 

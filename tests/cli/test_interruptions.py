@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 from crowd_env.cli import clogging as clogging_command
 from crowd_env.cli import main as cli
 from crowd_env.cli import reproduce as command
+from crowd_env.cli.console import counted, friendly_errors
 from crowd_env.cli.main import app
-from crowd_env.console import counted, friendly_errors
 from crowd_env.envs.rollout import RunsInterrupted, report, run_episodes
 from crowd_env.scenarios import make_scenario
 

@@ -65,7 +65,7 @@ CONSTRUCTOR = [
     *rows("CrowdEnv.scheme", of("scheme"), (None, 3, NSM2, ["nsm2"], b"nsm2", ...)),
     ("CrowdEnv.scheme unknown", lambda: CrowdEnv(scheme="nsm3"), ("'nsm3'", "nsm2")),
     ("CrowdEnv.scheme key", lambda: CrowdEnv(scheme={"name": "nsm2", "tolerence": 1}), ("'tolerence'", "tolerance")),
-    ("CrowdEnv.scheme social", lambda: CrowdEnv(scheme=NSM2(social="lin")), ("social", "'lin'", "SocialForce")),
+    ("CrowdEnv.scheme social", lambda: CrowdEnv(scheme=NSM2(social="lim")), ("social", "'lim'", "lin", "helbing")),
     *rows("CrowdEnv.observation", of("observation"), ("velocity", ["velocity"], 3, True, ObservationLayout, RewardWeights())),
     ("CrowdEnv.observation key", lambda: CrowdEnv(observation={"term": ["push"]}), ("observation", "'term'", "terms")),
     ("CrowdEnv.observation terms", lambda: CrowdEnv(observation={"terms": "push"}), ("observation", "terms", "('push',)")),

@@ -256,4 +256,4 @@ def test_more_memory_keeps_all_that_others_hold_on_to():
         for name in old._fields
         if getattr(new, name) is not getattr(old, name)
     }
-    assert replaced == {"neighbors", "contacts", "constraints", "social_pairs"}
+    assert replaced == {"neighbors", "contacts", "constraints", "partition", "social_pairs"}
