@@ -154,7 +154,9 @@ def run(
     """
     with friendly_errors():
         if film is not None:
-            check_picture("--film", film, (".gif", ".mp4", ".png"))
+            from crowd_env.rendering.film import FORMATS
+
+            check_picture("--film", film, tuple(FORMATS))
         _check_network(force_network, at, around)
         place = _read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit, unit)
         if at is not None and at > place.time_limit:

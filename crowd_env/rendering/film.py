@@ -1,6 +1,6 @@
 """Films, stills and strips of recorded evacuations, side by side under one clock."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,20 +42,36 @@ def write_film(
     ValueError
         If the suffix is another, there is no recording, or ``fps`` is not positive.
     """
-    path = check_suffix(path, (".gif", ".mp4", ".png"))
+    path = check_suffix(path, tuple(FORMATS))
     films = _several(recordings)
     if not fps > 0:
         raise ValueError(f"fps is {fps!r}; it must be > 0")
-    if path.suffix.lower() == ".png":
-        return write_still(path, films, width=width)
     end = max(film.end for film in films)
     end = end if max_seconds is None else min(end, max_seconds)
+    return FORMATS[path.suffix.lower()](path, films, width, end, fps, hold)
+
+
+def _gif(path: Path, films: Sequence[Recording], width: int | None, end: float, fps: float, hold: float) -> Path:
+    step = max(round(100.0 / fps), 2) / 100.0
     stage = _Stage(films, width, end)
-    if path.suffix.lower() == ".gif":
-        step = max(round(100.0 / fps), 2) / 100.0
-        sample = [stage.frame(part * end) for part in np.linspace(0.0, 1.0, 9)]
-        return write_gif(path, stage.frames(end, step, hold), step, sample)
-    return write_mp4(path, stage.frames(end, 1.0 / fps, hold), fps)
+    sample = [stage.frame(part * end) for part in np.linspace(0.0, 1.0, 9)]
+    return write_gif(path, stage.frames(end, step, hold), step, sample)
+
+
+def _mp4(path: Path, films: Sequence[Recording], width: int | None, end: float, fps: float, hold: float) -> Path:
+    return write_mp4(path, _Stage(films, width, end).frames(end, 1.0 / fps, hold), fps)
+
+
+def _png(path: Path, films: Sequence[Recording], width: int | None, end: float, fps: float, hold: float) -> Path:
+    return write_still(path, films, width=width)
+
+
+# Suffix -> what writes a film of recordings: (path, films, width in px or None, end in s, fps, hold in s) -> path.
+FORMATS: dict[str, Callable[[Path, Sequence[Recording], int | None, float, float, float], Path]] = {
+    ".gif": _gif,
+    ".mp4": _mp4,
+    ".png": _png,
+}
 
 
 def write_still(
