@@ -4,8 +4,8 @@ numba's on-disk cache looks at the file of the kernel itself, not at the files o
 after an edit to one of these it would silently run the OLD kernel.  The cache folder therefore carries a stamp: the hash of
 every source file of the package.  Any edit opens a new folder; folders unused for a month are removed.
 
-numba unpickles what lies in the folder, so whoever can write there can run code here: a folder is used only if nobody
-else can.
+numba unpickles what lies in the folder, so everyone who can write there can run code here: a folder is used only if
+nobody else can.
 
 With ``NUMBA_DISABLE_JIT=1`` in the environment nothing is compiled: every kernel is the plain Python function that is written
 here, in which a debugger stops and whose lines a coverage report counts.

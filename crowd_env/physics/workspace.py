@@ -39,7 +39,7 @@ class Control(NamedTuple):
 
 
 class Command(NamedTuple):
-    """What a caller asks for; None: what everyone does unless told otherwise."""
+    """What a caller asks for; None = the default."""
 
     command: Floats | None  # (1, 0): straight along the way
     relative: Bools | None  # True

@@ -1,15 +1,12 @@
 """What body parameters are drawn from; every distribution has bounds, so that what can happen is known beforehand."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from crowd_env.checks import check_fields, number, refuse
-from crowd_env.scenarios.file.errors import validate
+from crowd_env.checks import check_fields
 from crowd_env.state import Floats
 
 _LEAST_SHARE = 0.01  # of what is drawn has to lie within the bounds: what lies outside is drawn again
@@ -136,25 +133,3 @@ def _require_share(kind: str, low: float, high: float, from_sd: float, to_sd: fl
     share = 0.5 * (math.erf(to_sd / math.sqrt(2.0)) - math.erf(from_sd / math.sqrt(2.0)))
     if share < _LEAST_SHARE:
         raise ValueError(f"{kind} distribution: only {share:.2g} of it lies in [{low:g}, {high:g}]; set wider bounds")
-
-
-def as_distribution(where: str, name: str, value: Any) -> Distribution:
-    """Return a distribution, or the one that plain data describe: a number, a pair, or a table as in a scenario file.
-
-    Raises
-    ------
-    ValueError
-        If it is neither, or a bound is not finite.
-    """
-    if isinstance(value, Real | list | tuple | Mapping):
-        from crowd_env.scenarios.file.values import distribution_adapter  # loads pydantic
-
-        plain: Distribution = validate(distribution_adapter, value, where, name)
-        return plain
-    what = f"{where}: {name}"
-    if isinstance(value, type) or not all(hasattr(value, part) for part in ("low", "high", "sample")):
-        allowed = "a number, a pair (low, high), a table of a scenario file or a distribution: Uniform(low, high)"
-        refuse(what, value, allowed)
-    for bound in ("low", "high"):
-        number(f"{what}.{bound}", getattr(value, bound))
-    return value

@@ -1,8 +1,5 @@
 """Random starting positions: discs that overlap neither walls nor each other."""
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from crowd_env._kernels.jit import inner_kernel, kernel
@@ -10,11 +7,8 @@ from crowd_env.checks import known
 from crowd_env.geometry.geometry import Boundary, Geometry
 from crowd_env.state import Bools, Floats, Ints
 
-if TYPE_CHECKING:
-    from crowd_env.scenarios.population import Population
-
 # Equal discs cannot cover more of the plane than a hexagonal packing does.
-_CLOSEST_PACKING = np.pi / np.sqrt(12.0)
+CLOSEST_PACKING = np.pi / np.sqrt(12.0)
 # Random placement one by one jams near 0.547; above this share people are set on a hexagonal lattice instead.
 _RANDOM_LIMIT = 0.45
 _ROUNDS = 400
@@ -22,24 +16,6 @@ _MOST_CELLS = 4e6
 
 Standing = tuple[Floats, Floats]
 """Positions (K, 2) and radii (K,) [m] of people who stand already."""
-
-
-def require_room(geometry: Geometry, parts: Iterable["Population"]) -> None:
-    """Raise ValueError if there are more people than even the closest packing has room for, before any of them is drawn."""
-    waiting: dict[str | None, tuple[int, float]] = {}
-    for part in parts:
-        if part.starts is None:
-            count, cover = waiting.get(part.start_region, (0, 0.0))
-            waiting[part.start_region] = count + part.count, cover + part.count * np.pi * part.radius.low**2
-    for region, (count, cover) in waiting.items():
-        area = geometry.area_of(region)
-        if cover > _CLOSEST_PACKING * area:
-            where = f"{area:.1f} m2" + ("" if region is None else f" of {region!r}")
-            most = int(count * _CLOSEST_PACKING * area / cover)
-            raise ValueError(
-                f"{count} people do not fit without overlap into {where}: even the closest packing of the smallest bodies "
-                f"leaves room for at most {most}"
-            )
 
 
 def sample_positions(
@@ -63,8 +39,8 @@ def sample_positions(
         known("start region", region, geometry.regions)
     area = geometry.area_of(region)
     cover = float((np.pi * radius**2).sum())
-    if cover > _CLOSEST_PACKING * area:
-        most = int(_CLOSEST_PACKING * area / (np.pi * float((radius**2).mean())))
+    if cover > CLOSEST_PACKING * area:
+        most = int(CLOSEST_PACKING * area / (np.pi * float((radius**2).mean())))
         raise ValueError(_too_many(radius, area, f"even the closest packing leaves room for at most {most}"))
     if cover < _RANDOM_LIMIT * area:
         placed = _place_randomly(geometry, radius, rng, region, standing)

@@ -8,9 +8,10 @@ import numpy as np
 
 from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, from_table, known, whole
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
-from crowd_env.scenarios.placement import sample_positions
-from crowd_env.scenarios.starts import as_positions, check_starts
+from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform
+from crowd_env.scenarios.placement import CLOSEST_PACKING, sample_positions
+from crowd_env.scenarios.plain_data import as_distribution, as_positions
+from crowd_env.scenarios.starts import check_starts
 from crowd_env.state import MAX_SPEED, Bodies, Floats, make_bodies
 
 __all__ = ["Distribution", "LogNormal", "Normal", "Population", "Uniform"]
@@ -166,3 +167,21 @@ def require_names(kind: str, names: Iterable[str | None], allowed: Iterable[str]
     for name in names:
         if name is not None:
             known(kind, name, allowed)
+
+
+def require_room(geometry: Geometry, parts: Iterable[Population]) -> None:
+    """Raise ValueError if there are more people than even the closest packing has room for, before any of them is drawn."""
+    waiting: dict[str | None, tuple[int, float]] = {}
+    for part in parts:
+        if part.starts is None:
+            count, cover = waiting.get(part.start_region, (0, 0.0))
+            waiting[part.start_region] = count + part.count, cover + part.count * np.pi * part.radius.low**2
+    for region, (count, cover) in waiting.items():
+        area = geometry.area_of(region)
+        if cover > CLOSEST_PACKING * area:
+            where = f"{area:.1f} m2" + ("" if region is None else f" of {region!r}")
+            most = int(count * CLOSEST_PACKING * area / cover)
+            raise ValueError(
+                f"{count} people do not fit without overlap into {where}: even the closest packing of the smallest bodies "
+                f"leaves room for at most {most}"
+            )

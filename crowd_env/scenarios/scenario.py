@@ -14,8 +14,7 @@ from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios.groups import Groups, as_people
-from crowd_env.scenarios.placement import require_room
-from crowd_env.scenarios.population import Population, require_names
+from crowd_env.scenarios.population import Population, require_names, require_room
 from crowd_env.state import Floats, Ints
 
 People: TypeAlias = Population | Groups

@@ -1,38 +1,10 @@
 """Recorded starts: read, and checked to be places where people can stand."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from crowd_env._kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.file.errors import validate
 from crowd_env.state import Floats, Ints
-
-
-def as_positions(starts: Any, count: int = 0) -> Floats:
-    """Return a copy of recorded starts (K, 2) [m] as kernels want it; tables in a list stand for grids, as in a scenario file.
-
-    Raises
-    ------
-    ValueError
-        If they cannot be positions, or are fewer than ``count``.
-    """
-    if isinstance(starts, list | tuple) and any(isinstance(one, Mapping) for one in starts):
-        from crowd_env.scenarios.file.tables import positions_adapter  # loads pydantic
-
-        starts = validate(positions_adapter, list(starts), "population", "starts")
-    try:
-        positions = np.array(starts, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"starts must be numbers, one (x, y) [m] a row: {error}") from None
-    if positions.ndim != 2 or positions.shape[1] != 2 or len(positions) < count:
-        raise ValueError(f"starts must have the shape ({count}, 2), not {positions.shape}, or more rows to draw from")
-    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
-    if len(bad):
-        raise ValueError(f"start {bad[0]} is {positions[bad[0]].tolist()}; it must be finite")
-    return positions
 
 
 def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:

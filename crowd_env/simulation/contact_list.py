@@ -1,4 +1,4 @@
-"""The contacts of one environment, for those who ask."""
+"""The contacts of one environment as a table, for callers."""
 
 from typing import NamedTuple
 

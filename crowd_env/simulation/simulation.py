@@ -252,7 +252,7 @@ class Simulation:
                 self._sorted.gather(asked)
             try:
                 self._run(n_substeps)
-            finally:  # Ctrl-C too finds everyone where he has come to
+            finally:  # after Ctrl-C too, people stand where they have come to
                 if self._sorted is not None:
                     self._sorted.scatter()
             status = self.workspace.status

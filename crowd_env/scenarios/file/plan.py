@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, Field, Tag, model_validator
+from pydantic import AfterValidator, Field, Tag, TypeAdapter, model_validator
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import Shape
@@ -145,3 +145,27 @@ class Plan(Table):
             regions={name: shapes(one) for name, one in self.regions.items()},
             doors={name: shapes(one)[0] for name, one in self.doors.items()},
         )
+
+
+class Seats(Grid):
+    """Starting positions in columns and rows."""
+
+    first: Pair = Field(description="[x, y] in m")
+
+
+def _positions(content: list[Any]) -> Floats:
+    rows = [one.copies(one.first) if isinstance(one, Seats) else [one] for one in content]
+    return np.array([point for row in rows for point in row], dtype=np.float64).reshape(-1, 2)
+
+
+# Positions (K, 2) [m], those of grids one by one.
+Positions = Annotated[
+    list[
+        Annotated[
+            Annotated[Pair, Tag("list")] | Annotated[Seats, Tag("table")],
+            one_of_kinds("a point [x, y] or a table with the key 'first'"),
+        ]
+    ],
+    AfterValidator(_positions),
+]
+positions_adapter: TypeAdapter[Any] = TypeAdapter(Positions)

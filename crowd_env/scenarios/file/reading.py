@@ -15,7 +15,7 @@ import numpy as np
 
 from crowd_env.files.foreign import read_text
 from crowd_env.scenarios.file.errors import at, nearest, validate
-from crowd_env.scenarios.file.expressions import fill
+from crowd_env.scenarios.file.expressions import COMMON, fill
 from crowd_env.scenarios.floor_plan import read_starts
 from crowd_env.scenarios.groups import Groups
 from crowd_env.scenarios.population import Population, population_of
@@ -31,9 +31,6 @@ else:
     import tomli as tomllib
 
 SUFFIXES = (".toml", ".json")
-
-# What callers can set of every scenario in a file, whatever options the file declares.
-COMMON = ("count", "time_limit", "blocked_after", "target", "population")
 
 _DEEPEST = 20  # tables and lists within each other
 

@@ -10,12 +10,11 @@ from crowd_env.routing.route_set import Target
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import OF_ROUTES
-from crowd_env.scenarios.file.plan import Grid, Plan
-from crowd_env.scenarios.file.reading import COMMON
+from crowd_env.scenarios.file.expressions import COMMON
+from crowd_env.scenarios.file.plan import Plan, Positions
 from crowd_env.scenarios.file.values import (
     FromFields,
     Number,
-    Pair,
     PerhapsInfinite,
     Table,
     Text,
@@ -25,7 +24,6 @@ from crowd_env.scenarios.file.values import (
     table_of,
 )
 from crowd_env.scenarios.population import Population
-from crowd_env.state import Floats
 
 # ------------------------------------------------------------------------------------------------------------- options
 
@@ -70,30 +68,6 @@ Options = dict[
 ]
 
 # -------------------------------------------------------------------------------------------------------------- people
-
-
-class Seats(Grid):
-    """Starting positions in columns and rows."""
-
-    first: Pair = Field(description="[x, y] in m")
-
-
-def _positions(content: list[Any]) -> Floats:
-    rows = [one.copies(one.first) if isinstance(one, Seats) else [one] for one in content]
-    return np.array([point for row in rows for point in row], dtype=np.float64).reshape(-1, 2)
-
-
-# Positions (K, 2) [m], those of grids one by one.
-Positions = Annotated[
-    list[
-        Annotated[
-            Annotated[Pair, Tag("list")] | Annotated[Seats, Tag("table")],
-            one_of_kinds("a point [x, y] or a table with the key 'first'"),
-        ]
-    ],
-    AfterValidator(_positions),
-]
-positions_adapter: TypeAdapter[Any] = TypeAdapter(Positions)
 
 
 class People(
