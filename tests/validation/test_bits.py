@@ -75,7 +75,7 @@ def test_the_package_has_to_be_that_of_the_tree(tmp_path, program):
 def test_one_constant_of_the_physics_is_seen_in_its_scheme_alone(tmp_path):
     changed = tmp_path / "changed"
     shutil.copytree(ROOT / "crowd_env", changed / "crowd_env", ignore=shutil.ignore_patterns("__pycache__"))
-    law, scheme = "stiffness: float = 1.2e5", "class DEM:"
+    law, scheme = "stiffness: float = 1.2e5", "class DEM("
     sources = {path: path.read_text(encoding="utf-8") for path in changed.rglob("*.py")}
     (source,) = [path for path, text in sources.items() if law in text and scheme in text]
     source.write_text(sources[source].replace(law, "stiffness: float = 1.2000000001e5"), encoding="utf-8")
