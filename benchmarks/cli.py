@@ -15,6 +15,7 @@ from rich.table import Table
 from benchmarks import batch, big, cold, dictionaries, hall, jam, memory, plots, roofline, room20, scaling, train
 from benchmarks.measuring import Effort, Row
 from benchmarks.tables import Grid, grids
+from crowd_env.files.atomic import write_text
 
 # Name -> function that measures.
 CASES: dict[str, Callable[[Effort], list[Row]]] = {
@@ -86,7 +87,7 @@ def run(
                 effort = Effort(seconds, blocks, peers, peer_seconds, max_people, _teller(name, status.update))
                 result = report(name, effort)
             if out is not None:
-                write(out / f"{name}.json", json.dumps(result, indent=2) + "\n")
+                write_text(out / f"{name}.json", json.dumps(result, indent=2) + "\n")
                 plots.draw(result, out)
             if as_json:
                 typer.echo(json.dumps(result))
@@ -107,17 +108,6 @@ def _teller(case: str, update: Callable[[str], None]) -> Callable[[str], None]:
             _notes.print(f"{case}: {what}", markup=False, soft_wrap=True)
 
     return tell
-
-
-def write(path: Path, text: str) -> None:
-    """Write a file at once: whoever reads it meanwhile sees the old one or the new one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    half = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        half.write_text(text, encoding="utf-8")
-        half.replace(path)
-    finally:
-        half.unlink(missing_ok=True)
 
 
 def show(result: dict[str, Any]) -> None:

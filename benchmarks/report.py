@@ -12,8 +12,9 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from benchmarks.cli import CASES, write
+from benchmarks.cli import CASES
 from benchmarks.tables import Grid, grids
+from crowd_env.files.atomic import write_text
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "performance.md"
 _notes = Console(stderr=True, highlight=False)
@@ -58,7 +59,7 @@ def fill(folder: Path, page: Path) -> list[str]:
             images = page.parent / "images"
             images.mkdir(exist_ok=True)
             shutil.copyfile(folder / f"{name}.png", images / f"performance-{name}.png")
-    write(page, text)
+    write_text(page, text)
     return list(found)
 
 

@@ -14,6 +14,7 @@ from rich.status import Status
 from rich.table import Table
 
 from crowd_env import SCHEMES, Uniform, make_scheme
+from crowd_env.files.atomic import write_text
 from validation.bits import ROOT, chosen, report
 from validation.bits_scenes import scenes
 from validation.gate import REFERENCE, export, gate_scenario, recorded, recorded_speed, simulated
@@ -115,7 +116,7 @@ def gate(
         from validation.gate_figure import draw
 
         out.mkdir(parents=True, exist_ok=True)
-        (out / "gate.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+        write_text(out / "gate.json", json.dumps(report, indent=2) + "\n")
         draw(out / "gate.png", measured, results, starts, size, f"desired speed {speeds.low:g} to {speeds.high:g} m/s")
         _notes.print(f"figures: {out}/", markup=False)
     if as_json:

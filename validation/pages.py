@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from crowd_env import SCHEMES
+from crowd_env.files.atomic import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -47,7 +48,7 @@ def fill(name: str, command: Command, root: Path = ROOT) -> Path:
     _, end, after = rest.partition("<!-- end -->")
     if not end:
         raise ValueError(f"{table.page} has no place for {name}; mark one with <!-- table: {name} --> and <!-- end -->")
-    page.write_text(f"{before}{mark}{markdown(table.head, table.rows(command))}{end}{after}", encoding="utf-8")
+    write_text(page, f"{before}{mark}{markdown(table.head, table.rows(command))}{end}{after}")
     return page
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from benchmarks import cli, report
 from benchmarks.measuring import Row
+from crowd_env.files.atomic import write_text
 
 
 def test_the_page_has_a_place_for_every_case_and_nothing_is_lost(tmp_path):
@@ -19,7 +20,7 @@ def test_the_page_has_a_place_for_every_case_and_nothing_is_lost(tmp_path):
     ]
     for name in cli.CASES:
         result = {"case": name, "rows": [row._asdict() for row in rows]}
-        cli.write(tmp_path / "figures" / f"{name}.json", json.dumps(result))
+        write_text(tmp_path / "figures" / f"{name}.json", json.dumps(result))
     (tmp_path / "figures" / "scaling.png").write_bytes(b"plot")
     assert report.fill(tmp_path / "figures", page) == list(cli.CASES)
     once = page.read_text(encoding="utf-8")
