@@ -164,10 +164,10 @@ def test_an_interruption_leaves_old_files_and_no_pieces(tmp_path, results):
         yield ("first",)
         raise KeyboardInterrupt
 
-    from crowd_env.reproduce.result import RawTable, write_table
+    from crowd_env.files.csv_table import write_csv
 
     with pytest.raises(KeyboardInterrupt):
-        write_table(tmp_path / "table3.csv", RawTable(("name",), interrupted()))
+        write_csv(tmp_path / "table3.csv", ("name",), interrupted())
     with pytest.raises(KeyboardInterrupt), written(tmp_path / "table3.png") as part:
         part.write_bytes(PNG)
         raise KeyboardInterrupt
@@ -180,7 +180,7 @@ def test_without_a_drawing_library_the_numbers_are_still_written(folder, monkeyp
     def missing(*_):
         raise ModuleNotFoundError("drawing needs matplotlib, which is not installed")
 
-    monkeypatch.setattr("crowd_env.reproduce.pecol2011.figures.room.collisions", missing)
+    monkeypatch.setattr("crowd_env.reproduce.pecol2011.fig2.collisions", missing)
     result = call("fig2")
     assert result.exit_code == 0 and "no figure: drawing needs matplotlib" in result.stderr
     assert sorted(path.name for path in (folder / "reproduce").iterdir()) == ["fig2-trajectories.csv", "fig2.csv"]

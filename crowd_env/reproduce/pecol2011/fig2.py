@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme
 from crowd_env.reproduce.paper import Work
+from crowd_env.reproduce.pecol2011.figures.room import collisions
 from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, RADIUS, STEP, VELOCITY, Instant, instants
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Progress, RawTable, Result, Row
@@ -90,11 +90,7 @@ CASES = (
     _nsm2("c", "= 1e4 kg", 1e4),
     _nsm2("d", "= 2m", 2 * MASS, "= 2m"),
 )
-
-
-def steps(settings: PecolSettings) -> int:
-    """Return how much there is to do, in what ``work.progress`` counts."""
-    return len(CASES) + len(_FINE)
+STEPS = len(CASES) + len(_FINE)  # of the progress
 
 
 def reproduce(settings: PecolSettings, work: Work) -> Result:
@@ -128,7 +124,7 @@ def reproduce(settings: PecolSettings, work: Work) -> Result:
             for at, phase in zip(trace, phases(trace), strict=True)
         ],
     )
-    return Result("fig2", TITLE, rows, {"trajectories": table}, lambda path: _draw(path, traces), remarks)
+    return Result("fig2", TITLE, rows, {"trajectories": table}, lambda: _draw(traces), remarks)
 
 
 def phases(trace: Sequence[Instant]) -> list[str]:
@@ -180,13 +176,11 @@ def _finer(progress: Progress) -> list[Row]:
     return late + overlap
 
 
-def _draw(path: Path, traces: Sequence[Sequence[Instant]]) -> Path:
-    from crowd_env.reproduce.pecol2011.figures.room import collisions
-
+def _draw(traces: Sequence[Sequence[Instant]]) -> object:
     panels = []
     for panel in "abcd":
         k = next(k for k, case in enumerate(CASES) if case.panel == panel)
         positions = [(at.x, at.y) for at in traces[k][:_DRAWN]]
         title = f"{panel}. {CASES[k].title}"
         panels.append((title, positions, phases(traces[k])[:_DRAWN], avoided(traces[k]) if panel == "b" else None))
-    return collisions(path, panels, RADIUS)
+    return collisions(panels, RADIUS)

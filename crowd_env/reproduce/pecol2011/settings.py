@@ -46,10 +46,6 @@ class PecolSettings(Settings):
         if self.n < _FEWEST:
             raise ValueError(f"--n is {self.n}; a flow is a slope and needs at least {_FEWEST} people")
 
-    def changed(self) -> dict[str, object]:
-        """Return the options that differ from the defaults, without which draws are made and which scheme is drawn."""
-        return {name: value for name, value in super().changed().items() if name != "scheme"}
-
     @property
     def time_limit(self) -> float:
         """Time [s] at which a run ends, finished or not: 60 s, or 3 s a person if that is longer."""

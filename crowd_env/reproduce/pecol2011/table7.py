@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from crowd_env.reproduce.paper import Work
+from crowd_env.reproduce.pecol2011.figures.theatre import theatre_table
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pecol2011.theatre import (
     IMPLIED,
@@ -31,11 +30,6 @@ _CLOSE = 0.10
 _NAMES = (*PRINTED, *IMPLIED)
 
 
-def steps(settings: PecolSettings) -> int:
-    """Return how much there is to do, in what ``work.progress`` counts."""
-    return 2 * settings.runs
-
-
 def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Table 7, and what the control rules change in it."""
     ruled, free = (evacuate(settings, rules, work.progress) for rules in (True, False))
@@ -53,7 +47,11 @@ def reproduce(settings: PecolSettings, work: Work) -> Result:
     rows += [mean_row(f"rule {k + 1} is on", ruled.ruled[:, k], "s", _RULES[k]) for k in range(3)]
     remarks = [SYNTHETIC, *_levels(ruled), *_effect(changes), draws_remark(settings)]
     raw = {"exit-times": raw_times(settings, [("yes", ruled), ("no", free)])}
-    return Result("table7", TITLE, rows, raw, partial(_draw, ruled, free), remarks, {}, "s")
+
+    def draw() -> object:
+        return theatre_table(theatre(), {"here, with rules": ruled, "here, without rules": free})
+
+    return Result("table7", TITLE, rows, raw, draw, remarks, {}, "s")
 
 
 _RULES = (
@@ -122,15 +120,3 @@ def _effect(changes: Sequence[Row]) -> list[str]:
         longer = "lengthen" if last[0] > 0.0 else "do not shorten"
         verdict = f"{longer} the evacuation here: whoever is turned away walks further, and the crowd passes anyway."
     return [text, f'The paper says that they "prevent the emergence of useless congested areas"; they {verdict}']
-
-
-def _draw(ruled: Egress, free: Egress, path: Path) -> Path:
-    from crowd_env.reproduce.pecol2011.figures.theatre import Series, theatre_table
-
-    series = [
-        Series("here, with rules", {name: ruled.quantities[name] for name in PRINTED}),
-        Series("here, without rules", {name: free.quantities[name] for name in PRINTED}),
-    ]
-    exercise = {name: float(values[0]) for name, values in PRINTED.items()}
-    paper = {name: float(values[1]) for name, values in PRINTED.items()}
-    return theatre_table(path, theatre(), series, exercise, paper)
