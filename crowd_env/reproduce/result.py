@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from crowd_env.files.csv_table import write_csv
+from crowd_env.files.json_file import write_json
 
 Progress = Callable[[int], None]
 
@@ -145,11 +146,13 @@ class Result:
         }
 
     def save(self, folder: Path) -> list[Path]:
-        """Write the rows and the numbers behind them as CSV, each file whole or not at all; return the paths."""
+        """Write the rows as CSV and all that is said as JSON, and the numbers behind them as CSV; return the paths."""
         header = ("quantity", "paper", "here", "unit", "n", "reading", "closed_form", "sd", "ci95_low", "ci95_high")
         rows = [
             (r.quantity, r.paper, r.here, r.unit, r.n, r.reading, r.expected, r.sd, *(r.ci95 or (None, None)))
             for r in self.rows
         ]
         paths = [write_csv(folder / f"{self.name}.csv", header, rows)]
+        paths.append(folder / f"{self.name}.json")
+        write_json(paths[-1], self.as_json())
         return paths + [write_csv(folder / f"{self.name}-{ending}.csv", *table) for ending, table in self.raw.items()]

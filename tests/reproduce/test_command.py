@@ -37,7 +37,8 @@ def test_json_files_and_figure(name, folder):
     quantities = [row["quantity"] for row in object["rows"]]
     assert len(set(quantities)) == len(quantities)
     files = sorted(path.name for path in (folder / "reproduce").iterdir())
-    assert [file for file in files if file.startswith(".")] == [] and len(files) == 3
+    assert [file for file in files if file.startswith(".")] == [] and len(files) == 4
+    assert json.loads((folder / "reproduce" / f"{name}.json").read_text(encoding="utf-8")) == object
     assert (folder / "reproduce" / f"{name}.png").read_bytes()[:8] == PNG
     with (folder / "reproduce" / f"{name}.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -183,7 +184,11 @@ def test_without_a_drawing_library_the_numbers_are_still_written(folder, monkeyp
     monkeypatch.setattr("crowd_env.reproduce.pecol2011.fig2.collisions", missing)
     result = call("fig2")
     assert result.exit_code == 0 and "no figure: drawing needs matplotlib" in result.stderr
-    assert sorted(path.name for path in (folder / "reproduce").iterdir()) == ["fig2-trajectories.csv", "fig2.csv"]
+    assert sorted(path.name for path in (folder / "reproduce").iterdir()) == [
+        "fig2-trajectories.csv",
+        "fig2.csv",
+        "fig2.json",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -22,28 +22,28 @@ from crowd_env.reproduce.pecol2011.theatre import (
     unfinished_row,
 )
 from crowd_env.reproduce.result import Result, Row
-from crowd_env.state import Floats
 
 TITLE = "Table 7: evacuation of a movie theatre (synthetic plan), times in s"
 
 _CLOSE = 0.10
-_NAMES = (*PRINTED, *IMPLIED)
 
 
 def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Table 7, and what the control rules change in it."""
     ruled, free = (evacuate(settings, rules, work.progress) for rules in (True, False))
     rows = [*rows_with_rules(ruled), unfinished_row("left inside", ruled)]
-    rows += [_without(name, free.quantities[name]) for name in _NAMES]
+    changes = []
+    for name in (*PRINTED, *IMPLIED):
+        values, unit = free.quantities[name], "s" if name in PRINTED else "people"
+        rows.append(mean_row(f"{name}, no rules", values, unit, "the same draws without control rules"))
+        apart = ruled.quantities[name] - values
+        changes.append(mean_row(f"{name}: rules change it by", apart, unit, "paired by draw"))
     rows.append(unfinished_row("left inside, no rules", free))
-    changes = [_change(name, ruled, free) for name in _NAMES]
     sent = (ruled.route != free.route).sum(axis=1).astype(np.float64)
     rows += [*changes, mean_row("other route than without rules", sent, "people", "in the same draw")]
     rows[-1] = replace(rows[-1], closes=True)
-    turned = ruled.turned.astype(np.float64)
-    rows.append(
-        mean_row("turned away for a while", turned, "people", "at any moment; most come back when the rule is off")
-    )
+    reading = "at any moment; most come back when the rule is off"
+    rows.append(mean_row("turned away for a while", ruled.turned.astype(np.float64), "people", reading))
     rows += [mean_row(f"rule {k + 1} is on", ruled.ruled[:, k], "s", _RULES[k]) for k in range(3)]
     remarks = [SYNTHETIC, *_levels(ruled), *_effect(changes), draws_remark(settings)]
     raw = {"exit-times": raw_times(settings, [("yes", ruled), ("no", free)])}
@@ -59,20 +59,6 @@ _RULES = (
     "5 or more in rectangle 2: from A to B",
     "15 or more in rectangle 3: from B to A",
 )
-
-
-def _unit(name: str) -> str:
-    return "s" if name in PRINTED else "people"
-
-
-def _without(name: str, values: Floats) -> Row:
-    return mean_row(f"{name}, no rules", values, _unit(name), "the same draws without control rules")
-
-
-def _change(name: str, ruled: Egress, free: Egress) -> Row:
-    """Return by how much the rules raise a quantity, draw by draw."""
-    apart = ruled.quantities[name] - free.quantities[name]
-    return mean_row(f"{name}: rules change it by", apart, _unit(name), "paired by draw")
 
 
 def _levels(ruled: Egress) -> list[str]:
