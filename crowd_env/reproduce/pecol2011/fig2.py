@@ -50,15 +50,8 @@ def _dem(steps: int, kappa: str) -> Case:
     inside = tuple(RADIUS - 0.1 * float(np.sin((2 * j + 1) * angle) / np.sin(angle)) for j in range(steps))
     after = tuple(RADIUS + 0.1 + 0.2 * j for j in range(_STEPS - 1 - steps))
     k = elastic_stiffness(steps)
-    return Case(
-        "a",
-        f"DEM, k = {kappa}m/h²",
-        DEM(k),
-        (0.4, *inside, *after),
-        2.0,
-        "2",
-        f"DEM, $k = {kappa}\\,m/h^2$ = {k:.0f} N/m",
-    )
+    title = f"DEM, $k = {kappa}\\,m/h^2$ = {k:.0f} N/m"
+    return Case("a", f"DEM, k = {kappa}m/h²", DEM(k), (0.4, *inside, *after), 2.0, "2", title)
 
 
 def _nsm2(panel: str, label: str, k_normal: float, tex: str = "") -> Case:
@@ -67,15 +60,8 @@ def _nsm2(panel: str, label: str, k_normal: float, tex: str = "") -> Case:
     # The step in which the velocity turns moves by the mean of both.
     turned = 0.2 + 0.5 * STEP * (-2.0 + u)
     x = (0.4, 0.2, *(turned + STEP * u * j for j in range(_STEPS - 2)))
-    return Case(
-        panel,
-        f"NSM2, K_N {label}",
-        NSM2(k_normal, tolerance=1e-13, reaction="printed"),
-        x,
-        u,
-        "2" if panel == "c" else "0",
-        f"NSM2, $K_N {tex}$",
-    )
+    scheme, printed = NSM2(k_normal, tolerance=1e-13, reaction="printed"), "2" if panel == "c" else "0"
+    return Case(panel, f"NSM2, K_N {label}", scheme, x, u, printed, f"NSM2, $K_N {tex}$")
 
 
 # The first of a panel is the one that is drawn.
@@ -104,9 +90,7 @@ def reproduce(settings: PecolSettings, work: Work) -> Result:
     rows.append(Row("a-d: u_y, every case and step", "-1", along, "m/s", len(CASES) * _STEPS, "frictionless"))
     rows += _finer(work.progress)
     forms = [row for row in rows if row.expected is not None]
-    off = [
-        row.quantity for row in forms if row.here is None or row.expected is None or abs(row.here - row.expected) > 1e-9
-    ]
+    off = [row.quantity for row in forms if abs((row.here or 0.0) - (row.expected or 0.0)) > 1e-9]
     rounded = [row.quantity for row in rows if row.paper is not None and row.difference() != "exact"]
     remarks = [
         f"{MASS_READING}. h = {STEP:g} s. The paper prints velocities only: positions are compared with closed forms. It "
@@ -148,12 +132,9 @@ def _rows(case: Case, trace: Sequence[Instant]) -> list[Row]:
     end = trace[4 if case.panel == "b" else -1]
     largest = max(abs(at.x - x) for at, x in zip(trace[1:], case.x, strict=True))
     reading = f"t = {end.time:g} s" + ("" if case.panel == "b" else ", after the contact")
-    rows = [
-        Row(f"{name}: u_x", case.printed, end.u_x, "m/s", 1, reading, expected=case.u_x),
-        Row(
-            f"{name}: x", None, trace[3].x, "m", _STEPS, f"t = 0.3 s; all steps to {largest:.0e} m", expected=case.x[2]
-        ),
-    ]
+    rows = [Row(f"{name}: u_x", case.printed, end.u_x, "m/s", 1, reading, expected=case.u_x)]
+    reading = f"t = 0.3 s; all steps to {largest:.0e} m"
+    rows.append(Row(f"{name}: x", None, trace[3].x, "m", _STEPS, reading, expected=case.x[2]))
     if case.panel == "b":
         rows.append(Row(f"{name}: u_x, first touch", None, trace[2].u_x, "m/s", 1, "t = 0.2 s", expected=-1.0))
         reading = "the circle with markers, t = 0.2 s"
