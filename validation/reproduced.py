@@ -80,6 +80,10 @@ class _Point(NamedTuple):
     blocked: int
     draws: int
 
+    @property
+    def mostly_blocked(self) -> bool:
+        return 2 * self.blocked >= self.draws
+
     def __str__(self) -> str:
         return ", ".join(text for text in ("" if self.value is None else f"{self.value:.0f} s", self.lost(0)) if text)
 
@@ -133,7 +137,7 @@ def _counted(reading: str) -> tuple[int, int]:
 
 def lin(report: Report) -> Cells:
     """Return what Lin, Ma, Lo print, what comes out, and whether it is the same."""
-    return [*_figure_4(report), *_figure_5(report), *_figures_7_and_8(report), *_flows_of_paper(report)]
+    return [*_figure_4(report), *_figure_5(report), *_figures_7_and_8(report), *_figures_9_and_10(report)]
 
 
 def _near(value: float | None, other: float | None) -> bool:
@@ -146,110 +150,85 @@ def _met(value: float | None, paper: float) -> str:
     return f"{_signed(100 * (value / paper - 1), 0)} %" + ("" if _near(value, paper) else ", NOT to 10 %")
 
 
-def _figure_4(report: Report) -> Cells:
-    a = {strength: point for strength, point in _clearance(report, "lin-fig4").items()}
-    weak, base, *strong = (a[f"A = {strength} N"] for strength in (200, 300, 400, 500))
-    others = ", ".join(f"{one.value:.0f}" for one in strong if one.value is not None)
-    lost = sum(one.blocked for one in strong)
-    same = all(_near(one.value, base.value) for one in strong)
-    return [
-        ["4", "100 people, 1 m/s, A = 200 N", "170 s", str(weak), _yes(_near(weak.value, 170.0))],
-        ["4", "A = 300 N", "120 s", str(base), _yes(_near(base.value, 120.0))],
-        ["4", "A = 400, 500 N", "barely differ from 300 N", f"{others or '–'} s, b{lost}", _yes(same)],
-    ]
-
-
 def _yes(met: bool) -> str:
     return "yes" if met else "NOT reproduced"
 
 
+def _figure_4(report: Report) -> Cells:
+    points = _clearance(report, "lin-fig4")
+    weak, base, *strong = (points[f"A = {strength} N"] for strength in (200, 300, 400, 500))
+    others = ", ".join("–" if one.value is None else f"{one.value:.0f}" for one in strong)
+    barely = f"{others} s, b{sum(one.blocked for one in strong)}"
+    same = all(_near(one.value, base.value) for one in strong)
+    return [
+        ["4", "100 people, 1 m/s, A = 200 N", "170 s", str(weak), _yes(_near(weak.value, 170.0))],
+        ["4", "A = 300 N", "120 s", str(base), _yes(_near(base.value, 120.0))],
+        ["4", "A = 400, 500 N", "barely differ from 300 N", barely, _yes(same)],
+    ]
+
+
 def _figure_5(report: Report) -> Cells:
-    points, cells = _clearance(report, "lin-fig5"), []
-    for speed, printed in ((1, "basically the same"), (2, "off: clogs more, barely recovers")):
-        turning, rigid = (points[f"{speed} m/s, {kind}"] for kind in ("rotation", "no rotation"))
-        more = rigid.blocked > turning.blocked
-        verdict = _yes(more)
-        if speed == 1:
-            same = _near(rigid.value, turning.value)
-            verdict = "in the times" if same and more else _yes(same)
-        cells.append(["5", f"{speed} m/s, rotation on, off", printed, f"{turning}; {rigid}", verdict])
-    return cells
+    points = _clearance(report, "lin-fig5")
+    pairs = [[points[f"{speed} m/s, {kind}"] for kind in ("rotation", "no rotation")] for speed in (1, 2)]
+    (turning, rigid), (fast_turning, fast_rigid) = pairs
+    same = _near(rigid.value, turning.value)
+    slow = "in the times" if same and rigid.blocked > turning.blocked else _yes(same)
+    fast = _yes(fast_rigid.blocked > fast_turning.blocked)
+    printed = ("basically the same", "off: clogs more, barely recovers")
+    return [
+        ["5", f"{speed} m/s, rotation on, off", paper, f"{pair[0]}; {pair[1]}", verdict]
+        for speed, paper, pair, verdict in zip((1, 2), printed, pairs, (slow, fast), strict=True)
+    ]
 
 
 def _figures_7_and_8(report: Report) -> Cells:
-    points, many = (
+    few, many = (
         {speed: of[f"{speed} m/s"] for speed in _SPEEDS if f"{speed} m/s" in of}
         for of in (_clearance(report, name) for name in ("lin-fig7", "lin-fig8"))
     )
     mean = _rows(report, "lin-fig7")["clearance, 1.0 to 1.8 m/s"]["here"]
-    steps = [one.value for speed, one in points.items() if 1.0 <= float(speed) <= 1.8 and one.value is not None]
-    course = f"from {steps[0]:.0f} to {steps[-1]:.0f} s" if steps else "nothing cleared"
-    falls = bool(steps) and all(b < a for a, b in pairwise(steps))
-    fast = [one for speed, one in points.items() if float(speed) >= 1.8]
-    blocked = all(2 * one.blocked >= one.draws for one in fast)
-    lost = [f"b{one.blocked} at {speed} m/s" for speed, one in many.items() if 2 * one.blocked >= one.draws]
+    course = [one.value for speed, one in few.items() if 1.0 <= float(speed) <= 1.8 and one.value is not None]
+    falls = bool(course) and all(b < a for a, b in pairwise(course))
+    span = f"from {course[0]:.0f} to {course[-1]:.0f} s" if course else "nothing cleared"
+    trend = f"{'–' if mean is None else f'{mean:.0f} s'}; {'but it falls ' if falls else ''}{span}"
+    met = "the mean only" if _near(mean, 220.0) and falls else _yes(_near(mean, 220.0))
+    fast = [one for speed, one in few.items() if float(speed) >= 1.8]
+    fitted = "yes (fitted)" if all(one.mostly_blocked for one in fast) else "NOT reproduced"
     known = [(speed, one.value) for speed, one in many.items() if one.value is not None]
     lowest = next((a for (a, x), (_, y) in pairwise(known) if y >= x), known[-1][0] if known else "–")
-    blocks = all(2 * one.blocked >= one.draws for speed, one in many.items() if float(speed) >= 1.8)
+    lost = [f"{one.lost(0)} at {speed} m/s" for speed, one in many.items() if one.mostly_blocked]
+    blocks = _yes(all(one.mostly_blocked for speed, one in many.items() if float(speed) >= 1.8))
     return [
-        ["7", "200 people, 0.6 m/s", "340 s", str(points["0.6"]), _met(points["0.6"].value, 340.0)],
-        ["7", "1.0 m/s", "210 s", str(points["1.0"]), _met(points["1.0"].value, 210.0)],
-        [
-            "7",
-            "1.0 to 1.8 m/s, mean of those that cleared",
-            "close to 220 s, no trend",
-            f"{'–' if mean is None else f'{mean:.0f} s'}; {'it falls ' if falls else ''}{course}",
-            "the mean only" if _near(mean, 220.0) and falls else _yes(_near(mean, 220.0)),
-        ],
-        [
-            "7",
-            "1.8, 2.0, 2.2 m/s",
-            "blocked",
-            ", ".join(one.lost(0) for one in fast),
-            "yes (fitted)" if blocked else "NOT reproduced",
-        ],
-        ["8", "300 people", "consistent with 200", "; ".join([f"falls to {lowest} m/s", *lost]), _yes(blocks)],
+        ["7", "200 people, 0.6 m/s", "340 s", str(few["0.6"]), _met(few["0.6"].value, 340.0)],
+        ["7", "1.0 m/s", "210 s", str(few["1.0"]), _met(few["1.0"].value, 210.0)],
+        ["7", "1.0 to 1.8 m/s, mean of those that cleared", "close to 220 s, no trend", trend, met],
+        ["7", "1.8, 2.0, 2.2 m/s", "blocked", ", ".join(one.lost(0) for one in fast), fitted],
+        ["8", "300 people", "consistent with 200", "; ".join([f"falls to {lowest} m/s", *lost]), blocks],
     ]
 
 
-def _flows_of_paper(report: Report) -> Cells:
-    windows, mean = _rows(report, "lin-fig9"), _rows(report, "lin-fig10")
-    ends = [row for row in windows.values() if row["paper"] is not None and row["here"] is not None]
-    close = [row["quantity"] for row in ends if abs(row["here"] - row["paper"]) <= 0.2 + 1e-9]
-    far = [row["quantity"] for row in ends if row["quantity"] not in close]
-    low, middle, high, fastest = (
-        mean[name]["here"]
-        for name in (*(f"{what}, 1.0 to 1.6 m/s" for what in ("lowest", "mean", "highest")), "highest, above 1.6 m/s")
+def _figures_9_and_10(report: Report) -> Cells:
+    windows, flow = _rows(report, "lin-fig9"), _rows(report, "lin-fig10")
+    ends = {name: row for name, row in windows.items() if row["paper"] is not None and row["here"] is not None}
+    far = [name for name, row in ends.items() if abs(row["here"] - row["paper"]) > 0.2 + 1e-9]
+    close = f"{len(ends) - len(far)} of {len(ends)} ends within 0.2 /s"
+    low, mean, high = (flow[f"{what}, 1.0 to 1.6 m/s"]["here"] for what in ("lowest", "mean", "highest"))
+    change = re.search(r"From 1.0 to 1.6 m/s .* changes by (\S+) %", "\n".join(report("lin-fig10")["remarks"]))
+    spread = "–" if mean is None else f"{mean:.2f} /s, {low:.2f} to {high:.2f}"
+    if change is not None:
+        spread += f", {_signed(float(change[1]), 0)} % from 1.0 to 1.6 m/s"
+    flat = _yes(change is not None and abs(float(change[1])) <= 5 and _near(mean, 0.82))
+    fastest = flow["highest, above 1.6 m/s"]["here"]
+    lost = "{} of {} draws blocked".format(*_counted(flow["blocked, above 1.6 m/s"]["reading"]))
+    most = f"{'–' if fastest is None else f'{fastest:.2f} /s'}; {lost}"
+    crowds, printed = (
+        "10-second flows, 100 and 300 people, three groups of speeds",
+        "0.4 to 0.6, 0.3 to 1.3, 0 to 1.6 /s",
     )
-    lost, of = _counted(mean["blocked, above 1.6 m/s"]["reading"])
-    change = next((text for text in report("lin-fig10")["remarks"] if text.startswith("From 1.0 to 1.6")), "")
-    percent = re.search(r"changes by (\S+) %", change)
-    shape = f"changing by {percent[1]} %".replace("-", "−") if percent else "–"
-    flat = percent is not None and abs(float(percent[1])) <= 5
-    spread = "–" if middle is None else f"{middle:.2f} /s, {low:.2f} to {high:.2f}, {shape}"
-    most = "–" if fastest is None else f"{fastest:.2f} /s"
     return [
-        [
-            "9",
-            "10-second flows, 100 and 300 people, three groups of speeds",
-            "0.4 to 0.6, 0.3 to 1.3, 0 to 1.6 /s",
-            f"{len(close)} of {len(ends)} ends within 0.2 /s",
-            f"NOT: {', '.join(far)}" if far else "yes",
-        ],
-        [
-            "10",
-            "mean flow, 1.0 to 1.6 m/s",
-            "0.82 /s, 0.7 to 0.95, flat",
-            spread,
-            "yes" if flat and _near(middle, 0.82) else "NOT reproduced",
-        ],
-        [
-            "10",
-            "fastest above 1.6 m/s",
-            "1.22 /s, down to zero",
-            f"{most}; {lost} of {of} draws blocked",
-            _yes(_near(fastest, 1.22)),
-        ],
+        ["9", crowds, printed, close, f"NOT: {', '.join(far)}" if far else "yes"],
+        ["10", "mean flow, 1.0 to 1.6 m/s", "0.82 /s, 0.7 to 0.95, flat", spread, flat],
+        ["10", "fastest above 1.6 m/s", "1.22 /s, down to zero", most, _yes(_near(fastest, 1.22))],
     ]
 
 
