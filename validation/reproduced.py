@@ -1,6 +1,6 @@
 """The cells of the tables of docs/reproduce.md: figures from what ``crowd-env reproduce NAME --json`` prints and writes.
 
-``report(NAME)`` is that object; a NAME may be followed by options.
+``source(LINE)`` is what ``python -m LINE --json`` prints.
 """
 
 import re
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from crowd_env.reproduce.pecol2011.evacuations import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED, ROUTES
 
-Report = Callable[[str], dict[str, Any]]
+Source = Callable[[str], dict[str, Any]]
 Cells = list[list[str]]
 
 _CLOSE = 0.10
@@ -31,17 +31,22 @@ _VARIANTS = (
 _SPEEDS = ("0.6", "0.8", "1.0", "1.2", "1.4", "1.6", "1.8", "2.0", "2.2")  # m/s
 
 
-def _rows(report: Report, name: str) -> dict[str, dict[str, Any]]:
-    return {row["quantity"]: row for row in report(name)["rows"]}
+def _report(source: Source, line: str) -> dict[str, Any]:
+    """Return what comes of a table or figure of a paper, whose name may be followed by options."""
+    return source(f"crowd_env reproduce {line}")
+
+
+def _rows(source: Source, line: str) -> dict[str, dict[str, Any]]:
+    return {row["quantity"]: row for row in _report(source, line)["rows"]}
 
 
 def _signed(value: float, digits: int) -> str:
     return f"{value:+.{digits}f}".replace("-", "−")
 
 
-def theatre(report: Report) -> Cells:
+def theatre(source: Source) -> Cells:
     """Return Table 7: the exercise, the paper's simulation, ours with and without rules, and what the rules change."""
-    rows, cells = _rows(report, "table7"), []
+    rows, cells = _rows(source, "table7"), []
     for name, (exercise, simulation) in PRINTED.items():
         kind, who = name.split(", ")
         here, free = (rows[key]["here"] for key in (name, f"{name}, no rules"))
@@ -60,11 +65,11 @@ def theatre(report: Report) -> Cells:
     return [*cells, ["people by A / B (implied by the means)", *implied, *ours, changes]]
 
 
-def variants(report: Report) -> Cells:
+def variants(source: Source) -> Cells:
     """Return the flows of Table 5 with other readings of the room, and in how many runs people were left inside."""
     cells = []
     for options in _VARIANTS:
-        rows = _rows(report, f"table5 {options}".strip())
+        rows = _rows(source, f"table5 {options}".strip())
         flows = (rows[f"flow, {scheme}, per run"]["here"] for scheme in FLOWS)
         order = rows["draws with nsm1 > dem > nsm2-printed"]["here"]
         stuck = "/".join(str(rows[f"unfinished, {scheme}"]["here"]) for scheme in FLOWS)
@@ -93,27 +98,27 @@ class _Point(NamedTuple):
         return text if self.blocked >= least or self.value is None else ""
 
 
-def _clearance(report: Report, name: str) -> dict[str, _Point]:
+def _clearance(source: Source, name: str) -> dict[str, _Point]:
     """Return the points of Figure 4, 5, 7 or 8 by the names of their rows."""
-    rows = _rows(report, name)
+    rows = _rows(source, name)
     blocked = {key.removeprefix("blocked, "): row for key, row in rows.items() if key.startswith("blocked, ")}
     return {key: _Point(rows[f"clearance, {key}"]["here"], row["here"], row["n"]) for key, row in blocked.items()}
 
 
-def clearance(report: Report) -> Cells:
+def clearance(source: Source) -> Cells:
     """Return the median clearance times of 200 and 300 people by their desired speed."""
     cells = []
     for people, name in ((200, "lin-fig7"), (300, "lin-fig8")):
-        points = _clearance(report, name)
+        points = _clearance(source, name)
         found = (points.get(f"{speed} m/s") for speed in _SPEEDS)
         shown = ("" if one is None else " ".join([*_number(one.value, 0), one.lost()]).strip() for one in found)
         cells.append([f"{people} people (`{name}`)", *shown])
     return cells
 
 
-def flows(report: Report) -> Cells:
+def flows(source: Source) -> Cells:
     """Return the mean flows of Figure 10 by the number of people and their desired speed."""
-    rows, cells = _rows(report, "lin-fig10"), []
+    rows, cells = _rows(source, "lin-fig10"), []
     for people in (100, 200, 300):
         shown = []
         for speed in _SPEEDS[:-1]:
@@ -135,9 +140,9 @@ def _counted(reading: str) -> tuple[int, int]:
     return 0 if found[1] == "none" else int(found[1]), int(found[2])
 
 
-def lin(report: Report) -> Cells:
+def lin(source: Source) -> Cells:
     """Return what Lin, Ma, Lo print, what comes out, and whether it is the same."""
-    return [*_figure_4(report), *_figure_5(report), *_figures_7_and_8(report), *_figures_9_and_10(report)]
+    return [*_figure_4(source), *_figure_5(source), *_figures_7_and_8(source), *_figures_9_and_10(source)]
 
 
 def _near(value: float | None, other: float | None) -> bool:
@@ -154,8 +159,8 @@ def _yes(met: bool) -> str:
     return "yes" if met else "NOT reproduced"
 
 
-def _figure_4(report: Report) -> Cells:
-    points = _clearance(report, "lin-fig4")
+def _figure_4(source: Source) -> Cells:
+    points = _clearance(source, "lin-fig4")
     weak, base, *strong = (points[f"A = {strength} N"] for strength in (200, 300, 400, 500))
     others = ", ".join("–" if one.value is None else f"{one.value:.0f}" for one in strong)
     barely = f"{others} s, b{sum(one.blocked for one in strong)}"
@@ -167,8 +172,8 @@ def _figure_4(report: Report) -> Cells:
     ]
 
 
-def _figure_5(report: Report) -> Cells:
-    points = _clearance(report, "lin-fig5")
+def _figure_5(source: Source) -> Cells:
+    points = _clearance(source, "lin-fig5")
     pairs = [[points[f"{speed} m/s, {kind}"] for kind in ("rotation", "no rotation")] for speed in (1, 2)]
     (turning, rigid), (fast_turning, fast_rigid) = pairs
     same = _near(rigid.value, turning.value)
@@ -181,12 +186,12 @@ def _figure_5(report: Report) -> Cells:
     ]
 
 
-def _figures_7_and_8(report: Report) -> Cells:
+def _figures_7_and_8(source: Source) -> Cells:
     few, many = (
         {speed: of[f"{speed} m/s"] for speed in _SPEEDS if f"{speed} m/s" in of}
-        for of in (_clearance(report, name) for name in ("lin-fig7", "lin-fig8"))
+        for of in (_clearance(source, name) for name in ("lin-fig7", "lin-fig8"))
     )
-    mean = _rows(report, "lin-fig7")["clearance, 1.0 to 1.8 m/s"]["here"]
+    mean = _rows(source, "lin-fig7")["clearance, 1.0 to 1.8 m/s"]["here"]
     course = [one.value for speed, one in few.items() if 1.0 <= float(speed) <= 1.8 and one.value is not None]
     falls = bool(course) and all(b < a for a, b in pairwise(course))
     span = f"from {course[0]:.0f} to {course[-1]:.0f} s" if course else "nothing cleared"
@@ -207,13 +212,13 @@ def _figures_7_and_8(report: Report) -> Cells:
     ]
 
 
-def _figures_9_and_10(report: Report) -> Cells:
-    windows, flow = _rows(report, "lin-fig9"), _rows(report, "lin-fig10")
+def _figures_9_and_10(source: Source) -> Cells:
+    windows, flow = _rows(source, "lin-fig9"), _rows(source, "lin-fig10")
     ends = {name: row for name, row in windows.items() if row["paper"] is not None and row["here"] is not None}
     far = [name for name, row in ends.items() if abs(row["here"] - row["paper"]) > 0.2 + 1e-9]
     close = f"{len(ends) - len(far)} of {len(ends)} ends within 0.2 /s"
     low, mean, high = (flow[f"{what}, 1.0 to 1.6 m/s"]["here"] for what in ("lowest", "mean", "highest"))
-    change = re.search(r"From 1.0 to 1.6 m/s .* changes by (\S+) %", "\n".join(report("lin-fig10")["remarks"]))
+    change = re.search(r"From 1.0 to 1.6 m/s .* changes by (\S+) %", "\n".join(_report(source, "lin-fig10")["remarks"]))
     spread = "–" if mean is None else f"{mean:.2f} /s, {low:.2f} to {high:.2f}"
     if change is not None:
         spread += f", {_signed(float(change[1]), 0)} % from 1.0 to 1.6 m/s"
@@ -232,7 +237,7 @@ def _figures_9_and_10(report: Report) -> Cells:
     ]
 
 
-TABLES: dict[str, tuple[tuple[str, ...], Callable[[Report], Cells]]] = {
+TABLES: dict[str, tuple[tuple[str, ...], Callable[[Source], Cells]]] = {
     "theatre": (
         ("of", "exercise", "paper's simulation", "here", "without rules", "the rules change it by (paired, 95 %)"),
         theatre,
