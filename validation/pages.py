@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from crowd_env import SCHEMES
 from crowd_env.files.atomic import write_text
+from validation import reproduced
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -154,3 +155,4 @@ TABLES: dict[str, Table] = {
     "clogging": Table("docs/clogging.md", ("desired speed, m/s", *_GAPS), _clogging),
     "strategies": Table("docs/routing.md", ("last person out, s", "`dem`", "`nsm1`", "`nsm2`", "`hertz`"), _strategies),
 }
+TABLES |= {name: Table("docs/reproduce.md", *table) for name, table in reproduced.TABLES.items()}

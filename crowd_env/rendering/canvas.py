@@ -5,17 +5,18 @@ stays open.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from crowd_env.files.atomic import check_suffix, written
 from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.palette import FLOOR, INK, QUIET, Color
+from crowd_env.rendering.palette import FLOOR, INK, QUIET, SERIES, Color
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 _DPI = 160
 _LIGHT, _DARK = np.array([142, 203, 205]), np.array([8, 52, 66])  # teal
@@ -41,7 +42,7 @@ def new_figure(
     return figure
 
 
-def quiet_axes(axes: "Axes", xlabel: str, ylabel: str, *, grid: bool = False) -> "Axes":
+def quiet_axes(axes: "Axes", xlabel: str, ylabel: str, *, title: str = "", grid: bool = False) -> "Axes":
     """Return ``axes`` with thin grey lines, so that what is measured stands out."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -53,7 +54,21 @@ def quiet_axes(axes: "Axes", xlabel: str, ylabel: str, *, grid: bool = False) ->
         axes.set_axisbelow(True)
     axes.set_xlabel(xlabel, color=hex_of(INK), fontsize=10)
     axes.set_ylabel(ylabel, color=hex_of(INK), fontsize=10)
+    if title:
+        name_panel(axes, title)
     return axes
+
+
+def name_panel(axes: "Axes", title: str) -> None:
+    """Write a title above the upper left corner of ``axes``."""
+    axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11)
+
+
+def mark(label: str, **style: Any) -> "Line2D":
+    """Return an entry of a legend: a line or a marker in a ``style`` of matplotlib that is drawn nowhere else."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label=label, **style)
 
 
 def save_figure(figure: "Figure", path: str | Path) -> Path:
@@ -67,6 +82,11 @@ def save_figure(figure: "Figure", path: str | Path) -> Path:
 def hex_of(color: Color) -> str:
     """Return ``color`` as matplotlib reads it."""
     return "#{:02x}{:02x}{:02x}".format(*color)
+
+
+def series(k: int) -> str:
+    """Return the color of the curve ``k``."""
+    return hex_of(SERIES[k % len(SERIES)])
 
 
 def shade(level: float) -> str:

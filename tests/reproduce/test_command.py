@@ -37,7 +37,8 @@ def test_json_files_and_figure(name, folder):
     quantities = [row["quantity"] for row in object["rows"]]
     assert len(set(quantities)) == len(quantities)
     files = sorted(path.name for path in (folder / "reproduce").iterdir())
-    assert [file for file in files if file.startswith(".")] == [] and len(files) == 3
+    assert [file for file in files if file.startswith(".")] == [] and len(files) == 4
+    assert json.loads((folder / "reproduce" / f"{name}.json").read_text(encoding="utf-8")) == object
     assert (folder / "reproduce" / f"{name}.png").read_bytes()[:8] == PNG
     with (folder / "reproduce" / f"{name}.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -164,10 +165,10 @@ def test_an_interruption_leaves_old_files_and_no_pieces(tmp_path, results):
         yield ("first",)
         raise KeyboardInterrupt
 
-    from crowd_env.reproduce.result import RawTable, write_table
+    from crowd_env.files.csv_table import write_csv
 
     with pytest.raises(KeyboardInterrupt):
-        write_table(tmp_path / "table3.csv", RawTable(("name",), interrupted()))
+        write_csv(tmp_path / "table3.csv", ("name",), interrupted())
     with pytest.raises(KeyboardInterrupt), written(tmp_path / "table3.png") as part:
         part.write_bytes(PNG)
         raise KeyboardInterrupt
@@ -180,10 +181,14 @@ def test_without_a_drawing_library_the_numbers_are_still_written(folder, monkeyp
     def missing(*_):
         raise ModuleNotFoundError("drawing needs matplotlib, which is not installed")
 
-    monkeypatch.setattr("crowd_env.reproduce.pecol2011.figures.room.collisions", missing)
+    monkeypatch.setattr("crowd_env.reproduce.pecol2011.fig2.collisions", missing)
     result = call("fig2")
     assert result.exit_code == 0 and "no figure: drawing needs matplotlib" in result.stderr
-    assert sorted(path.name for path in (folder / "reproduce").iterdir()) == ["fig2-trajectories.csv", "fig2.csv"]
+    assert sorted(path.name for path in (folder / "reproduce").iterdir()) == [
+        "fig2-trajectories.csv",
+        "fig2.csv",
+        "fig2.json",
+    ]
 
 
 @pytest.mark.parametrize(
