@@ -70,22 +70,21 @@ class SpeedMap:
     walking_speed: float
     comfort: Comfort
 
-    def walking(self, x: Floats, y: Floats) -> Floats:
-        """Return the speed at places x, y [m], relative to plain floor."""
-        speed = np.ones(x.shape)
-        places = np.stack([x.ravel(), y.ravel()], axis=1)
+    def walking(self, points: Floats) -> Floats:
+        """Return the speed (...) at ``points`` (..., 2) [m], relative to plain floor."""
+        speed = np.ones(points.shape[:-1])
         names = list(self.geometry.regions)
         for zone in sorted(self.zones, key=lambda zone: names.index(zone.region)):  # as the compiled step does
-            inside = self.geometry.contains(places, zone.region).reshape(x.shape)
+            inside = self.geometry.contains(points, zone.region)
             if zone.speed is not None:
                 speed[inside] = zone.speed / self.walking_speed
             speed[inside] *= zone.factor
         return speed
 
-    def comfortable(self, x: Floats, y: Floats) -> Floats:
-        """Return 1 / (cost of a meter) on a grid: ``x`` (rows, cols) grows along columns only, ``y`` along rows."""
-        slow = self.walking(x, y) < 1.0
-        cost = np.where(slow, 1.0 + self.comfort.stairs, 1.0)
+    def comfortable(self, points: Floats) -> Floats:
+        """Return 1 / (cost of a meter) on a grid of ``points`` (rows, cols, 2) [m]."""
+        x, y = points[..., 0], points[..., 1]
+        cost = np.where(self.walking(points) < 1.0, 1.0 + self.comfort.stairs, 1.0)
         reach = self.comfort.reach
         corners = jutting_corners(self.geometry.boundary)
         left, right = (np.searchsorted(x[0], corners[:, 0] + away) for away in (-reach, reach))

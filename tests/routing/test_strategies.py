@@ -232,7 +232,7 @@ def test_regions_are_bits_and_counts_are_those_of_brute_force():
     invalidate_lists(simulation.workspace.neighbors)
     x = state.position.copy()
     simulation.advance(n_substeps=1)
-    inside = region_masks(geometry, *x.T)
+    inside = region_masks(geometry, x)
     near = np.abs(x[:, :1] - [[2, 4, 8, 10]]).min(axis=1) < 0.05
     np.testing.assert_array_equal(simulation.history.region_bits[state.active & ~near], inside[state.active & ~near])
     counts = [int((simulation.history.region_bits[state.active] >> k & 1).sum()) for k in range(3)]
