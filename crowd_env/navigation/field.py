@@ -50,8 +50,8 @@ class OneWay:
 
     Parameters
     ----------
-    door : its name.
-    to : "left" or "right": the side that one comes out at, seen from the first towards the last point of its line.
+    door : name of the door.
+    to : "left" or "right": the side where people come out, seen from the first towards the last point of the door's line.
     """
 
     door: str

@@ -18,9 +18,9 @@ class SpeedZone:
 
     Parameters
     ----------
-    region : its name.
-    speed : m/s, everyone's desired speed there; None = one's own.
-    factor : multiple of it, > 0; 1 if not given.
+    region : name of the region.
+    speed : m/s, the desired speed of everyone in the region; by default everyone keeps the own one.
+    factor : number > 0 by which the desired speed in the region is multiplied; 1 by default.
     """
 
     region: str
@@ -41,9 +41,9 @@ class Comfort:
 
     Parameters
     ----------
-    stairs : a meter in a slow zone counts as so many more.
-    turn : passing a corner that juts into the way counts as so many more meters.
-    reach : m, how near to a corner that cost is spread; it also keeps the way off corners.
+    stairs : number of meters that a meter in a slow zone costs in addition.
+    turn : number of meters that passing a corner costs, if it juts into the way.
+    reach : m, the distance from a corner over which its cost is spread, which also keeps the way off the corner.
     """
 
     stairs: float = 3.0
