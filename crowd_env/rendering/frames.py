@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.discs import put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, pressure_color
-from crowd_env.rendering.plan import Layout, draw_plan, fit
+from crowd_env.rendering.plan import Layout, draw_plan, fit, round_length
 from crowd_env.rendering.text import Image, put_text, text_width
 from crowd_env.state import Floats
 
@@ -153,9 +153,7 @@ def _put_legend(image: Image, layout: Layout, full_pressure: float) -> None:
 
 def _put_scale_bar(image: Image, layout: Layout) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten meters, at most a fifth of the width."""
-    goal = 0.2 * layout.width / layout.scale
-    power = 10.0 ** np.floor(np.log10(goal))
-    meters = power * max(step for step in (1, 2, 5) if step * power <= goal)
+    meters = round_length(0.2 * layout.width / layout.scale)
     size, y = 0.78 * layout.text, layout.height - 0.5 * layout.footer
     text = f"{meters:g} m"
     right = layout.width - layout.margin

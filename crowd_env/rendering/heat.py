@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env.files.atomic import check_suffix
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
-from crowd_env.rendering.palette import EXIT, FAINT, FLOOR, INK, OBSTACLE, QUIET, WALL, Color, blend
+from crowd_env.rendering.canvas import draw_floor, draw_lines, hex_of, new_figure, save_figure, show_plan
+from crowd_env.rendering.palette import EXIT, FAINT, INK, QUIET, WALL, Color, blend
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:
@@ -53,9 +52,7 @@ def heat_maps(
     ValueError
         If the suffix is another or there is no map.
     """
-    return save_figure(
-        heat_figure(geometry, maps, columns=columns, title=title, note=note), check_suffix(path, (".png",))
-    )
+    return save_figure(heat_figure(geometry, maps, columns=columns, title=title, note=note), path)
 
 
 def heat_figure(
@@ -83,16 +80,12 @@ def heat_figure(
 
 
 def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
-    from matplotlib.collections import LineCollection
     from matplotlib.colors import ListedColormap
-    from matplotlib.patches import PathPatch
 
     rows, columns = one.values.shape
     (left, low), cell = one.origin, one.cell
     full = one.full or float(one.values.max(initial=0.0)) or 1.0
-    floor = PathPatch(_outline(geometry), facecolor=hex_of(FLOOR), edgecolor="none", zorder=1)
-    axes.add_patch(PathPatch(_outline(geometry, filled=True), facecolor=hex_of(OBSTACLE), edgecolor="none", zorder=0))
-    axes.add_patch(floor)
+    floor = draw_floor(axes, geometry)
     image = axes.imshow(
         np.ma.masked_less_equal(one.values, 0.0),
         origin="lower",
@@ -104,16 +97,9 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
         zorder=2,
     )
     image.set_clip_path(floor)
-    axes.add_collection(LineCollection(list(geometry.exits), colors=hex_of(EXIT), linewidths=3.0, zorder=3))
-    axes.add_collection(
-        LineCollection(list(geometry.walls), colors=hex_of(WALL), linewidths=1.6, capstyle="projecting", zorder=4)
-    )
-    x0, y0, x1, y1 = geometry.bounds
-    margin = 0.015 * max(x1 - x0, y1 - y0)
-    axes.set_xlim(x0 - margin, x1 + margin)
-    axes.set_ylim(y0 - margin, y1 + margin)
-    axes.set_aspect("equal")
-    axes.axis("off")
+    draw_lines(axes, geometry.exits, EXIT, 3.0, 3)
+    draw_lines(axes, geometry.walls, WALL, 1.6, 4, capstyle="projecting")
+    show_plan(axes, geometry, 0.015)
     axes.set_title(one.title, loc="left", color=hex_of(INK), fontsize=10.5, pad=4)
     figure = axes.get_figure()
     assert figure is not None
@@ -123,13 +109,3 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
     bar.ax.tick_params(colors=hex_of(QUIET), labelsize=8.5, length=2)
     bar.ax.locator_params(nbins=6)
     bar.set_label(one.unit, color=hex_of(QUIET), fontsize=8.5)
-
-
-def _outline(geometry: Geometry, *, filled: bool = False):  # type: ignore[no-untyped-def]  # a matplotlib path
-    """Return the walkable area as a path; ``filled`` leaves its holes out."""
-    from matplotlib.path import Path as Outline
-
-    parts = getattr(geometry.walkable, "geoms", [geometry.walkable])
-    rings = [ring for part in parts for ring in (part.exterior, *(() if filled else part.interiors))]
-    paths = [Outline(np.asarray(ring.coords)[:, :2], closed=True) for ring in rings]
-    return Outline.make_compound_path(*paths)

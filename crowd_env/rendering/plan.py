@@ -64,13 +64,13 @@ def draw_plan(geometry: Geometry, layout: Layout, supersample: int) -> Image:
 
     pixel = 1.0 / layout.scale
     with_walls: Any = geometry.walkable.buffer(layout.wall * pixel, join_style="mitre")
-    fill(_holes(with_walls), OBSTACLE)
-    fill([*_shells(with_walls), *_holes(with_walls)], WALL)
+    fill(holes_of(with_walls), OBSTACLE)
+    fill([*shells_of(with_walls), *holes_of(with_walls)], WALL)
     for hole in _exit_areas(geometry):
         fill([hole], EXIT_MAT)
     for a, b in geometry.exits:
         fill([_strip(a, b, 0.0, (layout.wall + _STEP * layout.margin) * pixel)], EXIT_MAT)
-    fill([*_shells(geometry.walkable), *_holes(geometry.walkable)], FLOOR)
+    fill([*shells_of(geometry.walkable), *holes_of(geometry.walkable)], FLOOR)
     line = float(np.clip(0.35 * layout.wall, 2.0, 4.0)) * pixel
     for a, b in geometry.exits:
         fill([_strip(a, b, 0.0, line)], EXIT)
@@ -106,22 +106,32 @@ def _fill(image: Image, rings: Sequence[Floats], color: Color, supersample: int)
     patch[:] = np.rint(patch + (np.asarray(color) - patch) * cover).astype(np.uint8)
 
 
-def _parts(area: Any) -> list[Any]:
-    return list(getattr(area, "geoms", [area]))
+def polygons_of(area: Any) -> list[Any]:
+    """Return the polygons of a shapely shape."""
+    parts = getattr(area, "geoms", [area])
+    return [part for part in parts if part.geom_type == "Polygon" and not part.is_empty]
 
 
-def _shells(area: Any) -> list[Floats]:
-    return [np.asarray(part.exterior.coords)[:, :2] for part in _parts(area)]
+def shells_of(area: Any) -> list[Floats]:
+    """Return the outer borders (K, 2) [m] of the polygons of a shapely shape."""
+    return [np.asarray(part.exterior.coords)[:, :2] for part in polygons_of(area)]
 
 
-def _holes(area: Any) -> list[Floats]:
-    return [np.asarray(ring.coords)[:, :2] for part in _parts(area) for ring in part.interiors]
+def holes_of(area: Any) -> list[Floats]:
+    """Return the borders (K, 2) [m] of the holes in the polygons of a shapely shape."""
+    return [np.asarray(ring.coords)[:, :2] for part in polygons_of(area) for ring in part.interiors]
+
+
+def round_length(most: float) -> float:
+    """Return the largest length of 1, 2 or 5 times a power of ten that is no longer than ``most``: for scale bars."""
+    power = float(10.0 ** np.floor(np.log10(most)))
+    return power * max(step for step in (1, 2, 5) if step * power <= most)
 
 
 def _exit_areas(geometry: Geometry) -> Iterator[Floats]:
     """Yield the holes (K, 2) [m] of the walkable area that are exits all around: people walk into them."""
     exits = {tuple(point) for point in geometry.exits.reshape(-1, 2)}
-    for hole in _holes(geometry.walkable):
+    for hole in holes_of(geometry.walkable):
         if all(tuple(point) in exits for point in hole):
             yield hole
 
