@@ -119,10 +119,3 @@ def _box_mean(values: Floats, half: int) -> Floats:
         lower = np.take(total, np.arange(size), axis=axis)
         values = (upper - lower) / width
     return values
-
-
-def write_field(field: NavigationField, travel_time: Floats, direction: Floats, first: int) -> None:
-    """Write a field over the one at node ``first`` of the joined arrays, in place."""
-    size = field.travel_time.size
-    travel_time[first : first + size] = field.travel_time.ravel()
-    direction[first : first + size] = field.direction.reshape(-1, 2)

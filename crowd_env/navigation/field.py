@@ -27,21 +27,9 @@ from crowd_env.navigation.domain import (
     source_distance,
 )
 from crowd_env.navigation.extension import extend_once, fill_from_nearest
-from crowd_env.navigation.lookup import FieldArrays, direction_at, exit_target, travel_time_at
+from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.navigation.marching import gate, lead_through, march, march_through
 from crowd_env.state import Bools, Floats, Ints, row_starts
-
-__all__ = [
-    "FieldArrays",
-    "NavigationField",
-    "OneWay",
-    "direction_at",
-    "exit_target",
-    "join_fields",
-    "straight_field",
-    "travel_time_at",
-    "travel_time_field",
-]
 
 
 @dataclass(frozen=True)

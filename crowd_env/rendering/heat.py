@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_COLUMNS = 2
 _WIDTH, _TALLEST = 10.6, 9.0  # inch
 _BAR = 0.72  # inch, of a color bar with its numbers and the title above it
 # From hardly there to much: teal, and the warm part of the ramp of pressures.
@@ -37,9 +38,9 @@ class HeatMap(NamedTuple):
 
 
 def heat_maps(
-    path: str | Path, geometry: Geometry, maps: Sequence[HeatMap], *, columns: int = 2, title: str = "", note: str = ""
+    path: str | Path, geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "", note: str = ""
 ) -> Path:
-    """Draw maps over the plan, ``columns`` side by side, and return the path.
+    """Draw maps over the plan, two side by side, and return the path.
 
     Parameters
     ----------
@@ -52,25 +53,23 @@ def heat_maps(
     ValueError
         If the suffix is another or there is no map.
     """
-    return save_figure(heat_figure(geometry, maps, columns=columns, title=title, note=note), path)
+    return save_figure(heat_figure(geometry, maps, title=title, note=note), path)
 
 
-def heat_figure(
-    geometry: Geometry, maps: Sequence[HeatMap], *, columns: int = 2, title: str = "", note: str = ""
-) -> "Figure":
+def heat_figure(geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "", note: str = "") -> "Figure":
     """Return the figure of `heat_maps`."""
     if not maps:
         raise ValueError("no map to draw; give at least one")
-    rows = -(-len(maps) // columns)
+    rows = -(-len(maps) // _COLUMNS)
     x0, y0, x1, y1 = geometry.bounds
-    across = _WIDTH / columns
+    across = _WIDTH / _COLUMNS
     height = rows * (across * (y1 - y0) / max(x1 - x0, 1e-9) + _BAR) + 0.5 * bool(title) + 0.3 * bool(note)
     shrink = min(1.0, _TALLEST / height)
     figure = new_figure((max(_WIDTH * shrink, 5.0), max(height * shrink, 2.6)))
     figure.get_layout_engine().set(hspace=0.03, wspace=0.03)  # type: ignore[union-attr,call-arg]
-    for axes, one in zip(figure.subplots(rows, columns, squeeze=False).flat, maps, strict=False):
+    for axes, one in zip(figure.subplots(rows, _COLUMNS, squeeze=False).flat, maps, strict=False):
         _draw(axes, geometry, one)
-    for axes in figure.axes[len(maps) : rows * columns]:
+    for axes in figure.axes[len(maps) : rows * _COLUMNS]:
         axes.axis("off")
     if title:
         figure.suptitle(title, x=0.02, ha="left", color=hex_of(INK), fontsize=12.5, fontweight="bold")

@@ -9,8 +9,8 @@ import numpy as np
 
 from crowd_env.clock import DueClock
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.navigation.congestion import write_field
-from crowd_env.navigation.field import FieldArrays, NavigationField, join_fields
+from crowd_env.navigation.field import NavigationField, join_fields
+from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.routing.arrays import add_fields, join_routes
 from crowd_env.routing.regions import regions_along
 from crowd_env.routing.route_set import RouteSet
@@ -112,11 +112,10 @@ class RoutePlanner:
         self.seconds += time.process_time() - begin
 
     def _write(self, e: int, r: int, field: NavigationField, place: RouteSet) -> None:
-        first = int(self.field.node_start[self.guidance.field_of_route[e, r]])
-        write_field(field, self.field.travel_time, self.field.direction, first)
+        travel_time, direction, through = _of_field(self.field, int(self.guidance.field_of_route[e, r]))
+        travel_time[:], direction[:] = field.travel_time.ravel(), field.direction.reshape(-1, 2)
         if place.plan.rules:
-            through = regions_along(field, place.geometry)
-            self.field.through[first : first + through.size] = through.ravel()
+            through[:] = regions_along(field, place.geometry).ravel()
         self.marches += 1
 
     def close(self, e: int, closed: frozenset[str]) -> None:

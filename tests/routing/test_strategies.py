@@ -14,7 +14,8 @@ from shapely.geometry import Point, box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.congestion import SLOWEST, weidmann
-from crowd_env.navigation.field import direction_at, join_fields
+from crowd_env.navigation.field import join_fields
+from crowd_env.navigation.lookup import direction_at
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.routing.regions import region_masks
