@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from crowd_env.cli.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
+from crowd_env.cli.console import AsJson, check_folder, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.cli.paper_options import takes_settings
 from crowd_env.files.csv_table import write_csv
 from crowd_env.rendering.canvas import save_figure
@@ -34,7 +34,7 @@ def reproduce(
             help=f"{', '.join(FIGURES)}; those of one paper: {', '.join(PAPERS)}; of every paper: all; what they are: list.",
         ),
     ],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: AsJson = False,
     out: Annotated[
         Path, typer.Option(help="Folder for the CSV files, the figure and, in its folder runs, the runs that are kept.")
     ] = Path("reproduce"),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.navigation.field import FieldArrays
+from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.physics.constraints import Constraints, allocate_constraints
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.dem_lanes.buffers import SoABuffers, allocate_buffers

@@ -4,19 +4,24 @@ Figures are made of matplotlib's objects without ``pyplot``: no backend is chose
 stays open.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from crowd_env.files.atomic import check_suffix, written
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.palette import FLOOR, INK, QUIET, SERIES, Color
+from crowd_env.rendering.palette import FLOOR, INK, OBSTACLE, QUIET, SERIES, Color
+from crowd_env.rendering.plan import holes_of, shells_of
+from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+    from matplotlib.patches import PathPatch
 
 _DPI = 160
 _LIGHT, _DARK = np.array([142, 203, 205]), np.array([8, 52, 66])  # teal
@@ -77,6 +82,41 @@ def save_figure(figure: "Figure", path: str | Path) -> Path:
     with written(path) as part:
         figure.savefig(part, format="png", dpi="figure")
     return path
+
+
+def fill_rings(axes: "Axes", rings: Iterable[Floats], color: Color, layer: float, alpha: float = 1.0) -> "PathPatch":
+    """Fill what lies between closed lines (K, 2) [m] on axes in meters, and return the patch."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    outline = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
+    patch = PathPatch(outline, facecolor=hex_of(color), alpha=alpha, edgecolor="none", zorder=layer)
+    axes.add_patch(patch)
+    return patch
+
+
+def draw_floor(axes: "Axes", geometry: Geometry) -> "PathPatch":
+    """Draw the floor of a plan, and grey obstacles where it has holes, on axes in meters; return the floor."""
+    shells = shells_of(geometry.walkable)
+    fill_rings(axes, shells, OBSTACLE, 0)
+    return fill_rings(axes, [*shells, *holes_of(geometry.walkable)], FLOOR, 1)
+
+
+def draw_lines(axes: "Axes", lines: Iterable[Floats], color: Color, width: float, layer: float, **style: Any) -> None:
+    """Draw segments (K, 2, 2) [m] on axes in meters."""
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(LineCollection(list(lines), colors=hex_of(color), linewidths=width, zorder=layer, **style))
+
+
+def show_plan(axes: "Axes", geometry: Geometry, margin: float) -> None:
+    """Show all of a plan on axes without ticks, with a ``margin`` in shares of its longer side."""
+    x0, y0, x1, y1 = geometry.bounds
+    room = margin * max(x1 - x0, y1 - y0)
+    axes.set_xlim(x0 - room, x1 + room)
+    axes.set_ylim(y0 - room, y1 + room)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
 
 
 def hex_of(color: Color) -> str:

@@ -114,9 +114,9 @@ class Simulation:
         self.scheme.check(driving)
         check_step(self.scheme, bodies, dt, allow_unstable)
         self.fields = fields_of(self.geometries, fields, bodies)
-        boundary = join_boundaries(self.geometries)
         environments = len(state.time)
         which = which_geometry(geometry_of_env, environments, len(self.geometries))
+        boundary = join_boundaries(self.geometries)
         self.planner = RoutePlanner(self.fields, which, boundary, replan_every)
         guidance = self.planner.guidance
         self.world = World(boundary, self.planner.field, which, guidance)

@@ -12,8 +12,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from crowd_env.cli import clogging as clogging_command
-from crowd_env.cli import main as cli
+from crowd_env.cli import console
 from crowd_env.cli import reproduce as command
 from crowd_env.cli.console import counted, friendly_errors
 from crowd_env.cli.main import app
@@ -46,7 +45,7 @@ def stop_after(monkeypatch):
 
             yield told
 
-        for module in (cli, clogging_command, command):
+        for module in (console, command):
             monkeypatch.setattr(module, "progress_bar", bar)
 
     return prepare
@@ -165,7 +164,7 @@ def test_a_film_that_cannot_be_written_loses_no_figures(monkeypatch, tmp_path):
 
 def test_a_missing_library_of_films_is_said_before_the_work(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "PIL", None)
-    monkeypatch.setattr(cli, "run_episodes", None)
+    monkeypatch.setattr(console, "run_episodes", None)
     result = call(f"run --film {tmp_path / 'a.gif'}")
     assert result.exit_code == 2 and result.stdout == "" and result.stderr.count("\n") == 1
     assert "needs PIL" in result.stderr and "pip install pygame matplotlib pillow imageio-ffmpeg" in result.stderr

@@ -18,7 +18,8 @@ from crowd_env import (
     make_scenario,
 )
 from crowd_env.navigation.extension import carried_along
-from crowd_env.navigation.field import join_fields, travel_time_at, travel_time_field
+from crowd_env.navigation.field import join_fields, travel_time_field
+from crowd_env.navigation.lookup import travel_time_at
 
 EXITS = {"west": [(0, 1), (0, 3)], "east": [(12, 1), (12, 3)]}
 DOORS = {"west door": "west", "east door": "east"}

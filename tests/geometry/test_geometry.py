@@ -169,10 +169,6 @@ def test_join_boundaries_keeps_each_geometry_and_shifts_the_rows():
     assert joined.corner_wall_start[-1] == len(joined.corner_wall) == 2 * len(joined.wall)
 
 
-def test_join_of_nothing_is_empty():
-    assert [len(array) for array in join_boundaries([])] == [0, 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1]
-
-
 def test_contains_counts_the_border_and_not_the_obstacles():
     place = from_polygon(ROOM, obstacles=[box(1, 1, 2, 2)])
     assert place.contains([[0.5, 0.5], [1.5, 1.5], [0, 0], [5, 2], [5.001, 2]]).tolist() == [

@@ -12,7 +12,8 @@ from navigation_plans import DOOR, PLANS, RADIUS, ROOM, plan
 from scipy.sparse.csgraph import dijkstra
 
 from crowd_env.geometry.geometry import Geometry, join_boundaries
-from crowd_env.navigation.field import direction_at, exit_target, join_fields, travel_time_at, travel_time_field
+from crowd_env.navigation.field import join_fields, travel_time_field
+from crowd_env.navigation.lookup import direction_at, exit_frame, nearest_on_exit, travel_time_at
 
 STEP = 0.01
 
@@ -240,13 +241,19 @@ def test_direct_nodes_are_exact():
     assert plan("block in the room")[1].direct[50, 20] == -1  # the block stands between
 
 
+@numba.njit
+def aim(exits, x, y, radius):
+    ax, ay, ux, uy, width, _, _ = exit_frame(exits, 0)
+    return nearest_on_exit(ax, ay, ux, uy, width, x, y, radius)
+
+
 def test_own_radius_decides_where_to_pass_the_door():
     geometry, _, arrays = plan("room")
     boundary = geometry.boundary
-    assert exit_target(boundary, 0, 4.0, 2.2, 0.2) == pytest.approx((5, 2.29))
-    assert exit_target(boundary, 0, 4.0, 2.2, 0.3) == pytest.approx((5, 2.39))
-    assert exit_target(boundary, 0, 4.0, 2.6, 0.3) == pytest.approx((5, 2.6))
-    assert exit_target(boundary, 0, 4.0, 2.2, 0.5) == pytest.approx((5, 2.5))  # wider than the door: its middle
+    assert aim(boundary.exit, 4.0, 2.2, 0.2) == pytest.approx((5, 2.29))
+    assert aim(boundary.exit, 4.0, 2.2, 0.3) == pytest.approx((5, 2.39))
+    assert aim(boundary.exit, 4.0, 2.6, 0.3) == pytest.approx((5, 2.6))
+    assert aim(boundary.exit, 4.0, 2.2, 0.5) == pytest.approx((5, 2.5))  # wider than the door: its middle
     slim, stout = (direction_at(arrays, boundary, 0, 4.0, 2.36, radius) for radius in (0.2, 0.35))
     assert slim == pytest.approx((1, 0))
     assert stout == pytest.approx(np.array([1, 0.08]) / np.hypot(1, 0.08))

@@ -11,7 +11,7 @@ from shapely.geometry import box
 import crowd_env.physics.spatial_order
 from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.field import direction_at
+from crowd_env.navigation.lookup import direction_at
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.dem_lanes.partition import SLABS, count_slabs
 from crowd_env.physics.neighbors.lists import invalidate_lists

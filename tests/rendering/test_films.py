@@ -14,7 +14,6 @@ from drawn_rooms import PLANS, recording  # noqa: E402
 
 from crowd_env.rendering import (  # noqa: E402
     FULL_PRESSURE,
-    egress_comparison,
     egress_curves,
     learning_curve,
     write_film,
@@ -195,7 +194,7 @@ def test_figures_are_written_and_touch_no_global_setting(tmp_path):
     paths = [
         egress_curves(tmp_path / "egress.png", {"rule": runs, "learned": [unfinished]}, title="Room"),
         egress_curves(tmp_path / "nobody.png", {"stuck": [nobody]}),
-        egress_comparison(tmp_path / "comparison.png", unfinished, runs, title="Bottleneck"),
+        egress_curves(tmp_path / "comparison.png", {"recorded": [unfinished], "simulated": runs}, title="Bottleneck"),
         learning_curve(
             tmp_path / "a.png", steps, {"one": steps, "three": rng.random((3, 10))}, reference={"rule": 4.0}
         ),
@@ -216,8 +215,6 @@ def test_figures_of_nothing_are_refused(tmp_path):
         egress_curves(tmp_path / "a.png", {"rule": []})
     with pytest.raises(ValueError, match="at least one label"):
         egress_curves(tmp_path / "a.png", {})
-    with pytest.raises(ValueError, match="no evacuation"):
-        egress_comparison(tmp_path / "a.png", [1.0], [])
     with pytest.raises(ValueError, match="must have 3 values"):
         learning_curve(tmp_path / "a.png", [1, 2, 3], {"a": [1.0, 2.0]})
     for errors in ({"a": [1.0, 2.0]}, {"b": [1.0, 2.0, 3.0]}):

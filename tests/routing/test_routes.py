@@ -15,8 +15,9 @@ from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import LineString, Point, box
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.field import direction_at, join_fields, travel_time_at, travel_time_field
-from crowd_env.routing.regions import region_masks_of
+from crowd_env.navigation.field import join_fields, travel_time_field
+from crowd_env.navigation.lookup import direction_at, travel_time_at
+from crowd_env.routing.regions import region_masks
 from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import ControlRule, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone, jutting_corners
@@ -140,7 +141,9 @@ def test_ways_into_slow_ground_are_bent_as_snell_says(share):
     geometry = Geometry.from_polygon(
         box(0, 0, 12, 9), exits=[[(0, 0), (0, 1)]], regions={"goal": Point(9, 7).buffer(0.1)}
     )
-    field = travel_time_field(geometry, RADIUS, goal="goal", speed=lambda x, y: np.where(y > 4, share, 1.0))
+    field = travel_time_field(
+        geometry, RADIUS, goal="goal", speed=lambda points: np.where(points[..., 1] > 4, share, 1.0)
+    )
     arrays = join_fields([field], geometry.boundary)
     for x, y in ((1.0, 1.0), (3.0, 2.0), (6.0, 0.7), (9.0, 1.5), (2.0, 3.0)):
         best = minimize_scalar(
@@ -174,7 +177,7 @@ def test_around_or_through_slow_ground_whatever_is_quicker(share):
     # From (2, 1) through two meters of slow ground it takes 8 + 2 / share, around 10.9: they break even at 0.69.
     slow = box(5, 0, 7, 3)
     geometry = detour_hall(slow)
-    speed = lambda x, y: np.where(shapely.intersects_xy(slow, x, y), share, 1.0)  # noqa: E731
+    speed = lambda points: np.where(shapely.intersects_xy(slow, points[..., 0], points[..., 1]), share, 1.0)  # noqa: E731
     arrays = join_fields([travel_time_field(geometry, RADIUS, speed=speed)], geometry.boundary)
     exact = min(8 + 2 / share, around((2, 1), slow))
     assert travel_time_at(arrays, geometry.boundary, 0, 2.0, 1.0, RADIUS) == pytest.approx(exact, rel=0.025)
@@ -272,10 +275,10 @@ def test_regions_on_the_way_in_a_loop_of_corridors():
         box(1, 1, 9, 9), exits={"door": [(4.5, 1), (5.5, 1)]}, obstacles=[box(3, 3, 7, 7)], regions=bars
     )
     field = RoutePlan(geometry, RADIUS, rules=[ControlRule("west", 3, "door")]).build().routes[0].field
-    x, y = node_places = np.stack(np.meshgrid(*(1 + field.spacing * np.arange(n) for n in field.travel_time.shape)))
+    x, y = np.moveaxis(field.nodes(), -1, 0)
+    assert (x[0, 0], y[0, 0]) == (1, 1) and np.allclose([x[0, -1], y[-1, 0]], 9)
     inside = ~np.isnan(field.travel_time) & (np.abs(x - 5) > 0.2)
-    own = region_masks_of(field, geometry)
-    assert node_places.shape[1:] == own.shape
+    own = region_masks(geometry, field.nodes())
     np.testing.assert_array_equal((own >> 3 & 1)[inside], ((x >= 4) & (x <= 6) & (y >= 8.6))[inside])
     for bit, side in ((0, x < 5), (1, x > 5)):
         np.testing.assert_array_equal((field.through >> bit & 1)[inside], (side & (y >= 4))[inside])

@@ -14,7 +14,8 @@ from shapely.geometry import Point, box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.congestion import SLOWEST, weidmann
-from crowd_env.navigation.field import direction_at, join_fields
+from crowd_env.navigation.field import join_fields
+from crowd_env.navigation.lookup import direction_at
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.routing.regions import region_masks
@@ -232,7 +233,7 @@ def test_regions_are_bits_and_counts_are_those_of_brute_force():
     invalidate_lists(simulation.workspace.neighbors)
     x = state.position.copy()
     simulation.advance(n_substeps=1)
-    inside = region_masks(geometry, *x.T)
+    inside = region_masks(geometry, x)
     near = np.abs(x[:, :1] - [[2, 4, 8, 10]]).min(axis=1) < 0.05
     np.testing.assert_array_equal(simulation.history.region_bits[state.active & ~near], inside[state.active & ~near])
     counts = [int((simulation.history.region_bits[state.active] >> k & 1).sum()) for k in range(3)]
