@@ -196,4 +196,10 @@ TABLES: dict[str, Table] = {
         tables.gate_note,
         made_by="python -m validation gate --data DATA --out DIR",
     ),
+    "scenarios": Table(
+        "docs/scenarios.md",
+        ("runs with people left inside", *(f"`{scheme}`" for scheme in tables.SCENARIO_SCHEMES)),
+        tables.scenarios,
+    ),
+    "foyer": Table("docs/scenarios.md", (), lambda _: [], tables.foyer_note),
 }

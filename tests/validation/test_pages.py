@@ -87,6 +87,31 @@ def test_the_names_of_pages_can_be_had_as_json(monkeypatch, tmp_path):
     assert json.loads(found.stdout) == {"clogging": "clogging.md"}
 
 
+def test_strategies_are_told_beside_the_first(tmp_path):
+    def row(policy, scheme, last, unfinished=0):
+        beside = {"mean": last - 30.0, "ci95": [last - 31.0, last - 29.0], "faster": 0.9}
+        return {
+            "policy": policy, "scheme": scheme, "runs": 20, "unfinished": unfinished, "unfinished_runs": min(unfinished, 2),
+            "unfinished_at_limit": {"last": last}, "minus_first": {"policy": "shortest", "evacuation_time": beside},
+            "exits": {"west": {"people": {"mean": 81.0}}, "east": {"people": {"mean": 69.0}}},
+            "replanning_per_simulated_second": 0.0018, "physics_per_simulated_second": 0.0008,
+        }  # fmt: skip
+
+    def command(line):
+        _, _, schemes = line.partition("--schemes ")
+        names = schemes.partition(" --runs")[0].split()
+        return {"rows": [row(*one) for name in names for one in (("shortest", name, 30.0), ("fastest", name, 25.0, 4))]}
+
+    page = tmp_path / "docs" / "routing.md"
+    page.parent.mkdir()
+    page.write_text("<!-- table: strategies -->\n<!-- end -->\n", encoding="utf-8")
+    fill("strategies", command, root=tmp_path)
+    text = page.read_text(encoding="utf-8")
+    assert "| shortest | 30.0 |" in text
+    assert "| fastest | ≥ 25.0 (−6.0 to −4.0); left inside: 4 people in 2 of 20 runs |" in text
+    assert "54/46 under `dem`" in text and "90 % (`hertz`) of the draws" in text and "takes 1.8 ms" in text
+
+
 # -------------------------------------------------------------------------------------------- tables of finished runs
 
 
