@@ -67,7 +67,7 @@ def cases(
     Example: python -m validation gate --data DIR --schemes dem --schemes nsm2
     """
     passed = True
-    with friendly_errors():
+    with friendly_errors("" if out is None else f"the rows that were finished are in {out}/"):
         for name in case or ():
             if name not in CASES:
                 raise ValueError(f"unknown case {name!r}; known: {', '.join(CASES)}")
@@ -79,13 +79,16 @@ def cases(
             if not case and CASES[name].needs_data and data is None:
                 notes.print(f"{name} is left out: it reads recordings, whose folder --data names", markup=False)
                 continue
-            with notes.status(f"{name} ...") as status:
-                asked = Settings(tuple(schemes or ()), data, draws, out, _teller(name, status))
-                found = rows(name, CASES[name], asked)
+            found: list[Row] = []
+            try:
+                with notes.status(f"{name} ...") as status:
+                    asked = Settings(tuple(schemes or ()), data, draws, out, _teller(name, status))
+                    found.extend(rows(name, CASES[name], asked))
+            finally:  # also of a case that Ctrl-C ends
+                content = {"case": name, "rows": [row._asdict() for row in found]}
+                if out is not None and found:
+                    write_json(out / f"{name}.json", content)
             passed &= all(row.passed is not False for row in found)
-            content = {"case": name, "rows": [row._asdict() for row in found]}
-            if out is not None:
-                write_json(out / f"{name}.json", content)
             if as_json:
                 typer.echo(json.dumps(content))
             else:

@@ -204,6 +204,17 @@ def test_a_new_case_is_one_line_and_decides_the_exit_code(monkeypatch, passed):
     assert json.loads(run("made-up", "--json").stdout)["rows"][0]["passed"] is passed
 
 
+def test_an_interruption_loses_no_finished_row(monkeypatch, tmp_path):
+    def measure(settings):
+        yield Finding("dem", True, {"flow, 1/s": 1.25})
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("validation.cli.CASES", {"made-up": Case("t", "c", "s", ("dem",), measure)})
+    result = run("--out", tmp_path / "out")
+    assert result.exit_code == 130 and "finished are in" in result.stderr
+    assert len(json.loads((tmp_path / "out" / "made-up.json").read_text())["rows"]) == 1
+
+
 def test_a_case_without_its_data_is_left_out_unless_it_is_named(monkeypatch):
     monkeypatch.setattr("validation.cli.CASES", {"gate": CASES["gate"]})
     result = run()

@@ -76,8 +76,8 @@ class Row(NamedTuple):
     source: str
 
 
-def rows(name: str, case: Case, settings: Settings) -> list[Row]:
-    """Compute a case and return its rows.
+def rows(name: str, case: Case, settings: Settings) -> Iterator[Row]:
+    """Compute a case and give its rows one by one.
 
     Raises
     ------
@@ -87,4 +87,5 @@ def rows(name: str, case: Case, settings: Settings) -> list[Row]:
     if case.needs_data and settings.data is None:
         raise ValueError(f"case {name} reads recordings; name their folder by --data ({case.source})")
     findings = case.measure(replace(settings, schemes=settings.schemes or case.schemes))
-    return [Row(name, *finding, case.criterion, case.source) for finding in findings]
+    for finding in findings:
+        yield Row(name, *finding, case.criterion, case.source)
