@@ -27,6 +27,7 @@ def test_the_page_has_a_place_for_every_case_and_nothing_is_lost(tmp_path, monke
     once = page.read_text(encoding="utf-8")
     assert once.count("| a, 5 people | 2 |") == len(cli.CASES)
     assert once.count("A = b 1.0") == len(cli.CASES)
+    assert once.count("<!-- case: short -->\n| agent-steps per CPU s |") == 1  # made of four cases, see below
     assert (tmp_path / "docs" / "images" / "performance-scaling.png").read_bytes() == b"plot"
     report.fill(tmp_path / "figures", page)
     assert page.read_text(encoding="utf-8") == once
