@@ -1,17 +1,19 @@
 """The cells of the tables of docs/reproduce.md: figures from what ``crowd-env reproduce NAME --json`` prints and writes.
 
-``source(LINE)`` is what ``python -m LINE --json`` prints.
+``source(LINE)`` is what ``python -m LINE --json`` prints; of a folder that --from names, its files NAME.json are taken instead.
 """
 
 import re
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd_env.reproduce.pecol2011.evacuations import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED, ROUTES
 
-Source = Callable[[str], dict[str, Any]]
+if TYPE_CHECKING:
+    from validation.pages import Sources
+
 Cells = list[list[str]]
 
 _CLOSE = 0.10
@@ -31,12 +33,14 @@ _VARIANTS = (
 _SPEEDS = ("0.6", "0.8", "1.0", "1.2", "1.4", "1.6", "1.8", "2.0", "2.2")  # m/s
 
 
-def _report(source: Source, line: str) -> dict[str, Any]:
+def _report(source: "Sources", line: str) -> dict[str, Any]:
     """Return what comes of a table or figure of a paper, whose name may be followed by options."""
+    if source.folder is not None:
+        return dict(source.read(f"{line}.json"))
     return source(f"crowd_env reproduce {line}")
 
 
-def _rows(source: Source, line: str) -> dict[str, dict[str, Any]]:
+def _rows(source: "Sources", line: str) -> dict[str, dict[str, Any]]:
     return {row["quantity"]: row for row in _report(source, line)["rows"]}
 
 
@@ -44,7 +48,7 @@ def _signed(value: float, digits: int) -> str:
     return f"{value:+.{digits}f}".replace("-", "−")
 
 
-def theatre(source: Source) -> Cells:
+def theatre(source: "Sources") -> Cells:
     """Return Table 7: the exercise, the paper's simulation, ours with and without rules, and what the rules change."""
     rows, cells = _rows(source, "table7"), []
     for name, (exercise, simulation) in PRINTED.items():
@@ -65,7 +69,7 @@ def theatre(source: Source) -> Cells:
     return [*cells, ["people by A / B (implied by the means)", *implied, *ours, changes]]
 
 
-def variants(source: Source) -> Cells:
+def variants(source: "Sources") -> Cells:
     """Return the flows of Table 5 with other readings of the room, and in how many runs people were left inside."""
     cells = []
     for options in _VARIANTS:
@@ -98,14 +102,14 @@ class _Point(NamedTuple):
         return text if self.blocked >= least or self.value is None else ""
 
 
-def _clearance(source: Source, name: str) -> dict[str, _Point]:
+def _clearance(source: "Sources", name: str) -> dict[str, _Point]:
     """Return the points of Figure 4, 5, 7 or 8 by the names of their rows."""
     rows = _rows(source, name)
     blocked = {key.removeprefix("blocked, "): row for key, row in rows.items() if key.startswith("blocked, ")}
     return {key: _Point(rows[f"clearance, {key}"]["here"], row["here"], row["n"]) for key, row in blocked.items()}
 
 
-def clearance(source: Source) -> Cells:
+def clearance(source: "Sources") -> Cells:
     """Return the median clearance times of 200 and 300 people by their desired speed."""
     cells = []
     for people, name in ((200, "lin-fig7"), (300, "lin-fig8")):
@@ -116,7 +120,7 @@ def clearance(source: Source) -> Cells:
     return cells
 
 
-def flows(source: Source) -> Cells:
+def flows(source: "Sources") -> Cells:
     """Return the mean flows of Figure 10 by the number of people and their desired speed."""
     rows, cells = _rows(source, "lin-fig10"), []
     for people in (100, 200, 300):
@@ -140,7 +144,7 @@ def _counted(reading: str) -> tuple[int, int]:
     return 0 if found[1] == "none" else int(found[1]), int(found[2])
 
 
-def lin(source: Source) -> Cells:
+def lin(source: "Sources") -> Cells:
     """Return what Lin, Ma, Lo print, what comes out, and whether it is the same."""
     return [*_figure_4(source), *_figure_5(source), *_figures_7_and_8(source), *_figures_9_and_10(source)]
 
@@ -159,7 +163,7 @@ def _yes(met: bool) -> str:
     return "yes" if met else "NOT reproduced"
 
 
-def _figure_4(source: Source) -> Cells:
+def _figure_4(source: "Sources") -> Cells:
     points = _clearance(source, "lin-fig4")
     weak, base, *strong = (points[f"A = {strength} N"] for strength in (200, 300, 400, 500))
     others = ", ".join("–" if one.value is None else f"{one.value:.0f}" for one in strong)
@@ -172,7 +176,7 @@ def _figure_4(source: Source) -> Cells:
     ]
 
 
-def _figure_5(source: Source) -> Cells:
+def _figure_5(source: "Sources") -> Cells:
     points = _clearance(source, "lin-fig5")
     pairs = [[points[f"{speed} m/s, {kind}"] for kind in ("rotation", "no rotation")] for speed in (1, 2)]
     (turning, rigid), (fast_turning, fast_rigid) = pairs
@@ -186,7 +190,7 @@ def _figure_5(source: Source) -> Cells:
     ]
 
 
-def _figures_7_and_8(source: Source) -> Cells:
+def _figures_7_and_8(source: "Sources") -> Cells:
     few, many = (
         {speed: of[f"{speed} m/s"] for speed in _SPEEDS if f"{speed} m/s" in of}
         for of in (_clearance(source, name) for name in ("lin-fig7", "lin-fig8"))
@@ -212,7 +216,7 @@ def _figures_7_and_8(source: Source) -> Cells:
     ]
 
 
-def _figures_9_and_10(source: Source) -> Cells:
+def _figures_9_and_10(source: "Sources") -> Cells:
     windows, flow = _rows(source, "lin-fig9"), _rows(source, "lin-fig10")
     ends = {name: row for name, row in windows.items() if row["paper"] is not None and row["here"] is not None}
     far = [name for name, row in ends.items() if abs(row["here"] - row["paper"]) > 0.2 + 1e-9]
@@ -237,7 +241,7 @@ def _figures_9_and_10(source: Source) -> Cells:
     ]
 
 
-TABLES: dict[str, tuple[tuple[str, ...], Callable[[Source], Cells]]] = {
+TABLES: dict[str, tuple[tuple[str, ...], Callable[["Sources"], Cells]]] = {
     "theatre": (
         ("of", "exercise", "paper's simulation", "here", "without rules", "the rules change it by (paired, 95 %)"),
         theatre,

@@ -7,13 +7,14 @@ from crowd_env.reproduce import PAPERS, Work
 from crowd_env.reproduce.lin2016.record import Record
 from crowd_env.reproduce.pecol2011.evacuations import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED
+from validation.pages import Sources
 from validation.reproduced import TABLES, clearance, flows, lin, theatre, variants
 
 
 @pytest.fixture
 def source():
     """Return what comes of a figure of Lin, Ma, Lo, made of ten invented runs of each configuration."""
-    return lambda line: reported(line, invented)
+    return Sources(lambda line: reported(line, invented))
 
 
 def reported(line, outcome):
@@ -48,8 +49,8 @@ def test_nothing_out_is_no_number():
     def stuck(line):
         return reported(line, lambda run: Record((), run.count, 0.0, invented(run).snapshots))
 
-    assert clearance(stuck)[0][1:] == ["b10"] * 9 and flows(stuck)[0][1:] == ["– b10"] * 8
-    cells = {(row[0], row[1]): row[3:] for row in lin(stuck)}
+    assert clearance(Sources(stuck))[0][1:] == ["b10"] * 9 and flows(Sources(stuck))[0][1:] == ["– b10"] * 8
+    cells = {(row[0], row[1]): row[3:] for row in lin(Sources(stuck))}
     assert cells["4", "A = 300 N"] == ["b10", "NOT reproduced"]
     assert cells["10", "fastest above 1.6 m/s"] == ["–; 60 of 60 draws blocked", "NOT reproduced"]
 
@@ -63,7 +64,7 @@ def test_other_readings_of_the_room_are_other_commands():
         rows["draws with nsm1 > dem > nsm2-printed"] = None
         return {"rows": [{"quantity": name, "here": value} for name, value in rows.items()]}
 
-    cells = variants(source)
+    cells = variants(Sources(source))
     assert cells[0] == ["(none)", "2.50", "2.50", "2.50", "2.50", "–", "3/3/3/3"]
     assert (
         asked[0] == "crowd_env reproduce table5"
@@ -79,6 +80,7 @@ def test_the_theatre_marks_what_is_far_from_the_exercise():
     for name, value in here.items():
         rows += [(name, value, None), (f"{name}, no rules", value - 1.0, None)]
         rows.append((f"{name}: rules change it by", -1.0, [-1.5, -0.5]))
-    cells = theatre(lambda line: {"rows": [dict(zip(("quantity", "here", "ci95"), row, strict=True)) for row in rows]})
+    keys = ("quantity", "here", "ci95")
+    cells = theatre(Sources(lambda line: {"rows": [dict(zip(keys, row, strict=True)) for row in rows]}))
     assert cells[0] == ["A, last, s", "45", "49.4", "45.0", "44.0", "−1.00 (−1.50 to −0.50)"]
     assert cells[2][3] == "**79.2**" and cells[-1][3:] == ["42.0 / 42.0", "41.0 / 41.0", "−1.00 / −1.00"]
