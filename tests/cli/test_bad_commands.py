@@ -79,6 +79,10 @@ CASES = [
     (f"run nothing.wkt {DOOR}", "no area"),
     (f"run point.wkt {DOOR}", "Point POLYGON"),
     (f"run points.wkt {DOOR}", "Point POLYGON"),
+    ("run open.wkt --exit 0,1,0,2", "open.wkt closed"),
+    ("run flat.wkt --exit 0,1,0,2", "flat.wkt no area"),
+    ("run way.wkt --exit 0,1,0,2", "way.wkt LineString POLYGON"),
+    ("run prose.wkt --exit 0,1,0,2", "prose.wkt WKT"),
     (f"run bow.wkt {DOOR}", "self-intersection (2.5, 2.5)"),
     (f"run curve.wkt {DOOR}", "CURVEPOLYGON straight"),
     (f"run degrees.wkt {DOOR}", "degrees 4326 meters"),
@@ -94,6 +98,7 @@ CASES = [
     (f"run pdf.wkt {DOOR}", "PDF well-known text"),
     (f"run dwg.wkt {DOOR}", "DWG well-known text"),
     (f"run noise.wkt {DOOR}", "noise.wkt no text"),
+    (f"run utf16.wkt {DOOR}", "utf16.wkt"),
     ("run many.wkt --exit 0,0.2,0,0.8 --n 20", "do not fit"),
     # recorded starts
     ("run --starts none.csv", "none.csv No such file"),
@@ -106,12 +111,17 @@ CASES = [
     ("run --starts word.csv", "word.csv person 1 one"),
     ("run --starts under.csv", "person 1 1_0"),
     ("run --starts infinite.csv", "person 1 finite"),
+    ("run --starts nan.csv", "nan.csv finite"),
+    ("run --starts short.csv", "short.csv y"),
+    ("run --starts bare.csv", "bare.csv no positions"),
+    ("run --starts utf16.csv", "utf16.csv"),
     ("run --starts blank.csv", "no starting positions x,y"),
     ("run --starts header.csv", "no starting positions"),
     ("run --starts trajectory.csv", "trajectory frame one line"),
     ("run --starts far.csv", "start 1 (70, 1) outside"),
     ("run --starts near.csv", "starts 0 and 1 overlap smaller bodies"),
     ("run --starts wall.csv", "start 1 wall does not fit"),
+    (f"run holed.wkt {DOOR} --starts hole.csv", "start 0 outside"),
     ("run --starts excel.csv", "zip Excel CSV"),
     ("run --starts old.csv", "Excel CSV"),
     ("run --starts latin.csv", "UTF-8"),
@@ -119,15 +129,24 @@ CASES = [
     (f"run two.wkt {DOOR} --starts lost.csv", "start 0 (8.5, 1) part that no exit reaches"),
     # exit times
     ("clogging --times none.csv", "none.csv No such file"),
-    ("clogging --times early.csv", "row 2 -0.5 >= 0"),
-    ("clogging --times notime.csv", "column 'time' missing"),
-    ("clogging --times never.csv", "row 1 finite"),
-    ("clogging --times late.csv", "run '1' after the last exit"),
+    ("clogging --times blank.csv", "blank.csv no exit times"),
+    ("clogging --times exits.csv", "exits.csv no exit times"),
+    ("clogging --times early.csv", "early.csv row 2 -0.5 >= 0"),
+    ("clogging --times notime.csv", "notime.csv column 'time' is missing"),
+    ("clogging --times never.csv", "never.csv row 2 nan finite"),
+    ("clogging --times one.csv", "one.csv row 1 'one'"),
+    ("clogging --times cell.csv", "cell.csv row 1 '' number"),
+    ("clogging --times cells.csv", "cells.csv row 1 3 cells 2 columns decimal comma"),
+    ("clogging --times yes.csv", "yes.csv out is 'yes'"),
+    ("clogging --times stay.csv", "stay.csv row 2 second"),
+    ("clogging --times late.csv", "late.csv run '1' after the last exit"),
     ("clogging --times json.csv", "JSON CSV"),
     ("clogging moon-v0", "moon-v0 room-v0"),
     ("clogging room-v0 --runs 0", "runs 0 at least 1"),
     ("clogging room-v0 --n 1000000000", "1000000000 people do not fit"),
     ("clogging room-v0 --speed -1", "speed >= 0"),
+    ("clogging room-v0 --speed nan", "nan"),
+    ("clogging room-v0 --dt 0", "dt"),
     ("clogging room-v0 --pause 0", "pause > 0"),
     ("clogging room-v0 --out good.toml", "good.toml not a folder"),
     ("clogging room-v0 --scheme glue", "glue nsm2"),
@@ -189,6 +208,7 @@ CASES = [
     ("run --force-network out.png --at 0", "--at > 0"),
     ("run --force-network out.png --at 1e9", "--at ends after"),
     ("run --at 2", "--at --force-network"),
+    ("run --around 2", "--around --force-network"),
     ("plan room-v0 --out out.pdf", "out.pdf .png"),
     ("plan room-v0 --out folder.png", "folder.png folder"),
     ("plan room-v0 --out good.toml/out.png", "--out not a folder"),
@@ -261,7 +281,7 @@ def tree(folder):
 
 
 def test_the_table_is_large():
-    assert len({line for line, _ in CASES}) == len(CASES) >= 170
+    assert len({line for line, _ in CASES}) == len(CASES) >= 190
 
 
 @pytest.mark.parametrize(("line", "words"), CASES, ids=[line for line, _ in CASES])

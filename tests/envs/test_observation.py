@@ -310,22 +310,6 @@ def test_columns_follow_the_order_of_the_terms_without_gaps():
         layout["density"]
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"terms": ("velocity", "smell")}, "smell.*velocity.*neighbors"),
-        ({"terms": ()}, "at least one"),
-        ({"terms": ("push", "push")}, "only once"),
-        ({"neighbors": 0}, "1 to 32"),
-        ({"neighbors": 33}, "1 to 32"),
-        ({"rays": 0}, "1 to 360"),
-    ],
-)
-def test_an_impossible_layout_is_refused(options, words):
-    with pytest.raises(ValueError, match=words):
-        ObservationLayout(**options)
-
-
 def test_who_is_out_perceives_nothing_and_is_not_perceived():
     env = CrowdEnv("room-v0", count=2, observation=ObservationLayout(neighbors=1))
     env.reset(seed=0)

@@ -165,32 +165,6 @@ def test_one_step_by_hand():
     np.testing.assert_allclose(reward, [0.5 * r + 0.5 * mean for r in own[:4]] + [-0.4], atol=1e-12)
 
 
-# -------------------------------------------------------------------------------------------------------------- table
-
-
-def test_weights_changed_after_they_were_checked_change_nothing():
-    weights = {"progress": 1.0}
-    made = RewardWeights(weights)
-    weights["nonsense"] = float("nan")
-    assert made == RewardWeights({"progress": 1.0})
-
-
-@pytest.mark.parametrize(
-    ("weights", "share", "words"),
-    [
-        ({"speed": 1.0}, 0.0, "speed.*progress, exit, time, contact"),
-        ({"exit": float("nan")}, 0.0, "exit.*finite"),
-        ({"exit": float("inf")}, 0.0, "exit.*finite"),
-        ({"exit": 1.0}, -0.1, r"team_share.*\[0, 1\]"),
-        ({"exit": 1.0}, 1.1, r"team_share.*\[0, 1\]"),
-        ({"exit": 1.0}, float("nan"), r"team_share.*\[0, 1\]"),
-    ],
-)
-def test_impossible_weights_are_refused(weights, share, words):
-    with pytest.raises(ValueError, match=words):
-        RewardWeights(weights, share)
-
-
 # ----------------------------------------------------------------------------------------------------------- metrics
 
 

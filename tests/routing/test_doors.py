@@ -297,22 +297,6 @@ def test_rays_see_closed_doors_and_see_through_open_ones():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "event of door 'd': give either a time `at`, or `at_least` with one of `region` and `exit`"),
-        ({"at": 1.0, "at_least": 3, "exit": "e"}, "give either a time"),
-        ({"at_least": 3, "exit": "e", "region": "r"}, "give either a time"),
-        ({"at": -1.0}, r"event of door 'd': at is -1\.0; it must be >= 0 and finite"),
-        ({"at_least": 0, "exit": "e"}, "event of door 'd': at_least is 0; it must be at least 1"),
-    ],
-)
-def test_events_that_make_no_sense_are_refused_in_one_sentence(options, message):
-    with pytest.raises(ValueError, match=message) as caught:
-        DoorEvent("d", True, **options)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
         ({"closed": ("x",)}, "unknown door 'x'; known: gate, west door, east door"),
         ({"events": (DoorEvent("x", True, at=1.0),)}, "unknown door 'x'"),
         (

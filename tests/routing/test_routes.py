@@ -300,26 +300,6 @@ def test_regions_on_the_way_are_those_that_the_path_walks_through():
 
 
 @pytest.mark.parametrize(
-    ("build", "message"),
-    [
-        (lambda: Route("a", strategy="quick"), "route 'a': unknown strategy 'quick'; known: shortest, fastest, comfor"),
-        (lambda: SpeedZone("a", 0.0), "speed zone 'a': speed is 0.0; it must be above 0 and at most 12.5"),
-        (lambda: SpeedZone("a", float("nan")), "speed is nan"),
-        (lambda: SpeedZone("a", factor=-1.0), "speed zone 'a': factor is -1.0; it must be > 0 and finite"),
-        (lambda: SpeedZone("a", factor=float("inf")), "factor is inf"),
-        (lambda: ControlRule("a", 0, "b"), "control rule on 'a': at_least is 0; it must be at least 1"),
-        (lambda: ControlRule("a", 3, "b", below=4), "below is 4; it must be from 0 to at_least, 3"),
-        (lambda: ControlRule("a", 3, "b", below=-1), "below is -1"),
-        (lambda: ControlRule("a", 3, "b", hold=float("nan")), "hold is nan; it must be >= 0 and finite"),
-    ],
-)
-def test_parts_that_make_no_sense_are_refused_in_one_sentence(build, message):
-    with pytest.raises(ValueError, match=message) as caught:
-        build()
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"routes": [Route("a", ("north",))]}, "route 'a' names an unknown exit 'north'; known: west, east"),
