@@ -104,22 +104,6 @@ def test_a_controller_sampled_between_its_decisions_is_the_controller(controller
         assert 0 < ours.row()["exits"]["west"]["people"]["mean"] < 14
 
 
-def test_a_batch_that_steps_by_samples_pays_and_sees_the_same():
-    whole, sampled = (RoutingBatch(SMALL, num_envs=2, grid=(4, 1), interval=1.0, sample_dt=dt) for dt in (None, 0.1))
-    np.testing.assert_array_equal(whole.reset(0), sampled.reset(0))
-    left = 0
-    while not whole.env.finished.all():
-        one, other = (batch.step(np.tile([0, 0, 1, 1], (2, 1))) for batch in (whole, sampled))
-        for name in ("observation", "terminated", "truncated"):
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-        np.testing.assert_array_equal(one.info["inside"], other.info["inside"])
-        assert other.reward == pytest.approx(one.reward, rel=1e-12) and list(one.metrics) == list(other.metrics)
-        left += len(one.metrics)
-    assert left == 2 and sampled.samples == 10 and sampled.env.finished.all()
-    with pytest.raises(ValueError, match=r"interval of 1 s is not a whole number of samples of 0\.3 s"):
-        RoutingBatch(SMALL, interval=1.0, sample_dt=0.3)
-
-
 # ---------------------------------------------------------------------------------------------------------- the command
 
 

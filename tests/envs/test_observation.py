@@ -160,7 +160,7 @@ def test_impulses_add_up_over_the_physics_steps_of_a_decision():
 
 
 def others(env, i):
-    """Return the people of the room of person ``i`` who are inside, without him."""
+    """Return the people of the room of person ``i`` who are inside, without that person."""
     people = env.people(env.env_of_person[i])
     inside = np.flatnonzero(env.active[people]) + people.start
     return inside[inside != i]

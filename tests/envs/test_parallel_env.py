@@ -10,7 +10,7 @@ import pytest
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
 
 import crowd_env
-from crowd_env import SCENARIOS, SCHEMES, CrowdEnv, RewardWeights, parallel_env
+from crowd_env import SCENARIOS, SCHEMES, CrowdEnv, parallel_env
 
 SMALL = {"count": 8, "time_limit": 6.0}
 
@@ -215,8 +215,6 @@ def test_a_number_of_cycles_that_is_none_is_refused(cycles):
         ({"render_mode": "ansi"}, "ansi.*rgb_array, human"),
         ({"num_envs": 2}, "num_envs"),
         ({"autoreset": True}, "autoreset"),
-        ({"scheme": "glue"}, "glue.*nsm2"),
-        ({"scenario": "hall"}, "hall.*room-v0"),
     ],
 )
 def test_what_cannot_be_is_refused(options, words):
@@ -269,14 +267,6 @@ def test_the_module_offers_what_pettingzoo_modules_do():
         count += 1
     assert count > 5
     assert raw_env(count=2).possible_agents == ["pedestrian_0", "pedestrian_1"]
-
-
-def test_options_reach_the_batch_environment():
-    env = parallel_env(scheme="dem", reward=RewardWeights({"time": 2.0}), decision_dt=0.2, count=2)
-    env.reset(seed=0)
-    _, rewards, *_ = env.step({})
-    assert list(rewards.values()) == pytest.approx([-0.4, -0.4])
-    assert env.env.simulation.scheme.info.name == "dem"
 
 
 # --------------------------------------------------------------------------------------------------------- rendering

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from evacuations import evacuated
 
 from crowd_env import CrowdEnv, EpisodeMetrics, RewardWeights, make_scenario
 from crowd_env._kernels.struct_ref import struct_ref
@@ -207,10 +208,7 @@ def test_who_does_not_get_out_is_counted_and_no_evacuation_time_is_made_up():
 
 
 def test_metrics_start_anew_with_every_episode():
-    env = CrowdEnv(make_scenario("room-v0"))
-    env.reset([1])
-    while not env.finished.all():
-        env.step(None)
+    env = evacuated(make_scenario("room-v0"), seed=[1])
     once = env.metrics(0)
     assert once.contact_impulse > 0 and once.max_overlap > 0 and once.mean_overlap > 0
     env.reset([5])

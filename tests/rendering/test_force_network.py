@@ -2,13 +2,11 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
-
-pytest.importorskip("matplotlib")
-pytest.importorskip("pygame")
 
 from crowd_env.analysis.pressure import ContactForces, contact_forces, mean_contact_forces
 from crowd_env.cli.main import app
@@ -21,6 +19,8 @@ from crowd_env.rendering.palette import WALL
 from crowd_env.scenarios import make_scenario
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
+
+pytest.importorskip("matplotlib")
 
 HALL = Geometry.from_polygon([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
 ROOM = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)], exits={"door": [(5, 2), (5, 3)]})
@@ -224,8 +224,6 @@ def test_without_a_moment_it_is_that_of_the_hardest_push_or_the_end_of_a_blocked
         env.step(None)
         borne.append(env.simulation.results.impulse_magnitude.sum())
     assert forces_of_run(place, "dem", seed=4).time == pytest.approx(0.1 * (np.argmax(borne) + 1))
-    from dataclasses import replace
-
     blocked = replace(make_scenario("room-v0"), blocked_after=0.35)  # nobody is out so soon
     told = forces_of_run(blocked, "dem", seed=4)
     assert told.time == pytest.approx(0.4) and told.active.all()

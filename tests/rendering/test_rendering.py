@@ -1,27 +1,20 @@
 """Laws of the pictures: things are where they are, whoever left is not seen, films last as long as the evacuation."""
 
+import os
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
 from drawn_rooms import PLANS, ROOM, recording
+from repository import ROOT as CHECKOUT
+from shapely import box
 
-pytest.importorskip("pygame")
-PIL_Image = pytest.importorskip("PIL.Image")
-imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
-pytest.importorskip("matplotlib")
-
-from repository import ROOT  # noqa: E402
-
-from crowd_env.analysis.pressure import contact_pressure  # noqa: E402
-from crowd_env.geometry.geometry import Geometry  # noqa: E402
-from crowd_env.rendering import (  # noqa: E402
-    FULL_PRESSURE,
-    Renderer,
-    Window,
-)
-from crowd_env.rendering.palette import (  # noqa: E402
+from crowd_env.analysis.pressure import contact_pressure
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.rendering import FULL_PRESSURE, Renderer, Window
+from crowd_env.rendering.palette import (
     BACKGROUND,
     EXIT,
     EXIT_MAT,
@@ -32,6 +25,8 @@ from crowd_env.rendering.palette import (  # noqa: E402
     pressure_color,
     to_oklab,
 )
+
+pytest.importorskip("PIL")
 
 
 def color_at(renderer, image, point):
@@ -97,8 +92,6 @@ def test_obstacles_are_shaded_and_courtyards_are_not_floor():
 
 
 def test_an_exit_that_people_walk_into_is_green_all_over():
-    from shapely import box
-
     geometry = Geometry.from_polygon([(0, 0), (9, 0), (9, 9), (0, 9)], exits={"lift": box(4, 4, 6, 6)})
     renderer = Renderer(geometry, width=400)
     assert color_at(renderer, renderer.frame(np.empty((0, 2)), []), (5, 5)) == EXIT_MAT
@@ -213,10 +206,7 @@ def test_a_renderer_without_pixels_is_refused(bad):
 
 
 def test_window_shows_frames_paces_them_and_closes():
-    import time
-
-    import pygame
-
+    pygame = pytest.importorskip("pygame")
     frame = Renderer(ROOM, width=200).frame([[1.0, 1.0]], 0.2)
     with Window("test", fps=50.0) as window:
         assert window.show(frame)
@@ -233,8 +223,7 @@ def test_window_shows_frames_paces_them_and_closes():
 
 
 def test_window_closes_when_the_user_closes_it():
-    import pygame
-
+    pygame = pytest.importorskip("pygame")
     frame = np.zeros((60, 80, 3), dtype=np.uint8)
     window = Window(fps=0)
     assert window.show(frame)
@@ -245,8 +234,7 @@ def test_window_closes_when_the_user_closes_it():
 
 
 def test_a_window_survives_somebody_else_quitting_pygame():
-    import pygame
-
+    pygame = pytest.importorskip("pygame")
     window = Window(fps=0)
     assert window.show(np.zeros((60, 80, 3), dtype=np.uint8))
     pygame.quit()
@@ -269,11 +257,9 @@ image = rendering.Renderer(room, width=200).frame([[1, 1]], [0.2], clock=1.0)
 assert not {"pygame", "matplotlib"} & set(sys.modules)
 print(image.shape)
 """
-    import os
-
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")}
     result = subprocess.run(
-        [sys.executable, "-c", program], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-c", program], cwd=CHECKOUT, env=environment, capture_output=True, text=True, check=False
     )
     assert result.returncode == 0, result.stderr
     assert result.stdout.endswith("200, 3)\n")

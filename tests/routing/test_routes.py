@@ -10,8 +10,8 @@ import numba
 import numpy as np
 import pytest
 import shapely
+from navigation_plans import RADIUS, exit_targets, shortest
 from scipy.optimize import minimize_scalar
-from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import LineString, Point, box
 
 from crowd_env.geometry.geometry import Geometry
@@ -23,7 +23,6 @@ from crowd_env.routing.speed_map import Comfort, SpeedZone, jutting_corners
 from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
 
-RADIUS = 0.25
 WEST_EAST = {"west": [(0, 1), (0, 3)], "east": [(12, 1), (12, 3)]}
 
 
@@ -83,30 +82,15 @@ def starts(geometry, count, seed):
     return points[geometry.contains(points) & (geometry.clearance(points) > RADIUS + 1e-3)]
 
 
-def shortest(geometry, points, goal):
+def shortest_way(geometry, points, goal):
     """Return the length of the shortest way of a disc from each of ``points`` to the exits or into a region."""
-    lines = [*geometry.walls] + ([*geometry.exits] if goal else [])
-    free = geometry.walkable.difference(shapely.buffer(shapely.MultiLineString(lines), RADIUS - 1e-4, quad_segs=8))
+    lines = [*geometry.walls, *(geometry.exits if goal else [])]
+    targets = exit_targets(geometry)
     if goal:
+        free = geometry.walkable.difference(shapely.buffer(shapely.MultiLineString(lines), RADIUS - 1e-4, quad_segs=8))
         border = shapely.intersection(geometry.regions[goal].boundary, free)
         targets = shapely.get_coordinates(shapely.segmentize(border, 0.05))
-    else:
-        a, b = geometry.exits[0]
-        width = np.hypot(*(b - a))
-        targets = a + np.linspace(RADIUS, width - RADIUS, 41)[:, None] / width * (b - a)
-    nodes = np.concatenate([targets, shapely.get_coordinates(free)])
-    tolerant = shapely.buffer(free, 2e-4)
-    shapely.prepare(tolerant)
-
-    def distances(from_points, to_points):
-        pairs = np.stack(np.broadcast_arrays(from_points[:, None], to_points[None]), axis=2)
-        seen = shapely.covers(tolerant, shapely.linestrings(pairs.reshape(-1, 2, 2))).reshape(pairs.shape[:2])
-        return np.where(seen, np.hypot(*np.moveaxis(pairs[:, :, 0] - pairs[:, :, 1], 2, 0)), np.inf)
-
-    between = distances(nodes, nodes)
-    between[~np.isfinite(between)] = 0  # no edge
-    rest = dijkstra(between, indices=np.arange(len(targets)), min_only=True)
-    return (distances(points, nodes) + rest).min(axis=1)
+    return shortest(geometry, points, targets, lines=lines, quad_segs=8)
 
 
 # ----------------------------------------------------------------------------------------------------- lengths of ways
@@ -119,7 +103,7 @@ def test_times_and_paths_are_the_shortest_to_exits_and_into_regions(name, goal):
     points = starts(geometry, 60, seed=3)
     if goal:
         points = points[~geometry.contains(points, goal)]
-    exact = shortest(geometry, points, goal)
+    exact = shortest_way(geometry, points, goal)
     times = np.array([travel_time_at(arrays, geometry.boundary, 0, *point, RADIUS) for point in points])
     paths = [follow(arrays, geometry, point) for point in points]
     walked = np.array([np.hypot(*np.diff(path, axis=0).T).sum() for path in paths])

@@ -5,8 +5,9 @@ import hashlib
 import numpy as np
 import pytest
 from crowds import HALL, clear
+from evacuations import evacuated
 
-from crowd_env import CrowdEnv, Geometry, Groups, LogNormal, Normal, Population, Scenario, Uniform
+from crowd_env import Geometry, Groups, LogNormal, Normal, Population, Scenario, Uniform
 from crowd_env.geometry.geometry import box
 from crowd_env.routing.spec import Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
@@ -141,10 +142,7 @@ def test_every_group_means_to_take_its_own_way(strategy, expected):
 def test_groups_leave_by_their_own_exits():
     route_set = ({"route": "east"}, {"exits": ("north",)}, {"route": "west"})
     place = hall(*(Population(8, start_region="middle", **way) for way in route_set))
-    env = CrowdEnv(place)
-    env.reset(0)
-    while not env.finished.all():
-        env.step(None)
+    env = evacuated(place)
     left_by = np.array(place.geometry.exit_names)[env.simulation.state.exit_index]
     assert left_by.tolist() == ["east"] * 8 + ["north"] * 8 + ["west"] * 8
 

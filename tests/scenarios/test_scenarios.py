@@ -7,9 +7,10 @@ import gymnasium
 import numpy as np
 import pytest
 from crowds import clear
+from evacuations import evacuated
 from typer.testing import CliRunner
 
-from crowd_env import SCENARIOS, CrowdEnv, make_scenario
+from crowd_env import SCENARIOS, make_scenario
 from crowd_env.cli.main import _read_scenario, app
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import about, options_of
@@ -73,10 +74,7 @@ def test_wider_bottlenecks_let_more_through():
 
 def test_counter_flow_and_crossing_go_where_they_mean_to():
     for name, ends in (("counter-flow-v0", ("east", "west")), ("crossing-v0", ("east", "north"))):
-        env = CrowdEnv(name)
-        env.reset(0)
-        while not env.finished.all():
-            env.step(None)
+        env = evacuated(name)
         first = env.scenarios[0].population.parts[0].count
         by = np.array(env.scenarios[0].geometry.exit_names)[env.simulation.state.exit_index]
         assert (by[:first] == ends[0]).all() and (by[first:] == ends[1]).all()
@@ -84,10 +82,7 @@ def test_counter_flow_and_crossing_go_where_they_mean_to():
 
 def test_the_rule_of_the_floor_sends_people_east():
     def eastwards(rules):
-        env = CrowdEnv("floor-v0", rules=rules, num_envs=4)
-        env.reset(0)
-        while not env.finished.all():
-            env.step(None)
+        env = evacuated("floor-v0", rules=rules, num_envs=4)
         return (np.array(env.scenarios[0].geometry.exit_names)[env.simulation.state.exit_index] == "east").sum()
 
     assert eastwards(True) > eastwards(False)
@@ -166,10 +161,7 @@ def test_plans_are_drawn(tmp_path):
 def test_two_equal_exits_share_a_crowd_that_starts_beside_one_of_them(scheme):
     share, last = {}, {}
     for strategy in ("nearest", "fastest"):
-        env = CrowdEnv("two-exit-hall-v0", num_envs=4, scheme=scheme, strategy=strategy)
-        env.reset([0, 1, 2, 3])
-        while not env.finished.all():
-            env.step(None)
+        env = evacuated("two-exit-hall-v0", num_envs=4, scheme=scheme, strategy=strategy, seed=[0, 1, 2, 3])
         share[strategy] = (env.simulation.state.exit_index == 0).mean()
         last[strategy] = np.mean([env.metrics(e).evacuation_time for e in range(4)])
     assert 0.4 < share["fastest"] < 0.6 < 0.95 < share["nearest"]
