@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from commands import call, figures
 from repository import ROOT
 from typer.testing import CliRunner
 
@@ -26,17 +27,6 @@ def folder(tmp_path, monkeypatch):
         (tmp_path / name).write_text(text + "\n")
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def call(line):
-    return CliRunner().invoke(app, line.split())
-
-
-def figures(line):
-    result = call(line + " --json")
-    assert result.exit_code == 0, result.stderr
-    assert result.stdout.count("\n") == 1
-    return json.loads(result.stdout)
 
 
 # --------------------------------------------------------------------------------------------------------------- run

@@ -10,13 +10,12 @@ from contextlib import contextmanager
 
 import pytest
 import typer
-from typer.testing import CliRunner
+from commands import call
 
 from crowd_env.cli import clogging as clogging_command
 from crowd_env.cli import main as cli
 from crowd_env.cli import reproduce as command
 from crowd_env.cli.console import counted, friendly_errors
-from crowd_env.cli.main import app
 
 
 def ctrl_c():
@@ -48,10 +47,6 @@ def stop_after(monkeypatch):
             monkeypatch.setattr(module, "progress_bar", bar)
 
     return prepare
-
-
-def call(line):
-    return CliRunner().invoke(app, line.split())
 
 
 @pytest.mark.parametrize("stop", [ctrl_c, sigterm])

@@ -11,7 +11,6 @@ from drawn_rooms import PLANS, ROOM, recording
 from repository import ROOT as CHECKOUT
 from shapely import box
 
-from crowd_env.analysis.pressure import contact_pressure
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering import FULL_PRESSURE, Renderer, Window
 from crowd_env.rendering.palette import (
@@ -170,10 +169,6 @@ def test_harder_pressed_is_redder_in_even_steps():
     image = renderer.frame([[1.0, 1.0], [3.0, 3.0]], 0.3, color_value=[0.0, 1.0])
     assert color_at(renderer, image, (1.0, 1.0)) == tuple(RAMP[0])
     assert color_at(renderer, image, (3.0, 3.0)) == tuple(RAMP[-1])
-
-
-def test_pressure_is_force_per_circumference():
-    assert contact_pressure([100.0], 0.1, [0.25])[0] == pytest.approx(1000.0 / (2 * np.pi * 0.25))
 
 
 @pytest.mark.parametrize("plan", PLANS)
