@@ -25,12 +25,6 @@ from crowd_env.geometry.geometry import box
 from crowd_env.physics import SocialForce
 
 
-@pytest.fixture
-def small(monkeypatch):
-    """Let the name "hall" stand for the small hall."""
-    monkeypatch.setattr(command, "make_scenario", lambda name: SMALL if name == "hall" else make_scenario(name))
-
-
 def everything(folder):
     """Return what lies in a folder but times of computing."""
     told = json.loads((folder / "rows.json").read_text())

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from routing_places import corridor, hall
 
+from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.envs.routing.env import RoutingEnv, RoutingVectorEnv
 from crowd_env.envs.routing.terms import REWARDS, TERMS, RoutingReward, RoutingTerm
 
@@ -127,15 +128,17 @@ def test_functions_that_return_something_else_are_refused_by_name():
 
 
 def test_samples_within_an_interval_add_up_to_it():
-    whole, parts = RoutingEnv(SMALL), RoutingEnv(SMALL, sample_dt=0.5)
-    assert (whole.batch.samples, parts.batch.samples) == (1, 4)
-    whole.reset(seed=1), parts.reset(seed=1)
-    over = False
-    while not over:
-        one, other = whole.step(np.zeros(8, dtype=int)), parts.step(np.zeros(8, dtype=int))
-        np.testing.assert_allclose(one[0], other[0], atol=1e-6)
-        assert one[1:4] == pytest.approx(other[1:4]) and one[4]["inside"] == other[4]["inside"]
-        over = one[2] or one[3]
-    assert one[4]["metrics"]["mean_exit_time"] == pytest.approx(other[4]["metrics"]["mean_exit_time"])
-    with pytest.raises(ValueError, match=r"interval of 2 s is not a whole number of samples of 0\.3 s"):
-        RoutingEnv(SMALL, sample_dt=0.3)
+    whole, sampled = (RoutingBatch(SMALL, num_envs=2, grid=(4, 1), interval=1.0, sample_dt=dt) for dt in (None, 0.1))
+    assert (whole.samples, sampled.samples) == (1, 10)
+    np.testing.assert_array_equal(whole.reset(0), sampled.reset(0))
+    left = 0
+    while not whole.env.finished.all():
+        one, other = (batch.step(np.tile([0, 0, 1, 1], (2, 1))) for batch in (whole, sampled))
+        for name in ("observation", "terminated", "truncated"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+        np.testing.assert_array_equal(one.info["inside"], other.info["inside"])
+        assert other.reward == pytest.approx(one.reward, rel=1e-12) and list(one.metrics) == list(other.metrics)
+        left += len(one.metrics)
+    assert left == 2 and sampled.env.finished.all()
+    with pytest.raises(ValueError, match=r"interval of 1 s is not a whole number of samples of 0\.3 s"):
+        RoutingBatch(SMALL, interval=1.0, sample_dt=0.3)

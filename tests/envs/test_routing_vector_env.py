@@ -6,22 +6,15 @@ import pickle
 import gymnasium
 import numpy as np
 import pytest
+import routing_places
 from gymnasium.vector import AutoresetMode
 
-from crowd_env import CrowdEnv, CrowdVectorEnv, EpisodeMetrics, Geometry, Population, Scenario, Uniform
+from crowd_env import CrowdEnv, CrowdVectorEnv, Uniform
 from crowd_env.envs.routing.env import RoutingEnv, RoutingVectorEnv
-from crowd_env.geometry.geometry import box
 
 
-def hall(*, exits=("west", "east"), doors=None):
-    """20 x 12 m with an exit of 1 m in the middle of each short wall; everyone starts in the left half."""
-    lines = {"west": [(0, 5.5), (0, 6.5)], "east": [(20, 5.5), (20, 6.5)]}
-    regions = {"start": box(0, 0, 10, 12)}
-    geometry = Geometry.from_polygon(
-        box(0, 0, 20, 12), exits={name: lines[name] for name in exits}, regions=regions, doors=doors
-    )
-    people = Population(12, radius=Uniform(0.2, 0.22), start_region="start")
-    return Scenario("hall", geometry, people, 30.0)
+def hall(**options):
+    return routing_places.hall(12, 30.0, radius=Uniform(0.2, 0.22), **options)
 
 
 SMALL = hall()
@@ -38,37 +31,6 @@ def test_make_vec_gives_the_native_batch():
     crowd = CrowdEnv(SMALL, num_envs=3)
     crowd.reset(1)
     np.testing.assert_array_equal(env.unwrapped.batch.env.simulation.state.position, crowd.simulation.state.position)
-
-
-def test_a_row_of_the_batch_is_the_evacuation_alone_and_starts_anew_in_the_step_in_which_it_ends():
-    seeds = [4, 5, 6]
-    env, singles = RoutingVectorEnv(SMALL, num_envs=3), [RoutingEnv(SMALL) for _ in seeds]
-    rows, _ = env.reset(seed=seeds)
-    for row, single, seed in zip(rows, singles, seeds, strict=True):
-        np.testing.assert_array_equal(row, single.reset(seed=seed)[0])
-    rng, playing, ends = np.random.default_rng(0), np.ones(3, bool), 0
-    while playing.any():
-        action = rng.integers(0, 2, (3, 8)) if ends == 0 and rows[0, -1] < 0.2 else np.tile([0, 0, 1, 1], (3, 2))
-        rows, reward, terminated, truncated, info = env.step(action)
-        over = terminated | truncated
-        assert ("final_obs" in info) == over.any()
-        for e in np.flatnonzero(playing):
-            row, one_reward, *flags, one_info = singles[e].step(action[e])
-            assert [reward[e], terminated[e], truncated[e]] == [one_reward, *flags]
-            told = info["final_info"] if over[e] else info
-            assert told["inside"][e] == one_info["inside"] and told["reward/last"][e] == one_info["reward/last"]
-            if over[e]:
-                ends += 1
-                assert info["_final_obs"][e] and info["inside"][e] == 12
-                metrics = {name: told["metrics"][name][e] for name in EpisodeMetrics._fields}
-                assert metrics == pytest.approx(one_info["metrics"], nan_ok=True)
-                np.testing.assert_array_equal(info["final_obs"][e], row)
-                assert rows[e, env.layout["time"]] == 0 and rows[e, env.layout["inside"]] == 1
-                assert rows[e, env.layout["flow"]].tolist() == [0, 0]
-            else:
-                np.testing.assert_array_equal(rows[e], row)
-        playing &= ~over
-    assert ends == 3
 
 
 def test_episodes_go_on_after_a_restart_with_other_draws():

@@ -11,8 +11,7 @@ ROOM = box(0, 0, 5, 5)
 DOOR = [[5, 2.09], [5, 2.91]]
 
 
-def from_polygon(*args, **options):
-    return Geometry.from_polygon(*args, **options)
+from_polygon = Geometry.from_polygon
 
 
 def lengths(segments):

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from crowds import every_scheme
 from scipy.spatial import cKDTree
 from shapely.geometry import box
 
@@ -20,8 +21,6 @@ from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import Route
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
-
-every_scheme = pytest.mark.parametrize("name", SCHEMES)
 
 
 def crowd(name, count, *, density=None, environments=1, seed=0, **options):

@@ -109,31 +109,9 @@ def test_restart_with_another_number_of_people_is_refused():
         simulation.restart(0, *people_at([0, 0])[:1], np.zeros((1, 2)))
 
 
-def test_unknown_scheme_lists_the_known():
-    with pytest.raises(ValueError, match=r"unknown contact scheme 'hertz3'; known: .*nsm2"):
-        Simulation(plain(), *people_at([0, 0]), scheme="hertz3")
-
-
 def test_grains_have_no_spontaneous_velocity():
     with pytest.raises(ValueError, match=r"nsm1: passive grains have no spontaneous velocity; use NSM1\(trial="):
         Simulation(plain(), *people_at([0, 0]), scheme=NSM1(), driving=False)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        (dict(radius=[0.0]), "radius of pedestrian 0 is 0; it must be finite and > 0"),
-        (dict(mass=[-1.0]), "mass of pedestrian 0 is -1"),
-        (dict(mass=[float("nan")]), "mass of pedestrian 0 is nan"),
-        (dict(relaxation_time=0.0), "relaxation_time of pedestrian 0 is 0"),
-        (dict(desired_speed=-0.1), "desired_speed of pedestrian 0 is -0.1; it must be finite and >= 0"),
-        (dict(response_time=float("inf")), "response_time of pedestrian 0 is inf"),
-    ],
-)
-def test_bodies_must_make_sense(wrong, message):
-    values = {"radius": [0.2], "mass": [80.0], **wrong}
-    with pytest.raises(ValueError, match=message):
-        make_bodies(**values)
 
 
 # ------------------------------------------------------------------------------------------------------ what diverges
