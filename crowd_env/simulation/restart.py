@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowd_env.physics.neighbors.lists import invalidate_lists
-from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, invalidate_directions
+from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 
@@ -26,7 +26,7 @@ def begin_history(e: int, people: slice, history: History, workspace: Workspace,
     """Forget what went on in environment ``e``: no contact, no forces, nobody has looked for the route."""
     history.contacts.number[e] = 0
     history.phase[e] = 0
-    invalidate_directions(history, e)
+    history.directions_known[e] = False
     history.turn[e] = 0
     history.followed[people] = route
     history.region_bits[people] = 0
