@@ -27,10 +27,8 @@ from crowd_env.physics.step import (
     detect,
     extent_of,
     find_neighbors,
-    record_impulses,
-    record_overlaps,
+    record_contacts,
     record_solver,
-    store_warm_start,
     tick,
 )
 from crowd_env.physics.workspace import Batch
@@ -200,9 +198,7 @@ def _advance_range(
             if not _project(e, rank_stop, batch, dt, spontaneous, stopping, acting.reach):
                 break
             # Impulses and overlaps into the sums, and for the solver of the next step.
-            record_impulses(e, batch, 1.0)
-            deepest = record_overlaps(e, batch)
-            store_warm_start(e, batch)
+            deepest = record_contacts(e, batch)
             # Positions.
             longest = _move(e, rank_stop, batch, dt, limit)
             # Nobody through a wall.

@@ -31,10 +31,8 @@ from crowd_env.physics.step import (
     contact_range,
     detect,
     extent_of,
-    record_impulses,
-    record_overlaps,
+    record_contacts,
     record_solver,
-    store_warm_start,
     tick,
 )
 from crowd_env.physics.workspace import Batch
@@ -62,7 +60,6 @@ PRINTED = replace(
     INFO,
     name="nsm2-printed",
     title="percussions, reaction as printed: makes energy where many touch at once",
-    conserves_energy_at_contact=True,
 )
 
 # A contact has D <= 0; the narrow phase keeps what lies strictly below its margin.
@@ -180,9 +177,7 @@ def _collide(e: int, batch: Batch, params: NSM2Params, stopping: Stopping) -> fl
     sweeps, residual, converged = solve(extent, rows, rows, mass, v, constraints, compliance, stopping)
     set_impulses(extent, rows, contacts, mass, constraints)
     record_solver(e, batch, sweeps, residual, converged)
-    record_impulses(e, batch, 1.0)
-    store_warm_start(e, batch)
-    return float(record_overlaps(e, batch))
+    return float(record_contacts(e, batch))
 
 
 @inner_kernel

@@ -71,15 +71,6 @@ def extent_of(e: int, batch: Batch) -> Extent:
 
 
 @inner_kernel
-def store_warm_start(e: int, batch: Batch) -> None:
-    """Keep the impulses of the contacts of environment ``e``: the solver of the next step starts from them."""
-    impulse, history = batch.history.contacts.impulse, batch.history.contacts.history
-    contact_start, contact_stop = contact_range(e, batch)
-    for c in range(contact_start, contact_stop):
-        history[c, 0], history[c, 1] = impulse[c, 0], impulse[c, 1]
-
-
-@inner_kernel
 def record_impulses(e: int, batch: Batch, share: float) -> None:
     """Add a share of the contact impulses of environment ``e`` to what people have received in this call."""
     contacts, received, magnitudes = batch.history.contacts, batch.results.impulse, batch.results.impulse_magnitude
@@ -118,6 +109,20 @@ def record_overlaps(e: int, batch: Batch) -> float:
     sums.overlap_sum[e] += total
     sums.overlap_count[e] += count
     return float(outside)
+
+
+@inner_kernel
+def record_contacts(e: int, batch: Batch) -> float:
+    """Add impulses and overlaps to the sums, and let the solver of the next step start from these impulses.
+
+    Returns the deepest overlap of a contact of environment ``e`` with a wall [m].
+    """
+    record_impulses(e, batch, 1.0)
+    impulse, history = batch.history.contacts.impulse, batch.history.contacts.history
+    contact_start, contact_stop = contact_range(e, batch)
+    for c in range(contact_start, contact_stop):
+        history[c, 0], history[c, 1] = impulse[c, 0], impulse[c, 1]
+    return float(record_overlaps(e, batch))
 
 
 @inner_kernel
