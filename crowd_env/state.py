@@ -15,6 +15,7 @@ from crowd_env._kernels.jit import kernel
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+Indices = NDArray[np.uint32]  # unsigned, because numba checks every signed index for being negative
 
 # m/s; nobody is faster, whoever pushes: the fastest that anyone is known to have run is 12.4 (Bolt, 100 m, Berlin 2009).
 MAX_SPEED = 12.5

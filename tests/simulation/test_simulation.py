@@ -223,7 +223,7 @@ def test_memory_that_grows_or_is_large_from_the_start(name, monkeypatch):
 def test_growth_forgets_no_impulse(name):
     def grow(simulation):
         if simulation.state.time[0] > 0.75:
-            simulation._grow()
+            simulation._stepper.grow()
 
     crowds = evacuations()
     grown, expected = run(name, crowds, calls=9, before_each=grow), run(name, crowds, calls=9)

@@ -126,7 +126,7 @@ def test_recorded_starts_may_come_transposed_and_are_the_populations_own():
         ),
         (lambda: make_bodies(np.full(3, 0.2), "heavy"), "^mass is not made of numbers"),
         (lambda: make_bodies(np.full(3, 0.2), 1.0, env_start=[0.0, 3.0]), "^env_start is .* a row of whole numbers$"),
-        (lambda: Simulation(ROOM, *crowd(), threads=1.5), "^threads is 1.5; it must be a whole number$"),
+        (lambda: Simulation(ROOM, *crowd(), threads=1.5), "^threads is 1.5; it must be a whole number, at least 1$"),
         (lambda: Simulation(ROOM, *crowd(), geometry_of_env=np.zeros((1, 1), int)), "^geometry_of_env must name"),
     ],
 )
