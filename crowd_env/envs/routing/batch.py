@@ -18,7 +18,8 @@ from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.routing.layout import RoutingLayout, check_names, make_terms
 from crowd_env.envs.routing.regions import grid_regions, named_regions
-from crowd_env.envs.routing.terms import RoutingReward, RoutingView, make_weights
+from crowd_env.envs.routing.terms import RoutingView, make_weights
+from crowd_env.envs.terms import RewardTerm
 from crowd_env.navigation.field import NavigationField
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
@@ -55,7 +56,7 @@ class RoutingBatch:
         routes: Sequence[str] = (),
         doors: Sequence[str] = (),
         observation: Mapping[str, Any] | None = None,
-        reward: Mapping[str | RoutingReward, float] | None = None,
+        reward: Mapping[str | RewardTerm, float] | None = None,
         rules: bool = False,
         scheme: str | ContactScheme = "nsm2",
         dt: float | None = None,

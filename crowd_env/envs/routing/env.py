@@ -48,7 +48,7 @@ class RoutingEnv(SingleEnv):
     doors : names of the doors to open and close; the others are left to the scenario.
     observation : the terms that are observed, ``{"terms": ["count", "queue"]}``; by default all.  `RoutingTerm` objects of your
         own may stand among the names.
-    reward : weights of the terms, by default ``{"mean": 0.1, "last": 0.1}``.  `RoutingReward` objects of your own may be keys.
+    reward : weights of the terms, by default ``{"mean": 0.1, "last": 0.1}``.  `RewardTerm` objects of your own may be keys.
     rules : whether the scenario's control rules act as well.
     scheme, dt, time_limit, threads : as for `CrowdEnv`.
     render_mode : None or "rgb_array".
