@@ -115,6 +115,28 @@ def weighed_terms(where: str, weights: Any, named: Mapping[str, Any]) -> dict[An
     }
 
 
+class Layout:
+    """Terms laid side by side: ``layout["walls"]`` is a slice of columns."""
+
+    def _widths(self) -> dict[str, int]:
+        """Return the number of columns of each term, in their order."""
+        raise NotImplementedError
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the terms, in the order of the columns."""
+        return tuple(self._widths())
+
+    @property
+    def size(self) -> int:
+        """Number of columns in all."""
+        return sum(self._widths().values())
+
+    def __getitem__(self, name: str) -> slice:
+        """Return the columns of a term."""
+        return columns_of("this observation has no term", name, self._widths())
+
+
 def columns_of(what: str, name: str, widths: Mapping[str, int]) -> slice:
     """Return where the columns called ``name`` are among others, laid side by side in the order of ``widths``.
 

@@ -15,7 +15,8 @@ from rich.console import Console
 
 from agents import evaluate as command
 from agents.controllers import FixedSplit, RandomController
-from agents.evaluation.entries import controller_entry, make_entries
+from agents.drivers import SAMPLE, ControllerDriver
+from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
 from agents.evaluation.folder import _curves
 from agents.evaluation.report import crowding_table, exits_table, left_table, times_table
@@ -88,8 +89,11 @@ class Balancing:
 @pytest.mark.parametrize("controller", [FixedSplit(2.5), RandomController(), Balancing()], ids=lambda one: one.name)
 def test_a_controller_sampled_between_its_decisions_is_the_controller(controller):
     options = {"grid": (4, 1), "interval": 1.0}
-    entry = controller_entry(controller, SMALL, {**options, "scenario": "hall", "scheme": "dem"})
-    ours = evaluate_driver(entry.driver(SMALL, "nsm2", 1), SMALL, "controller", "nsm2", runs=3, measure=True)
+
+    def sampled(num_envs):
+        return ControllerDriver(controller, SMALL, num_envs=num_envs, sample_dt=SAMPLE, **options)
+
+    ours = evaluate_driver(sampled, SMALL, "controller", "nsm2", runs=3, measure=True)
     batch, seeds = RoutingBatch(SMALL, num_envs=3, **options), [HELD_OUT_SEED + k for k in range(3)]
     observation, rng = batch.reset(seeds), np.random.default_rng(HELD_OUT_SEED)
     while not batch.env.finished.all():
@@ -116,7 +120,7 @@ def test_a_batch_that_steps_by_samples_pays_and_sees_the_same():
         assert other.reward == pytest.approx(one.reward, rel=1e-12) and list(one.metrics) == list(other.metrics)
         left += len(one.metrics)
     assert left == 2 and sampled.samples == 10 and sampled.env.finished.all()
-    with pytest.raises(ValueError, match=r"interval of 1 s is not a whole number of samples of 0\.3 s"):
+    with pytest.raises(ValueError, match=r"interval = 1 s is not a whole number of samples of sample_dt = 0\.3 s"):
         RoutingBatch(SMALL, interval=1.0, sample_dt=0.3)
 
 

@@ -138,5 +138,5 @@ def test_samples_within_an_interval_add_up_to_it():
         assert one[1:4] == pytest.approx(other[1:4]) and one[4]["inside"] == other[4]["inside"]
         over = one[2] or one[3]
     assert one[4]["metrics"]["mean_exit_time"] == pytest.approx(other[4]["metrics"]["mean_exit_time"])
-    with pytest.raises(ValueError, match=r"interval of 2 s is not a whole number of samples of 0\.3 s"):
+    with pytest.raises(ValueError, match=r"interval = 2 s is not a whole number of samples of sample_dt = 0\.3 s"):
         RoutingEnv(SMALL, sample_dt=0.3)

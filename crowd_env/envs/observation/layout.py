@@ -9,7 +9,7 @@ import numpy as np
 from crowd_env.checks import Range, check_fields, from_data
 from crowd_env.envs.observation.terms import TERMS, ObservationTerm
 from crowd_env.envs.observation.view import Columns, Plan, View
-from crowd_env.envs.terms import columns_of, observed_terms, own_terms
+from crowd_env.envs.terms import Layout, observed_terms, own_terms
 from crowd_env.state import Ints
 
 # Up to so many people in an environment all pairs are looked at, above it those of neighboring cells: faster, the same bits.
@@ -19,7 +19,7 @@ MOST_RAYS = 360
 
 
 @dataclass(frozen=True)
-class ObservationLayout:
+class ObservationLayout(Layout):
     """Which terms an observation holds, and where: ``layout["direction"]`` is a slice of columns.
 
     Parameters
@@ -49,27 +49,13 @@ class ObservationLayout:
         object.__setattr__(self, "terms", observed_terms(ObservationTerm, self.terms, TERMS))
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the terms, in the order of the columns."""
-        return tuple(self._widths())
-
-    @property
     def own_terms(self) -> tuple[ObservationTerm, ...]:
         """The terms that are not compiled."""
         return own_terms(ObservationTerm, self.terms)
 
-    @property
-    def size(self) -> int:
-        """Number of columns in all."""
-        return sum(self._widths().values())
-
     def width(self, name: str) -> int:
         """Return the number of columns of a term."""
         return self._widths()[name]
-
-    def __getitem__(self, name: str) -> slice:
-        """Return the columns of a term."""
-        return columns_of("this observation has no term", name, self._widths())
 
     def _widths(self) -> dict[str, int]:
         widths = {}

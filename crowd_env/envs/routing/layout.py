@@ -6,11 +6,11 @@ from typing import Any
 
 from crowd_env.checks import check_keys, known, table, texts
 from crowd_env.envs.routing.terms import TERMS, RoutingTerm
-from crowd_env.envs.terms import columns_of, observed_terms
+from crowd_env.envs.terms import Layout, observed_terms
 
 
 @dataclass(frozen=True)
-class RoutingLayout:
+class RoutingLayout(Layout):
     """Where the terms of an observation are: ``layout["queue"]`` is a slice of columns; all values lie in [0, 1].
 
     Parameters
@@ -24,20 +24,6 @@ class RoutingLayout:
     routes: tuple[str, ...]
     doors: tuple[str, ...] = ()
     terms: tuple[RoutingTerm, ...] = tuple(TERMS.values())
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the terms, in the order of the columns."""
-        return tuple(self._widths())
-
-    @property
-    def size(self) -> int:
-        """Number of columns in all."""
-        return sum(self._widths().values())
-
-    def __getitem__(self, name: str) -> slice:
-        """Return the columns of a term."""
-        return columns_of("this observation has no term", name, self._widths())
 
     def _widths(self) -> dict[str, int]:
         each = {"region": self.regions, "exit": self.exits, "route": self.routes, "door": self.doors, "": ("all",)}
