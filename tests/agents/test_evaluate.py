@@ -14,7 +14,8 @@ from repository import ROOT
 from rich.console import Console
 
 from agents.controllers import FixedSplit, RandomController
-from agents.evaluation.entries import controller_entry, make_entries
+from agents.drivers import SAMPLE, ControllerDriver
+from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
 from agents.evaluation.folder import _curves
 from agents.evaluation.report import crowding_table, exits_table, left_table, times_table
@@ -87,8 +88,11 @@ class Balancing:
 @pytest.mark.parametrize("controller", [FixedSplit(2.5), RandomController(), Balancing()], ids=lambda one: one.name)
 def test_a_controller_sampled_between_its_decisions_is_the_controller(controller):
     options = {"grid": (4, 1), "interval": 1.0}
-    entry = controller_entry(controller, SMALL, {**options, "scenario": "hall", "scheme": "dem"})
-    ours = evaluate_driver(entry.driver(SMALL, "nsm2", 1), SMALL, "controller", "nsm2", runs=3, measure=True)
+
+    def sampled(num_envs):
+        return ControllerDriver(controller, SMALL, num_envs=num_envs, sample_dt=SAMPLE, **options)
+
+    ours = evaluate_driver(sampled, SMALL, "controller", "nsm2", runs=3, measure=True)
     batch, seeds = RoutingBatch(SMALL, num_envs=3, **options), [HELD_OUT_SEED + k for k in range(3)]
     observation, rng = batch.reset(seeds), np.random.default_rng(HELD_OUT_SEED)
     while not batch.env.finished.all():

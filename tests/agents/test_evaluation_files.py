@@ -14,10 +14,9 @@ import crowd_env
 from agents import evaluate as command
 from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED
-from agents.evaluation.fingerprint import fingerprint
+from agents.evaluation.fingerprint import fingerprint, source_stamp
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.routing import evaluate_controller
-from agents.evaluation.source_stamp import source_stamp
 from agents.trained import LearnedController
 from crowd_env import SCHEMES, DoorEvent, Groups, Normal, SpeedZone, Uniform, make_scenario
 from crowd_env.envs.routing.batch import RoutingBatch

@@ -5,7 +5,7 @@ import pytest
 from evacuations import evacuated
 
 from crowd_env import CrowdEnv, make_scenario
-from crowd_env.envs.rollout import RuleDriver, RunsInterrupted, report, rollout, run_episodes
+from crowd_env.envs.rollout import Driver, RunsInterrupted, report, rollout, run_episodes
 from crowd_env.rendering.live import record
 
 
@@ -91,7 +91,7 @@ def test_a_recorder_sees_every_moment_of_every_evacuation(two_at_once):
 
 
 def test_a_driver_of_ones_own_leads_the_batches(two_at_once):
-    class Idle(RuleDriver):
+    class Idle(Driver):
         def step(self):
             return self.env.step(np.zeros((self.env.num_people, 2)))
 
