@@ -177,7 +177,7 @@ def test_masks_that_are_no_flags_are_refused(env, mask):
     ("seed", "said"),
     [
         *[(seed, "seed") for seed in (1.5, "0", True, NAN, [0, 1, 2], [0, "1"], [0, True], {}, 1j)],
-        *[(-1, ">= 0"), ([0, -1], ">= 0"), ([0], "1 seeds for 2")],
+        *[(-1, "at least 0"), ([0, -1], "at least 0"), ([0], "1 seeds for 2")],
     ],
 )
 def test_seeds_that_are_none_are_refused(env, seed, said):
