@@ -28,6 +28,8 @@ class Bodies(NamedTuple):
     desired_speed: Floats  # (P,)    m/s
     relaxation_time: Floats  # (P,)    s
     response_time: Floats  # (P,)    s        stands still until then
+    time_gap: Floats  # (P,)    s        of the headway that is kept; nan = that of the manner of the run
+    push: Floats  # (P,)             share of the desired speed at which one presses on; nan = that of the manner
     env_start: Ints  # (E+1,)  first slot of each environment
 
 
@@ -56,6 +58,8 @@ def make_bodies(
     desired_speed: Floats | float = 0.0,
     relaxation_time: Floats | float = 0.5,
     response_time: Floats | float = 0.0,
+    time_gap: Floats | float = np.nan,
+    push: Floats | float = np.nan,
     env_start: Ints | None = None,
 ) -> Bodies:
     """Return `Bodies` with every array filled; the inertia is that of a solid disc, ``m r^2 / 2``.
@@ -84,6 +88,8 @@ def make_bodies(
         desired_speed=full("desired_speed", desired_speed),
         relaxation_time=full("relaxation_time", relaxation_time),
         response_time=full("response_time", response_time),
+        time_gap=full("time_gap", time_gap),
+        push=full("push", push),
         env_start=np.array([0, count]) if env_start is None else _whole_numbers("env_start", env_start),
     )
     check_bodies(bodies)
@@ -136,6 +142,14 @@ def check_bodies(bodies: Bodies) -> None:
         _require(name, getattr(bodies, name), positive=True)
     for name in ("desired_speed", "response_time"):
         _require(name, getattr(bodies, name), positive=False)
+    for name, most in (("time_gap", np.inf), ("push", 1.0)):  # nan = that of the manner
+        values = getattr(bodies, name)
+        bad = np.flatnonzero(
+            (values < 0.0) | (values > most) | np.isinf(values) | ((values == 0.0) & (name == "time_gap"))
+        )
+        if len(bad):
+            bound = "> 0" if name == "time_gap" else "between 0 and 1"
+            raise ValueError(f"{name} of pedestrian {bad[0]} is {values[bad[0]]:g}; it must be {bound}")
     fastest = int(np.argmax(bodies.desired_speed))
     if bodies.desired_speed[fastest] > MAX_SPEED:
         speed = bodies.desired_speed[fastest]

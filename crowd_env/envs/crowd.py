@@ -20,6 +20,7 @@ from crowd_env.envs.observation.view import allocate_route_ahead
 from crowd_env.envs.reward import RewardFunction, RewardWeights, Transition, make_weights
 from crowd_env.envs.seeding import seed_words
 from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.physics.walking.headway import Headway
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.groups import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
@@ -78,6 +79,8 @@ class CrowdEnv:
     threads : spread environments over threads; results do not depend on it.
     strategy, rules : how people choose their route, and whether the scenario's control rules are in force, see
         `Scenario.route_set`.
+    manner : how people walk before they touch: a name in ``MANNERS``, a Headway, or a table of its parameters.  It is that of
+        everyone, whoever leads them: an action then says what one would do with nobody in front.
     scenario_options : options of the scenario if it is given by name.
 
     Raises
@@ -111,6 +114,7 @@ class CrowdEnv:
         threads: int = 1,
         strategy: str = "shortest",
         rules: bool = True,
+        manner: str | Mapping[str, Any] | Headway | None = None,
         **scenario_options: Any,
     ) -> None:
         num_envs, threads = whole("num_envs", num_envs, COUNT), whole("threads", threads, _THREADS)
@@ -154,6 +158,7 @@ class CrowdEnv:
             fields=self.route_set,
             geometry_of_env=which,
             threads=threads,
+            manner=manner,
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
         self._ahead = allocate_route_ahead(people)  # the observer writes it, the reward reads its potential

@@ -239,6 +239,7 @@ def _advance_range(
     social: SocialParams | None,
     cutoff: float,
     regions: bool | None,
+    walking: bool | None,
     thread: int,
     threads: int,
 ) -> None:
@@ -262,7 +263,7 @@ def _advance_range(
                 # Neighbors: a new list if the old one is stale.  Contacts are listed in the last step of the call alone.
                 partition.run[e] = detect(e, slabs, batch, n_substeps, cutoff)
                 if partition.run[e]:
-                    plan_steering(e, batch, dt, regions)
+                    plan_steering(e, batch, dt, regions, walking)
                     if substep[e] == n_substeps - 1:
                         _list_contacts(e, batch, dt, stiffness)
             wait_for_all(partition.barrier, team)
@@ -270,7 +271,7 @@ def _advance_range(
                 break
             for row in range(row_start, row_stop, team):
                 # Regular forces: directions and desired velocities where they are due, social force.
-                regular_forces(e, row, batch, dt, social)
+                regular_forces(e, row, batch, dt, social, walking)
                 # The law: springs between people, and between people and walls.
                 _push_people(row, batch, stiffness)
                 _push_off_walls(e, row, batch, stiffness)

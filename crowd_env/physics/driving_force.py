@@ -9,18 +9,22 @@ from crowd_env.physics.social_force import SocialForce, SocialParams, add_social
 from crowd_env.physics.workspace import Batch
 
 
-def influences(social: SocialForce | None, batch: StructRef) -> tuple[SocialParams | None, float, bool | None]:
+def influences(
+    social: SocialForce | None, batch: StructRef
+) -> tuple[SocialParams | None, float, bool | None, bool | None]:
     """Return what acts besides contact and drive, as kernels take it: None is not even compiled.
 
-    The social force (passive grains feel none), how far it reaches [m], and whether there are regions, and so perhaps rules.
+    The social force (passive grains feel none), how far it reaches [m], whether there are regions, and so perhaps rules, and
+    whether people keep a headway.
     """
     params = social.params() if social is not None and batch.fields.control.driving else None
     regions = bool(batch.fields.world.guidance.region.shape.any())
-    return params, 0.0 if params is None else params.cutoff, regions or None
+    walking = bool(batch.fields.control.keeps_headway and batch.fields.control.driving)
+    return params, 0.0 if params is None else params.cutoff, regions or None, walking or None
 
 
 @inner_kernel
-def regular_forces(e: int, rank_stop: int, batch: Batch, social: SocialParams | None) -> None:
+def regular_forces(e: int, rank_stop: int, batch: Batch, social: SocialParams | None, walking: bool | None) -> None:
     """Write the sum of all forces but contact [N] into ``History.force`` (P, 2): external, driving and social.
 
     It is written for the people whom ``Workspace.inside`` lists up to ``rank_stop``; with it the desired velocity [m/s], into
@@ -28,14 +32,21 @@ def regular_forces(e: int, rank_stop: int, batch: Batch, social: SocialParams | 
     otherwise.  A relative command turns with the direction of the followed route (`steering.steer`): command (1, 0) is the
     rule "walk the way out".  With a social force the neighbor list must be complete up to its cut-off.
     """
-    _drive(e, rank_stop, batch)
+    _drive(e, rank_stop, batch, walking)
     if social is not None:
         add_social_forces(e, rank_stop, batch, social)
 
 
 @inner_kernel
-def desired_velocity(i: int, time: float, batch: Batch) -> tuple[float, float]:
-    """Return the desired velocity [m/s]: the command, turned with the direction if it is relative, times the desired speed."""
+def desired_velocity(i: int, time: float, batch: Batch, walking: bool | None) -> tuple[float, float]:
+    """Return the desired velocity [m/s]: the command, turned with the direction if it is relative, times the desired speed.
+
+    Where people keep a headway (``walking``), what they have last decided of that.
+    """
+    if walking is not None:
+        if time >= batch.bodies.response_time[i]:
+            return batch.history.walking_velocity[i, 0], batch.history.walking_velocity[i, 1]
+        return 0.0, 0.0
     command, direction = batch.control.command, batch.history.direction
     speed = batch.history.local_speed[i] if time >= batch.bodies.response_time[i] else 0.0
     cx, cy = command[i, 0], command[i, 1]
@@ -46,7 +57,7 @@ def desired_velocity(i: int, time: float, batch: Batch) -> tuple[float, float]:
 
 
 @inner_kernel
-def _drive(e: int, rank_stop: int, batch: Batch) -> None:
+def _drive(e: int, rank_stop: int, batch: Batch, walking: bool | None) -> None:
     """Write desired velocities, and external and driving forces (eq 11)."""
     bodies, driving, external = batch.bodies, batch.control.driving, batch.control.external_force
     mass, relaxation_time, velocity, time = (
@@ -58,7 +69,7 @@ def _drive(e: int, rank_stop: int, batch: Batch) -> None:
     inside, desired, force = batch.workspace.inside, batch.workspace.desired_velocity, batch.history.force
     for rank in range(index(bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
-        vx, vy = desired_velocity(i, time, batch)
+        vx, vy = desired_velocity(i, time, batch, walking)
         fx, fy = external[i, 0], external[i, 1]
         if driving:
             rate = mass[i] / relaxation_time[i]

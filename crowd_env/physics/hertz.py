@@ -282,10 +282,11 @@ def _find_forces(
     params: HertzParams,
     social: SocialParams | None,
     regions: bool | None,
+    walking: bool | None,
 ) -> None:
     """Write all forces and torques at the present positions (eqs 1-6)."""
-    steer(e, rank_stop, batch, dt, regions)
-    regular_forces(e, rank_stop, batch, social)
+    steer(e, rank_stop, batch, dt, regions, walking)
+    regular_forces(e, rank_stop, batch, social, walking)
     _clear_torques(e, batch)
     _add_contact_forces(e, batch, dt, elapsed, params)
 
@@ -300,12 +301,14 @@ def _first_forces(
     social: SocialParams | None,
     reach: float,
     regions: bool | None,
+    walking: bool | None,
 ) -> bool:
     """Find the forces before the first step, where no spring is stretched yet; False if the contacts do not fit."""
     if not detect(e, batch, 0.0, reach):
         return False
-    _find_forces(e, rank_stop, batch, dt, 0.0, params, social, regions)
+    _find_forces(e, rank_stop, batch, dt, 0.0, params, social, regions, walking)
     batch.history.direction_age[e] += dt  # counts as a step: the next look-up is not put off by it
+    batch.history.decision_age[e] += dt
     batch.history.phase[e] = _KNOWN
     return True
 
@@ -321,6 +324,7 @@ def _advance_range(
     social: SocialParams | None,
     reach: float,
     regions: bool | None,
+    walking: bool | None,
 ) -> None:
     """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other."""
     phase, substep = batch.history.phase, batch.workspace.substep
@@ -330,7 +334,7 @@ def _advance_range(
         limit, smallest = speed_limit(batch), least_radius(e, rank_stop, batch)
         deepest = np.inf  # contact with a wall [m] at the start of the step, not known before the first of a call
         is_first = phase[e] == _UNKNOWN and substep[e] < n_substeps and rank_stop > rank_start
-        if is_first and not _first_forces(e, rank_stop, batch, dt, params, social, reach, regions):
+        if is_first and not _first_forces(e, rank_stop, batch, dt, params, social, reach, regions, walking):
             continue
         while substep[e] < n_substeps and rank_stop > rank_start:
             if phase[e] == _KNOWN:
@@ -348,7 +352,7 @@ def _advance_range(
             if not detect(e, batch, 0.0, reach):
                 break
             # Forces there, with the velocity of the half step (eqs 1-6).
-            _find_forces(e, rank_stop, batch, dt, dt, params, social, regions)
+            _find_forces(e, rank_stop, batch, dt, dt, params, social, regions, walking)
             # Half of the impulses and the overlaps into the sums.
             record_impulses(e, batch, 0.5)
             deepest = record_overlaps(e, batch)

@@ -199,6 +199,7 @@ def _advance_range(
     social: SocialParams | None,
     reach: float,
     regions: bool | None,
+    walking: bool | None,
 ) -> None:
     """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other.
 
@@ -213,8 +214,8 @@ def _advance_range(
             if social is not None and not find_neighbors(e, batch, reach):
                 break
             # Where everyone wants to go, and all forces but contact.
-            steer(e, rank_stop, batch, dt, regions)
-            regular_forces(e, rank_stop, batch, social)
+            steer(e, rank_stop, batch, dt, regions, walking)
+            regular_forces(e, rank_stop, batch, social, walking)
             # Trial velocities and their projection onto velocities without overlap (eqs 6, 7).
             if not _project(e, rank_stop, batch, dt, spontaneous, stopping, reach):
                 break

@@ -262,6 +262,7 @@ def _advance_range(
     social: SocialParams | None,
     reach: float,
     regions: bool | None,
+    walking: bool | None,
 ) -> None:
     """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other."""
     for e in range(env_first, env_stop):
@@ -273,8 +274,8 @@ def _advance_range(
             if not _detect(e, batch, params.k_tangent > 0.0, reach):
                 break
             # Where everyone wants to go, and all forces but contact.
-            steer(e, rank_stop, batch, dt, regions)
-            regular_forces(e, rank_stop, batch, social)
+            steer(e, rank_stop, batch, dt, regions, walking)
+            regular_forces(e, rank_stop, batch, social, walking)
             # Velocities u(n+1): regular forces, then percussions (eqs 8-10).
             _accelerate(e, rank_stop, batch, dt)
             deepest = _collide(e, batch, params, stopping)

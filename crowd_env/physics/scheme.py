@@ -121,7 +121,7 @@ class IterativeScheme(ContactScheme):
         return Stopping(self.tolerance, relative, self.max_iterations, self.solver != "gauss-seidel")
 
 
-def arrays_of(scheme: ContactScheme) -> frozenset[str]:
-    """Return which of the arrays in `workspace.OPTIONAL` a scheme works with."""
+def arrays_of(scheme: ContactScheme, keeps_headway: bool = False) -> frozenset[str]:
+    """Return which of the arrays in `workspace.OPTIONAL` a scheme works with, and people who keep a headway."""
     social = ("desired_velocity", "force", "heading", "social_pairs") if scheme.social is not None else ()
-    return frozenset((*scheme.info.uses, *social))
+    return frozenset((*scheme.info.uses, *social, *(("walking",) if keeps_headway else ())))

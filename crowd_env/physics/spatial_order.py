@@ -22,7 +22,17 @@ EVERY = 0.5  # s
 _CELL = 0.5  # m
 
 # The part of the history that only the physics reads: it lies in the order of space itself.
-_IN_ORDER = ("direction", "is_uniform", "lookup_turn", "region_bits", "local_speed", "force", "torque")
+_IN_ORDER = (
+    "direction",
+    "is_uniform",
+    "lookup_turn",
+    "region_bits",
+    "local_speed",
+    "force",
+    "torque",
+    "walking_velocity",
+    "waited",
+)
 
 
 class Order(NamedTuple):

@@ -4,6 +4,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.navigation.lookup import BLEND, blended_direction, exit_frame, quick_cell, through_exit, way_at
+from crowd_env.physics.walking.decide import decide
 from crowd_env.physics.workspace import LOOKUP_PERIOD, Batch
 from crowd_env.routing.rules import apply_rules, notice_regions
 from crowd_env.state import Floats
@@ -35,13 +36,24 @@ def reset_routes(e: int, batch: Batch, regions: bool | None) -> None:
 
 
 @inner_kernel
-def steer(e: int, rank_stop: int, batch: Batch, dt: float, regions: bool | None) -> None:
-    """Bring rules, routes and directions of environment ``e`` up to date if they are due."""
+def steer(e: int, rank_stop: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None) -> None:
+    """Bring rules, routes, directions and walking velocities of environment ``e`` up to date if they are due."""
     if batch.history.direction_age[e] > max(LOOK_EVERY - 0.5 * dt, 0.0):  # a step done again does not look again
         if regions is not None:
             follow_rules(e, batch)
         update_steering(e, batch.bodies.env_start[e], rank_stop, batch, dt, choose_turn(e, batch, regions))
         batch.history.direction_age[e] = 0.0
+    if walking is not None and is_decision_due(e, batch, dt):
+        decide(e, batch, batch.control.headway)
+
+
+@inner_kernel
+def is_decision_due(e: int, batch: Batch, dt: float) -> bool:
+    """Whether people decide in this step how to walk; not again in a step that is done again."""
+    if batch.history.decision_age[e] > max(batch.control.headway.interval - 0.5 * dt, 0.0):
+        batch.history.decision_age[e] = 0.0
+        return True
+    return False
 
 
 @inner_kernel

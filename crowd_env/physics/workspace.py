@@ -7,12 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env.geometry.geometry import Boundary
+from crowd_env.geometry.wall_grid import WallGrid
 from crowd_env.navigation.field import FieldArrays
 from crowd_env.physics.constraints import Constraints, allocate_constraints
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.dem_lanes.buffers import SoABuffers, allocate_buffers
 from crowd_env.physics.dem_lanes.partition import Partition, allocate_partition
 from crowd_env.physics.neighbors.lists import NeighborList, Places, allocate_neighbors, entries_per_person
+from crowd_env.physics.walking.headway import Headway, HeadwayParams
 from crowd_env.routing.rules import Guidance
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
@@ -26,6 +28,7 @@ class World(NamedTuple):
     field: FieldArrays  # directions and travel times of all routes
     geometry_of_env: Ints  # (E,)
     guidance: Guidance  # routes, regions and control rules
+    wall_grid: WallGrid  # which walls may hide people from each other; empty where nobody keeps a headway
 
 
 class Control(NamedTuple):
@@ -34,6 +37,9 @@ class Control(NamedTuple):
     command: Floats  # (P, 2)  desired velocity as a multiple of the own desired speed
     relative: Bools  # (P,)    command turns with the direction of the shortest path; else along the world axes
     external_force: Floats  # (P, 2)  N
+    gives_way: Bools  # (P,)    keeps the headway, where people keep any
+    headway: HeadwayParams
+    keeps_headway: bool
     driving: bool  # pedestrians (eq 11) or passive grains
     bounded: bool  # nobody is too fast, goes too far in a step, or through a wall: see `crowd_env.physics.bounds`
 
@@ -44,6 +50,7 @@ class Command(NamedTuple):
     command: Floats | None  # (1, 0): straight along the way
     relative: Bools | None  # True
     external_force: Floats | None  # 0
+    gives_way: Bools | None = None  # True
 
 
 class Diagnostics(NamedTuple):
@@ -93,6 +100,9 @@ class History(NamedTuple):
     rule_on: Bools  # (E, K)  control rules of each environment
     rule_since: Floats  # (E, K)  s  when they were switched on
     door_open: Bools  # (E, D)
+    walking_velocity: Floats  # (P, 2)  m/s  that everyone has last decided to walk at
+    waited: Floats  # (P,)    s  stood still
+    decision_age: Floats  # (E,)    s  since people decided; infinite = they must
 
 
 class SocialPairs(NamedTuple):
@@ -104,6 +114,19 @@ class SocialPairs(NamedTuple):
     size: Floats  # N
 
 
+class Walkers(NamedTuple):
+    """Scratch of a decision, (P,) each: by slot the way, then those around a cell, one behind the other."""
+
+    way_x: Floats  # unit vector along the way that one wants to take
+    way_y: Floats
+    speed: Floats  # m/s  desired
+    slot: Places
+    x: Floats  # m
+    y: Floats
+    radius: Floats  # m
+    seen: Places  # which of those around one sees in front
+
+
 class Workspace(NamedTuple):
     """Scratch: what is made anew whenever it is not there."""
 
@@ -112,6 +135,7 @@ class Workspace(NamedTuple):
     soa: SoABuffers
     partition: Partition
     social_pairs: SocialPairs
+    walkers: Walkers
     inside: Places  # (P,)   who is inside, environment e from env_start[e] on: see `step.list_active`
     desired_velocity: Floats  # (P, 2) m/s
     heading: Floats  # (P, 4) desired direction times the anisotropy of the social force; the desired velocity it is of
@@ -135,15 +159,24 @@ class Batch(NamedTuple):
     workspace: Workspace
 
 
-def allocate_control(people: int, driving: bool, bounded: bool = True) -> Control:
+def allocate_control(people: int, driving: bool, bounded: bool = True, headway: Headway | None = None) -> Control:
     """Return room for what is asked of so many people."""
-    return Control(np.zeros((people, 2)), np.ones(people, dtype=np.bool_), np.zeros((people, 2)), driving, bounded)
+    return Control(
+        np.zeros((people, 2)),
+        np.ones(people, dtype=np.bool_),
+        np.zeros((people, 2)),
+        np.ones(people, dtype=np.bool_),
+        (headway or Headway()).params(),
+        headway is not None,
+        driving,
+        bounded,
+    )
 
 
 def set_command(control: Control, asked: Command, copy: Callable[[Any, Any], None] = np.copyto) -> None:
     """Write what is asked for to where kernels read it; ``copy`` is given an array and what goes there."""
-    defaults: tuple[Any, ...] = ((1.0, 0.0), True, 0.0)
-    for array, values, default in zip(control[:3], asked, defaults, strict=True):
+    defaults: tuple[Any, ...] = ((1.0, 0.0), True, 0.0, True)
+    for array, values, default in zip(control[:4], asked, defaults, strict=True):
         if values is None:
             array[:] = default
         else:
@@ -183,6 +216,7 @@ OPTIONAL = (
     "correction_velocity",
     "force",
     "torque",
+    "walking",
 )
 
 
@@ -213,6 +247,9 @@ def allocate_history(
         rule_on=np.zeros((environments, rules), dtype=np.bool_),
         rule_since=np.zeros((environments, rules)),
         door_open=np.ones((environments, doors), dtype=np.bool_),
+        walking_velocity=np.zeros((people if "walking" in uses else 0, 2)),
+        waited=np.zeros(people if "walking" in uses else 0),
+        decision_age=np.full(environments, np.inf),
     )
 
 
@@ -237,6 +274,7 @@ def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[st
         soa=allocate_buffers(room("soa")),
         partition=allocate_partition(bodies.env_start, len(neighbors.contact_distance) if "soa" in uses else 0),
         social_pairs=allocate_social_pairs(len(neighbors.contact_distance) if "social_pairs" in uses else 0),
+        walkers=allocate_walkers(room("walking")),
         inside=np.zeros(people, dtype=np.uint32),
         desired_velocity=np.zeros((room("desired_velocity"), 2)),
         heading=np.zeros((room("heading"), 4)),
@@ -247,6 +285,12 @@ def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[st
         substep=np.zeros(environments, dtype=np.int64),
         status=np.zeros(environments, dtype=np.int64),
     )
+
+
+def allocate_walkers(people: int) -> Walkers:
+    """Return room for the decisions of so many people."""
+    numbers = (np.zeros(people) for _ in Walkers._fields)
+    return Walkers._make(numbers)._replace(slot=np.zeros(people, np.uint32), seen=np.zeros(people, np.uint32))
 
 
 def allocate_social_pairs(entries: int) -> SocialPairs:

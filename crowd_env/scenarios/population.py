@@ -129,7 +129,8 @@ class Population:
             )
         inertia = 0.5 * mass * radius**2
         whole = np.array([0, count])
-        return Bodies(radius, mass, inertia, desired_speed, relaxation_time, response_time, whole)
+        not_given = np.full((2, count), np.nan)
+        return Bodies(radius, mass, inertia, desired_speed, relaxation_time, response_time, *not_given, whole)
 
     def draw_starts(self, rng: np.random.Generator, geometry: Geometry, radius: Floats) -> Floats:
         """Return the recorded positions (count, 2), or some drawn from them, checked for bodies of ``radius`` (count,)."""

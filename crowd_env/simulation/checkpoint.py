@@ -9,6 +9,7 @@ from crowd_env.physics.contacts import KEPT, Contacts, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.spatial_order import Order
+from crowd_env.physics.walking.headway import Headway
 from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, World
 from crowd_env.routing.door_schedule import DoorState
 from crowd_env.routing.replanning import PlannerState
@@ -97,11 +98,19 @@ def require_checkpoint(checkpoint: Any, kind: type, of: str) -> None:
 
 
 def made_by(
-    scheme: ContactScheme, dt: float, driving: bool, replan_every: float, bodies: Bodies, is_sorted: bool, world: World
+    scheme: ContactScheme,
+    manner: Headway | None,
+    dt: float,
+    driving: bool,
+    replan_every: float,
+    bodies: Bodies,
+    is_sorted: bool,
+    world: World,
 ) -> dict[str, Any]:
     """Return what a simulation must have in common with another to take up a checkpoint of it."""
     return {
         "scheme": scheme,
+        "manner": manner,
         "dt": dt,
         "driving": driving,
         "replan_every": replan_every,

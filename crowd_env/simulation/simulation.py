@@ -1,7 +1,7 @@
 """A batch of crowds that walk, touch and leave.  No rewards, no agents: give it commands, advance it, read its arrays."""
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from crowd_env._kernels.struct_ref import StructRef, struct_ref
 from crowd_env._kernels.threads import Workers
 from crowd_env.geometry.geometry import Geometry, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
+from crowd_env.geometry.wall_grid import make_wall_grid, no_wall_grid
 from crowd_env.navigation.field import NavigationField
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.contacts import rows_of
@@ -17,6 +18,7 @@ from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.neighbors.update import DIVERGED, FULL, OK, TOO_FAST
 from crowd_env.physics.scheme import arrays_of
 from crowd_env.physics.spatial_order import SortedCrowd
+from crowd_env.physics.walking.headway import Headway, make_manner
 from crowd_env.physics.workspace import (
     Batch,
     Command,
@@ -78,6 +80,8 @@ class Simulation:
     driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
     threads : spread environments, or with `dem` the parts of one large crowd, over this many threads; the result does not
         depend on it.
+    manner : how people walk before they touch: a name in ``MANNERS``, a Headway, or a table of its parameters; by default they
+        walk at full speed whatever is in front of them.
     allow_unstable : accept a ``dt`` above the scheme's stable step, and let everyone go as fast, as far in a step and through
         whatever the contact law alone allows (to show what happens); else see `crowd_env.physics.bounds`.
 
@@ -102,6 +106,7 @@ class Simulation:
         threads: int = 1,
         replan_every: float = 1.0,
         allow_unstable: bool = False,
+        manner: str | Mapping[str, Any] | Headway | None = None,
     ) -> None:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
         check_bodies(bodies)
@@ -110,6 +115,7 @@ class Simulation:
         self.scheme = make_scheme(scheme)
         self.dt = dt = self.scheme.info.default_dt if dt is None else dt
         self.driving, self.allow_unstable = driving, allow_unstable
+        self.manner = headway = make_manner(manner)
         self.threads = check_threads(threads)
         self.scheme.check(driving)
         check_step(self.scheme, bodies, dt, allow_unstable)
@@ -119,13 +125,14 @@ class Simulation:
         which = which_geometry(geometry_of_env, environments, len(self.geometries))
         self.planner = RoutePlanner(self.fields, which, boundary, replan_every)
         guidance = self.planner.guidance
-        self.world = World(boundary, self.planner.field, which, guidance)
+        walls = no_wall_grid(len(self.geometries)) if headway is None else make_wall_grid(boundary, headway.sight + 1.0)
+        self.world = World(boundary, self.planner.field, which, guidance, walls)
         plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
         closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
         self._door_schedule = DoorSchedule(self.geometries, closed, events, which)
         doors = max(len(place.doors) for place in self.geometries)
         rules = int(np.diff(guidance.rule.start).max(initial=0))
-        self._uses = arrays_of(self.scheme)
+        self._uses = arrays_of(self.scheme, headway is not None)
         self.results = allocate_results(len(bodies.radius), environments)
         self.workspace = allocate_workspace(bodies, uses=self._uses)
         self.history = allocate_history(bodies, self.workspace.neighbors, rules, doors, self._uses)
@@ -139,7 +146,7 @@ class Simulation:
         # alone, whatever the contacts say.  Nobody should be.
         self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
-        self._control = allocate_control(len(bodies.radius), driving, bounded=not allow_unstable)
+        self._control = allocate_control(len(bodies.radius), driving, not allow_unstable, headway)
         batch = Batch(self.world, bodies, state, self._control, self.results, self.history, self.workspace)
         self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
         # What kernels work on, always the same reference: see `_replace`.
@@ -170,6 +177,7 @@ class Simulation:
         relative: Bools | None = None,
         n_substeps: int = 1,
         external_force: Floats | None = None,
+        gives_way: Bools | None = None,
     ) -> None:
         """Advance every environment by ``n_substeps`` physics steps in one compiled call.
 
@@ -179,6 +187,7 @@ class Simulation:
         relative : (P,), True where the command turns with the direction of the shortest path (default), False where its
             axes are those of the world.
         external_force : (P, 2) N.
+        gives_way : (P,), False for people who walk as they are told, whatever the manner of the others; default True.
 
         Raises
         ------
@@ -192,6 +201,7 @@ class Simulation:
             vectors("command", command, people),
             flags("relative", relative, people),
             vectors("external_force", external_force, people),
+            flags("gives_way", gives_way, people),
         )
         if n_substeps < 0:
             raise ValueError(f"n_substeps is {n_substeps}; it must be >= 0")
@@ -376,7 +386,7 @@ class Simulation:
 
     def _made_like(self) -> dict[str, Any]:
         is_sorted, interval = self._sorted is not None, self.planner.interval
-        return made_by(self.scheme, self.dt, self.driving, interval, self.bodies, is_sorted, self.world)
+        return made_by(self.scheme, self.manner, self.dt, self.driving, interval, self.bodies, is_sorted, self.world)
 
     def send(self, e: int, route: Ints | int) -> None:
         """Let everyone in environment ``e`` take another way: one number for all, or one each.

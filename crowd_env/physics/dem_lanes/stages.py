@@ -29,7 +29,8 @@ from crowd_env.physics.driving_force import desired_velocity
 from crowd_env.physics.exits import mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
 from crowd_env.physics.social_force import SocialParams, add_social_forces
-from crowd_env.physics.steering import LOOK_EVERY, choose_turn, follow_rules, update_steering
+from crowd_env.physics.steering import LOOK_EVERY, choose_turn, follow_rules, is_decision_due, update_steering
+from crowd_env.physics.walking.decide import decide
 from crowd_env.physics.workspace import Batch
 
 # What a step has to do about desired velocities: keep them, compute them from the directions, or look up the directions first.
@@ -63,7 +64,7 @@ def detect(e: int, slabs: int, batch: Batch, n_substeps: int, cutoff: float) -> 
 
 
 @inner_kernel
-def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None) -> None:
+def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None) -> None:
     """Say what this step has to do about desired velocities, and let control rules act when directions are due."""
     partition, direction_age, state = batch.workspace.partition, batch.history.direction_age, batch.state
     partition.steering[e] = COMPUTE if state.time[e] <= partition.desired_until[e] else KEEP
@@ -75,10 +76,27 @@ def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None) -> None
             begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
             interleave(begin, end, state.active, batch.workspace.soa.x, batch.workspace.soa.y, state.position)
             follow_rules(e, batch)
+    if walking is not None and is_decision_due(e, batch, dt):
+        _let_decide(e, batch, dt)
 
 
 @inner_kernel
-def regular_forces(e: int, row: int, batch: Batch, dt: float, social: SocialParams | None) -> None:
+def _let_decide(e: int, batch: Batch, dt: float) -> None:
+    """Let everyone look up the direction, where that is due, and decide how to walk."""
+    partition, soa, state = batch.workspace.partition, batch.workspace.soa, batch.state
+    begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    interleave(begin, end, state.active, soa.x, soa.y, state.position)
+    interleave(begin, end, state.active, soa.vx, soa.vy, state.velocity)
+    if partition.steering[e] == LOOK_UP:
+        update_steering(e, begin, begin + partition.people_inside[e], batch, dt, partition.turn[e])
+    partition.steering[e] = COMPUTE
+    decide(e, batch, batch.control.headway)
+
+
+@inner_kernel
+def regular_forces(
+    e: int, row: int, batch: Batch, dt: float, social: SocialParams | None, walking: bool | None
+) -> None:
     """Bring the desired velocities of one slab up to date, and the sum of external and social forces where there are any.
 
     The driving force needs no array: `integrate_velocity` forms it from the desired velocity.
@@ -93,7 +111,7 @@ def regular_forces(e: int, row: int, batch: Batch, dt: float, social: SocialPara
         time, desired_vx, desired_vy = state.time[e], soa.desired_vx, soa.desired_vy
         for rank in range(index(rank_start), index(rank_stop)):
             i = inside[rank]
-            desired_vx[i], desired_vy[i] = desired_velocity(i, time, batch)
+            desired_vx[i], desired_vy[i] = desired_velocity(i, time, batch, walking)
     if social is not None:
         force, external, active = batch.history.force, batch.control.external_force, state.active
         regular_fx, regular_fy = soa.regular_fx, soa.regular_fy
