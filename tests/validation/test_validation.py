@@ -1,4 +1,4 @@
-"""The gate experiment on made-up data in the format of the recordings: reading, geometry, counting, figures, export."""
+"""The cases on made-up data: the gate with its recording, geometry, counts, figures and files; halls; and their command."""
 
 import gzip
 import json
@@ -9,10 +9,12 @@ import pytest
 from typer.testing import CliRunner
 
 from crowd_env.cli.main import app as crowd_env_app
+from validation.cases import CASES
+from validation.cases.case import Case, Finding
+from validation.cases.gate import Counts, export, gate_geometry, gate_scenario, largest_radius, recorded, simulated
+from validation.cases.halls import Hall, empty, holds
+from validation.cases.trajectories import find_recording, read_trajectories
 from validation.cli import app
-from validation.gate import Counts, export, gate_geometry, gate_scenario, largest_radius, recorded, simulated
-from validation.halls import holds
-from validation.trajectories import find_recording, read_trajectories
 
 HEADER = "#made up\n# framerate: 10 fps\n# id frame x/m y/m z/m\n"
 # Three people walk straight down at 1 m/s and pass the end of the gate (y = -1.1) one after the other.
@@ -118,7 +120,7 @@ def test_the_largest_radius_is_the_largest_that_is_accepted():
 
 
 def test_people_start_where_they_were_seen_and_leave_by_the_gate():
-    counts = simulated(gate_scenario(np.array(STARTS)), "nsm2", runs=2)
+    counts = simulated(gate_scenario(np.array(STARTS), 0.2), "nsm2", runs=2)
     assert counts.times.shape == (2, 3)
     assert np.isfinite(counts.times).all()
     # The one in front has 1.5 m to go, at 1.2 to 2 m/s after getting up speed.
@@ -129,36 +131,43 @@ def test_people_start_where_they_were_seen_and_leave_by_the_gate():
 # ------------------------------------------------------------------------------------------------------------- figures
 
 
+def figure(times):
+    return Counts("made up", times, "1", {}).finding().figure
+
+
 def test_a_run_that_got_stuck_counts_as_stuck():
-    times = np.array([[1.0, 2.0, 3.0, 4.0], [1.0, 2.0, np.nan, np.nan]])
-    row = Counts("made up", times).row()
-    assert row["flow"] == {"mean": 1.0, "sd": None}  # of the run that finished
-    assert (row["unfinished"], row["unfinished_runs"]) == (2, 1)
-    assert row["time_of_person"] == {"4": {"mean": None, "sd": None}}
+    found = figure(np.array([[1.0, 2.0, 3.0, 4.0], [1.0, 2.0, np.nan, np.nan]]))
+    assert (found["flow, 1/s"], found["sd of flow"]) == (1.0, None)  # of the run that finished
+    assert (found["left inside"], found["stuck"], found["runs"]) == (2, 1, 2)
+    assert found["4th, s"] is None
 
 
 def test_counted_persons():
-    times = np.arange(1.0, 76.0)[None]
-    assert list(Counts("made up", times).row()["time_of_person"]) == ["10", "20", "40", "60", "75"]
-    assert Counts("made up", times).row()["time_of_person"]["40"]["mean"] == 40.0
+    found = figure(np.arange(1.0, 76.0)[None])
+    assert [key for key in found if key.endswith("th, s")] == ["10th, s", "20th, s", "40th, s", "60th, s", "75th, s"]
+    assert found["40th, s"] == 40.0
 
 
 def test_the_command_reports_draws_and_writes(data, tmp_path):
     out = tmp_path / "out"
-    result = run("gate", "--data", data, "--scheme", "nsm1", "--scheme", "dem", "--runs", 2, "--json", "--out", out)
+    words = ["gate", "--data", data, "--schemes", "nsm1", "--schemes", "dem", "--draws", 2, "--json", "--out", out]
+    result = run(*words)
     assert result.exit_code == 0, result.output
     report = json.loads(result.stdout.splitlines()[-1])
-    assert [row["name"] for row in report["rows"]] == ["recorded", "nsm1", "dem"]
-    assert "10.34735/ped.2018.1" in report["reference"]
-    assert report["recorded_gate_speed"] == pytest.approx(1.0)
-    assert report["rows"][0]["time_of_person"]["3"]["mean"] == pytest.approx(3.15)
+    assert [row["scheme"] for row in report["rows"]] == ["recorded", *["nsm1", "dem"] * 2]
+    recording, nsm1 = report["rows"][:2]
+    assert set(recording) == {"case", "scheme", "passed", "figure", "criterion", "source"}
+    assert "10.34735/ped.2018.1" in recording["source"] and recording["passed"] is None
+    assert recording["figure"]["speed in the gate, m/s"] == pytest.approx(1.0)
+    assert recording["figure"]["3th, s"] == pytest.approx(3.15)
+    assert (nsm1["figure"]["desired speed, m/s"], nsm1["figure"]["runs"]) == ("1.2 to 2", 2)
     assert json.loads((out / "gate.json").read_text()) == report
     assert (out / "gate.png").read_bytes().startswith(b"\x89PNG")
-    assert sorted(path.name for path in out.iterdir()) == ["gate.json", "gate.png"]
+    assert sorted(path.name for path in out.iterdir()) == ["gate.json", "gate.png", "gate.wkt", "starts.csv"]
 
 
 def test_the_command_prints_a_table(data):
-    result = run("gate", "--data", data, "--scheme", "nsm2", "--runs", 1, "--speed", "1")
+    result = run("gate", "--data", data, "--schemes", "nsm2", "--draws", 1)
     assert result.exit_code == 0, result.output
     assert "recorded" in result.stdout and "nsm2" in result.stdout
 
@@ -166,31 +175,63 @@ def test_the_command_prints_a_table(data):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--scheme", "magic"], "unknown contact scheme"),
-        (["--radius", "0.4"], "narrower than"),
-        (["--speed", "fast"], "--speed"),
-        (["--time-limit", "0"], "time_limit"),
+        (["gate", "--schemes", "magic"], "unknown contact scheme"),
+        (["--schemes", "magic"], "unknown contact scheme"),
+        (["nowhere"], "unknown case 'nowhere'; known: gate, halls, great-halls"),
+        (["gate"], "name their folder by --data"),
+        (["gate", "--out", __file__], "is not a folder"),
     ],
 )
-def test_bad_input_is_said_plainly(data, words, said):
-    result = run("gate", "--data", data, "--runs", 1, *words)
+def test_bad_input_is_said_plainly(words, said):
+    result = run(*words)
     assert result.exit_code == 2
     assert said in result.output
+
+
+@pytest.mark.parametrize("passed", [True, False])
+def test_a_new_case_is_one_line_and_decides_the_exit_code(monkeypatch, passed):
+    asked = []
+
+    def measure(settings):
+        asked.append(settings)
+        yield Finding("dem", passed, {"flow, 1/s": 1.25, "stopped": None})
+
+    monkeypatch.setattr("validation.cli.CASES", {"made-up": Case("t", "more is better", "none", ("dem",), measure)})
+    result = run("--draws", 3)
+    assert result.exit_code == (0 if passed else 1)
+    assert "more is better" in result.stdout and "1.25" in result.stdout and "stopped" not in result.stdout
+    assert (asked[0].schemes, asked[0].draws) == (("dem",), 3)
+    assert json.loads(run("made-up", "--json").stdout)["rows"][0]["passed"] is passed
+
+
+def test_an_interruption_loses_no_finished_row(monkeypatch, tmp_path):
+    def measure(settings):
+        yield Finding("dem", True, {"flow, 1/s": 1.25})
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("validation.cli.CASES", {"made-up": Case("t", "c", "s", ("dem",), measure)})
+    result = run("--out", tmp_path / "out")
+    assert result.exit_code == 130 and "finished are in" in result.stderr
+    assert len(json.loads((tmp_path / "out" / "made-up.json").read_text())["rows"]) == 1
+
+
+def test_a_case_without_its_data_is_left_out_unless_it_is_named(monkeypatch):
+    monkeypatch.setattr("validation.cli.CASES", {"gate": CASES["gate"]})
+    result = run()
+    assert result.exit_code == 0 and "gate is left out" in result.stderr
 
 
 # ---------------------------------------------------------------------------------------------------------------- export
 
 
 def test_the_exported_files_run_and_give_the_same_evacuation(data, tmp_path):
-    result = run("gate", "--data", data, "--export", tmp_path / "plan")
-    assert result.exit_code == 0, result.output
-    words = shlex.split(result.stdout)
+    starts = read_trajectories(find_recording(data)).starts
+    words = shlex.split(export(tmp_path / "plan", starts, 0.2))
     assert words[:2] == ["crowd-env", "run"]
     words[words.index("--runs") + 1] = "1"
     rerun = CliRunner().invoke(crowd_env_app, [*words[1:], "--json"])
     assert rerun.exit_code == 0, rerun.output
-    starts = read_trajectories(find_recording(data)).starts
-    expected = simulated(gate_scenario(starts), "nsm2", runs=1).times.max()
+    expected = simulated(gate_scenario(starts, 0.2), "nsm2", runs=1).times.max()
     assert json.loads(rerun.stdout)["evacuation_time"]["mean"] == pytest.approx(expected, abs=1e-9)
 
 
@@ -205,20 +246,23 @@ def test_export_writes_the_plan_and_the_starts(tmp_path):
 
 
 def test_a_hall_is_emptied_with_nobody_outside():
-    result = CliRunner().invoke(app, ["halls", "--scheme", "dem", "--people", "500", "--time-limit", "3", "--json"])
-    assert result.exit_code == 0, result.output
-    told = json.loads(result.stdout)
-    assert told["holds"] and [row["people"] for row in told["rows"]] == [500, 500]
-    assert all(row["outside_at_once"] == row["escaped"] == 0 < row["max_speed"] <= row["bound"] for row in told["rows"])
+    found = empty(Hall(500, 4.0, 4.0), "dem", time_limit=3.0)
+    assert found.passed is True and found.figure["people"] == 500
+    assert found.figure["outside"] == 0 < found.figure["fastest, m/s"] <= 12.5
+
+
+def test_a_step_that_is_refused_is_told_with_what_was_seen_until_then(monkeypatch):
+    def refused(self, action):
+        raise FloatingPointError("person 7 went too far")
+
+    monkeypatch.setattr("crowd_env.envs.crowd.CrowdEnv.step", refused)
+    found = empty(Hall(500, 4.0, 4.0), "dem")
+    assert found.passed is False
+    assert (found.figure["stopped"], found.figure["left"]) == ("person 7 went too far", 500)
 
 
 def test_halls_that_do_not_hold_are_said_to():
-    row = {"outside_at_once": 0, "escaped": 0, "stopped": None, "max_speed": 12.5, "bound": 12.5}
-    assert holds(row)
-    for bad in ({"outside_at_once": 1}, {"escaped": 1}, {"stopped": "went too far"}, {"max_speed": 12.6}):
-        assert not holds(row | bad)
-
-
-def test_there_are_no_other_halls():
-    result = CliRunner().invoke(app, ["halls", "--people", "7"])
-    assert result.exit_code == 2 and "500, 1000, 2000, 5000" in result.output
+    figure = {"outside": 0, "stopped": None, "fastest, m/s": 12.5}
+    assert holds(figure)
+    for bad in ({"outside": 1}, {"stopped": "went too far"}, {"fastest, m/s": 12.6}):
+        assert not holds(figure | bad)

@@ -214,7 +214,7 @@ def _free_path(
 
 @inner_kernel
 def _gap_ahead(i: int, slot_start: int, slot_stop: int, ex: float, ey: float, batch: Batch, width: float) -> float:
-    """Return the gap [m] to the nearest of those seen whose body overlaps the strip along (ex, ey); infinite if nobody's does."""
+    """Return the gap [m] to the nearest of those seen whose body overlaps the strip along (ex, ey), or infinity."""
     walkers, position, radius = batch.workspace.walkers, batch.state.position, batch.bodies.radius
     x, y, r, nearest = position[i, 0], position[i, 1], radius[i], np.inf
     way_x, way_y = walkers.way_x[i], walkers.way_y[i]
