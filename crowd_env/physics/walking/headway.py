@@ -9,8 +9,8 @@ own body along the direction of motion (collision-free speed model: Tordeux, Chr
 10.1007/978-3-319-33482-0_29).  Whoever is seen in front makes people step aside by ``s_j`` = 1 or -1, away from where the
 other will be, and more so if the other comes towards them (anticipation velocity model: Xu, Chraibi, Seyfried 2021, doi
 10.1016/j.trc.2021.103464).  ``c`` is the side on which someone slower is overtaken, the one of a few that gets on fastest, as
-in the heuristics of Moussaid, Helbing, Theraulaz 2011 (doi 10.1073/pnas.1016507108); people in a queue overtake
-nobody.  Contact laws take over when bodies meet, as where paper 1's own school has put behavioral rules on Fremond's law
+in the heuristics of Moussaïd, Helbing, Theraulaz 2011 (doi 10.1073/pnas.1016507108); people in a queue overtake
+nobody.  Contact laws take over when bodies meet, as where paper 1's own school has put behavioral rules on Frémond's law
 (Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
 
 Three things are ours.  Of two who have each other in front and do not walk against each other, the one who is further ahead
