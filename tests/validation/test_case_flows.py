@@ -1,12 +1,13 @@
 """Cases of the validation map that measure flows: the measurement itself, against motions with known flows."""
 
 import itertools
+import json
 
 import numpy as np
 import pytest
 
 from crowd_env import CrowdEnv
-from validation.cases import Setting, doors
+from validation.cases import Setting, doors, gate
 from validation.cases.crowds import Crowds, Moment, Passages, steady_flow
 
 ONE = Setting("dem", "hurried", draws=1)
@@ -97,3 +98,34 @@ def test_published_flows_lie_where_the_criterion_does():
     assert len(per_meter) == 79
     assert (min(per_meter), max(per_meter)) == pytest.approx((1.61, 2.77), abs=0.005)
     assert np.mean(per_meter) == pytest.approx(2.12, abs=0.005)
+
+
+# -------------------------------------------------------------------------------------------------------------- gate
+
+
+def test_recorded_heads_are_pushed_apart_no_further_than_needed():
+    starts = np.array([(0.0, 3.0), (0.2, 3.0), (-2.7, 1.0), (2.0, 5.0)])
+    moved = gate.push_apart(starts, 0.17)
+    np.testing.assert_allclose(moved, [(-0.07, 3.0), (0.27, 3.0), (-2.63, 1.0), (2.0, 5.0)], atol=1e-5)
+    gate.gate(starts).population.draw(np.random.default_rng(0), gate.gate(starts).geometry)  # they fit
+    with pytest.raises(ValueError, match="do not fit"):
+        gate.push_apart(np.full((900, 2), 3.0) + 1e-3 * np.arange(1800).reshape(900, 2), 0.17)
+
+
+def test_the_recorded_counts_meet_the_criterion_and_others_do_not():
+    recorded = np.interp(np.arange(1, 76), [1, *gate.PASSED], [0.5, *gate.PASSED.values()])
+    figures = gate.counted([recorded, recorded])
+    assert figures["flow"] == pytest.approx(1.13, rel=0.05)
+    assert figures["person"][40] == pytest.approx(33.1)
+    assert gate.met(figures | {"stuck": 0})
+    assert not gate.met(figures | {"stuck": 1})
+    assert not gate.met(gate.counted([recorded / 1.2]) | {"stuck": 0})
+    bursts = np.repeat(recorded[1::2], 2)[:75]
+    assert not gate.met(gate.counted([np.append(bursts, recorded[-1])[:75]]) | {"stuck": 0})  # two at a time
+
+
+def test_the_gate_runs_without_a_recording_and_says_so():
+    (row,) = gate.run(ONE)
+    assert "no recording" in row.figure and row.more["starts"] == "random"
+    assert (row.case, row.scheme, row.manner) == ("gate", "dem", "hurried")
+    json.dumps(row.more, allow_nan=False)

@@ -1,10 +1,11 @@
 """Experiments and tests of standards, one file each: geometry, people, what is measured, criterion and source."""
 
-from validation.cases import doors
+from validation.cases import doors, gate
 from validation.cases.case import Case, Row, Setting
 
 CASES = {
     "doors": Case("doors of 0.5 to 5 m", doors.run, doors.SOURCE),
+    "gate": Case("gate of 0.5 m behind a waiting area", gate.run, gate.SOURCE, takes_data=gate.DATA),
 }
 
-__all__ = ["CASES", "Case", "Row", "Setting"]
+__all__ = ["CASES", "Case", "Row", "Setting", "doors", "gate"]

@@ -1,9 +1,12 @@
 """What a case of the validation map is given, and what it answers."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from crowd_env import Normal, Population, Uniform
 from crowd_env.physics.walking.headway import Headway
@@ -66,7 +69,18 @@ def row(case: str, setting: Setting, passed: bool | None, figure: str, criterion
     """Return a row under the names of scheme and manner."""
     scheme = setting.scheme if isinstance(setting.scheme, str) else setting.scheme.info.name
     manner = setting.manner if isinstance(setting.manner, str) else str(setting.manner)
-    return Row(case, scheme, manner, passed, figure, criterion, source, more)
+    return Row(case, scheme, manner, passed, figure, criterion, source, plain(more))
+
+
+def plain(value: Any) -> Any:
+    """Return numbers, arrays, lists and tables of them as JSON holds them; what is not finite becomes None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple | set):
+        return [plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def adults(count: int, **options: Any) -> Population:

@@ -92,7 +92,7 @@ class Crowds:
 def join_bodies(parts: Sequence[Bodies]) -> Bodies:
     """Return the bodies of several crowds as those of one batch."""
     columns = [np.concatenate(column) for column in zip(*(part[:-1] for part in parts), strict=True)]
-    return Bodies(*columns, np.cumsum([0, *(len(part.radius) for part in parts)]))
+    return Bodies._make([*columns, np.cumsum([0, *(len(part.radius) for part in parts)])])
 
 
 class Passages:

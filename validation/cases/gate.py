@@ -1,0 +1,111 @@
+"""The gate of 0.5 m: 75 students leave a waiting area (Wuppertal 2018, run 040_c_56_h-)."""
+
+from typing import Any
+
+import numpy as np
+from shapely.geometry import Polygon
+from shapely.geometry import box as rectangle
+
+from crowd_env import Geometry, Scenario, Uniform
+from validation.cases.case import Row, Setting, adults, row
+from validation.cases.crowds import Crowds, Floats, Passages, mean_of, steady_flow
+from validation.gate import PLAN, REFERENCE
+from validation.trajectories import find_recording, read_trajectories
+
+SOURCE = REFERENCE
+CRITERION = (
+    "flow 1.13 /s ± 15 %; 10th, 20th, 40th, 60th, 75th person within 15 % of 8.3, 16.2, 33.1, 51.4, 65.6 s; coefficient of "
+    "variation of the gaps at most 0.35; nobody stuck"
+)
+DATA = "bottleneck_wuppertal2018_040c56h"  # folder of the recording
+
+FLOW = 1.13  # 1/s, slope of the recorded N(t)
+PASSED = {10: 8.3, 20: 16.2, 40: 33.1, 60: 51.4, 75: 65.6}  # person -> s, at the line
+WITHIN, MOST_VARIED = 0.15, 0.35
+
+_LINE, _END = -0.5, -1.1  # m, y of the counting line inside the gate, and of the gate's end
+_BEYOND, _HALF, _DEPTH = 3.0, 2.8, 6.7  # m, free space behind the gate, half width and depth of the waiting area
+_RADIUS = 0.17  # m
+_WAITING = (-2.56, 0.2, 2.16, 5.96)  # m, where the recorded people stood: 2.8 /m2
+_PATIENCE = 20.0  # s without a passage: stuck
+_ROUNDS = 2000
+
+
+def push_apart(starts: Floats, radius: float) -> Floats:
+    """Return recorded heads (N, 2), moved apart until discs of ``radius`` [m] fit between each other and the barriers.
+
+    Raises
+    ------
+    ValueError
+        If they do not come apart.
+    """
+    place, least = starts.copy(), 2.0 * radius + 1e-6
+    for _ in range(_ROUNDS):
+        place[:, 0] = np.clip(place[:, 0], radius - _HALF, _HALF - radius)
+        place[:, 1] = np.clip(place[:, 1], radius, _DEPTH - radius)
+        between = place[:, None] - place[None]
+        distance = np.hypot(between[..., 0], between[..., 1])
+        np.fill_diagonal(distance, np.inf)
+        if distance.min() >= 2.0 * radius:
+            return place
+        overlap = np.maximum(least - distance, 0.0)
+        place += 0.5 * np.einsum("ij,ijk->ik", overlap / np.maximum(distance, 1e-9), between)
+    raise ValueError(f"people of radius {radius:g} m do not fit where they were recorded; take smaller bodies")
+
+
+def gate(starts: Floats | None) -> Scenario:
+    """Return waiting area, funnel and gate with free space behind; without recorded starts people stand anywhere there."""
+    beyond = rectangle(-_HALF, _END - _BEYOND, _HALF, _END)
+    line = [(-_HALF, _END - _BEYOND), (_HALF, _END - _BEYOND)]
+    place = Geometry.from_polygon(
+        [Polygon(PLAN), beyond], exits={"out": line}, regions={"waiting": rectangle(*_WAITING)}
+    )
+    size = Uniform(_RADIUS, _RADIUS)
+    if starts is None:
+        return Scenario("gate", place, adults(75, radius=size, start_region="waiting"), 300.0)
+    people = adults(len(starts), radius=size, starts=push_apart(starts, _RADIUS))
+    return Scenario("gate", place, people, 300.0)
+
+
+def run(setting: Setting) -> list[Row]:
+    """Return the row."""
+    starts = None
+    if setting.data is not None:
+        folder = setting.data / DATA
+        starts = read_trajectories(find_recording(folder if folder.is_dir() else setting.data)).starts
+    crowds = Crowds([gate(starts)], setting)
+    passages, stuck = Passages(crowds, 1, _LINE, sign=-1), set()
+    for before, now in crowds.moments(300.0):
+        passages.see(before, now)
+        stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
+    times = [passages.times(e) for e in range(crowds.count)]
+    figures = counted([each for e, each in enumerate(times) if e not in stuck])
+    figures |= {"stuck": len(stuck), "starts": "random" if starts is None else "recorded", "passages": times}
+    return [row("gate", setting, met(figures), told(figures, setting.draws), CRITERION, SOURCE, **figures)]
+
+
+def counted(runs: list[Floats]) -> dict[str, Any]:
+    """Return the means over runs of passing times (N,): flow, times of the counted persons, variation of the gaps."""
+    gaps = [np.diff(times[np.isfinite(times)]) for times in runs]
+    return {
+        "flow": mean_of([steady_flow(times) for times in runs]),
+        "person": {k: mean_of([times[k - 1] for times in runs]) for k in PASSED},
+        "variation": mean_of([float(gap.std(ddof=1) / gap.mean()) for gap in gaps]),
+    }
+
+
+def met(figures: dict[str, Any]) -> bool:
+    """Whether the criterion is met."""
+    flow, person, variation = (figures[name] for name in ("flow", "person", "variation"))
+    near = [abs(person[k] / time - 1.0) <= WITHIN for k, time in PASSED.items()]
+    return bool(abs(flow / FLOW - 1.0) <= WITHIN and all(near) and variation <= MOST_VARIED and not figures["stuck"])
+
+
+def told(figures: dict[str, Any], draws: int) -> str:
+    """Return the figures as a sentence."""
+    person = ", ".join(f"{time:.1f}" for time in figures["person"].values())
+    where = "" if figures["starts"] == "recorded" else "; starts at random, no recording given"
+    return (
+        f"{figures['flow']:.2f} /s; {person} s; variation {figures['variation']:.2f}; "
+        f"{figures['stuck']} of {draws} stuck{where}"
+    )
