@@ -1,11 +1,13 @@
 """Experiments and tests of standards, one file each: geometry, people, what is measured, criterion and source."""
 
-from validation.cases import doors, gate
+from validation.cases import counterflow, crossing, doors, gate
 from validation.cases.case import Case, Row, Setting
 
 CASES = {
     "doors": Case("doors of 0.5 to 5 m", doors.run, doors.SOURCE),
     "gate": Case("gate of 0.5 m behind a waiting area", gate.run, gate.SOURCE, takes_data=gate.DATA),
+    "counterflow": Case("two streams in a corridor of 4 m", counterflow.run, counterflow.SOURCE),
+    "crossing": Case("people of two rooms change places through a corridor", crossing.run, crossing.SOURCE),
 }
 
-__all__ = ["CASES", "Case", "Row", "Setting", "doors", "gate"]
+__all__ = ["CASES", "Case", "Row", "Setting", "counterflow", "crossing", "doors", "gate"]

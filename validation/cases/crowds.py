@@ -96,9 +96,16 @@ def join_bodies(parts: Sequence[Bodies]) -> Bodies:
 
 
 class Passages:
-    """When people first pass a line of constant x or y, towards larger or smaller values; linear between two looks."""
+    """When people first pass a line of constant x or y, towards larger or smaller values; linear between two looks.
 
-    def __init__(self, crowds: Crowds, axis: int, at: float, sign: int = 1) -> None:
+    Parameters
+    ----------
+    axis : 0 or 1, of x or y.
+    at : m, where the line is: for all, or for each of them (P,).
+    sign : 1 or -1, the direction that counts: for all, or for each of them (P,).
+    """
+
+    def __init__(self, crowds: Crowds, axis: int, at: float | Floats, sign: int | Ints = 1) -> None:
         self._crowds, self._axis, self._at, self._sign = crowds, axis, at, sign
         self.time = np.full(len(crowds.simulation.state.active), np.nan)  # (P,) s; nan for those who have not
         self.last = np.zeros(crowds.count)  # s, when somebody last passed, by crowd
