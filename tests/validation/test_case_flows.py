@@ -8,14 +8,14 @@ import pytest
 
 from crowd_env import CrowdEnv
 from validation.cases import Setting, doors, gate
-from validation.cases.crowds import Crowds, Moment, Passages, steady_flow
+from validation.cases.crowds import Moment, Passages, draw_crowds, steady_flow
 
 ONE = Setting("dem", "hurried", draws=1)
 
 
 def two_crowds():
     """Return two draws of 24 people in front of a door, whom the tests move by hand."""
-    return Crowds([doors.door(0.8, 24)], Setting("dem", "hurried", draws=2))
+    return draw_crowds([doors.door(0.8, 24)], Setting("dem", "hurried", draws=2))
 
 
 def marching(time, people, pace=0.5, speed=1.0):
@@ -65,17 +65,20 @@ def test_a_crowd_in_which_nobody_passes_any_more_is_stopped():
 
 
 def test_crowds_of_a_seed_are_the_same_for_every_scheme():
-    one, other = Crowds([doors.door(0.8, 24)], ONE), Crowds([doors.door(0.8, 24)], Setting("nsm1", "calm", draws=1))
+    one, other = (
+        draw_crowds([doors.door(0.8, 24)], ONE),
+        draw_crowds([doors.door(0.8, 24)], Setting("nsm1", "calm", draws=1)),
+    )
     np.testing.assert_array_equal(one.simulation.state.position, other.simulation.state.position)
     np.testing.assert_array_equal(one.simulation.bodies.desired_speed, other.simulation.bodies.desired_speed)
     assert not np.array_equal(
-        Crowds([doors.door(0.8, 24)], Setting("dem", draws=1, seed=1)).simulation.state.position,
+        draw_crowds([doors.door(0.8, 24)], Setting("dem", draws=1, seed=1)).simulation.state.position,
         one.simulation.state.position,
     )
 
 
 def test_crowds_walk_as_environments_do():
-    crowds = Crowds([doors.door(0.8, 24)], Setting("dem", "hurried", draws=1, strategy="shortest"))
+    crowds = draw_crowds([doors.door(0.8, 24)], Setting("dem", "hurried", draws=1, strategy="shortest"))
     env = CrowdEnv(doors.door(0.8, 24), scheme="dem", manner="hurried")
     env.reset([0])
     bodies, state = crowds.simulation.bodies, crowds.simulation.state

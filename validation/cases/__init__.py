@@ -1,6 +1,6 @@
 """Experiments and tests of standards, one file each: geometry, people, what is measured, criterion and source."""
 
-from validation.cases import counterflow, crossing, doors, gate
+from validation.cases import counterflow, crossing, doors, gate, ring
 from validation.cases.case import Case, Row, Setting
 
 CASES = {
@@ -8,6 +8,7 @@ CASES = {
     "gate": Case("gate of 0.5 m behind a waiting area", gate.run, gate.SOURCE, takes_data=gate.DATA),
     "counterflow": Case("two streams in a corridor of 4 m", counterflow.run, counterflow.SOURCE),
     "crossing": Case("people of two rooms change places through a corridor", crossing.run, crossing.SOURCE),
+    "ring": Case("single file around a ring of 27 m", ring.run, ring.SOURCE),
 }
 
-__all__ = ["CASES", "Case", "Row", "Setting", "counterflow", "crossing", "doors", "gate"]
+__all__ = ["CASES", "Case", "Row", "Setting", "counterflow", "crossing", "doors", "gate", "ring"]

@@ -7,7 +7,7 @@ import numpy as np
 from crowd_env import Geometry, Groups, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, row
-from validation.cases.crowds import Bools, Crowds, Floats, Passages, mean_of
+from validation.cases.crowds import Bools, Crowds, Floats, Passages, draw_crowds, mean_of
 
 SOURCE = (
     "that two-way streams lose, but do not stop: Zhang et al. 2012, doi 10.1088/1742-5468/2012/02/P02002 (the third is ours); "
@@ -67,7 +67,7 @@ def reduced_order(position: Floats, eastward: Bools, rng: np.random.Generator) -
 
 def run(setting: Setting) -> list[Row]:
     """Return the row.  Everyone takes the shortest way: there is no other."""
-    crowds = Crowds([corridor(two_ways=False), corridor(two_ways=True)], setting)
+    crowds = draw_crowds([corridor(two_ways=False), corridor(two_ways=True)], setting)
     eastward = np.concatenate([_eastward(crowds, e) for e in range(crowds.count)])
     ends = np.where(eastward, 0.0, _SECTION), np.where(eastward, _SECTION, 0.0)
     entered, left = (Passages(crowds, 0, end, np.where(eastward, 1, -1)) for end in ends)

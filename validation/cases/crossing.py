@@ -5,7 +5,7 @@ import numpy as np
 from crowd_env import Geometry, Groups, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, row
-from validation.cases.crowds import Crowds, Passages, mean_of
+from validation.cases.crowds import Passages, draw_crowds, mean_of
 
 SOURCE = "NIST TN 1822, test 2.8 (IMO MSC.1/Circ.1533, test 8)"
 CRITERION = "100 against 0, 10, 50, 100: the last of the 100 arrives the later, the more come; no deadlock with 50"
@@ -38,7 +38,7 @@ def rooms(against: int) -> Scenario:
 
 def run(setting: Setting) -> list[Row]:
     """Return the row.  Everyone takes the shortest way: there is no other."""
-    crowds = Crowds([rooms(against) for against in AGAINST], setting)
+    crowds = draw_crowds([rooms(against) for against in AGAINST], setting)
     slots = [crowds.people(e) for e in range(crowds.count)]
     eastward = np.concatenate([np.arange(people.stop - people.start) < _PEOPLE for people in slots])
     door = np.where(eastward, _ROOM + _LENGTH, _ROOM)

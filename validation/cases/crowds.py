@@ -26,41 +26,20 @@ class Moment(NamedTuple):
 
 
 class Crowds:
-    """Every draw of every scenario as a crowd of its own: number ``k * draws + d`` is draw ``d`` of scenario ``k``.
+    """Draws of one or several experiments side by side: crowd ``k * draws + d`` is draw ``d`` of experiment ``k``."""
 
-    Draw ``d`` comes from the generator of (seed, d), whatever the scheme and the manner.
-    """
-
-    def __init__(self, scenarios: Sequence[Scenario], setting: Setting) -> None:
-        self.scenarios, self.draws = tuple(scenarios), setting.draws
-        drawn = [
-            each.population.draw(np.random.default_rng([setting.seed, d]), each.geometry)
-            for each in self.scenarios
-            for d in range(setting.draws)
-        ]
-        self.count = len(drawn)
-        self.simulation = Simulation(
-            [each.geometry for each in self.scenarios],
-            join_bodies([bodies for bodies, _ in drawn]),
-            make_state(np.concatenate([position for _, position in drawn]), environments=self.count),
-            scheme=setting.scheme,
-            fields=[each.route_set(setting.strategy) for each in self.scenarios],
-            geometry_of_env=np.repeat(np.arange(len(self.scenarios)), setting.draws),
-            manner=setting.manner,
-        )
-        for e, (_, position) in enumerate(drawn):
-            route_set = self.simulation.planner.route_set(e)
-            assert route_set is not None  # every scenario has an exit
-            self.simulation.send(e, self.scenarios[e // self.draws].choose(route_set, setting.strategy, position))
+    def __init__(self, simulation: Simulation, draws: int) -> None:
+        self.simulation, self.draws = simulation, draws
+        self.count = len(simulation.state.time)
 
     def people(self, e: int) -> slice:
         """Return the slots of the people of crowd ``e``."""
         start = self.simulation.bodies.env_start
         return slice(int(start[e]), int(start[e + 1]))
 
-    def of(self, scenario: int) -> range:
-        """Return the crowds that are draws of a scenario."""
-        return range(scenario * self.draws, (scenario + 1) * self.draws)
+    def of(self, experiment: int) -> range:
+        """Return the crowds that are draws of an experiment."""
+        return range(experiment * self.draws, (experiment + 1) * self.draws)
 
     def stop(self, e: int) -> None:
         """Take everyone out of crowd ``e``: its run is over."""
@@ -87,6 +66,32 @@ class Crowds:
             now = Moment(k * EVERY, state.position.copy(), state.active.copy())
             yield before, now
             before = now
+
+
+def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
+    """Return every draw of every scenario; draw ``d`` comes from `generator`, whatever the scheme and the manner."""
+    drawn = [
+        each.population.draw(generator(setting, d), each.geometry) for each in scenarios for d in range(setting.draws)
+    ]
+    simulation = Simulation(
+        [each.geometry for each in scenarios],
+        join_bodies([bodies for bodies, _ in drawn]),
+        make_state(np.concatenate([position for _, position in drawn]), environments=len(drawn)),
+        scheme=setting.scheme,
+        fields=[each.route_set(setting.strategy) for each in scenarios],
+        geometry_of_env=np.repeat(np.arange(len(scenarios)), setting.draws),
+        manner=setting.manner,
+    )
+    for e, (_, position) in enumerate(drawn):
+        route_set = simulation.planner.route_set(e)
+        assert route_set is not None  # every scenario has an exit
+        simulation.send(e, scenarios[e // setting.draws].choose(route_set, setting.strategy, position))
+    return Crowds(simulation, setting.draws)
+
+
+def generator(setting: Setting, draw: int) -> np.random.Generator:
+    """Return the generator of a draw."""
+    return np.random.default_rng([setting.seed, draw])
 
 
 def join_bodies(parts: Sequence[Bodies]) -> Bodies:

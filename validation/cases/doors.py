@@ -5,7 +5,7 @@ from typing import Any
 from crowd_env import Geometry, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, row
-from validation.cases.crowds import Crowds, Passages, mean_of, steady_flow
+from validation.cases.crowds import Passages, draw_crowds, mean_of, steady_flow
 
 SOURCE = (
     "Kretz, Grünebohm, Schreckenberg 2006 (J. Stat. Mech. P10014); Seyfried et al. 2009 (Transp. Sci. 43:395); Müller 1981; "
@@ -76,6 +76,7 @@ _HALF, _NECK, _BEYOND = (
     3.0,
 )  # m: half the width of the reservoir, length of the neck, and of the free space behind
 _PATIENCE = 20.0  # s without a passage: stuck
+_LIMIT = 400.0  # s
 
 
 def door(width: float, people: int | None = None) -> Scenario:
@@ -91,14 +92,14 @@ def door(width: float, people: int | None = None) -> Scenario:
     place = Geometry.from_polygon(
         floor, exits={"out": [(end, -_HALF), (end, _HALF)]}, regions={"reservoir": box(back, -_HALF, -0.5, _HALF)}
     )
-    return Scenario(f"door-{width:g}", place, adults(people, start_region="reservoir"), 400.0)
+    return Scenario(f"door-{width:g}", place, adults(people, start_region="reservoir"), _LIMIT)
 
 
 def specific_flows(setting: Setting, widths: tuple[float, ...] = WIDTHS) -> dict[str, dict[str, Any]]:
     """Return, for each width, the mean flow per metre [1/(m s)] of the runs that were not stuck, all of them, and the stuck."""
-    crowds = Crowds([door(width) for width in widths], setting)
+    crowds = draw_crowds([door(width) for width in widths], setting)
     passages, stuck = Passages(crowds, 0, _NECK), set()
-    for before, now in crowds.moments(crowds.scenarios[0].time_limit):
+    for before, now in crowds.moments(_LIMIT):
         passages.see(before, now)
         stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
     found = {}

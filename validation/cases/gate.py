@@ -8,7 +8,7 @@ from shapely.geometry import box as rectangle
 
 from crowd_env import Geometry, Scenario, Uniform
 from validation.cases.case import Row, Setting, adults, row
-from validation.cases.crowds import Crowds, Floats, Passages, mean_of, steady_flow
+from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of, steady_flow
 from validation.gate import PLAN, REFERENCE
 from validation.trajectories import find_recording, read_trajectories
 
@@ -73,7 +73,7 @@ def run(setting: Setting) -> list[Row]:
     if setting.data is not None:
         folder = setting.data / DATA
         starts = read_trajectories(find_recording(folder if folder.is_dir() else setting.data)).starts
-    crowds = Crowds([gate(starts)], setting)
+    crowds = draw_crowds([gate(starts)], setting)
     passages, stuck = Passages(crowds, 1, _LINE, sign=-1), set()
     for before, now in crowds.moments(300.0):
         passages.see(before, now)
