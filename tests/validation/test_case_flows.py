@@ -106,11 +106,12 @@ def test_published_flows_lie_where_the_criterion_does():
 # -------------------------------------------------------------------------------------------------------------- gate
 
 
-def test_recorded_heads_are_pushed_apart_no_further_than_needed():
+def test_recorded_heads_are_pushed_apart_no_further_than_needed(monkeypatch):
     starts = np.array([(0.0, 3.0), (0.2, 3.0), (-2.7, 1.0), (2.0, 5.0)])
     moved = gate.push_apart(starts, 0.17)
     np.testing.assert_allclose(moved, [(-0.07, 3.0), (0.27, 3.0), (-2.63, 1.0), (2.0, 5.0)], atol=1e-5)
     gate.gate(starts).population.draw(np.random.default_rng(0), gate.gate(starts).geometry)  # they fit
+    monkeypatch.setattr(gate, "_ROUNDS", 20)
     with pytest.raises(ValueError, match="do not fit"):
         gate.push_apart(np.full((900, 2), 3.0) + 1e-3 * np.arange(1800).reshape(900, 2), 0.17)
 

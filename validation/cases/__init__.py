@@ -1,6 +1,6 @@
 """Experiments and tests of standards, one file each: geometry, people, what is measured, criterion and source."""
 
-from validation.cases import counterflow, crossing, doors, gate, ring
+from validation.cases import corridor, counterflow, crossing, doors, gate, ring
 from validation.cases.case import Case, Row, Setting
 
 CASES = {
@@ -9,6 +9,7 @@ CASES = {
     "counterflow": Case("two streams in a corridor of 4 m", counterflow.run, counterflow.SOURCE),
     "crossing": Case("people of two rooms change places through a corridor", crossing.run, crossing.SOURCE),
     "ring": Case("single file around a ring of 27 m", ring.run, ring.SOURCE),
+    "corridor": Case("open corridor of 1.8 m, nine runs", corridor.run, corridor.SOURCE),
 }
 
-__all__ = ["CASES", "Case", "Row", "Setting", "counterflow", "crossing", "doors", "gate", "ring"]
+__all__ = ["CASES", "Case", "Row", "Setting", "corridor", "counterflow", "crossing", "doors", "gate", "ring"]
