@@ -5,7 +5,7 @@ import pytest
 
 from crowd_env.geometry.geometry import box
 from validation.cases import Setting, corridor
-from validation.cases.voronoi import cells, density_and_speed
+from validation.cases.voronoi import Look, cells, density_and_speed
 
 FLOOR, FIELD = box(0.0, -4.0, 1.8, 4.0), box(0.0, -2.0, 1.8, 0.0)
 
@@ -43,7 +43,7 @@ def test_density_speed_and_flow_are_those_between_two_persons():
     times = 2.0 + 0.5 * np.arange(20.0)  # the third passes at 3 s, the thirteenth at 8 s
     dense, thin = lattice(0.3), lattice(0.9)
     looks = [
-        (0, t, thin if 3.0 <= t <= 8.0 else dense, np.ones(len(thin if 3.0 <= t <= 8.0 else dense)))
+        Look(0, t, thin if 3.0 <= t <= 8.0 else dense, np.ones(len(thin if 3.0 <= t <= 8.0 else dense)))
         for t in np.arange(0.0, 12.0, 0.5)
     ]
     density, speed, flow = corridor.steady(run, times, looks)

@@ -1,6 +1,6 @@
 """Experiments and tests of standards, one file each: geometry, people, what is measured, criterion and source."""
 
-from validation.cases import corridor, counterflow, crossing, doors, gate, ring
+from validation.cases import corner, corridor, counterflow, crossing, doors, gate, ring
 from validation.cases.case import Case, Row, Setting
 
 CASES = {
@@ -10,6 +10,7 @@ CASES = {
     "crossing": Case("people of two rooms change places through a corridor", crossing.run, crossing.SOURCE),
     "ring": Case("single file around a ring of 27 m", ring.run, ring.SOURCE),
     "corridor": Case("open corridor of 1.8 m, nine runs", corridor.run, corridor.SOURCE),
+    "corner": Case("corner of a corridor of 2.4 m, ever denser", corner.run, corner.SOURCE),
 }
 
-__all__ = ["CASES", "Case", "Row", "Setting", "corridor", "counterflow", "crossing", "doors", "gate", "ring"]
+__all__ = ["CASES", "Case", "Row", "Setting", "corner", "corridor", "counterflow", "crossing", "doors", "gate", "ring"]

@@ -7,8 +7,8 @@ import numpy as np
 from crowd_env import Geometry, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, row
-from validation.cases.crowds import Crowds, Floats, Moment, Passages, draw_crowds, mean_of
-from validation.cases.voronoi import density_and_speed
+from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
+from validation.cases.voronoi import Look, look, mean_between
 
 SOURCE = (
     "Zhang, Klingsch, Schadschneider, Seyfried 2011 (J. Stat. Mech. P06004), DOI 10.34735/ped.2009.14; figures computed from "
@@ -58,8 +58,6 @@ _NEAR = (-4.0, 2.0)  # m, y of those whose cells can matter
 _LOOKS = 5  # tenths of a second between two looks at the field
 _PATIENCE, _LIMIT = 20.0, 300.0  # s
 
-Look = tuple[int, float, Floats, Floats]  # crowd, s, positions (K, 2) and speeds (K,) near the field
-
 
 def corridor(run: Run) -> Scenario:
     """Return waiting area, entrance, passage, corridor, exit and the opening behind; everyone walks towards smaller y."""
@@ -91,27 +89,15 @@ def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, fl
         passages.see(before, now)
         stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
         if k % _LOOKS == 0:
-            looks += look(crowds, before, now)
+            y = now.position[:, 1]
+            looks += look(crowds, before, now, (y > _NEAR[0]) & (y < _NEAR[1]))
     found = []
     for k, run in enumerate(runs):
-        figures = [steady(run, passages.times(e), [one for one in looks if one[0] == e]) for e in crowds.of(k)]
+        figures = [steady(run, passages.times(e), [one for one in looks if one.crowd == e]) for e in crowds.of(k)]
         means = (mean_of([one[part] for one in figures]) for part in range(3))
         found.append(
             dict(zip(("density", "speed", "flow"), means, strict=True)) | {"stuck": len(stuck & set(crowds.of(k)))}
         )
-    return found
-
-
-def look(crowds: Crowds, before: Moment, now: Moment) -> list[Look]:
-    """Return who is near the field, crowd by crowd, and how fast."""
-    y = now.position[:, 1]
-    near = now.active & (y > _NEAR[0]) & (y < _NEAR[1])
-    speed = np.hypot(*(now.position - before.position).T) / (now.time - before.time)
-    found = []
-    for e in range(crowds.count):
-        people = crowds.people(e)
-        here = near[people]
-        found.append((e, now.time, now.position[people][here], speed[people][here]))
     return found
 
 
@@ -120,10 +106,7 @@ def steady(run: Run, times: Floats, looks: list[Look]) -> tuple[float, float, fl
     begin, end = times[run.first - 1], times[run.last - 1]
     if not np.isfinite(end):
         return float("nan"), float("nan"), float("nan")
-    seen = [
-        density_and_speed(position, speed, _FLOOR, _FIELD) for _, time, position, speed in looks if begin <= time <= end
-    ]
-    density, speed = mean_of([one for one, _ in seen]), mean_of([one for _, one in seen])
+    density, speed = mean_between(begin, end, looks, _FLOOR, _FIELD)
     return density, speed, float((run.last - run.first) / (end - begin))
 
 

@@ -1,10 +1,13 @@
 """Density and speed by the Voronoi method (Steffen, Seyfried 2010, doi 10.1016/j.physa.2009.12.015)."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from validation.cases.crowds import Floats
+from validation.cases.crowds import Bools, Crowds, Floats, Moment, mean_of
 
 REACH = 1.0  # m: nobody takes up more room than a disc of this radius, as in PedPy's evaluations of these recordings
 
@@ -43,3 +46,31 @@ def density_and_speed(
         return 0.0, float("nan")
     density = float((shared / np.maximum(shapely.area(room), 1e-12)).sum() / field.area)
     return density, float((shared * speed).sum() / shared.sum())
+
+
+class Look(NamedTuple):
+    """Who is near a measurement field at a moment."""
+
+    crowd: int
+    time: float  # s
+    position: Floats  # (K, 2) m
+    speed: Floats  # (K,) m/s
+
+
+def look(crowds: Crowds, before: Moment, now: Moment, near: Bools) -> list[Look]:
+    """Return those of ``near`` (P,) who are still there, crowd by crowd, and how fast they were since the moment before."""
+    speed = np.hypot(*(now.position - before.position).T) / (now.time - before.time)
+    near = near & now.active
+    slots = [np.arange(crowds.people(e).start, crowds.people(e).stop) for e in range(crowds.count)]
+    return [
+        Look(e, now.time, now.position[here], speed[here])
+        for e, here in enumerate(people[near[people]] for people in slots)
+    ]
+
+
+def mean_between(
+    begin: float, end: float, looks: Sequence[Look], floor: Polygon, field: Polygon
+) -> tuple[float, float]:
+    """Return the means of density [1/m2] and speed [m/s] in a field over the looks between two times [s]."""
+    seen = [density_and_speed(one.position, one.speed, floor, field) for one in looks if begin <= one.time <= end]
+    return mean_of([density for density, _ in seen]), mean_of([speed for _, speed in seen])
