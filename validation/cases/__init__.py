@@ -1,6 +1,6 @@
 """Experiments and tests of standards, one file each: geometry, people, what is measured, criterion and source."""
 
-from validation.cases import corner, corridor, counterflow, crossing, doors, gate, ring
+from validation.cases import corner, corridor, counterflow, crossing, doors, faster, gate, ring
 from validation.cases.case import Case, Row, Setting
 
 CASES = {
@@ -11,6 +11,7 @@ CASES = {
     "ring": Case("single file around a ring of 27 m", ring.run, ring.SOURCE),
     "corridor": Case("open corridor of 1.8 m, nine runs", corridor.run, corridor.SOURCE),
     "corner": Case("corner of a corridor of 2.4 m, ever denser", corner.run, corner.SOURCE),
+    "faster": Case("door of 0.8 m, by desired speed, push and friction", faster.run, faster.SOURCE),
 }
 
-__all__ = ["CASES", "Case", "Row", "Setting", "corner", "corridor", "counterflow", "crossing", "doors", "gate", "ring"]
+__all__ = ["CASES", "Case", "Row", "Setting"]
