@@ -1,6 +1,6 @@
 """Experiments and tests of standards, one file each: geometry, people, what is measured, criterion and source."""
 
-from validation.cases import corner, corridor, counterflow, crossing, doors, faster, gate, ring
+from validation.cases import corner, corridor, counterflow, crossing, doors, faster, gate, ring, standards
 from validation.cases.case import Case, Row, Setting
 
 CASES = {
@@ -12,6 +12,7 @@ CASES = {
     "corridor": Case("open corridor of 1.8 m, nine runs", corridor.run, corridor.SOURCE),
     "corner": Case("corner of a corridor of 2.4 m, ever denser", corner.run, corner.SOURCE),
     "faster": Case("door of 0.8 m, by desired speed, push and friction", faster.run, faster.SOURCE),
+    "standards": Case("tests of RiMEA, ISO, NIST and IMO", standards.run, standards.SOURCE),
 }
 
 __all__ = ["CASES", "Case", "Row", "Setting"]
