@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import track
 
 from agents import make_policy
 from agents.drivers import policy_driver
@@ -14,32 +13,32 @@ from agents.evaluation.report import comparison_table, table_console
 from agents.runs import check_name, new_folder
 from agents.trained import LearnedPolicy
 from agents.training_config import (
+    RUNS,
     check_budget,
     check_config,
     check_libraries,
-    check_runs,
     default_config,
     extended,
     make_env,
     read_config,
 )
 from crowd_env import make_scenario
-from crowd_env.cli.console import friendly_errors, notes
+from crowd_env.checks import whole
+from crowd_env.cli.console import friendly_errors, notes, progress_bar
 from crowd_env.files.json_file import write_json
+from crowd_env.rendering.libraries import require_libraries
 
 BASELINES = ("shortest", "stand-still", "random")
 
 
 def train(folder: Path, config: dict[str, Any]) -> bool:
     """Train, or go on training, in ``folder``; False if it was interrupted."""
-    import torch
     from stable_baselines3.common.logger import configure
 
     from agents.learned import PPOSettings, make_ppo
     from agents.learned.checkpoint import read_checkpoint
     from agents.learned.training import PolicyCallback, read_curve
 
-    torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
     notes.print("compiling the physics (half a minute the first time, cached afterwards) ...")
     env = make_env(config)
     model = make_ppo(env, PPOSettings(**config["ppo"]), config["seed"], folder / "tensorboard")
@@ -74,8 +73,10 @@ def compare(folder: Path, config: dict[str, Any], runs: int) -> list[Evaluation]
     """Evaluate the rules and the learned policy on the same held-out draws and write ``results.json``."""
     policies = [make_policy(name) for name in BASELINES] + [LearnedPolicy.load(folder / "best.npz")]
     results = []
-    for policy in track(policies, description="evaluating", console=notes, transient=True):
-        results.append(evaluate(policy, config["scenario"], **_physics(config), runs=runs))
+    with progress_bar("evaluating", runs * len(policies)) as progress:
+        for policy in policies:
+            judged = {"runs": runs, "progress": progress, **_physics(config)}
+            results.append(evaluate(policy, config["scenario"], **judged))
     rule, learned = results[BASELINES.index("shortest")], results[-1]
     content = {
         "config": config,
@@ -154,8 +155,9 @@ def main(
 
     with friendly_errors(kept):
         check_budget(minutes=minutes, steps=steps, envs=envs)
-        check_runs(runs)
-        _check_libraries()
+        whole("--runs", runs, RUNS)
+        check_libraries()
+        require_libraries(".png")
         given = _given(context)
         if "resume" in given:
             folder, config = _resumed(root, resume, given)
@@ -172,14 +174,6 @@ def main(
         table_console().print(comparison_table(results, title))
         draw(folder, config, results)
     notes.print(f"model, config, results.json, figures and film: {folder}/")
-
-
-def _check_libraries() -> None:
-    """Say now, not after the training, that a library is missing."""
-    check_libraries()
-    from crowd_env.rendering.canvas import new_figure
-
-    new_figure((1.0, 1.0))
 
 
 def _given(context: typer.Context) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """What drives a rollout beside the rules of the environment: a policy, or a controller that sends people to exits."""
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -15,11 +14,12 @@ from crowd_env.envs.routing.batch import RoutingBatch
 SAMPLE = 0.1  # s  between two measurements of a crowd
 
 
-class PolicyDriver:
+class PolicyDriver(Driver):
     """A batch of evacuations whose people a `Policy` moves."""
 
     def __init__(self, policy: Policy, env: CrowdEnv) -> None:
-        self.policy, self.env = policy, env
+        super().__init__(env)
+        self.policy = policy
 
     def reset(self, seeds: list[int]) -> None:
         """Start new evacuations, each from its seed."""
@@ -43,7 +43,7 @@ def policy_driver(policy: Policy, scenario: Scenario, **options: Any) -> Callabl
     return make
 
 
-class ControllerDriver:
+class ControllerDriver(Driver):
     """A batch of evacuations whose people a controller of ``crowd_env/Routing-v0`` sends to exits.
 
     A step may be shorter than the interval between two decisions (`sample_step`), so that crowds are measured in between.
@@ -56,7 +56,7 @@ class ControllerDriver:
     def __init__(self, controller: Controller, scenario: str | Scenario, **options: Any) -> None:
         self.controller = controller
         self.batch = RoutingBatch(scenario, **options)
-        self.env = self.batch.env
+        super().__init__(self.batch.env)
 
     def reset(self, seeds: list[int]) -> None:
         """Start new evacuations, each from its seed."""
@@ -75,40 +75,6 @@ class ControllerDriver:
         self._left |= step.terminated
         if self._count % self.batch.samples == 0:
             self._observation = self.batch.observe(self.env.active, self._left)
-        return step
-
-
-class TimedDriver:
-    """Makes and steps the batches of another maker, and adds up the time that the steps take.
-
-    Attributes
-    ----------
-    computing : s    processor time of all steps.
-    replanning : s    the part of it in which the fastest routes are found anew.
-    """
-
-    env: CrowdEnv
-
-    def __init__(self, make: Callable[[int], Driver]) -> None:
-        self._make = make
-        self.computing = self.replanning = 0.0
-
-    def __call__(self, num_envs: int) -> Driver:
-        """Make a batch of ``num_envs`` evacuations and step it from now on."""
-        self._driver = self._make(num_envs)
-        self.env = self._driver.env
-        return self
-
-    def reset(self, seeds: list[int]) -> None:
-        """Start new evacuations, each from its seed."""
-        self._driver.reset(seeds)
-
-    def step(self) -> Step:
-        """Let the driver step, and look at the clock before and after it."""
-        began, planned = time.process_time(), self.env.simulation.planner.seconds
-        step = self._driver.step()
-        self.computing += time.process_time() - began
-        self.replanning += self.env.simulation.planner.seconds - planned
         return step
 
 

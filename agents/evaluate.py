@@ -14,10 +14,12 @@ from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate_dri
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
 from agents.runs import versions
-from agents.training_config import check_runs
+from agents.training_config import RUNS
 from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
+from crowd_env.checks import Range, whole
 from crowd_env.cli.console import friendly_errors, notes, progress_bar
 from crowd_env.files.json_file import write_json
+from crowd_env.rendering.libraries import require_libraries
 
 _POLICIES, _SCHEMES = "--policies", "--schemes"
 
@@ -163,11 +165,9 @@ def main(
     """
     with friendly_errors("" if out is None else "the same command goes on"):
         place = make_scenario(scenario)
-        check_runs(runs)
-        if not 0 <= seed < HELD_OUT_SEED - runs:
-            raise ValueError(f"--seed is {seed}; it must be from 0 to {HELD_OUT_SEED - runs - 1}")
-        if threads < 1:
-            raise ValueError(f"--threads is {threads}; it must be at least 1")
+        whole("--runs", runs, RUNS)
+        whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
+        whole("--threads", threads)
         schemes = list(dict.fromkeys(schemes))
         for scheme in schemes:
             make_scheme(scheme)
@@ -177,9 +177,7 @@ def main(
         settings = settings_of(place, runs, seed)
         folder = None
         if out is not None:
-            from crowd_env.rendering.canvas import new_figure
-
-            new_figure((1.0, 1.0))  # says now, not after the work, that the drawing library is missing
+            require_libraries(".png")  # says now, not after the work, that the drawing library is missing
             folder = EvaluationFolder(out, settings)
         results = compare(entries, place, schemes, runs=runs, seed=seed, threads=threads, folder=folder)
         figures = summary(results, place, settings)

@@ -7,10 +7,10 @@ import numpy as np
 from crowd_env import ObservationLayout
 
 
-class _Rule:
-    """A policy without memory, for any continuous environment."""
+class ShortestPath:
+    """Leave everyone to the rule of the environment: by default to walk the shortest path at full desired speed."""
 
-    name = ""
+    name = "shortest"
 
     def __init__(self) -> None:
         self.env_options: dict[str, Any] = {}
@@ -18,18 +18,12 @@ class _Rule:
     def reset(self, env_mask: np.ndarray) -> None:
         """Nothing to forget."""
 
-
-class ShortestPath(_Rule):
-    """Walk the shortest path at full desired speed."""
-
-    name = "shortest"
-
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
-        """Leave everyone to the rule of the environment, which is this one."""
+        """Leave everyone to the environment."""
         return None
 
 
-class StrategyPolicy(_Rule):
+class StrategyPolicy(ShortestPath):
     """Let everyone walk as a strategy of the environment says.
 
     Parameters
@@ -40,18 +34,11 @@ class StrategyPolicy(_Rule):
 
     def __init__(self, strategy: str, *, rules: bool = False, name: str = "") -> None:
         self.name = name or strategy
-        self.env_options: dict[str, Any] = {
-            "strategy": strategy,
-            "rules": rules,
-            "observation": ObservationLayout(terms=("desired_speed",)),  # nobody reads it
-        }
-
-    def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
-        """Leave everyone to the environment."""
-        return None
+        nothing = ObservationLayout(terms=("desired_speed",))  # nobody reads it
+        self.env_options = {"strategy": strategy, "rules": rules, "observation": nothing}
 
 
-class StandStill(_Rule):
+class StandStill(ShortestPath):
     """Want to stay where one is."""
 
     name = "stand-still"
@@ -61,7 +48,7 @@ class StandStill(_Rule):
         return np.zeros((len(observation), 2))
 
 
-class RandomWalk(_Rule):
+class RandomWalk(ShortestPath):
     """Draw every desired velocity uniformly from the action space."""
 
     name = "random"

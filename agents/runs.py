@@ -4,7 +4,8 @@ import platform
 from importlib import metadata
 from pathlib import Path
 
-_PACKAGES = ("crowd-env", "gymnasium", "numba", "numpy", "pettingzoo", "scikit-fmm", "stable-baselines3", "torch")
+_PACKAGES = ("crowd-env", "gymnasium", "numba", "numpy", "pettingzoo", "scikit-fmm", "shapely")
+_OF_TRAINING = ("stable-baselines3", "torch")
 
 
 def check_name(name: str) -> None:
@@ -39,7 +40,7 @@ def new_folder(root: Path, name: str) -> Path:
 def versions() -> dict[str, str]:
     """Return the versions of everything that can change a result."""
     found = {"python": platform.python_version(), "machine": platform.machine()}
-    for package in _PACKAGES:
+    for package in (*_PACKAGES, *_OF_TRAINING):
         try:
             found[package] = metadata.version(package)
         except metadata.PackageNotFoundError:

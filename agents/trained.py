@@ -2,20 +2,46 @@
 
 import math
 from pathlib import Path
-from typing import Any, Union, cast
+from typing import Any, ClassVar, TypeVar, cast
 
 import gymnasium
 import numpy as np
 
 from agents.network import Network, read_network, write_network
 from crowd_env import ObservationLayout
-from crowd_env.envs.action import check_frame, make_action, plain_name
+from crowd_env.checks import known
+from crowd_env.envs.action import FRAMES, make_action, plain_name
 from crowd_env.envs.routing.batch import RoutingBatch
 
 PICKLE, NUMBERS = ".zip", ".npz"
+Kind = TypeVar("Kind", bound="_Learned")
 
 
-class LearnedPolicy:
+class _Learned:
+    """A trained network and its file."""
+
+    name = "learned"  # what tables call it
+    what: ClassVar[str]
+    network: Network
+
+    def _facts(self) -> dict[str, Any]:
+        """Return what the network was made for, as its file holds it."""
+        raise NotImplementedError
+
+    def save(self, path: str | Path) -> None:
+        """Write the network and what it was made for to one .npz file, whole or not at all."""
+        write_network(_checked(path), self.network, self._facts())
+
+    @classmethod
+    def load(cls: type[Kind], path: str | Path, *, trust_pickle: bool = False) -> Kind:
+        """Read what `save` wrote, or with ``trust_pickle`` a stable-baselines3 file; see `load_trained`."""
+        found = load_trained(path, trust_pickle=trust_pickle)
+        if not isinstance(found, cls):
+            raise ValueError(f"{path} is a {found.what}, no {cls.what}")
+        return found
+
+
+class LearnedPolicy(_Learned):
     """A network shared by every pedestrian; takes the most likely action.
 
     Parameters
@@ -23,7 +49,6 @@ class LearnedPolicy:
     network : from an observation to an action (mean) or, if discrete, to the logits of the actions.
     env_options : frame, action and observation layout it was trained with.
     trained : what it was trained in (scenario, scheme, dt, ...), for the record.
-    name : what tables call it.
 
     Raises
     ------
@@ -31,15 +56,11 @@ class LearnedPolicy:
         If the network has not as many inputs and outputs as observation and action have.
     """
 
-    def __init__(
-        self,
-        network: Network,
-        env_options: dict[str, Any],
-        trained: dict[str, Any] | None = None,
-        name: str = "learned",
-    ) -> None:
-        self.network, self.env_options, self.trained, self.name = network, env_options, trained or {}, name
-        check_frame(env_options["frame"])
+    what = "policy of people's own steps"
+
+    def __init__(self, network: Network, env_options: dict[str, Any], trained: dict[str, Any] | None = None) -> None:
+        self.network, self.env_options, self.trained = network, env_options, trained or {}
+        known("frame", env_options["frame"], FRAMES)
         self._space = make_action(env_options["action"]).space
         if isinstance(self._space, gymnasium.spaces.Discrete):
             outputs = int(self._space.n)
@@ -73,28 +94,17 @@ class LearnedPolicy:
         box = cast(gymnasium.spaces.Box, self._space)
         return np.clip(out.reshape(-1, *box.shape), box.low, box.high)
 
-    def save(self, path: str | Path) -> None:
-        """Write the network and what it was made for to one .npz file, whole or not at all."""
+    def _facts(self) -> dict[str, Any]:
         options = self.env_options
-        facts = {
+        return {
             "kind": "policy",
             "observation": options["observation"].as_table(),
             "action": {"kind": plain_name(options["action"]), "frame": options["frame"]},
             "trained": self.trained,
         }
-        write_network(_checked(path), self.network, facts)
-
-    @classmethod
-    def load(cls, path: str | Path, name: str = "learned", *, trust_pickle: bool = False) -> "LearnedPolicy":
-        """Read what `save` wrote, or with ``trust_pickle`` a stable-baselines3 file; see `load_trained`."""
-        found = load_trained(path, trust_pickle=trust_pickle)
-        if not isinstance(found, cls):
-            raise ValueError(f"{path} is a controller that sends people to exits, no policy of people's own steps")
-        found.name = name
-        return found
 
 
-class LearnedController:
+class LearnedController(_Learned):
     """A network that sends people to exits; takes the most likely choices.
 
     Parameters
@@ -109,7 +119,7 @@ class LearnedController:
         If the network has not as many outputs as there are choices.
     """
 
-    name = "learned"
+    what = "controller that sends people to exits"
 
     def __init__(self, network: Network, choices: np.ndarray, options: dict[str, Any]) -> None:
         self.network, self.options = network, options
@@ -122,26 +132,12 @@ class LearnedController:
         logits = np.split(self.network(observation), np.cumsum(self.choices)[:-1], axis=1)
         return np.column_stack([part.argmax(axis=1) for part in logits])
 
-    def save(self, path: str | Path) -> None:
-        """Write the network and what it was made for to one .npz file, whole or not at all."""
+    def _facts(self) -> dict[str, Any]:
         options = {key: value for key, value in self.options.items() if key != "threads"}
-        facts = {"kind": "controller", "choices": self.choices.tolist(), "options": options}
-        write_network(_checked(path), self.network, facts)
-
-    @classmethod
-    def load(cls, path: str | Path, *, trust_pickle: bool = False) -> "LearnedController":
-        """Read what `save` wrote, or with ``trust_pickle`` a stable-baselines3 file; see `load_trained`."""
-        found = load_trained(path, trust_pickle=trust_pickle)
-        if not isinstance(found, cls):
-            raise ValueError(f"{path} is a policy of people's own steps, no controller that sends them to exits")
-        return found
+        return {"kind": "controller", "choices": self.choices.tolist(), "options": options}
 
 
-# With names instead of |, which does not take a class in quotes in Python 3.10.
-Trained = Union[LearnedPolicy, LearnedController]  # noqa: UP007
-
-
-def load_trained(path: str | Path, *, trust_pickle: bool = False) -> Trained:
+def load_trained(path: str | Path, *, trust_pickle: bool = False) -> LearnedPolicy | LearnedController:
     """Read a trained network: numbers (.npz), or what stable-baselines3 saved (.zip) if that is trusted.
 
     Parameters
@@ -168,7 +164,7 @@ def load_trained(path: str | Path, *, trust_pickle: bool = False) -> Trained:
     return made_from(path, *read_network(_checked(path)))
 
 
-def made_from(path: Path, network: Network, facts: dict[str, Any]) -> Trained:
+def made_from(path: Path, network: Network, facts: dict[str, Any]) -> LearnedPolicy | LearnedController:
     """Return the policy or controller that a file describes.
 
     Raises

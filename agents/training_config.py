@@ -7,12 +7,15 @@ from typing import Any
 
 from agents.evaluation.evaluation import HELD_OUT_SEED
 from agents.runs import versions
-from crowd_env import CrowdEnv, ObservationLayout, RewardWeights, make_scenario, make_scheme
+from crowd_env import CrowdEnv, ObservationLayout, make_scenario, make_scheme
+from crowd_env.checks import POSITIVE, Range, number, whole
 from crowd_env.files.json_file import read_json
 
 # People simulated side by side in training: a rollout of more takes many gigabytes.
 MOST_PEOPLE = 200_000
-LEAST_DT = 1e-5  # s  a decision of 0.1 s is ten thousand steps of these
+LEAST_DT = Range(1e-5)  # s  a decision of 0.1 s is ten thousand steps of these
+RUNS = Range(1, HELD_OUT_SEED - 1)  # held-out draws of an evaluation
+SEEDS = Range(0, HELD_OUT_SEED - 1).because("larger ones are kept for evaluation")
 
 
 def default_config(
@@ -33,7 +36,7 @@ def default_config(
         "decision_dt": 0.1,
         "frame": "path",
         "action": "continuous",
-        "observation": asdict(ObservationLayout()),
+        "observation": ObservationLayout().as_table(),
         "reward": {"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.5},
         "ppo": asdict(PPOSettings()),
         "eval_every": 1_500_000,
@@ -46,17 +49,12 @@ def default_config(
 
 def make_env(config: Mapping[str, Any], envs: int | None = None) -> CrowdEnv:
     """Return the training batch, of ``envs`` rooms if that is given."""
+    options = ("scheme", "dt", "decision_dt", "frame", "action", "observation", "reward")
     return CrowdEnv(
         config["scenario"],
         num_envs=config["envs"] if envs is None else envs,
-        scheme=config["scheme"],
-        dt=config["dt"],
-        decision_dt=config["decision_dt"],
-        frame=config["frame"],
-        action=config["action"],
-        observation=ObservationLayout(**config["observation"]),
-        reward=RewardWeights(**config["reward"]),
         autoreset=True,
+        **{name: config[name] for name in options},
     )
 
 
@@ -74,14 +72,7 @@ def check_libraries() -> None:
 def check_budget(**options: float) -> None:
     """Raise ValueError unless all of these are > 0 and finite."""
     for name, value in options.items():
-        if not 0 < value < float("inf"):
-            raise ValueError(f"--{name} is {value}; it must be > 0 and finite")
-
-
-def check_runs(runs: int) -> None:
-    """Raise ValueError unless there are ``runs`` held-out draws."""
-    if not 0 < runs < HELD_OUT_SEED:
-        raise ValueError(f"--runs is {runs}; it must be 1 to {HELD_OUT_SEED - 1}")
+        number(f"--{name}", value, POSITIVE)
 
 
 def check_envs(envs: int, people: int) -> None:
@@ -93,21 +84,14 @@ def check_envs(envs: int, people: int) -> None:
         )
 
 
-def check_seed(seed: int) -> None:
-    """Raise ValueError if the seed belongs to draws that are kept for evaluation."""
-    if not 0 <= seed < HELD_OUT_SEED:
-        raise ValueError(f"seed is {seed}; it must be 0 to {HELD_OUT_SEED - 1} (larger ones are kept for evaluation)")
-
-
 def check_config(config: Mapping[str, Any]) -> None:
     """Raise ValueError if nothing can be trained with these parameters; one room is made to see."""
     from agents.learned import PPOSettings
 
     PPOSettings(**config["ppo"])
-    check_seed(config["seed"])
+    whole("seed", config["seed"], SEEDS)
     check_budget(minutes=config["minutes"], steps=config["steps"], envs=config["envs"])
-    if not config["dt"] >= LEAST_DT:
-        raise ValueError(f"--dt is {config['dt']} s; it must be at least {LEAST_DT} s")
+    number("--dt", config["dt"], LEAST_DT, "s")
     check_envs(config["envs"], make_scenario(config["scenario"]).population.count)
     make_env(config, envs=1)
 

@@ -15,7 +15,8 @@ from rich.table import Table
 from benchmarks import batch, big, cold, dictionaries, hall, jam, memory, plots, roofline, room20, scaling, train
 from benchmarks.measuring import Effort, Row
 from benchmarks.tables import Grid, grids
-from crowd_env.files.atomic import write_text
+from crowd_env.cli.console import check_folder, friendly_errors, notes
+from crowd_env.files.json_file import write_json
 
 # Name -> function that measures.
 CASES: dict[str, Callable[[Effort], list[Row]]] = {
@@ -31,7 +32,6 @@ CASES: dict[str, Callable[[Effort], list[Row]]] = {
     "memory": memory.rows,
     "cold": cold.rows,
 }
-_notes = Console(stderr=True, highlight=False)
 
 
 def report(case: str, effort: Effort) -> dict[str, Any]:
@@ -75,37 +75,34 @@ def run(
     Figures are of CPU time; compare those of one run.  `python -m benchmarks.report DIR` puts what --out has written into
     docs/performance.md.
     """
-    try:
+    with friendly_errors():
         chosen = case or list(CASES)
         for name in chosen:
             if name not in CASES:
                 raise ValueError(f"unknown case {name!r}; known: {', '.join(CASES)}")
-        if out is not None and out.exists() and not out.is_dir():
-            raise ValueError(f"--out {out} is a file; name a folder")
+        if out is not None:
+            check_folder("--out", out)
         for name in chosen:
-            with _notes.status(f"{name} ...") as status:
+            with notes.status(f"{name} ...") as status:
                 effort = Effort(seconds, blocks, peers, peer_seconds, max_people, _teller(name, status.update))
                 result = report(name, effort)
             if out is not None:
-                write_text(out / f"{name}.json", json.dumps(result, indent=2) + "\n")
+                write_json(out / f"{name}.json", result)
                 plots.draw(result, out)
             if as_json:
                 typer.echo(json.dumps(result))
             else:
                 show(result)
-    except (ValueError, OSError) as error:
-        _notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
-        raise typer.Exit(2) from None
 
 
 def _teller(case: str, update: Callable[[str], None]) -> Callable[[str], None]:
     """Return what tells of progress: on a terminal in place, else a line for each thing."""
 
     def tell(what: str) -> None:
-        if _notes.is_terminal:
+        if notes.is_terminal:
             update(f"{case}: {what}")
         elif "block" not in what:
-            _notes.print(f"{case}: {what}", markup=False, soft_wrap=True)
+            notes.print(f"{case}: {what}", markup=False, soft_wrap=True)
 
     return tell
 

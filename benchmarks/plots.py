@@ -1,9 +1,10 @@
 """Plots of `scaling` and `roofline`, from the figures alone; matplotlib is loaded only when there is something to draw."""
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from crowd_env.rendering.canvas import new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,28 +18,14 @@ def draw(result: dict[str, Any], folder: Path) -> Path | None:
 
     Raises
     ------
-    ValueError
+    ModuleNotFoundError
         If matplotlib is not installed.
     """
     if result["case"] not in _PLOTS:
         return None
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise ValueError("plots need matplotlib: pip install matplotlib") from None
-    figure = Figure(figsize=(7.2, 4.6), dpi=130, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure((7.2, 4.6), dpi=130)
     _PLOTS[result["case"]](result["rows"], figure)
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{result['case']}.png"
-    half = folder / f".{path.name}.{os.getpid()}"
-    try:
-        figure.savefig(half, format="png")
-        half.replace(path)
-    finally:
-        half.unlink(missing_ok=True)
-    return path
+    return save_figure(figure, folder / f"{result['case']}.png")
 
 
 def _scaling(rows: list[dict[str, Any]], figure: "Figure") -> None:

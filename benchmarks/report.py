@@ -1,23 +1,24 @@
 """``python -m benchmarks.report DIR``: put what ``python -m benchmarks --out DIR`` has written into docs/performance.md.
 
 Between ``<!-- case: NAME -->`` and ``<!-- end -->`` stand the tables of a case, and nothing that is written by hand; plots go
-to docs/images.  Cases without a file in DIR stay as they are.
+to docs/images.  Cases without a file in DIR stay as they are, and so does the summary if one of its cases has none.
 """
 
-import json
 import shutil
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from benchmarks.cli import CASES
-from benchmarks.tables import Grid, grids
+from benchmarks.tables import Grid, Result, grids, number
+from crowd_env.cli.console import friendly_errors, notes
 from crowd_env.files.atomic import write_text
+from crowd_env.files.json_file import read_json
+from validation.pages import markdown as markdown_table
+from validation.pages import replaced
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "performance.md"
-_notes = Console(stderr=True, highlight=False)
 
 
 def run(
@@ -25,12 +26,9 @@ def run(
     page: Annotated[Path, typer.Option(help="Page to write the tables into.")] = PAGE,
 ) -> None:
     """Write the tables of docs/performance.md, and its plots, from measured figures."""
-    try:
+    with friendly_errors():
         done = fill(folder, page)
-    except (ValueError, OSError) as error:
-        _notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
-        raise typer.Exit(2) from None
-    _notes.print(f"{page.name}: {', '.join(done)}", markup=False, soft_wrap=True)
+    notes.print(f"{page.name}: {', '.join(done)}", markup=False, soft_wrap=True)
 
 
 def fill(folder: Path, page: Path) -> list[str]:
@@ -47,13 +45,10 @@ def fill(folder: Path, page: Path) -> list[str]:
     tables = {name: markdown(read(path)) for name, path in found.items()}
     text = page.read_text(encoding="utf-8")
     for name, lines in tables.items():
-        before, mark, rest = text.partition(f"<!-- case: {name} -->\n")
-        _, end, after = rest.partition("<!-- end -->")
-        if not end:
-            raise ValueError(
-                f"{page.name} has no place for {name}; mark one with <!-- case: {name} --> and <!-- end -->"
-            )
-        text = f"{before}{mark}\n{lines}\n{end}{after}"
+        text = replaced(text, f"case: {name}", f"\n{lines}\n", page.name)
+    if set(_SHORT) <= set(found):
+        figures = {name: read(found[name]) for name in _SHORT}
+        text = replaced(text, "case: short", in_short(figures), page.name)
     for name in found:
         if (folder / f"{name}.png").exists():
             images = page.parent / "images"
@@ -61,6 +56,34 @@ def fill(folder: Path, page: Path) -> list[str]:
             shutil.copyfile(folder / f"{name}.png", images / f"performance-{name}.png")
     write_text(page, text)
     return list(found)
+
+
+_SHORT = ("batch", "train", "jam", "cold")
+
+
+def in_short(results: dict[str, Result]) -> str:
+    """Return the summary: agent-steps of batches, samples of training, a large jam, and the first step."""
+    # Rows of other programs, and ratios to them, name a peer.
+    ours = {row["what"]: row["value"] for case in _SHORT for row in results[case]["rows"] if row["peer"] is None}
+    batches = [what.removesuffix(": agent-steps").split(", ") for what in ours if what.endswith(": agent-steps")]
+    schemes, sizes = (list(dict.fromkeys(names)) for names in zip(*batches, strict=True))
+    cells = [
+        [f"batch of {size}", *(number(ours[f"{scheme}, {size}: agent-steps"]) for scheme in schemes)] for size in sizes
+    ]
+    training = next(row for row in results["train"]["rows"] if row["ratio"] is not None)
+    who = training["what"].partition(":")[0]
+    jams = [what for what in ours if what.startswith("dem ") and what.endswith(" people: CPU time")]
+    people = max(int(what.split(", ")[1].split()[0]) for what in jams)
+    costs = [f"{number(ours[what])} with steps of {what.split()[1]} s" for what in jams if f" {people} people" in what]
+    scheme = results["cold"]["rows"][0]["what"].partition(":")[0]
+    return markdown_table(["agent-steps per CPU s", *(f"`{name}`" for name in schemes)], cells) + (
+        f"\nTraining with stable-baselines3 ({who}): {number(training['value'])} samples of people who were inside per CPU "
+        f"second, {100.0 * training['ratio']:.0f} % of what the same PPO reaches on an environment that does nothing; "
+        f"{100.0 * ours[f'{who}: environment']:.0f} % of the time goes to the environment. {people} people in a jam under "
+        f"`dem`, CPU seconds per simulated second: {', '.join(costs)}. From nothing to the first step of `{scheme}`: "
+        f"{ours[f'{scheme}: whole process, empty cache']:.0f} CPU s with an empty kernel cache, "
+        f"{ours[f'{scheme}: whole process, filled cache']:.1f} CPU s afterwards, import included.\n"
+    )
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -72,7 +95,7 @@ def read(path: Path) -> dict[str, Any]:
         If it does not hold what --out writes.
     """
     try:
-        result = json.loads(path.read_text(encoding="utf-8"))
+        result = read_json(path)
         for row in result["rows"]:
             if set(row) != {"what", "value", "unit", "peer", "ratio"}:
                 raise ValueError(f"row {row}")
@@ -89,7 +112,7 @@ def markdown(result: dict[str, Any]) -> str:
 def _table(grid: Grid) -> str:
     head = [cell.replace(", ", "<br>") for cell in grid.head]
     lines = [head, ["---", *["---:"] * (len(head) - 1)], *grid.lines]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines) + "".join(f"\n{line}\n" for line in grid.legend)
+    return markdown_table(lines[0], lines[1:]) + "".join(f"\n{line}\n" for line in grid.legend)
 
 
 def _list(grid: Grid) -> str:

@@ -14,7 +14,8 @@ from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.terms import ObservationTerm
 from crowd_env.envs.parallel import CrowdParallelEnv, parallel_env
-from crowd_env.envs.reward import RewardTerm, RewardWeights
+from crowd_env.envs.reward import RewardWeights
+from crowd_env.envs.terms import RewardTerm
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import OneWay
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme

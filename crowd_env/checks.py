@@ -268,7 +268,7 @@ def check_fields(where: str, thing: Any, **allowed: Range) -> None:
 @cache
 def _kinds(kind: type) -> dict[str, Any]:
     hints = get_type_hints(kind)
-    return {field.name: hints[field.name] for field in fields(kind)}
+    return {field.name: hints[field.name] for field in fields(kind) if field.init}
 
 
 def _of_kind(what: str, value: Any, kind: Any, allowed: Range | None) -> Any:

@@ -4,16 +4,18 @@ All people of all environments lie one behind the other (``P`` people, ``E`` env
 slice ``env_start[e]:env_start[e + 1]``.  Slots never move: someone who has left is ``active = False`` in place.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from crowd_env._kernels.jit import kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+Indices = NDArray[np.uint32]  # unsigned, because numba checks every signed index for being negative
 
 # m/s; nobody is faster, whoever pushes: the fastest that anyone is known to have run is 12.4 (Bolt, 100 m, Berlin 2009).
 MAX_SPEED = 12.5
@@ -49,6 +51,16 @@ class CrowdState(NamedTuple):
     def copy(self) -> "CrowdState":
         """Return an independent copy."""
         return CrowdState._make(array.copy() for array in self)
+
+
+def row_starts(counts: ArrayLike) -> Ints:
+    """Return where each of K rows begins that lie one behind the other, and where the last one ends (K+1,)."""
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+def joined_starts(parts: Sequence[Ints]) -> Ints:
+    """Return the starts of the rows of all ``parts`` (at least one), one behind the other, from the starts within each."""
+    return row_starts(np.concatenate([np.diff(starts) for starts in parts]))
 
 
 def make_bodies(

@@ -103,7 +103,7 @@ def scatter(rng: np.random.Generator, geometry: Geometry, radius: np.ndarray, *,
     for i in range(len(radius)):
         while True:
             point = rng.uniform((x_low, y_low), (x_high, y_high))
-            if not geometry.contains(point)[0] or geometry.clearance(point)[0] < radius[i] + gap:
+            if not geometry.contains(point) or geometry.clearance(point)[0] < radius[i] + gap:
                 continue
             others = np.array(placed).reshape(-1, 2)
             if (np.hypot(*(others - point).T) >= radius[:i] + radius[i] + gap).all():

@@ -1,19 +1,9 @@
 """What tests of recordings, films and figures share."""
 
 import numpy as np
-import pytest
 
-pytest.importorskip("pygame")
-PIL_Image = pytest.importorskip("PIL.Image")
-imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
-pytest.importorskip("matplotlib")
-
-
-from crowd_env.geometry.geometry import Geometry  # noqa: E402
-from crowd_env.rendering import (  # noqa: E402
-    FULL_PRESSURE,
-    Recording,
-)
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.rendering import FULL_PRESSURE, Recording
 
 ROOM = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)], exits={"door": [(5, 2.09), (5, 2.91)]})
 

@@ -1,21 +1,18 @@
-"""What tests of passages, dead ends and fields that cannot be share."""
+"""Plans to find ways in, and the length of the shortest way by a visibility graph: nothing of the code under test."""
 
 import functools
 
+import numpy as np
+import shapely
+from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import Point, Polygon, box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import join_fields, travel_time_field
 
 RADIUS = 0.25
-
-
 ROOM = box(0, 0, 5, 5)
-
-
 DOOR = [[5, 2.09], [5, 2.91]]
-
-
 C_SHAPE = Polygon([(3, 1), (5, 1), (5, 5), (3, 5), (3, 4.8), (4.8, 4.8), (4.8, 1.2), (3, 1.2)])
 
 
@@ -48,3 +45,32 @@ def plan(name):
     geometry = PLANS[name]()
     field = travel_time_field(geometry, RADIUS)
     return geometry, field, join_fields([field], geometry.boundary)
+
+
+def exit_targets(geometry):
+    """Return places on the exits where the center of a disc can be, those beyond the jambs left out."""
+    targets = []
+    for a, b in geometry.exits:
+        width = np.hypot(*(b - a))
+        targets.append(a + np.linspace(RADIUS, width - RADIUS, 41)[:, None] / width * (b - a))
+    return np.concatenate(targets)
+
+
+def shortest(geometry, points, targets, *, lines, quad_segs):
+    """Return the length of the shortest way of a disc that keeps off ``lines`` from each of ``points`` to ``targets``."""
+    free = geometry.walkable.difference(
+        shapely.buffer(shapely.MultiLineString(lines), RADIUS - 1e-4, quad_segs=quad_segs)
+    )
+    nodes = np.concatenate([targets, shapely.get_coordinates(free)])
+    tolerant = shapely.buffer(free, 2e-4)
+    shapely.prepare(tolerant)
+
+    def distances(from_points, to_points):
+        pairs = np.stack(np.broadcast_arrays(from_points[:, None], to_points[None]), axis=2)
+        seen = shapely.covers(tolerant, shapely.linestrings(pairs.reshape(-1, 2, 2))).reshape(pairs.shape[:2])
+        return np.where(seen, np.hypot(*np.moveaxis(pairs[:, :, 0] - pairs[:, :, 1], 2, 0)), np.inf)
+
+    between = distances(nodes, nodes)
+    between[~np.isfinite(between)] = 0  # no edge
+    rest = dijkstra(between, indices=np.arange(len(targets)), min_only=True)
+    return (distances(points, nodes) + rest).min(axis=1)

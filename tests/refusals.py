@@ -16,9 +16,15 @@ OUTSIDE: dict[str, tuple[Any, ...]] = {
     "positive or infinite": (NAN, -INF, 0.0, -1.0),
     "not negative": (NAN, INF, -INF, -1e-9, -1),
     "share": (NAN, INF, -0.1, 1.1),
+    "bounded": (NAN, INF, -INF, 0, -1.0, np.float64(-1.0)),
+    "1 to 32": (NAN, INF, 0, -1, 2.5, np.int64(-3), np.float64(2.5), 33),
+    "1 to 360": (NAN, INF, 0, -1, 2.5, np.int64(-3), np.float64(2.5), 361),
     "count": (NAN, INF, 0, -1, 2.5, np.int64(-3), np.float64(2.5)),
     "whole": (NAN, INF, -1, 2.5),
 }
+# What a message says of the numbers that are allowed.
+ALLOWED = {"positive": "> 0", "positive or infinite": "> 0", "not negative": ">= 0", "share": "[0, 1]", "count": "1"}
+ALLOWED |= {"1 to 32": "1 to 32", "1 to 360": "1 to 360"}
 NO_FLAG = ("no", "True", 1, 0, None, 1.0, [], np.array([True]))
 NO_TEXT = (3, b"x", ["x"], 2.0, True)
 NO_NAMES = ("e", 3, [1], {"a": 1}, b"e", (None,))
@@ -52,7 +58,8 @@ def told(value: Any) -> str:
 
 
 def numeric(name: str, call: Callable[[Any], Any], kind: str, *, or_none: bool = False) -> list[Row]:
-    return rows(name, call, (*NO_NUMBER, *OUTSIDE[kind], *(() if or_none else (None,))))
+    found = rows(name, call, (*NO_NUMBER, *OUTSIDE[kind], *(() if or_none else (None,))))
+    return [(row, bad, (*words, "it must be", ALLOWED.get(kind, ""))) for row, bad, words in found]
 
 
 def table(*parts: list[Row]) -> pytest.MarkDecorator:

@@ -1,5 +1,6 @@
 """What tests of the command that reproduces tables and figures share."""
 
+import csv
 import json
 
 from typer.testing import CliRunner
@@ -12,6 +13,7 @@ def nothing(count):
     """Report progress to nobody."""
 
 
+PNG = b"\x89PNG\r\n\x1a\n"
 ALONE = Work(nothing, {})  # what a figure is made with that simulates by itself
 
 
@@ -24,3 +26,19 @@ def reported(line):
     assert result.exit_code == 0, result.stderr
     assert result.stdout.count("\n") == 1
     return json.loads(result.stdout)
+
+
+def check_files(report, folder):
+    """Check the rows of a report, and that its table says the same and its figure is one."""
+    assert report["rows"]
+    for row in report["rows"]:
+        assert row["paper"] is None or isinstance(row["paper"], float)
+    quantities = [row["quantity"] for row in report["rows"]]
+    assert len(set(quantities)) == len(quantities)
+    assert (folder / "reproduce" / f"{report['name']}.png").read_bytes()[:8] == PNG
+    with (folder / "reproduce" / f"{report['name']}.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["quantity"] for row in rows] == quantities
+    assert [float(row["here"]) for row in rows if row["here"]] == [
+        row["here"] for row in report["rows"] if row["here"] is not None
+    ]

@@ -6,10 +6,13 @@ from crowd_env import Geometry, Population, Scenario, Uniform
 from crowd_env.geometry.geometry import box
 
 
-def hall(count=150, time_limit=120.0, **people):
+def hall(count=150, time_limit=120.0, *, exits=("west", "east"), doors=None, **people):
     """20 x 12 m with an exit of 1 m in the middle of each short wall; everyone starts in the left half."""
-    exits = {"west": [(0, 5.5), (0, 6.5)], "east": [(20, 5.5), (20, 6.5)]}
-    geometry = Geometry.from_polygon(box(0, 0, 20, 12), exits=exits, regions={"start": box(0, 0, 10, 12)})
+    lines = {"west": [(0, 5.5), (0, 6.5)], "east": [(20, 5.5), (20, 6.5)]}
+    regions = {"start": box(0, 0, 10, 12)}
+    geometry = Geometry.from_polygon(
+        box(0, 0, 20, 12), exits={name: lines[name] for name in exits}, regions=regions, doors=doors
+    )
     return Scenario("hall", geometry, Population(count, start_region="start", **people), time_limit)
 
 

@@ -1,4 +1,4 @@
-"""``python -m validation CASE``."""
+"""``python -m validation [CASE ...]``."""
 
 from validation.cli import main
 

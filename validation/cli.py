@@ -1,8 +1,7 @@
 """The command ``python -m validation``."""
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,158 +11,150 @@ from rich.console import Console
 from rich.markup import escape
 from rich.status import Status
 from rich.table import Table
+from typer.core import TyperGroup
 
-from crowd_env import SCHEMES, Uniform, make_scheme
-from crowd_env.files.atomic import write_text
+from crowd_env import SCHEMES, make_scheme
+from crowd_env.cli.console import check_folder, friendly_errors, notes
+from crowd_env.files.json_file import write_json
+from crowd_env.physics.walking.headway import MANNERS, make_manner
 from validation.bits import ROOT, chosen, report
 from validation.bits_scenes import scenes
-from validation.gate import REFERENCE, export, gate_scenario, recorded, recorded_speed, simulated
-from validation.halls import HALLS, empty, holds, told
+from validation.cases import CASES
+from validation.cases.case import COMPARED, Case, Row, Setting
 from validation.pages import TABLES, fill, run
 from validation.positions import STORED, write
-from validation.trajectories import find_recording, read_trajectories
 
-app = typer.Typer(
-    help="Is it true: simulations beside recorded experiments, crowded halls, and another commit.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-_notes = Console(stderr=True, highlight=False)
+_WIDTH = 140  # characters, where there is no terminal
+
+
+class _CasesUnlessNamed(TyperGroup):
+    """A group in which words that name none of its commands are those of ``cases``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        named = bool(args) and args[0] in (*self.commands, "--help")
+        return super().parse_args(ctx, args if named else ["cases", *args])
+
+
+app = typer.Typer(cls=_CasesUnlessNamed, add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.callback()
 def _about() -> None:
-    """Is it true: simulations beside recorded experiments, crowded halls, and another commit."""
+    """Is it true: simulations beside what is known about crowds, and beside another commit.
 
-
-@contextmanager
-def _said_plainly() -> Iterator[None]:
-    """Turn a user's mistake into one line and exit code 2."""
-    try:
-        yield
-    except (ValueError, FloatingPointError) as error:
-        _notes.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
-        raise typer.Exit(2) from None
-
-
-def _speeds(text: str | None) -> Uniform | None:
-    if text is None:
-        return None
-    try:
-        bounds = [float(part) for part in text.split(",")]
-    except ValueError:
-        bounds = []
-    if len(bounds) not in (1, 2):
-        raise ValueError(f"--speed is {text!r}; it must be one number or two separated by a comma, such as 1.2,2")
-    return Uniform(bounds[0], bounds[-1])
+    python -m validation [CASE ...] [OPTIONS] is python -m validation cases [CASE ...] [OPTIONS].
+    """
 
 
 @app.command()
-def gate(
-    data: Annotated[Path, typer.Option(help="Folder with the trajectory file of run 040_c_56_h- (.txt or .txt.gz).")],
-    scheme: Annotated[
-        list[str] | None, typer.Option(help="Contact scheme; may be repeated; default dem, nsm1, nsm2.")
+def cases(
+    case: Annotated[list[str] | None, typer.Argument(help=f"Cases: {', '.join(CASES)}; default all.")] = None,
+    schemes: Annotated[
+        list[str] | None,
+        typer.Option(help=f"Contact scheme: {', '.join(SCHEMES)}; may be repeated; default {', '.join(COMPARED)}."),
     ] = None,
-    runs: Annotated[
-        int, typer.Option(help="Runs per scheme, each with other masses, speeds and relaxation times.", min=1)
-    ] = 10,
-    seed: Annotated[int, typer.Option(help="Run k draws from seed + k.", min=0)] = 0,
-    radius: Annotated[
-        float | None, typer.Option(help="Body radius in m; default the largest that the positions allow.")
+    manner: Annotated[
+        list[str] | None,
+        typer.Option(help=f"How people walk: {', '.join(MANNERS)}; may be repeated; default those of the case."),
     ] = None,
-    speed: Annotated[
-        str | None, typer.Option(help="Desired speed in m/s, one number or a range; default 1.2,2.")
+    data: Annotated[
+        Path | None, typer.Option(help="Folder with the recordings, which are not part of the repository.")
     ] = None,
-    time_limit: Annotated[float, typer.Option(help="Whoever is inside after so many seconds is unfinished.")] = 300.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for gate.json and gate.png.")] = None,
-    export_to: Annotated[
-        Path | None, typer.Option("--export", help="Only write gate.wkt and starts.csv there, and print the command.")
+    draws: Annotated[
+        int | None, typer.Option(help="Crowds of each experiment; default as many as the case takes.", min=1)
     ] = None,
+    seed: Annotated[
+        int, typer.Option(help="Of the crowds, which are the same for every scheme and manner.", min=0)
+    ] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a case, each on a line.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for CASE.json, and for pictures.")] = None,
 ) -> None:
-    """75 students leave through a gate of 0.5 m: N(t) recorded and simulated.
+    """Hold simulations against recordings, laws and bounds: rows for each scheme and manner; exit code 1 if one does not pass.
 
-    Data: DOI 10.34735/ped.2018.1, run 040_c_56_h-.
+    Everyone is of one population and one set of parameters a manner, whatever the case.
+
+    Example: python -m validation gate --data DIR --schemes dem --schemes nsm2 --manner hurried
     """
-    with _said_plainly():
-        trajectories = read_trajectories(find_recording(data))
-        starts = trajectories.starts
-        place = gate_scenario(starts, radius, _speeds(speed), time_limit)
-        size = place.population.radius.high
-        if export_to is not None:
-            typer.echo(export(export_to, starts, size))
-            return
-        names = scheme or ["dem", "nsm1", "nsm2"]
-        for name in names:
+    passed = True
+    with friendly_errors("" if out is None else f"the rows that were finished are in {out}/"):
+        for name in case or ():
+            if name not in CASES:
+                raise ValueError(f"unknown case {name!r}; known: {', '.join(CASES)}")
+        for name in schemes or ():
             make_scheme(name)
-        measured, results = recorded(trajectories), []
-        for name in names:
-            with _notes.status(f"{name} ..."):
-                results.append(simulated(place, name, runs, seed))
-    rows = [counts.row() for counts in [measured, *results]]
-    speeds = place.population.desired_speed
-    report: dict[str, Any] = {
-        "case": "gate",
-        "reference": REFERENCE,
-        "people": len(starts),
-        "radius_m": size,
-        "desired_speed": [speeds.low, speeds.high],
-        "recorded_gate_speed": recorded_speed(trajectories),
-        "rows": rows,
-    }
-    if out is not None:
-        from validation.gate_figure import draw
+        for name in manner or ():
+            make_manner(name)
+        if data is not None and not data.exists():
+            raise ValueError(f"--data {data}: no such folder")
+        if out is not None:
+            check_folder("--out", out)
+        for name in case or CASES:
+            found: list[Row] = []
+            try:
+                with notes.status(f"{name} ...") as status:
+                    for setting in _settings(CASES[name], schemes, manner, data, draws, seed, _teller(name, status)):
+                        found.extend(CASES[name].run(setting))
+                draw = CASES[name].draw
+                if out is not None and draw is not None:
+                    draw(out, found)
+            finally:  # also of a case that Ctrl-C ends
+                content = {"case": name, "rows": [row._asdict() for row in found]}
+                if out is not None and found:
+                    write_json(out / f"{name}.json", content)
+            passed &= all(row.passed is not False for row in found)
+            if as_json:
+                typer.echo(json.dumps(content))
+            else:
+                Console(width=None if notes.is_terminal else _WIDTH).print(_case_table(name, found))
+    raise typer.Exit(0 if passed else 1)
 
-        out.mkdir(parents=True, exist_ok=True)
-        write_text(out / "gate.json", json.dumps(report, indent=2) + "\n")
-        draw(out / "gate.png", measured, results, starts, size, f"desired speed {speeds.low:g} to {speeds.high:g} m/s")
-        _notes.print(f"figures: {out}/", markup=False)
-    if as_json:
-        typer.echo(json.dumps(report))
-        return
-    Console().print(_table(report))
+
+def _settings(
+    case: Case,
+    schemes: list[str] | None,
+    manners: list[str] | None,
+    data: Path | None,
+    draws: int | None,
+    seed: int,
+    notify: Callable[[str], None],
+) -> Iterator[Setting]:
+    """Yield each scheme under each manner."""
+    for scheme in schemes or COMPARED:
+        for manner in manners or case.manners:
+            notify(f"{scheme}, {manner}")
+            yield Setting(scheme, manner, draws or case.draws, seed, data, notify=notify)
 
 
-@app.command()
-def halls(
-    scheme: Annotated[
-        list[str] | None, typer.Option(help="Contact scheme; may be repeated; default all but nsm2-printed.")
-    ] = None,
-    people: Annotated[int | None, typer.Option(help="Only the halls of so many people.")] = None,
-    time_limit: Annotated[float, typer.Option(help="A run ends after so many simulated seconds.", min=0.1)] = 3600.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
-) -> None:
-    """Crowded halls emptied by one door: nobody is ever through a wall, or faster than a person can be.
+def _teller(case: str, status: Status) -> Callable[[str], None]:
+    """Return what tells of progress: on a terminal in place, else a line for each thing."""
 
-    500 to 5000 people at 2 to 4 /m2, doors of 0.8 to 4 m, until all are out or the door is blocked; exit code 1 if it does
-    not hold.
-    """
-    with _said_plainly():
-        names = scheme or [name for name in SCHEMES if name != "nsm2-printed"]
-        for name in names:
-            make_scheme(name)
-        chosen = [hall for hall in HALLS if people in (None, hall.people)]
-        if not chosen:
-            known = sorted({hall.people for hall in HALLS})
-            raise ValueError(f"there is no hall of {people} people; there are halls of {', '.join(map(str, known))}")
-        rows = []
-        for name in names:
-            for hall in chosen:
-                title = f"{name}, {hall.people} people, {hall.density:g} /m2, door {hall.door:g} m"
-                with _notes.status(f"{title} ...") as status:
+    def notify(text: str) -> None:
+        if notes.is_terminal:
+            status.update(f"{case}: {text}")
+        else:
+            notes.print(f"{case}: {text}", markup=False, soft_wrap=True)
 
-                    def show(time: float, title: str = title, status: Status = status) -> None:
-                        status.update(f"{title}: {time:.1f} s simulated")
+    return notify
 
-                    rows.append(empty(hall, name, time_limit, show))
-                _notes.print(f"{title}: {told(rows[-1])}", markup=False, soft_wrap=True)
-    sound = all(holds(row) for row in rows)
-    if as_json:
-        typer.echo(json.dumps({"case": "halls", "holds": sound, "rows": rows}))
-    else:
-        Console().print(_hall_table(rows))
-    raise typer.Exit(0 if sound else 1)
+
+def _case_table(name: str, found: list[Row]) -> Table:
+    """Return the rows of a case as a table; criterion and source below it if all rows share them."""
+    criteria = dict.fromkeys((row.criterion, row.source) for row in found)
+    shared = len(criteria) == 1
+    caption = "\n".join(next(iter(criteria))) if shared else CASES[name].source
+    table = Table(title=f"{name}: {CASES[name].title}", caption=escape(caption), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for column in ("scheme", "manner", "passed"):
+        table.add_column(column, no_wrap=True)
+    if not shared:
+        table.add_column("test")
+    table.add_column("figure")
+    if not shared:
+        table.add_column("criterion")
+    for row in found:
+        passed = {True: "yes", False: "NO", None: "–"}[row.passed]
+        test, criterion = ([row.source], [row.criterion]) if not shared else ([], [])
+        table.add_row(row.scheme, row.manner, passed, *(escape(cell) for cell in (*test, row.figure, *criterion)))
+    return table
 
 
 @app.command()
@@ -191,12 +182,12 @@ def bits(
     """
     if write_positions:
         write(STORED)
-        _notes.print(f"positions: {STORED}", markup=False, soft_wrap=True)
+        notes.print(f"positions: {STORED}", markup=False, soft_wrap=True)
         return
-    with _said_plainly():
+    with friendly_errors():
         names = chosen(list(scenes()), case or [])
         at = {"here": "starting", against: "starting"}
-        with _notes.status("compiling kernels ...") as status:
+        with notes.status("compiling kernels ...") as status:
 
             def show(side: str, count: int, name: str) -> None:
                 at[side] = f"{count} of {len(names)} scenes ({name})"
@@ -240,95 +231,38 @@ def _bits_note(row: dict[str, Any]) -> str:
     return "; ".join(parts)
 
 
-def _hall_table(rows: list[dict[str, Any]]) -> Table:
-    caption = (
-        "outside: most people outside of the plan at once, by position; fastest: after any step; deepest overlap of two "
-        "bodies, and of a body with a wall; left: at the end, when all are out or nobody was for 30 s"
-    )
-    table = Table(title="halls emptied by one door", caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    names = ("people", "1/m2", "door\nm", "outside", "fastest\nm/s", "overlap\nmm", "wall\nmm", "left", "until\ns")
-    table.add_column("")
-    for name in names:
-        table.add_column(name, justify="right")
-    for row in rows:
-        table.add_row(
-            row["scheme"],
-            str(row["people"]),
-            f"{row['density']:g}",
-            f"{row['door']:g}",
-            str(max(row["outside_at_once"], row["escaped"])),
-            f"{row['max_speed']:.2f}" + ("*" if row["stopped"] else ""),
-            f"{row['overlap_mm']:.0f}",
-            f"{row['wall_mm']:.0f}",
-            str(row["left"]),
-            f"{row['until']:.0f}",
-        )
-    for row in rows:
-        if row["stopped"]:
-            table.caption = f"{table.caption}. * {row['stopped']}"
-    return table
-
-
-def _table(report: dict[str, Any]) -> Table:
-    speeds = report["desired_speed"]
-    table = Table(
-        title=f"gate: {report['people']} people, radius {report['radius_m']:g} m, "
-        f"desired speed {speeds[0]:g} to {speeds[1]:g} m/s",
-        caption="when the k-th person passes the end of the gate, mean over runs; flow: least-squares slope, "
-        f"mean ± sd over the runs that did not get stuck; recorded speed in the gate {report['recorded_gate_speed']:.2f} m/s",
-    )
-    table.add_column("")
-    rows = report["rows"]
-    counted = list(rows[0]["time_of_person"])
-    for k in counted:
-        table.add_column(f"{k}th\ns", justify="right")
-    for name in ("flow\n1/s", "stuck\nruns", "left\ninside", "overlap\nmm", "fastest\nm/s", "outside\nplan"):
-        table.add_column(name, justify="right")
-    for row in rows:
-        times = [row["time_of_person"][k]["mean"] for k in counted]
-        table.add_row(
-            row["name"],
-            *("-" if time is None else f"{time:.1f}" for time in times),
-            _with_sd(row["flow"]),
-            f"{row['unfinished_runs']} of {row['runs']}",
-            str(row["unfinished"]),
-            *(
-                ("-", "-", "-")
-                if row["name"] == "recorded"
-                else (f"{row['overlap_mm']:.1f}", f"{row['max_speed']:.2f}", str(row["escaped"]))
-            ),
-        )
-    return table
-
-
-def _with_sd(value: dict[str, float | None]) -> str:
-    if value["mean"] is None:
-        return "-"
-    return f"{value['mean']:.2f}" + ("" if value["sd"] is None else f" ± {value['sd']:.2f}")
-
-
 @app.command()
 def pages(
-    names: Annotated[list[str] | None, typer.Argument(help=f"Tables: {', '.join(TABLES)}; default all.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help=f"Tables: {', '.join(TABLES)}; default those that need no --from.")
+    ] = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option("--from", help="Folder that a finished run has written, for the tables that need one."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print which pages were written, as JSON.")] = False,
 ) -> None:
-    """Make the tables of measured figures in docs/ anew: half an hour for all, the text around them is yours to mend.
+    """Make the measured tables of docs/, and the sentences below them, anew; half an hour for all.
 
-    Example: python -m validation pages clogging strategies
+    Tables of long runs are made of the folder that such a run has written: the message says by which command.
+
+    Examples:  python -m validation pages clogging schemes;  python -m validation pages training --from runs/NAME
     """
-    with _said_plainly():
+    with friendly_errors():
         for name in names or ():
             if name not in TABLES:
                 raise ValueError(f"unknown table {name!r}; known: {', '.join(TABLES)}")
+        if folder is not None and not names:
+            raise ValueError("--from is the folder of one run; name the tables that are made of it")
         written: dict[str, str] = {}
-        for name in names or TABLES:
-            with _notes.status(f"{name} ...") as status:
+        for name in names or [name for name, table in TABLES.items() if not table.made_by]:
+            with notes.status(f"{name} ...") as status:
 
                 def command(line: str, name: str = name, status: Status = status) -> dict[str, Any]:
                     status.update(f"{name}: python -m {line}")
                     return run(line)
 
-                written[name] = fill(name, command).name
+                written[name] = fill(name, command, folder=folder).name
         typer.echo(json.dumps(written) if as_json else "\n".join(f"{name}: {page}" for name, page in written.items()))
 
 

@@ -1,21 +1,51 @@
-"""The tables of measured figures in docs/, each made by commands that anyone can run, and written by none but this.
+"""The measured figures in docs/, each made by commands that anyone can run, and written by none but this.
 
-Between ``<!-- table: NAME -->`` and ``<!-- end -->`` stands what `TABLES` makes of ``--json``; nothing there is typed by hand.
+Between ``<!-- table: NAME -->`` and ``<!-- end -->`` stands what `TABLES` makes, a table and sentences that say its figures in
+words; nothing there is typed by hand.
 """
 
 import json
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from crowd_env import SCHEMES
 from crowd_env.files.atomic import write_text
+from crowd_env.files.json_file import read_json
+from validation import map_tables, reproduced, tables
 
 ROOT = Path(__file__).resolve().parent.parent
 
 Command = Callable[[str], dict[str, Any]]  # runs a command line of Python modules, returns what it prints
+
+
+class Sources:
+    """What a table is made of: what commands print, or the files of the folder that a finished run has written.
+
+    A command that several parts of a table ask for is run once.
+
+    Attributes
+    ----------
+    folder : of the finished run; None for a table that runs commands.
+    """
+
+    def __init__(self, command: Command, folder: Path | None = None) -> None:
+        self._command, self.folder = cache(command), folder
+
+    def __call__(self, line: str) -> dict[str, Any]:
+        """Return the object that ``python -m LINE --json`` prints."""
+        return self._command(line)
+
+    def path(self, file: str) -> Path:
+        """Return the path of a file of the finished run."""
+        assert self.folder is not None  # of a table with `made_by`; `fill` has seen to it
+        return self.folder / file
+
+    def read(self, file: str) -> Any:
+        """Return the content of a JSON file of the finished run; ValueError if there is none."""
+        return read_json(self.path(file))
 
 
 class Table(NamedTuple):
@@ -23,33 +53,57 @@ class Table(NamedTuple):
 
     Attributes
     ----------
-    page : where it stands, below the root of the repository.
-    head : of the columns.
-    rows : makes the cells, from commands.
+    page : that it stands on, below the root of the repository.
+    head : of the columns; without one there are only sentences.
+    rows : makes the cells.
+    note : makes the sentences below the table.
+    made_by : command line that takes long, or reads data which is not in the repository: the table is made of the folder that
+        it has written.  Empty for a table that runs its commands itself.
     """
 
     page: str
     head: tuple[str, ...]
-    rows: Callable[[Command], list[list[str]]]
+    rows: Callable[[Sources], list[list[str]]]
+    note: Callable[[Sources], str] | None = None
+    made_by: str = ""
 
 
-def fill(name: str, command: Command, root: Path = ROOT) -> Path:
+def fill(name: str, command: Command, *, folder: Path | None = None, root: Path = ROOT) -> Path:
     """Make a table anew and write it into its page, which is returned.
 
     Raises
     ------
     ValueError
-        If the page has no place for the table, or a command fails; nothing is written then.
+        If the page has no place for the table, a command fails, or a finished run is missing; nothing is written then.
     """
     table = TABLES[name]
+    if table.made_by and folder is None:
+        raise ValueError(f"{name} is made of the folder that this has written: {table.made_by}; name it by --from")
     page = root / table.page
     text = page.read_text(encoding="utf-8")
-    before, mark, rest = text.partition(f"<!-- table: {name} -->\n")
+    replaced(text, f"table: {name}", "", table.page)  # before the work
+    sources = Sources(command, folder)
+    parts = [markdown(table.head, table.rows(sources))] if table.head else []
+    if table.note is not None:
+        parts.append(f"{table.note(sources)}\n")
+    write_text(page, replaced(text, f"table: {name}", "\n".join(parts), table.page))
+    return page
+
+
+def replaced(text: str, mark: str, content: str, page: str) -> str:
+    """Return the text of a page with other content between ``<!-- MARK -->`` and ``<!-- end -->``.
+
+    Raises
+    ------
+    ValueError
+        If the page has no such place.
+    """
+    before, begin, rest = text.partition(f"<!-- {mark} -->\n")
     _, end, after = rest.partition("<!-- end -->")
     if not end:
-        raise ValueError(f"{table.page} has no place for {name}; mark one with <!-- table: {name} --> and <!-- end -->")
-    write_text(page, f"{before}{mark}{markdown(table.head, table.rows(command))}{end}{after}")
-    return page
+        name = mark.rpartition(" ")[2]
+        raise ValueError(f"{page} has no place for {name}; mark one with <!-- {mark} --> and <!-- end -->")
+    return f"{before}{begin}{content}{end}{after}"
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -74,83 +128,77 @@ def run(line: str) -> dict[str, Any]:
     return found
 
 
-def _spread(found: dict[str, Any] | None, digits: int) -> str:
-    return "–" if not found or found["mean"] is None else f"{found['mean']:.{digits}f} ± {found['sd']:.{digits}f}"
-
-
-def _signed(value: float, digits: int) -> str:
-    return f"{value:+.{digits}f}".replace("-", "−")
-
-
-def _left(row: dict[str, Any]) -> str:
-    if not row["unfinished"]:
-        return "nobody"
-    return f"{row['unfinished']} people in {row['unfinished_runs']} of {row['runs']} runs"
-
-
-def _schemes(command: Command) -> list[list[str]]:
-    rows = []
-    for scheme in SCHEMES:
-        found = command(f"crowd_env run room-v0 --scheme {scheme} --runs 50")
-        overlap = found["overlap_mm"]
-        rows.append(
-            [
-                f"`{scheme}`",
-                f"{overlap['mean']:.3g} / {overlap['max']:.3g}",
-                _spread(found["evacuation_time"], 2),
-                _spread(found["flow"], 2),
-                _left(found),
-                f"{found['max_speed']:.1f}",
-            ]
-        )
-    return rows
-
-
-def _clogging(command: Command) -> list[list[str]]:
-    rows = []
-    for speed in ("1.0", "1.5", "1.8"):
-        (found,) = command(f"crowd_env clogging --speed {speed} --n 200 --runs 10")["sets"]
-        gaps, tail = found["gaps"], found["tail"]
-        cells = ["–"] * 3
-        if tail is not None:
-            later = tail["alpha_open"]
-            cells = [
-                f"{tail['alpha']:.2f} ± {tail['error']:.2f}",
-                "–" if later is None else f"{later:.2f}",
-                f"{_signed(tail['ratio'], 1)} (p = {tail['p']:.2g})",
-            ]
-        blocked = f"{found['blocked_runs']} of {found['runs']}"
-        rows.append([speed, str(gaps["count"]), f"{gaps['mean']:.2f}", f"{gaps['cv']:.2f}", *cells, blocked])
-    return rows
-
-
-def _strategies(command: Command) -> list[list[str]]:
-    schemes = ("dem", "nsm1", "nsm2", "hertz")
-    names = ("shortest", "fastest", "comfortable", "nearest")
-    found = command(
-        f"agents.evaluate --scenario two-exit-hall-v0 --policies {' '.join(names)} --schemes {' '.join(schemes)} --runs 20"
-    )
-    by = {(row["policy"], row["scheme"]): row for row in found["rows"]}
-    return [[name, *(_beside_first(by[name, scheme]) for scheme in schemes)] for name in names]
-
-
-def _beside_first(row: dict[str, Any]) -> str:
-    """Return the time of the last person, who was left inside, and the interval of the difference to the first policy."""
-    text = f"{'≥ ' if row['unfinished'] else ''}{row['unfinished_at_limit']['last']:.1f}"
-    longer = row["minus_first"]["evacuation_time"]
-    if row["minus_first"]["policy"] != row["policy"]:
-        text += f" ({_signed(longer['ci95'][0], 1)} to {_signed(longer['ci95'][1], 1)})"
-    return text if not row["unfinished"] else f"{text}; left inside: {_left(row)}"
-
-
+_MAP_COMMAND = "python -m validation --data DATA --out DIR"
 _GAPS = ("gaps", "mean, s", "sd / mean", "exponent α", "with open gaps", "against an exponential", "blocked")
 
 TABLES: dict[str, Table] = {
     "schemes": Table(
         "docs/physics.md",
-        ("scheme", "overlap, mean / max, mm", "evacuation time, s", "flow, 1/s", "left inside", "largest speed, m/s"),
-        _schemes,
+        (
+            "scheme",
+            "step, s",
+            "overlap, mean / max, mm",
+            "beyond a wall, mm",
+            "evacuation time, s",
+            "flow, 1/s",
+            "left inside",
+            "largest speed, m/s",
+        ),
+        tables.schemes,
+        tables.schemes_note,
     ),
-    "clogging": Table("docs/clogging.md", ("desired speed, m/s", *_GAPS), _clogging),
-    "strategies": Table("docs/routing.md", ("last person out, s", "`dem`", "`nsm1`", "`nsm2`", "`hertz`"), _strategies),
+    "halls": Table(
+        "docs/physics.md",
+        (
+            "scheme",
+            "outside of the plan",
+            "fastest of 500, m/s",
+            "of 1000",
+            "of 2000",
+            "of 5000",
+            "deepest overlap, mm",
+        ),
+        tables.halls,
+        made_by="python -m validation halls great-halls --out DIR",
+    ),
+    "clogging": Table("docs/clogging.md", ("desired speed, m/s", *_GAPS), tables.clogging, tables.clogging_note),
+    "forces": Table("docs/clogging.md", (), lambda _: [], tables.forces_note),
+    "strategies": Table(
+        "docs/routing.md",
+        ("last person out, s", *(f"`{scheme}`" for scheme in tables.STRATEGY_SCHEMES)),
+        tables.strategies,
+        tables.strategies_note,
+    ),
+    "controller": Table(
+        "docs/routing.md",
+        ("", "last person, s", "learned minus this", "mean, s", "left inside"),
+        tables.controller,
+        tables.controller_note,
+        made_by="python -m agents.train_routing --out DIR",
+    ),
+    "training": Table(
+        "docs/training.md",
+        (
+            "policy",
+            "evacuation time of the runs that ended, s",
+            "95 % interval of the mean, s",
+            "flow, 1/s",
+            "left inside",
+            "contact impulse, N s per person",
+        ),
+        tables.training,
+        tables.training_note,
+        made_by="python train.py --runs 500",
+    ),
+    "map": Table(
+        "docs/validation.md", map_tables.PASSED_HEAD, map_tables.passed, map_tables.criteria, made_by=_MAP_COMMAND
+    ),
+    "measured": Table("docs/validation.md", map_tables.FIGURES_HEAD, map_tables.figures, made_by=_MAP_COMMAND),
+    "scenarios": Table(
+        "docs/scenarios.md",
+        ("runs with people left inside", *(f"`{scheme}`" for scheme in tables.SCENARIO_SCHEMES)),
+        tables.scenarios,
+    ),
+    "foyer": Table("docs/scenarios.md", (), lambda _: [], tables.foyer_note),
 }
+TABLES |= {name: Table("docs/reproduce.md", *table) for name, table in reproduced.TABLES.items()}

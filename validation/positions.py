@@ -4,13 +4,13 @@ Bits differ between processors; positions this early, before a crowd has amplifi
 """
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from crowd_env import SCHEMES, Simulation, make_bodies, make_scenario, make_state
+from crowd_env.files.atomic import write_text
 
 STORED = Path(__file__).resolve().parent.parent / "tests" / "data" / "positions.json"
 STEPS = 5  # decisions of 0.1 s
@@ -48,10 +48,4 @@ def write(path: Path) -> None:
         f"{json.dumps(name)}: [\n" + ",\n".join(json.dumps(places) for places in steps) + "\n]"
         for name, steps in found.items()
     ]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        draft.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
+    write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")

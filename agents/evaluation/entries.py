@@ -3,14 +3,12 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from agents import POLICIES, make_policy
-from agents.controllers import Controller
 from agents.drivers import SAMPLE, ControllerDriver, policy_driver
 from agents.policy import Policy
 from agents.rules import StrategyPolicy
-from agents.trained import LearnedController, load_trained
+from agents.trained import LearnedPolicy, load_trained
 from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
@@ -82,48 +80,32 @@ def _policy_entry(policy: Policy, source: Path | None = None) -> Entry:
 
 
 def _learned_entry(path: Path, scenario: Scenario, trust_pickle: bool) -> Entry:
-    """Return the entry of a network: its file says whether it is a policy or a controller."""
-    found = load_trained(path, trust_pickle=trust_pickle)
-    if isinstance(found, LearnedController):
-        return controller_entry(found, scenario, found.options, path)
-    return _policy_entry(found, path)
+    """Return the entry of a network: its file says whether it is a policy or a controller.
 
-
-def controller_entry(
-    controller: Controller, scenario: Scenario, options: dict[str, Any], source: Path | None = None
-) -> Entry:
-    """Return a controller as an entry.
-
-    Parameters
-    ----------
-    options : of `RoutingBatch`, as it was trained with; scenario, scheme and threads are those of the evaluation.
+    A controller keeps the options of `RoutingBatch` that it was trained with, but for scenario, scheme and threads.
 
     Raises
     ------
     ValueError
-        If it was trained in a scenario with other regions, exits or routes.
+        If it cannot be read, or was trained in a scenario with other regions, exits or routes.
     """
-    own = {key: value for key, value in options.items() if key not in ("scenario", "scheme", "dt", "threads")}
-    if "grid" in own:
-        own["grid"] = tuple(own["grid"])
+    found = load_trained(path, trust_pickle=trust_pickle)
+    if isinstance(found, LearnedPolicy):
+        return _policy_entry(found, path)
+    own = {key: value for key, value in found.options.items() if key not in ("scenario", "scheme", "dt", "threads")}
+    own["sample_dt"] = SAMPLE
     try:
         batch = RoutingBatch(scenario, **own)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{source or controller.name} does not fit {scenario.name}: {error}") from None
-    if abs(batch.interval / SAMPLE - round(batch.interval / SAMPLE)) > 1e-6:
+        raise ValueError(f"{path} does not fit {scenario.name}: {error}") from None
+    if found.network.inputs != batch.layout.size or found.choices.tolist() != batch.choices.tolist():
         raise ValueError(
-            f"{source or controller.name} decides every {batch.interval:g} s; that is no multiple of {SAMPLE} s"
-        )
-    if isinstance(controller, LearnedController) and (
-        controller.network.inputs != batch.layout.size or controller.choices.tolist() != batch.choices.tolist()
-    ):
-        raise ValueError(
-            f"{source} was trained for {options.get('scenario', 'another place')} and observes "
-            f"{controller.network.inputs} numbers; {scenario.name} has {batch.layout.size}"
+            f"{path} was trained for {found.options.get('scenario', 'another place')} and observes "
+            f"{found.network.inputs} numbers; {scenario.name} has {batch.layout.size}"
         )
 
     def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int) -> Callable[[int], Driver]:
-        options = {"scheme": scheme, "threads": threads, "sample_dt": SAMPLE, **own}
-        return lambda num_envs: ControllerDriver(controller, scenario, num_envs=num_envs, **options)
+        options = {"scheme": scheme, "threads": threads, **own}
+        return lambda num_envs: ControllerDriver(found, scenario, num_envs=num_envs, **options)
 
-    return Entry(controller.name if source is None else source.stem, driver, source)
+    return Entry(path.stem, driver, path)

@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from agents.drivers import TimedDriver, policy_driver
+from agents.drivers import policy_driver
 from agents.evaluation.measurements import Measured, MeasurementRecorder
 from agents.policy import Policy
 from crowd_env import EpisodeMetrics, Scenario, make_scenario
-from crowd_env.envs.metrics import summarise
-from crowd_env.envs.rollout import Driver, run_episodes, share
+from crowd_env.envs.rollout import Driver, column, figures_of, named, run_episodes
 from crowd_env.files.json_file import json_number
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.state import Floats
@@ -40,7 +39,7 @@ class Evaluation:
 
     def column(self, name: str) -> np.ndarray:
         """Return one metric of every run (runs,)."""
-        return np.array([getattr(episode, name) for episode in self.episodes], dtype=np.float64)
+        return column(self.episodes, name)
 
     def times_of_all(self) -> Floats:
         """Return the exit times (runs, N) [s]; people who did not get out count until the time limit.
@@ -64,26 +63,15 @@ class Evaluation:
         """
         out = np.concatenate(self.exit_times)
         out = out[np.isfinite(out)]
-        unfinished = int((self.column("unfinished") > 0).sum())
-        blocked = int(np.isfinite(self.column("blocked_since")).sum())
         row = {
             "policy": self.policy,
             "scheme": self.scheme,
-            "runs": self.runs,
-            "unfinished": int(self.column("unfinished").sum()),
-            "unfinished_runs": unfinished,
-            "unfinished_share": share(unfinished, self.runs),
-            "blocked_runs": blocked,
-            "blocked_share": share(blocked, self.runs),
-            "evacuation_time": named(self.column("evacuation_time")),
+            **figures_of(self.episodes),
             "exit_time_95": named(self.exit_time_95()),
             "last_exit": float(out.max()) if len(out) else None,
             "mean_exit_time": named(self.column("mean_exit_time")),
-            "flow": named(self.column("flow")),
             "contact_impulse": named(self.column("contact_impulse")),
             "max_overlap": float(self.column("max_overlap").max()),
-            "max_speed": float(self.column("max_speed").max()),
-            "escaped": int(self.column("escaped").sum()),
         }
         return row if self.measured is None else row | self._measured_row(self.measured)
 
@@ -120,16 +108,6 @@ class Evaluation:
                 "last_exit": named(np.where(last >= 0.0, last, np.nan)),
             }
         return found
-
-
-def named(values: np.ndarray) -> dict[str, Any]:
-    """Return mean, spread and interval of the mean of the finite values, ready for JSON."""
-    summary = summarise(values)
-    return {
-        "mean": json_number(summary.mean),
-        "sd": json_number(summary.sd),
-        "ci95": [json_number(bound) for bound in summary.ci95],
-    }
 
 
 def evaluate(
@@ -179,15 +157,14 @@ def evaluate_driver(
         If the number of runs or the seed is out of range, or the crowd does not fit.
     """
     recorder = MeasurementRecorder(scenario.geometry) if measure else None
-    timed = TimedDriver(driver)
-    episodes = run_episodes(scenario, runs, seed=first_seed, driver=timed, recorder=recorder, progress=progress)
+    episodes = run_episodes(scenario, runs, seed=first_seed, driver=driver, recorder=recorder, progress=progress)
     return Evaluation(
         name,
         make_scheme(scheme).info.name,
         [episode.metrics for episode in episodes],
         [episode.exit_time for episode in episodes],
         np.array([episode.end for episode in episodes]),
-        float(timed.env.time_limit[0]),
+        episodes[0].time_limit,
         scenario.geometry.exit_names,
-        None if recorder is None else recorder.measured(episodes, timed.computing, timed.replanning),
+        None if recorder is None else recorder.measured(episodes),
     )

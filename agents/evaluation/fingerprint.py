@@ -1,11 +1,16 @@
-"""One short text for everything that a description holds: equal for equal descriptions, another for any other."""
+"""One short text for everything that a description, or the code, holds: equal for equal ones, another for any other."""
 
 import dataclasses
+import functools
 import hashlib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+import crowd_env
+from agents.runs import versions
 
 
 def fingerprint(*parts: Any) -> str:
@@ -17,6 +22,18 @@ def fingerprint(*parts: Any) -> str:
     for part in parts:
         _add(digest, part)
     return digest.hexdigest()[:16]
+
+
+@functools.cache
+def source_stamp() -> str:
+    """Return a hash of every source file of ``crowd_env`` and ``agents``, and of the versions of what they calculate with."""
+    folders = Path(crowd_env.__file__).parent, Path(__file__).parents[1]
+    sources = {
+        path.relative_to(folder.parent).as_posix(): path.read_bytes()
+        for folder in folders
+        for path in folder.rglob("*.py")
+    }
+    return fingerprint(sources, versions())
 
 
 def _add(digest: Any, value: Any) -> None:

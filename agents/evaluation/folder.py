@@ -12,9 +12,8 @@ import numpy as np
 from agents.evaluation.comparison import last_times
 from agents.evaluation.entries import Entry
 from agents.evaluation.evaluation import Evaluation
-from agents.evaluation.fingerprint import fingerprint
+from agents.evaluation.fingerprint import fingerprint, source_stamp
 from agents.evaluation.measurements import CELL, Grid, Maps, Measured
-from agents.evaluation.source_stamp import source_stamp
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
 from crowd_env.files.array_file import read_arrays, write_arrays
 from crowd_env.files.csv_table import write_csv

@@ -1,5 +1,6 @@
 """Measurements of evacuations, a sample every decision step: distance walked, density, pressure, and maps of them."""
 
+import time
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -79,6 +80,7 @@ class MeasurementRecorder:
         self._felt = offset[cover > 0.3]  # the cell and its four neighbors
         self._sums, self._most = np.zeros((2, cells)), np.zeros((2, cells))
         self._samples = 0
+        self._spent = np.zeros(2)  # s  on steps, and the part of it in which the fastest routes are found anew
 
     def begin(self, env: CrowdEnv) -> None:
         """Forget the batch before and keep the starting positions of this one."""
@@ -87,9 +89,11 @@ class MeasurementRecorder:
         self._walked = np.zeros(people)
         self._max_density, self._max_pressure = np.zeros(env.num_envs), np.zeros(env.num_envs)
         self._see(env, env.active, np.zeros(people))
+        self._last = self._seconds(env)
 
     def add(self, env: CrowdEnv, step: Step) -> None:
-        """Add the distance of a step, and the sample at its end."""
+        """Add the distance of a step, the sample at its end, and the time that it took."""
+        self._spent += self._seconds(env) - self._last
         state, simulation = env.simulation.state, env.simulation
         inside = env.active | step.truncated
         was_inside = inside | step.terminated
@@ -104,6 +108,7 @@ class MeasurementRecorder:
         pressure = np.where(was_inside, pressure, 0.0)
         np.maximum(self._max_pressure, as_grid(pressure, env.num_envs).max(axis=1), out=self._max_pressure)
         self._see(env, inside, pressure)
+        self._last = self._seconds(env)  # what was measured here is no part of the next step
 
     def record(self, env: CrowdEnv, e: int) -> RunMeasurements:
         """Return what was measured of the evacuation in environment ``e``."""
@@ -118,12 +123,18 @@ class MeasurementRecorder:
         mean, most = self._sums / max(self._samples, 1), self._most
         return Maps(*(values.reshape(self.grid.shape) for values in (mean[0], most[0], mean[1], most[1])))
 
-    def measured(self, episodes: Sequence[Episode], computing: float, replanning: float) -> Measured:
-        """Return all that was measured of finished evacuations, with the processor seconds they took."""
+    def measured(self, episodes: Sequence[Episode]) -> Measured:
+        """Return all that was measured of finished evacuations."""
         columns = zip(*(episode.record for episode in episodes), strict=True)
         exit_index, walked, density, pressure = (np.array(column) for column in columns)
         simulated = sum(episode.end for episode in episodes)
-        return Measured(exit_index, walked, density, pressure, self.maps, self.grid, simulated, computing, replanning)
+        spent = self._spent.tolist()
+        return Measured(exit_index, walked, density, pressure, self.maps, self.grid, simulated, *spent)
+
+    @staticmethod
+    def _seconds(env: CrowdEnv) -> Floats:
+        """Return the processor time so far, and that of replanning [s]."""
+        return np.array([time.process_time(), env.simulation.planner.seconds])
 
     def _see(self, env: CrowdEnv, inside: Bools, pressure: Floats) -> None:
         position = env.simulation.state.position

@@ -39,7 +39,7 @@ class TrainingCallback(BaseCallback):
         self.folder, self.max_seconds = folder, max_seconds
         self.eval_every, self.eval_runs = eval_every, eval_runs
         self.curve = curve or []
-        self._next_evaluation = eval_every
+        self._next_evaluation = 0  # set when training starts
         self._seconds_before = self.curve[-1]["seconds"] if self.curve else 0.0
         self._bar = Progress(  # on the error stream: the table goes to standard output
             TextColumn("training"),
@@ -72,7 +72,7 @@ class TrainingCallback(BaseCallback):
 
     def _due(self) -> bool:
         """Return whether `eval_every` steps have passed since this was last true."""
-        due: bool = self.num_timesteps >= self._next_evaluation
+        due = self.num_timesteps >= self._next_evaluation
         if due:
             self._next_evaluation = self.num_timesteps + self.eval_every
         return due

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
 import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecEnv
 
 from agents.learned.rate import FallingRate
 from crowd_env import CrowdEnv
@@ -31,31 +32,31 @@ class PPOSettings:
     target_kl: float = 0.05
 
 
+def new_ppo(venv: VecEnv, settings: PPOSettings, seed: int, **options: Any) -> PPO:
+    """Return an untrained PPO model on ``venv``; ``options`` are further ones of PPO."""
+    torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
+    taken = ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "target_kl")
+    return PPO(
+        "MlpPolicy",
+        venv,
+        learning_rate=FallingRate(settings.learning_rate),
+        batch_size=min(settings.batch_size, settings.n_steps * venv.num_envs),
+        policy_kwargs={"net_arch": [settings.hidden] * 2, "log_std_init": settings.log_std_init},
+        seed=seed,
+        device="cpu",
+        **{name: getattr(settings, name) for name in taken},
+        **options,
+    )
+
+
 def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path | None = None) -> PPO:
     """Return an untrained PPO model on ``env`` (made with ``autoreset=True``).
 
     The mean action starts at (1, 0), walk the shortest path: learning begins at the rule, not at a random walk through the
     room, and looks for what is better.
     """
-    venv = CrowdVecEnv(env)
-    model = PPO(
-        "MlpPolicy",
-        venv,
-        learning_rate=FallingRate(settings.learning_rate),
-        n_steps=settings.n_steps,
-        batch_size=min(settings.batch_size, settings.n_steps * venv.num_envs),
-        n_epochs=settings.n_epochs,
-        gamma=settings.gamma,
-        gae_lambda=settings.gae_lambda,
-        clip_range=settings.clip_range,
-        ent_coef=settings.ent_coef,
-        target_kl=settings.target_kl,
-        rollout_buffer_class=MaskedRolloutBuffer,
-        policy_kwargs={"net_arch": [settings.hidden] * 2, "log_std_init": settings.log_std_init},
-        tensorboard_log=None if log_folder is None else str(log_folder),
-        seed=seed,
-        device="cpu",
-    )
+    log = None if log_folder is None else str(log_folder)
+    model = new_ppo(CrowdVecEnv(env), settings, seed, rollout_buffer_class=MaskedRolloutBuffer, tensorboard_log=log)
     if isinstance(env.single_action_space, gymnasium.spaces.Box) and env.frame == "path":
         with torch.no_grad():
             mean = cast(torch.nn.Linear, model.policy.action_net)

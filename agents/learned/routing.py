@@ -12,7 +12,7 @@ from agents.evaluation.comparison import last_times, mean_times
 from agents.evaluation.routing import evaluate_controller
 from agents.learned.callback import VALIDATION_SEED, TrainingCallback
 from agents.learned.export import network_of
-from agents.learned.rate import FallingRate
+from agents.learned.ppo import PPOSettings, new_ppo
 from agents.trained import LearnedController
 from crowd_env.adapters.sb3 import VectorVecEnv
 from crowd_env.cli.console import notes
@@ -25,39 +25,21 @@ _FINALISTS = 3
 
 
 @dataclass(frozen=True)
-class RoutingSettings:
-    """Hyperparameters, a line each."""
+class RoutingSettings(PPOSettings):
+    """Hyperparameters where they differ from those of a policy, and one more."""
 
-    learning_rate: float = 1e-3  # falls linearly to zero over steps and time, whichever is further
+    learning_rate: float = 1e-3
     n_steps: int = 32  # decisions per rollout and evacuation
     batch_size: int = 256
     n_epochs: int = 8
     gamma: float = 0.99
-    gae_lambda: float = 0.95
-    ent_coef: float = 0.003
     target_kl: float = 0.03
-    hidden: int = 64  # units in each of two layers
     nearest_logit: float = 2.0  # head start of the nearest exit: learning begins at the rule, not at chaos
 
 
 def make_routing_ppo(env: RoutingVectorEnv, settings: RoutingSettings, seed: int) -> PPO:
     """Return an untrained PPO model whose first choice in every region is the exit nearest to its center."""
-    torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
-    model = PPO(
-        "MlpPolicy",
-        VectorVecEnv(env),
-        learning_rate=FallingRate(settings.learning_rate),
-        n_steps=settings.n_steps,
-        batch_size=min(settings.batch_size, settings.n_steps * env.num_envs),
-        n_epochs=settings.n_epochs,
-        gamma=settings.gamma,
-        gae_lambda=settings.gae_lambda,
-        ent_coef=settings.ent_coef,
-        target_kl=settings.target_kl,
-        policy_kwargs={"net_arch": [settings.hidden] * 2},
-        seed=seed,
-        device="cpu",
-    )
+    model = new_ppo(VectorVecEnv(env), settings, seed)
     batch = env.batch
     names = [name for name in batch.layout.routes if name in batch.layout.exits]
     if names:

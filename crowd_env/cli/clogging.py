@@ -14,11 +14,22 @@ from rich.table import Table
 
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run, powerlaw_library
 from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
-from crowd_env.cli.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
-from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
+from crowd_env.cli.console import (
+    AsJson,
+    Runs,
+    Seed,
+    check_folder,
+    counted,
+    evacuate,
+    friendly_errors,
+    interrupted,
+    notes,
+    with_people,
+)
+from crowd_env.envs.rollout import Episode, RunsInterrupted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
-from crowd_env.scenarios import SCENARIOS, make_scenario
+from crowd_env.scenarios import SCENARIOS
 from crowd_env.scenarios.population import Uniform
 from crowd_env.scenarios.scenario import Scenario
 
@@ -37,8 +48,8 @@ def clog(
         float | None, typer.Option(help="Desired speed of everyone in m/s; default the scenario's.")
     ] = None,
     n: Annotated[int | None, typer.Option(help="Number of people; default the scenario's.", min=1)] = None,
-    runs: Annotated[int, typer.Option(help="Number of evacuations, each with other people in other places.")] = 10,
-    seed: Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0)] = 0,
+    runs: Runs = 10,
+    seed: Seed = 0,
     dt: Annotated[float | None, typer.Option(help="Physics step in s; default the scheme's.")] = None,
     times: Annotated[
         list[Path] | None,
@@ -50,7 +61,7 @@ def clog(
     pause: Annotated[float, typer.Option(help="A gap of this many seconds ends a burst.")] = 2.0,
     per_exit: Annotated[bool, typer.Option("--per-exit", help="Gaps between people who took the same exit.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for exits.csv, gaps.csv and survival.png.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Measure how a crowd clogs: gaps between exits, bursts, and the exponent of the tail of the gaps.
 
@@ -63,27 +74,23 @@ def clog(
     with friendly_errors():
         if out is not None:
             check_folder("--out", out)
-        _check_library()
+        powerlaw_library()  # is missed now, not after the work
         if not pause > 0:
             raise ValueError(f"--pause is {pause:g} s; it must be > 0")
         sets = _recorded(times or [])
         blocked_after = 120.0
         episodes: list[Episode] = []
-        stopped = None
+        stopped: RunsInterrupted | None = None
         if scenario is not None or not sets:
-            place = _scenario(scenario or "lin-room-v0", n, speed)
+            people: dict[str, Any] = {} if n is None else {"count": n}
+            if speed is not None:
+                people["desired_speed"] = Uniform(speed, speed)
+            place = with_people(scenario or "lin-room-v0", people)
             contact = make_scheme(scheme)
             name = _name(place, contact)
             blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
-            with progress_bar(name, runs) as progress:
-                try:
-                    episodes = run_episodes(
-                        place, runs, seed=seed, threads=os.cpu_count() or 1, progress=progress, scheme=contact, dt=dt
-                    )
-                except RunsInterrupted as error:
-                    if not error.episodes:
-                        interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
-                    episodes, stopped = error.episodes, f"{error}; the figures are of these"
+            options: dict[str, Any] = {"scheme": contact, "dt": dt, "threads": os.cpu_count() or 1}
+            episodes, stopped = evacuate(name, place, runs, seed=seed, **options)
             sets = {name: [exits_of_episode(episode, place.geometry) for episode in episodes], **sets}
         found = {
             name: clogging(data, pause=pause, per_exit=per_exit, blocked_after=blocked_after)
@@ -97,20 +104,13 @@ def clog(
     if paths:
         notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
     if stopped is not None:
-        interrupted(stopped)
+        interrupted(f"{stopped}; the figures are of these")
 
 
 def exits_of_episode(episode: Episode, geometry: Geometry) -> RunExits:
     """Return when the people of an evacuation got out, and by which exits."""
     names = np.array([*geometry.exit_names, ""])  # the last one, row -1, is for people who did not get out
     return exits_of_run(episode.exit_time, episode.end, names[episode.exit_index])
-
-
-def _scenario(name: str, count: int | None, speed: float | None) -> Scenario:
-    people: dict[str, Any] = {} if count is None else {"count": count}
-    if speed is not None:
-        people["desired_speed"] = Uniform(speed, speed)
-    return make_scenario(name, **({"population": make_scenario(name).population.changed(**people)} if people else {}))
 
 
 def _recorded(paths: Sequence[Path]) -> dict[str, list[RunExits]]:
@@ -125,20 +125,8 @@ def _name(place: Scenario, scheme: ContactScheme) -> str:
     return f"{place.name}, {scheme.info.name}, {counted(place.population.count, 'person', 'people')}, {range} m/s"
 
 
-def _check_library() -> None:
-    """Say now, not after the work, that there will be no exponent."""
-    try:
-        powerlaw_library()
-    except ModuleNotFoundError as error:
-        raise ValueError(str(error)) from None
-
-
 def _write(
-    out: Path,
-    found: dict[str, Clogging],
-    sets: dict[str, list[RunExits]],
-    seeds: Sequence[int],
-    per_exit: bool,
+    out: Path, found: dict[str, Clogging], sets: dict[str, list[RunExits]], seeds: Sequence[int], per_exit: bool
 ) -> list[Path]:
     from crowd_env.rendering.survival import survival_curves
 

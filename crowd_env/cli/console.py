@@ -4,19 +4,28 @@ import os
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn, TextIO
+from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
+from crowd_env.scenarios import make_scenario
+from crowd_env.scenarios.scenario import Scenario
+
 INTERRUPTED = 130  # exit code, as shells have it
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+# Options that several commands have.
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+Runs = Annotated[int, typer.Option(help="Number of evacuations, each with other people in other places.")]
+Seed = Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0)]
 
 notes = Console(stderr=True, highlight=False)
 
@@ -127,6 +136,27 @@ def progress_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
     with Progress(*columns, console=notes, transient=True, disable=not notes.is_terminal) as bar:
         task = bar.add_task(title, total=total)
         yield lambda count: bar.advance(task, count)
+
+
+def evacuate(title: str, place: Scenario, runs: int, **options: Any) -> tuple[list[Episode], RunsInterrupted | None]:
+    """Run evacuations under a bar; return those that were finished, and the interruption if they are not all.
+
+    The options are those of `crowd_env.envs.rollout.run_episodes`.
+    """
+    with progress_bar(title, runs) as progress:
+        try:
+            return run_episodes(place, runs, progress=progress, **options), None
+        except RunsInterrupted as error:
+            if not error.episodes:
+                interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
+            return error.episodes, error
+
+
+def with_people(name: str, people: Mapping[str, Any], **options: Any) -> Scenario:
+    """Return a scenario, by its name or from its file, with these fields of its population changed."""
+    if people:
+        options["population"] = make_scenario(name).population.changed(**people)
+    return make_scenario(name, **options)
 
 
 def counted(count: int, one: str, many: str) -> str:

@@ -11,10 +11,22 @@ from rich.console import Console
 from rich.table import Table
 
 from crowd_env.cli.clogging import clog
-from crowd_env.cli.console import check_picture, counted, friendly_errors, interrupted, notes, progress_bar
+from crowd_env.cli.console import (
+    AsJson,
+    Runs,
+    Seed,
+    check_picture,
+    counted,
+    evacuate,
+    friendly_errors,
+    interrupted,
+    notes,
+    progress_bar,
+    with_people,
+)
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.schema import schema
-from crowd_env.envs.rollout import RunsInterrupted, report, run_episodes
+from crowd_env.envs.rollout import report
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
 from crowd_env.scenarios import SCENARIOS, about, is_file, make_scenario
 from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt, unit_in_meters
@@ -30,7 +42,6 @@ app = typer.Typer(
 )
 _LEAST_AROUND = 0.5  # m
 _EXITS_SHOWN = 4
-_JSON = typer.Option("--json", help="Print one JSON object instead of a table.")
 
 
 def _range(text: str, option: str) -> Uniform:
@@ -73,9 +84,7 @@ def _read_scenario(
             raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
         if unit is not None:
             raise ValueError(f"{name} is in meters; --unit is for floor plans in files")
-        if not people:
-            return make_scenario(name, **timing)
-        return make_scenario(name, population=make_scenario(name).population.changed(**people), **timing)
+        return with_people(name, people, **timing)
     if not Path(name).suffix and not Path(name).exists():
         raise ValueError(
             f"unknown scenario {name!r}; known: {', '.join(SCENARIOS)}, or the path of a scenario (.toml, .json) "
@@ -90,7 +99,7 @@ def run(
         str, typer.Argument(help="Name of a scenario, a scenario file (.toml, .json), or a floor plan in WKT (meters).")
     ] = "room-v0",
     scheme: Annotated[str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".")] = "nsm2",
-    runs: Annotated[int, typer.Option(help="Number of evacuations, each with other people in other places.")] = 50,
+    runs: Runs = 50,
     exit: Annotated[
         list[str] | None,
         typer.Option(help='Exit of a floor plan: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be repeated.'),
@@ -128,7 +137,7 @@ def run(
         typer.Option(help="How people choose their way: shortest, nearest, fastest, comfortable, or a route or exit."),
     ] = "shortest",
     rules: Annotated[bool, typer.Option(" /--no-rules", help="Leave out the scenario's control rules.")] = True,
-    seed: Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0)] = 0,
+    seed: Seed = 0,
     film: Annotated[Path | None, typer.Option(help="Also film the first run: .gif or .mp4.")] = None,
     force_network: Annotated[
         Path | None,
@@ -144,7 +153,7 @@ def run(
             help="How far around the exit --force-network shows, in m; inf for all; default 3.5 in big places."
         ),
     ] = None,
-    as_json: Annotated[bool, _JSON] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Evacuate a place many times, everyone walking as the strategy says, and report how it went.
 
@@ -164,14 +173,7 @@ def run(
         contact = make_scheme(scheme, social)
         options: dict[str, Any] = {"scheme": contact, "dt": dt, "strategy": strategy, "rules": rules}
         begin = time.monotonic()
-        stopped = None
-        with progress_bar(f"{place.name}, {scheme}", runs) as progress:
-            try:
-                episodes = run_episodes(place, runs, seed=seed, progress=progress, **options)
-            except RunsInterrupted as error:
-                if not error.episodes:
-                    interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
-                episodes, stopped = error.episodes, error
+        episodes, stopped = evacuate(f"{place.name}, {scheme}", place, runs, seed=seed, **options)
         figures = report(place, scheme, episodes)
         if stopped is not None:
             figures["interrupted_of"] = stopped.runs
@@ -184,17 +186,13 @@ def run(
         if stopped is not None:
             interrupted(f"{stopped}; the figures are of these, and lean to short evacuations")
         if film is not None:
-            _film(place, film, f"{place.name}, {contact.info.name}", seed=seed, **options)
+            from crowd_env.rendering import write_film
+            from crowd_env.rendering.live import record
+
+            write_film(film, record(place, title=f"{place.name}, {contact.info.name}", seed=seed, **options))
+            notes.print(f"film: {film}", markup=False)
         if force_network is not None:
-            _draw_network(place, contact, seed, dt, at, around, force_network)
-
-
-def _film(place: Scenario, path: Path, title: str, **options: Any) -> None:
-    from crowd_env.rendering import write_film
-    from crowd_env.rendering.live import record
-
-    write_film(path, record(place, title=title, **options))
-    notes.print(f"film: {path}", markup=False)
+            _draw_network(force_network, place, contact, around, seed=seed, dt=dt, at=at)
 
 
 def _check_network(path: Path | None, at: float | None, around: float | None) -> None:
@@ -207,19 +205,11 @@ def _check_network(path: Path | None, at: float | None, around: float | None) ->
         check_picture("--force-network", path, (".png",))
 
 
-def _draw_network(
-    place: Scenario,
-    scheme: ContactScheme,
-    seed: int,
-    dt: float | None,
-    at: float | None,
-    around: float | None,
-    path: Path,
-) -> None:
+def _draw_network(path: Path, place: Scenario, scheme: ContactScheme, around: float | None, **moment: Any) -> None:
     from crowd_env.rendering import write_force_network
     from crowd_env.rendering.forces.moment import forces_of_run
 
-    forces = forces_of_run(place, scheme, seed=seed, dt=dt, at=at)
+    forces = forces_of_run(place, scheme, **moment)
     write_force_network(path, forces, around=around, title=f"{place.name}, {scheme.info.name}")
     notes.print(f"forces: {path}, mean of 0.1 s until {forces.time:.1f} s", markup=False, soft_wrap=True)
 
@@ -282,7 +272,7 @@ def _unfinished(figures: dict[str, Any]) -> str:
 
 
 @app.command("list")
-def list_names(as_json: Annotated[bool, _JSON] = False) -> None:
+def list_names(as_json: AsJson = False) -> None:
     """List the scenarios and contact schemes."""
     scenarios = {name: "{} ({})".format(*about(name)) for name in SCENARIOS}
     schemes = {name: f"{scheme.info.title} ({scheme.info.reference})" for name, scheme in SCHEMES.items()}
@@ -314,7 +304,7 @@ def plan(
 @app.command()
 def warmup(
     scheme: Annotated[list[str] | None, typer.Option(help="Contact scheme; may be repeated; default all.")] = None,
-    as_json: Annotated[bool, _JSON] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compile the kernels now, so that the first step of every later program starts at once."""
     from crowd_env.envs.crowd import CrowdEnv

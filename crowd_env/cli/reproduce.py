@@ -8,12 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
-from crowd_env.cli.console import check_folder, counted, friendly_errors, interrupted, notes, progress_bar
+from crowd_env.cli.console import AsJson, check_folder, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.cli.paper_options import takes_settings
+from crowd_env.files.csv_table import write_csv
+from crowd_env.rendering.canvas import save_figure
 from crowd_env.reproduce import FIGURES, PAPERS, Figure, Paper, Result, Settings, Work, find
 from crowd_env.reproduce.pool import Interrupted, all_cores, complete, distinct
 from crowd_env.reproduce.report import as_object, show, show_names
-from crowd_env.reproduce.result import Halfway, write_table
+from crowd_env.reproduce.result import Halfway
 from crowd_env.reproduce.settings import flag
 from crowd_env.reproduce.store import Store
 
@@ -32,7 +34,7 @@ def reproduce(
             help=f"{', '.join(FIGURES)}; those of one paper: {', '.join(PAPERS)}; of every paper: all; what they are: list.",
         ),
     ],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: AsJson = False,
     out: Annotated[
         Path, typer.Option(help="Folder for the CSV files, the figure and, in its folder runs, the runs that are kept.")
     ] = Path("reproduce"),
@@ -90,7 +92,7 @@ def _kept(name: str, error: KeyboardInterrupt, out: Path) -> str:
     """Write what an interruption has left of a table or figure, and return a sentence about it."""
     if not isinstance(error, Halfway) or not error.runs:
         return f"{name} is not finished"
-    path = write_table(out / f"{name}-interrupted.csv", error.finished)
+    path = write_csv(out / f"{name}-interrupted.csv", *error.finished)
     return f"{counted(error.runs, 'run', 'runs')} of {name} were finished, their exits are in {path}"
 
 
@@ -175,7 +177,7 @@ def _write(result: Result, out: Path) -> list[Path]:
     try:
         paths = result.save(out)
         try:
-            paths.append(result.draw(out / f"{result.name}.png"))
+            paths.append(save_figure(result.draw(), out / f"{result.name}.png"))
         except ModuleNotFoundError as error:
             notes.print(f"no figure: {error}", style="yellow", markup=False, soft_wrap=True)
     except OSError as error:

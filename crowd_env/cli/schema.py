@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from crowd_env.cli.console import friendly_errors, notes
-from crowd_env.files.atomic import check_suffix, written
+from crowd_env.files.atomic import check_suffix, write_text
 
 
 def schema(out: Annotated[Path | None, typer.Option(help="File to write, .json; default: print it.")] = None) -> None:
@@ -19,6 +19,5 @@ def schema(out: Annotated[Path | None, typer.Option(help="File to write, .json; 
         if out is None:
             typer.echo(text)
             return
-        with written(check_suffix(out, (".json",))) as part:
-            part.write_text(text + "\n", encoding="utf-8")
+        write_text(check_suffix(out, (".json",)), text + "\n")
         notes.print(f"schema: {out}", markup=False, soft_wrap=True)

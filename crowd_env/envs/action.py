@@ -8,7 +8,7 @@ In the frame "path" the first axis is the direction of the shortest path at the 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -19,6 +19,7 @@ from crowd_env.checks import array, check_fields, known, refuse, shown
 from crowd_env.state import Bools, Floats
 
 Frame = Literal["path", "world"]
+FRAMES: tuple[Frame, ...] = ("path", "world")
 
 RULE = (1.0, 0.0)  # the command of those who walk the shortest path
 
@@ -111,11 +112,6 @@ def plain_name(kind: str | ActionKind) -> str:
     if ACTIONS.get(kind.name) is not kind:
         raise ValueError(f"action kind {kind.name!r} is one of your own, which cannot be written as plain data")
     return kind.name
-
-
-def check_frame(frame: str) -> None:
-    """Raise ValueError if the frame is unknown."""
-    known("frame", frame, get_args(Frame))
 
 
 def to_command(action: ArrayLike, kind: ActionKind, controlled: Bools) -> Floats:

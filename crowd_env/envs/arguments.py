@@ -1,16 +1,17 @@
-"""What a `CrowdEnv` is made from: checked, and its size, before anything is computed."""
+"""What callers and learning libraries give an environment: checked before anything is computed."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from crowd_env.checks import refuse
+from crowd_env.checks import NOT_NEGATIVE, refuse, shown, whole
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Bodies, make_bodies
+from crowd_env.state import Bodies, Bools, make_bodies
 
 MOST_PEOPLE_IN_BATCH = 10_000_000
+NUMBERS = "biuf"  # kinds of dtype that an action may have
 
 
 def scenarios_of(scenario: Any) -> list[Any]:
@@ -41,17 +42,17 @@ def check_size(scenarios: Sequence[Scenario], num_envs: int) -> None:
         )
 
 
-def substeps_of(decision_dt: float, dt: float) -> int:
-    """Return the number of physics steps of ``dt`` [s] in a decision step [s].
+def parts_of(what: str, duration: float, parts: str, part: float) -> int:
+    """Return the number of ``parts`` of length ``part`` [s] in a duration [s].
 
     Raises
     ------
     ValueError
         If it is not a whole number of at least 1.
     """
-    ratio = decision_dt / dt
+    ratio = duration / part
     if not 0.5 < ratio < 1e9 or abs(ratio - round(ratio)) > 1e-6:
-        raise ValueError(f"decision_dt = {decision_dt:g} s is not a whole number of physics steps of dt = {dt:g} s")
+        raise ValueError(f"{what} = {duration:g} s is not a whole number of {parts} = {part:g} s")
     return round(ratio)
 
 
@@ -69,3 +70,61 @@ def bodies_before_reset(scenarios: Sequence[Scenario]) -> Bodies:
         relaxation_time=np.repeat([part.relaxation_time.low for part in parts], counts),
         env_start=np.cumsum([0, *(scenario.population.count for scenario in scenarios)]),
     )
+
+
+def seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[int] | None]:
+    """Return the words that seed each environment's generator; None = go on drawing from the present one.
+
+    Parameters
+    ----------
+    seed : an int gives environment ``e`` the words (seed, e); a sequence gives each (its own, 0).
+
+    Raises
+    ------
+    ValueError
+        If a seed is no whole number >= 0, or there are not as many as environments.
+    """
+    if seed is None:
+        return [None] * num_envs
+    if not isinstance(seed, list | tuple | np.ndarray):
+        word = whole("seed", seed, NOT_NEGATIVE)
+        return [[word, e] for e in range(num_envs)]
+    if len(seed) != num_envs:
+        raise ValueError(f"{len(seed)} seeds for {num_envs} environments; give one each, or a single int")
+    return [[whole("seed", word, NOT_NEGATIVE), 0] for word in seed]
+
+
+def check_options(options: Any, known: Collection[str] = (), *, idle: Collection[str] = ()) -> None:
+    """Raise ValueError unless ``options`` of a reset is None or a dictionary of known names; ``idle`` names do nothing."""
+    if options is None:
+        return
+    if not isinstance(options, Mapping):
+        raise ValueError(f"options is {shown(options)}; it must be a dictionary or None")
+    for name in options:
+        if name not in known and name not in idle:
+            raise ValueError(
+                f"unknown reset option {name!r}; known: {', '.join(known) or 'none'}; "
+                "scenario, crowd and limits are given when the environment is made"
+            )
+
+
+def reset_mask(options: Any, count: int) -> Bools | None:
+    """Return the mask (``count``,) of Gymnasium's reset option ``reset_mask``, true where to reset; None = everywhere.
+
+    The option stays in the dictionary: wrappers around the environment read it, too.
+
+    Raises
+    ------
+    ValueError
+        If it is no boolean array of that shape or is nowhere true, or if there are other options.
+    """
+    check_options(options, ("reset_mask",))
+    if not options or "reset_mask" not in options:
+        return None
+    mask = options["reset_mask"]
+    if not (isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (count,) and mask.any()):
+        raise ValueError(
+            f"reset_mask is {shown(mask)}; it must be a NumPy array of {count} booleans, one an environment, "
+            "with at least one True"
+        )
+    return mask.copy()

@@ -1,6 +1,6 @@
 """What Gymnasium's Env and VectorEnv of this package are made of: E environments with one controller each, over arrays."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import gymnasium
@@ -27,6 +27,7 @@ class Batch(Protocol):
     """E environments with one controller each; an episode that has ended stays as it is, with reward 0, until it restarts."""
 
     env: CrowdEnv
+    layout: Any  # where the columns of an observation are
 
     @property
     def observation_space(self) -> gymnasium.Space[Any]:
@@ -49,7 +50,3 @@ class Batch(Protocol):
     def step(self, actions: Any) -> BatchStep:
         """Advance by one step; if the batch was made with ``autoreset``, restart each episode that ends in it."""
         ...
-
-
-# Makes a batch: ``make(scenario, num_envs=E, autoreset=False, **options)``.
-MakeBatch = Callable[..., Batch]

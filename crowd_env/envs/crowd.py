@@ -9,16 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env._kernels.struct_ref import struct_ref
-from crowd_env.checks import COUNT, POSITIVE, Range, array, flag, number, text, whole
-from crowd_env.envs.action import ActionKind, Frame, check_frame, make_action, to_command
-from crowd_env.envs.arguments import bodies_before_reset, check_size, scenarios_of, substeps_of
+from crowd_env.checks import COUNT, POSITIVE, Range, array, flag, known, number, text, whole
+from crowd_env.envs.action import FRAMES, ActionKind, Frame, make_action, to_command
+from crowd_env.envs.arguments import bodies_before_reset, check_size, parts_of, scenarios_of, seed_words
 from crowd_env.envs.episode import EnvCheckpoint, init_episode, update_episode
 from crowd_env.envs.metrics import EpisodeMetrics, summarise_exits
 from crowd_env.envs.observation.layout import ObservationLayout, make_layout
 from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.observation.view import allocate_route_ahead
 from crowd_env.envs.reward import RewardFunction, RewardWeights, Transition, make_weights
-from crowd_env.envs.seeding import seed_words
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.walking.headway import Headway
 from crowd_env.scenarios import make_scenario
@@ -118,11 +117,11 @@ class CrowdEnv:
         **scenario_options: Any,
     ) -> None:
         num_envs, threads = whole("num_envs", num_envs, COUNT), whole("threads", threads, _THREADS)
-        check_frame(frame)
+        known("frame", frame, FRAMES)
         scheme = make_scheme(scheme)
         dt = scheme.info.default_dt if dt is None else number("dt", dt, POSITIVE, "s")
         decision_dt = number("decision_dt", decision_dt, POSITIVE, "s")
-        self.n_substeps = substeps_of(decision_dt, dt)
+        self.n_substeps = parts_of("decision_dt", decision_dt, "physics steps of dt", dt)
         if time_limit is not None:
             time_limit = number("time_limit", time_limit, POSITIVE, "s")
         rules, autoreset = flag("rules", rules), flag("autoreset", autoreset)

@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 
 from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.terms import columns_of
 
 # Columns that cannot be negative, and flags.
 _NOT_NEGATIVE = ("radius", "mass", "desired_speed", "relaxation_time", "response_time", "route")
@@ -74,11 +75,7 @@ class StateLayout:
 
     def __getitem__(self, column: str) -> slice:
         """Return where a column of a person is."""
-        names = list(self.of_person)
-        if column not in names:
-            raise KeyError(f"a person has no column {column!r}; it has: {', '.join(names)}")
-        begin = sum(self.of_person[name] for name in names[: names.index(column)])
-        return slice(begin, begin + self.of_person[column])
+        return columns_of("a person has no column", column, self.of_person)
 
     def split(self, state: np.ndarray) -> SplitState:
         """Return the parts of a state (size,)."""

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from crowd_env.envs.batch import BatchStep
@@ -28,9 +27,10 @@ class CrowdBatch:
     """
 
     def __init__(
-        self, scenario: str | Scenario | Sequence[str | Scenario], *, num_envs: int = 1, **options: Any
+        self, scenario: str | Scenario | Sequence[str | Scenario] = "room-v0", *, num_envs: int = 1, **options: Any
     ) -> None:
         self.env = CrowdEnv(scenario, num_envs=num_envs, **options)
+        self.layout = self.env.layout
         sizes = np.diff(self.env.env_start)
         if (sizes != sizes[0]).any():
             raise ValueError(
@@ -82,13 +82,12 @@ class CrowdGymEnv(SingleEnv):
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS`` or a Scenario.
+    scenario : name in ``SCENARIOS`` or a Scenario; by default "room-v0".
     render_mode : None or "rgb_array".
     options : everything else `CrowdEnv` takes.
     """
 
-    def __init__(self, scenario: str | Scenario = "room-v0", *, render_mode: str | None = None, **options: Any) -> None:
-        super().__init__(CrowdBatch, scenario, render_mode, options)
+    batch_class = CrowdBatch
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Advance by one decision step.
@@ -109,7 +108,8 @@ class CrowdVectorEnv(BatchVectorEnv):
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS``, a Scenario, or several with the same number of people, dealt out in turn.
+    scenario : name in ``SCENARIOS``, a Scenario, or several with the same number of people, dealt out in turn; by default
+        "room-v0".
     num_envs : number of rooms E.
     autoreset_mode : "SameStep", "NextStep" or "Disabled".
     options : everything else `CrowdEnv` takes.
@@ -120,16 +120,7 @@ class CrowdVectorEnv(BatchVectorEnv):
         If any of these is unknown, out of range, or does not fit together.
     """
 
-    def __init__(
-        self,
-        scenario: str | Scenario | Sequence[str | Scenario] = "room-v0",
-        *,
-        num_envs: int = 1,
-        render_mode: None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-        **options: Any,
-    ) -> None:
-        super().__init__(CrowdBatch, scenario, num_envs, render_mode, autoreset_mode, options)
+    batch_class = CrowdBatch
 
 
 def make_vec(

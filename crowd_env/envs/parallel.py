@@ -10,8 +10,8 @@ import numpy as np
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
 
-from crowd_env.checks import array, shown
-from crowd_env.envs.client_input import NUMBERS, check_options
+from crowd_env.checks import array, shown, whole
+from crowd_env.envs.arguments import NUMBERS, check_options
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.global_state import StateLayout, StateReader
 from crowd_env.envs.lazy_infos import LazyInfos, write_infos
@@ -102,9 +102,7 @@ class CrowdParallelEnv(ParallelEnv):
 
     @max_cycles.setter
     def max_cycles(self, cycles: int) -> None:
-        if isinstance(cycles, bool) or not isinstance(cycles, int | np.integer) or cycles < 1:
-            raise ValueError(f"max_cycles is {cycles!r}; it must be a whole number >= 1")
-        self.env.time_limit[:] = cycles * self.env.decision_dt
+        self.env.time_limit[:] = whole("max_cycles", cycles) * self.env.decision_dt
 
     # Every agent has its own space, made once: seeding one must not seed another.
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:
@@ -189,9 +187,9 @@ class CrowdParallelEnv(ParallelEnv):
             }  # those who are out act no more
         if (
             len(actions) == len(self.agents)
-            and (whole := _stacked(list(actions.values()), gathered.shape[1:])) is not None
+            and (every := _stacked(list(actions.values()), gathered.shape[1:])) is not None
         ):
-            gathered[self._slots] = whole
+            gathered[self._slots] = every
             return gathered, None
         rule = np.ones(self.env.num_people, dtype=np.bool_)
         for agent, action in actions.items():
@@ -247,10 +245,10 @@ class CrowdParallelEnv(ParallelEnv):
 def _stacked(actions: list[Any], shape: tuple[int, ...]) -> np.ndarray | None:
     """Return actions as one array (N, *shape) of numbers; None unless each is of that shape."""
     try:
-        whole = np.array(actions)  # a fifth faster than with a dtype
+        every = np.array(actions)  # a fifth faster than with a dtype
     except (TypeError, ValueError):
         return None
-    return whole if whole.dtype.kind in NUMBERS and whole.shape == (len(actions), *shape) else None
+    return every if every.dtype.kind in NUMBERS and every.shape == (len(actions), *shape) else None
 
 
 def parallel_env(scenario: str | Scenario = "room-v0", **options: Any) -> CrowdParallelEnv:

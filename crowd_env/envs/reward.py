@@ -4,7 +4,7 @@ Progress is the loss of a potential, the travel time that is left on the route t
 travel time at the start less that at the end, whatever happens in between, so that nothing that ends where it began pays.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -13,8 +13,8 @@ import numpy as np
 
 from crowd_env._kernels.jit import kernel
 from crowd_env._kernels.struct_ref import StructRef, struct_ref
-from crowd_env.checks import SHARE, array, check_fields, from_data, number, table
-from crowd_env.envs.terms import names_of, require_function
+from crowd_env.checks import SHARE, array, check_fields, from_data
+from crowd_env.envs.terms import RewardTerm, own_terms, weighed_terms
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
@@ -29,30 +29,6 @@ class Transition(NamedTuple):
     impulse_magnitude: Floats  # (P,)   N s, sum of the magnitudes of the contact impulses
     bodies: Bodies
     state: CrowdState  # at the end of the step
-
-
-@dataclass(frozen=True)
-class RewardTerm:
-    """A term of one's own, a key of ``RewardWeights`` beside the names in ``REWARDS``.
-
-    Parameters
-    ----------
-    name : it is reported as ``reward/<name>``.
-    function : of a `Transition`; returns the term (P,) of each pedestrian.  Those who were not inside get 0 whatever it is.  A
-        function of a module can be pickled with its weights.
-
-    Raises
-    ------
-    ValueError
-        If the name is empty or the function cannot be called.
-    """
-
-    name: str
-    function: Callable[[Transition], Any]
-
-    def __post_init__(self) -> None:
-        check_fields("reward term", self)
-        require_function("reward term", self.name, self.function, "transition")
 
 
 # The rows of the terms that `compute_reward` writes.
@@ -132,18 +108,8 @@ class RewardWeights:
 
     def __post_init__(self) -> None:
         check_fields("reward", self, team_share=SHARE)
-        weights = table("reward: weights", self.weights, "weights such as {'time': 1.0}")
-        names = names_of("reward term", weights, RewardTerm, REWARDS)
-        checked = {
-            term: number(f"weight of reward term {name!r}", weight)
-            for name, (term, weight) in zip(names, weights.items(), strict=True)
-        }
-        object.__setattr__(self, "weights", checked)  # a copy: what is changed in the table later changes nothing here
-
-    @property
-    def own_terms(self) -> tuple[RewardTerm, ...]:
-        """The terms that are not compiled."""
-        return tuple(term for term in self.weights if isinstance(term, RewardTerm))
+        # A copy: what is changed in the table later changes nothing here.
+        object.__setattr__(self, "weights", weighed_terms("reward: weights", self.weights, REWARDS))
 
 
 def make_weights(reward: RewardWeights | Mapping[Any, Any] | None) -> RewardWeights:
@@ -172,7 +138,7 @@ class RewardFunction:
     """
 
     def __init__(self, weights: RewardWeights, people: int) -> None:
-        self._own_terms = weights.own_terms
+        self._own_terms = own_terms(RewardTerm, weights.weights)  # those that are not compiled
         row: dict[Any, int] = {**REWARDS, **{term: len(REWARDS) + k for k, term in enumerate(self._own_terms)}}
         order = np.array([row[term] for term in weights.weights], dtype=np.int64)
         weight = np.array(list(weights.weights.values()), dtype=np.float64)

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from crowd_env.checks import NOT_NEGATIVE, whole
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.metrics import EpisodeMetrics, share_interval, summarise
 from crowd_env.files.json_file import json_number
@@ -25,31 +26,18 @@ class Episode(NamedTuple):
     metrics: EpisodeMetrics
     exit_time: Floats  # (N,)  s    nan for people who did not get out
     exit_index: Ints  # (N,)  row of Geometry.exits; -1 for people who did not get out
+    time_limit: float  # s
     end: float  # s    when it ended: everyone out, or the first decision at or after the time limit, or the exits blocked
     record: Any = None  # what the recorder of the rollout kept of it
 
 
-class Driver(Protocol):
-    """A batch of evacuations together with what decides in it.
+class Driver:
+    """A batch of evacuations together with what decides in it: here everyone walks as the strategy of the environment says.
 
-    Attributes
+    Parameters
     ----------
     env : the crowds, made without autoreset.
     """
-
-    env: CrowdEnv
-
-    def reset(self, seeds: list[int]) -> None:
-        """Start new evacuations, each from its seed."""
-        ...
-
-    def step(self) -> Step:
-        """Decide, if a decision is due, and let one decision step of ``env`` pass."""
-        ...
-
-
-class RuleDriver:
-    """A batch in which everyone walks as the strategy of the environment says."""
 
     def __init__(self, env: CrowdEnv) -> None:
         self.env = env
@@ -59,7 +47,7 @@ class RuleDriver:
         self.env.reset(seeds)
 
     def step(self) -> Step:
-        """Let one decision step pass."""
+        """Decide, if a decision is due, and let one decision step of ``env`` pass."""
         return self.env.step(None)
 
 
@@ -122,13 +110,10 @@ def rollout(
     ValueError
         If the number of runs or the seed is out of range, or the crowd does not fit.
     """
-    if runs < 1:
-        raise ValueError(f"runs is {runs}; it must be at least 1")
-    if seed < 0:
-        raise ValueError(f"seed is {seed}; it must be >= 0")
+    runs, seed = whole("runs", runs), whole("seed", seed, NOT_NEGATIVE)
 
     def rule(num_envs: int) -> Driver:
-        return RuleDriver(CrowdEnv(scenario, num_envs=num_envs, threads=min(threads, num_envs), **options))
+        return Driver(CrowdEnv(scenario, num_envs=num_envs, threads=min(threads, num_envs), **options))
 
     at_once = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.count))
     batches = [range(first, min(first + at_once, runs)) for first in range(0, runs, at_once)]
@@ -164,6 +149,7 @@ def _finished(
                     step.info["metrics"][e],
                     state.exit_time[people].copy(),
                     state.exit_index[people].copy(),
+                    float(env.time_limit[e]),
                     float(state.time[e]),
                     None if recorder is None else recorder.record(env, e),
                 )
@@ -199,42 +185,54 @@ def report(scenario: Scenario, scheme: str | ContactScheme, episodes: Sequence[E
     ``outside_mm`` is the furthest that any body reached beyond a wall.  The shares of runs in which someone was left inside,
     and in which the exits blocked, have Wilson's interval.
     """
-
-    def column(name: str) -> np.ndarray:
-        return np.array([getattr(episode.metrics, name) for episode in episodes], dtype=np.float64)
-
-    left, stuck = (int(np.count_nonzero(runs)) for runs in (column("unfinished"), np.isfinite(column("blocked_since"))))
-    time, flow = summarise(column("evacuation_time")), summarise(column("flow"))
+    metrics = [episode.metrics for episode in episodes]
     return {
         "scenario": scenario.name,
         "scheme": make_scheme(scheme).info.name,
-        "runs": len(episodes),
         "people": scenario.population.count,
-        "unfinished": int(column("unfinished").sum()),
-        "unfinished_runs": left,
-        "unfinished_share": share(left, len(episodes)),
-        "blocked_share": share(stuck, len(episodes)),
+        **figures_of(metrics),
         "blocked": [
             {"run": episode.run, "since": episode.metrics.blocked_since, "left": episode.metrics.unfinished}
             for episode in episodes
             if np.isfinite(episode.metrics.blocked_since)
         ],
-        "evacuation_time": {
-            "mean": json_number(time.mean),
-            "sd": json_number(time.sd),
-            "ci95": [json_number(bound) for bound in time.ci95],
-        },
-        "flow": {"mean": json_number(flow.mean), "sd": json_number(flow.sd)},
         "overlap_mm": {
-            "mean": 1e3 * float(column("mean_overlap").mean()),
-            "max": 1e3 * float(column("max_overlap").max()),
+            "mean": 1e3 * float(column(metrics, "mean_overlap").mean()),
+            "max": 1e3 * float(column(metrics, "max_overlap").max()),
         },
-        "outside_mm": 1e3 * float(column("max_outside").max()),
-        "max_speed": float(column("max_speed").max()),
-        "escaped": int(column("escaped").sum()),
-        "residual": float(column("residual").max()),
-        "unconverged_steps": int(column("unconverged").sum()),
+        "outside_mm": 1e3 * float(column(metrics, "max_outside").max()),
+        "residual": float(column(metrics, "residual").max()),
+        "unconverged_steps": int(column(metrics, "unconverged").sum()),
     }
+
+
+def figures_of(metrics: Sequence[EpisodeMetrics]) -> dict[str, Any]:
+    """Return the figures that every report of many evacuations has, ready for JSON; see `report`."""
+    runs, unfinished = len(metrics), column(metrics, "unfinished")
+    left, blocked = int((unfinished > 0).sum()), int(np.isfinite(column(metrics, "blocked_since")).sum())
+    return {
+        "runs": runs,
+        "unfinished": int(unfinished.sum()),
+        "unfinished_runs": left,
+        "unfinished_share": share(left, runs),
+        "blocked_runs": blocked,
+        "blocked_share": share(blocked, runs),
+        "evacuation_time": named(column(metrics, "evacuation_time")),
+        "flow": named(column(metrics, "flow")),
+        "max_speed": float(column(metrics, "max_speed").max()),
+        "escaped": int(column(metrics, "escaped").sum()),
+    }
+
+
+def column(metrics: Sequence[EpisodeMetrics], name: str) -> Floats:
+    """Return one of the metrics of every evacuation (R,)."""
+    return np.array([getattr(one, name) for one in metrics], dtype=np.float64)
+
+
+def named(values: np.ndarray) -> dict[str, Any]:
+    """Return mean, spread and interval of the mean of the finite values, ready for JSON."""
+    mean, sd, ci95 = summarise(values)
+    return {"mean": json_number(mean), "sd": json_number(sd), "ci95": [json_number(bound) for bound in ci95]}
 
 
 def share(count: int, of: int) -> dict[str, Any]:

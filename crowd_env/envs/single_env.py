@@ -1,14 +1,14 @@
 """The base of this package's Gymnasium environments with one controller: the only row of a batch of one."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 
 from crowd_env.checks import array
-from crowd_env.envs.batch import BatchStep, MakeBatch
-from crowd_env.envs.client_input import NUMBERS, check_options
+from crowd_env.envs.arguments import NUMBERS, check_options
+from crowd_env.envs.batch import Batch, BatchStep
 from crowd_env.scenarios.scenario import Scenario
 
 
@@ -17,9 +17,12 @@ class SingleEnv(gymnasium.Env):
 
     Parameters
     ----------
-    make_batch : makes the batch.
-    scenario, options : for ``make_batch``.
+    scenario, options : of the batch; by default its own.
     render_mode : None or "rgb_array".
+
+    Attributes
+    ----------
+    layout : where the columns of the observation are.
 
     Raises
     ------
@@ -28,17 +31,21 @@ class SingleEnv(gymnasium.Env):
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
+    batch_class: ClassVar[type[Any]]
+    batch: Batch
 
     def __init__(
-        self, make_batch: MakeBatch, scenario: str | Scenario, render_mode: str | None, options: Mapping[str, Any]
+        self, scenario: str | Scenario | None = None, *, render_mode: str | None = None, **options: Any
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"unknown render_mode {render_mode!r}; known: None, rgb_array")
         for name in ("num_envs", "autoreset"):
             if name in options:
                 raise ValueError(f"this is one environment; {name} belongs to a batch: gymnasium.make_vec")
-        self.batch = make_batch(scenario, num_envs=1, **options)
-        self.env = self.batch.env
+        if scenario is not None:
+            options["scenario"] = scenario
+        self.batch = self.batch_class(num_envs=1, **options)
+        self.env, self.layout = self.batch.env, self.batch.layout
         self.observation_space, self.action_space = self.batch.observation_space, self.batch.action_space
         self.render_mode = render_mode
         self._canvas: Any = None

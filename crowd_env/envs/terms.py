@@ -1,27 +1,61 @@
 """Named terms, of observations and of rewards: names of a table, or objects of the user's own beside them."""
 
-from collections.abc import Iterable, Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeVar
 
-from crowd_env.checks import known, refuse
-
-
-class Term(Protocol):
-    """What has a name."""
-
-    @property
-    def name(self) -> str:
-        """Its name, unique among the terms of an environment."""
-        ...
+from crowd_env.checks import check_fields, known, number, refuse, table
 
 
-def names_of(what: str, terms: Iterable[Any], own: type[Term], table: Mapping[str, Any]) -> list[str]:
+class Term:
+    """What all terms of the user's own have in common; checked when one is made."""
+
+    kind: ClassVar[str]  # as messages call it
+    arguments: ClassVar[str]  # of the function
+    name: str
+    function: Callable[..., Any]
+
+    def __post_init__(self) -> None:
+        check_fields(self.kind, self)
+        if not self.name:
+            raise ValueError(f"{self.kind} needs a name")
+        if not callable(self.function):
+            refuse(f"{self.kind} {self.name!r}: function", self.function, f"a function ({self.arguments})")
+
+
+@dataclass(frozen=True)
+class RewardTerm(Term):
+    """A term of one's own, a key among the weights of a reward beside the names that come with the environment.
+
+    Parameters
+    ----------
+    name : it is reported as ``reward/<name>``.
+    function : of a `crowd_env.envs.reward.Transition`; returns the term (P,) of each pedestrian.  Those who were not inside get
+        0 whatever it is.  In ``crowd_env/Routing-v0`` it is a function of a `crowd_env.envs.routing.terms.RoutingView`, and
+        returns the term (E,) of each environment.  A function of a module can be pickled with its weights.
+
+    Raises
+    ------
+    ValueError
+        If the name is empty or the function cannot be called.
+    """
+
+    kind = "reward term"
+    arguments = "transition, or view in crowd_env/Routing-v0"
+    name: str
+    function: Callable[[Any], Any]
+
+
+OwnTerm = TypeVar("OwnTerm", bound=Term)
+
+
+def names_of(own: type[Term], terms: Iterable[Any], named: Mapping[str, Any]) -> list[str]:
     """Return the names of some terms.
 
     Parameters
     ----------
-    what : kind of term, as messages call it.
-    terms : names in ``table`` and objects of the class ``own``.
+    own : class of the terms of the user's own.
+    terms : names in ``named`` and objects of the class ``own``.
 
     Raises
     ------
@@ -32,26 +66,87 @@ def names_of(what: str, terms: Iterable[Any], own: type[Term], table: Mapping[st
     names: list[str] = []
     for term in terms:
         if not isinstance(term, str | own):
-            refuse(f"one of the {what}s", term, f"a name or {own.__name__}(...); known names: {', '.join(table)}")
-        if isinstance(term, own) and term.name in table:
-            raise ValueError(f"{what} {term.name!r} comes with crowd_env; give your own another name")
-        name = term.name if isinstance(term, own) else known(what, term, table)
+            refuse(f"one of the {own.kind}s", term, f"a name or {own.__name__}(...); known names: {', '.join(named)}")
+        if isinstance(term, own) and term.name in named:
+            raise ValueError(f"{own.kind} {term.name!r} comes with crowd_env; give your own another name")
+        name = term.name if isinstance(term, own) else known(own.kind, term, named)
         if name in names:
-            raise ValueError(f"{what} {name!r} is named twice; name each only once")
+            raise ValueError(f"{own.kind} {name!r} is named twice; name each only once")
         names.append(name)
     return names
 
 
-def require_plain(what: str, terms: Iterable[Any], own: type[Term]) -> None:
-    """Raise ValueError if a term is an object: plain data hold names, and no functions."""
-    for term in terms:
-        if isinstance(term, own):
-            raise ValueError(f"{what} {term.name!r} is a function of your own, which cannot be written as plain data")
+def own_terms(own: type[OwnTerm], terms: Iterable[Any]) -> tuple[OwnTerm, ...]:
+    """Return the terms of the user's own among some terms."""
+    return tuple(term for term in terms if isinstance(term, own))
 
 
-def require_function(what: str, name: str, function: Any, arguments: str) -> None:
-    """Raise ValueError unless a term has a name and a function."""
-    if not name:
-        raise ValueError(f"{what} needs a name")
-    if not callable(function):
-        refuse(f"{what} {name!r}: function", function, f"a function ({arguments})")
+def observed_terms(own: type[Term], terms: Any, named: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return the terms of an observation as a tuple.
+
+    Raises
+    ------
+    ValueError
+        If it is something else or holds none, or for what `names_of` refuses.
+    """
+    if isinstance(terms, str):
+        refuse("observation: terms", terms, f"a tuple of names: ({terms!r},)")
+    if not isinstance(terms, Iterable) or isinstance(terms, Mapping | bytes):
+        refuse("observation: terms", terms, f"a tuple of names and {own.__name__} objects")
+    terms = tuple(terms)
+    names_of(own, terms, named)
+    if not terms:
+        raise ValueError("an observation needs at least one term; observation: terms is empty")
+    return terms
+
+
+def weighed_terms(where: str, weights: Any, named: Mapping[str, Any]) -> dict[Any, float]:
+    """Return the terms of a reward, names in ``named`` and `RewardTerm` objects, with their weights.
+
+    Raises
+    ------
+    ValueError
+        If it is no table, a weight is not finite, or for what `names_of` refuses.
+    """
+    weights = table(where, weights, f"weights such as {{{next(iter(named))!r}: 1.0}}")
+    return {
+        term: number(f"weight of {RewardTerm.kind} {name!r}", weight)
+        for name, (term, weight) in zip(names_of(RewardTerm, weights, named), weights.items(), strict=True)
+    }
+
+
+class Layout:
+    """Terms laid side by side: ``layout["walls"]`` is a slice of columns."""
+
+    def _widths(self) -> dict[str, int]:
+        """Return the number of columns of each term, in their order."""
+        raise NotImplementedError
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the terms, in the order of the columns."""
+        return tuple(self._widths())
+
+    @property
+    def size(self) -> int:
+        """Number of columns in all."""
+        return sum(self._widths().values())
+
+    def __getitem__(self, name: str) -> slice:
+        """Return the columns of a term."""
+        return columns_of("this observation has no term", name, self._widths())
+
+
+def columns_of(what: str, name: str, widths: Mapping[str, int]) -> slice:
+    """Return where the columns called ``name`` are among others, laid side by side in the order of ``widths``.
+
+    Raises
+    ------
+    KeyError
+        If there are none; the message says ``what`` has none, and lists those that there are.
+    """
+    if name not in widths:
+        raise KeyError(f"{what} {name!r}; it has: {', '.join(widths)}")
+    names = list(widths)
+    begin = sum(widths[before] for before in names[: names.index(name)])
+    return slice(begin, begin + widths[name])

@@ -1,16 +1,17 @@
 """The base of this package's Gymnasium VectorEnvs: restarts, resets of some rows, infos as Gymnasium has them."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from crowd_env.checks import array, shown
-from crowd_env.envs.batch import MakeBatch
-from crowd_env.envs.client_input import NUMBERS, reset_mask
+from crowd_env.checks import array, known
+from crowd_env.envs.arguments import NUMBERS, reset_mask
+from crowd_env.envs.batch import Batch
 from crowd_env.envs.metrics import EpisodeMetrics
+from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Bools
 
 
@@ -33,10 +34,14 @@ class BatchVectorEnv(VectorEnv):
 
     Parameters
     ----------
-    make_batch : makes the batch.
-    scenario, num_envs, options : for ``make_batch``.
+    scenario, options : of the batch; by default its own.
+    num_envs : number of environments E.
     render_mode : None; a batch is not rendered.
     autoreset_mode : an `AutoresetMode` or its value.
+
+    Attributes
+    ----------
+    layout : where the columns of an observation are.
 
     Raises
     ------
@@ -46,22 +51,31 @@ class BatchVectorEnv(VectorEnv):
 
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
 
+    batch_class: ClassVar[type[Any]]
+    batch: Batch
+
     def __init__(
         self,
-        make_batch: MakeBatch,
-        scenario: Any,
-        num_envs: int,
-        render_mode: None,
-        autoreset_mode: AutoresetMode | str,
-        options: Mapping[str, Any],
+        scenario: str | Scenario | Sequence[str | Scenario] | None = None,
+        *,
+        num_envs: int = 1,
+        render_mode: None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        **options: Any,
     ) -> None:
         if render_mode is not None:
             raise ValueError("a batch is not rendered; make one environment with a render_mode instead")
         if "autoreset" in options:
             raise ValueError("autoreset belongs to CrowdEnv; a VectorEnv takes autoreset_mode")
-        mode = as_autoreset_mode(autoreset_mode)
-        self.batch = make_batch(scenario, num_envs=num_envs, autoreset=mode is AutoresetMode.SAME_STEP, **options)
-        self.env = self.batch.env
+        if not isinstance(autoreset_mode, AutoresetMode):
+            autoreset_mode = AutoresetMode(
+                known("autoreset_mode", autoreset_mode, [one.value for one in AutoresetMode])
+            )
+        mode = autoreset_mode
+        if scenario is not None:
+            options["scenario"] = scenario
+        self.batch = self.batch_class(num_envs=num_envs, autoreset=mode is AutoresetMode.SAME_STEP, **options)
+        self.env, self.layout = self.batch.env, self.batch.layout
         self.render_mode = None
         self.num_envs = num_envs
         self.autoreset_mode = mode
@@ -138,21 +152,6 @@ class BatchVectorEnv(VectorEnv):
             self._ended = over
         self._last[:] = observation
         return observation, made.reward, made.terminated, made.truncated, info
-
-
-def as_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    """Return a mode given by itself or by its value.
-
-    Raises
-    ------
-    ValueError
-        If there is no such mode.
-    """
-    try:
-        return AutoresetMode(mode)
-    except ValueError:
-        known = ", ".join(str(one.value) for one in AutoresetMode)
-        raise ValueError(f"unknown autoreset_mode {shown(mode)}; known: {known}") from None
 
 
 def about(values: Mapping[str, Any], rows: Bools) -> dict[str, Any]:

@@ -10,10 +10,9 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from crowd_env.geometry.parsing import Area, place
+from crowd_env.geometry.parsing import SLIVER, Area, place
 from crowd_env.state import Floats
 
-SLIVER = 1e-6  # m; shorter pieces of wall are dropped
 _SAME = 1e-9  # m; a point nearer than this to a straight line is on it
 _SNAP = 0.01  # m; an exit may be drawn this far from the boundary ...
 _WALL = 0.3  # m; ... and is moved onto it from the other face of a wall

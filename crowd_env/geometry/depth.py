@@ -2,10 +2,8 @@
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
-from crowd_env.geometry.boundary import SLIVER
-from crowd_env.geometry.parsing import Area
+from crowd_env.geometry.parsing import SLIVER, Area, border_edges
 from crowd_env.state import Floats
 
 
@@ -24,7 +22,7 @@ def solid_depth(walls: Floats, area: Area, most: float = 0.25) -> Floats:
     strips = shapely.polygons(np.stack([a, b, b + behind, a + behind], axis=1))
     # What is walkable in a strip and nearest to its wall lies on the border of the area: its edges near the strip tell all.
     room = shapely.buffer(area, -SLIVER)
-    border = _segments(room)
+    border = shapely.linestrings(border_edges(room))
     row, edge = shapely.STRtree(border).query(strips, predicate="intersects")
     faces = shapely.linestrings(np.stack([a, b], axis=1))
     away = shapely.distance(faces[row], shapely.intersection(strips[row], border[edge]))
@@ -32,12 +30,3 @@ def solid_depth(walls: Floats, area: Area, most: float = 0.25) -> Floats:
     shapely.prepare(room)
     depth[shapely.intersects_xy(room, *a.T)] = 0.0  # a thin wall: there is nothing solid behind it
     return depth
-
-
-def _segments(area: Area) -> NDArray[np.object_]:
-    """Return the straight edges of all rings of an area."""
-    edges = [np.empty((0, 2, 2))]
-    for ring in shapely.get_rings(shapely.get_parts(area)):
-        points = shapely.get_coordinates(ring)
-        edges.append(np.stack([points[:-1], points[1:]], axis=1))
-    return np.asarray(shapely.linestrings(np.concatenate(edges)))

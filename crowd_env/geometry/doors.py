@@ -8,8 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import shapely
 
-from crowd_env.geometry.boundary import SLIVER
-from crowd_env.geometry.parsing import Area, Shape, place, read_lines
+from crowd_env.geometry.parsing import Area, Shape, read_lines, require_inside
 from crowd_env.state import Floats, Ints
 
 _SHORT = 1e-3  # m
@@ -49,7 +48,8 @@ def read_doors(
                 known = ", ".join(dict.fromkeys(exit_names)) or "none"
                 raise ValueError(f"door {name!r} names an unknown exit {thing!r}; known: {known}; or give a line")
             lines[name] = read_lines([thing], f"door {name!r}")[0]
-            segments = _inside(name, lines[name], area)
+            require_inside(f"door {name!r}", lines[name], area, "cross a passage inside")
+            segments = np.stack([lines[name][:-1], lines[name][1:]], axis=1)
             closes.append(None)
         length = np.hypot(*(segments[:, 1] - segments[:, 0]).T)[:, None]
         if length.min() < _SHORTEST:
@@ -71,11 +71,3 @@ def _require_jambs(lines: Mapping[str, Floats], area: Area, thin: Floats) -> Non
             raise ValueError(
                 f"door {name!r} touches no wall: it is {away:.2f} m from the nearest; it must cross a passage"
             )
-
-
-def _inside(name: str, line: Floats, area: Area) -> Floats:
-    outside = shapely.difference(shapely.LineString(line), shapely.buffer(area, SLIVER))
-    if not outside.is_empty:
-        at = place(shapely.get_coordinates(outside)[-1])
-        raise ValueError(f"door {name!r} leaves the walkable area at {at}; it must cross a passage inside")
-    return np.stack([line[:-1], line[1:]], axis=1)

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -17,22 +17,23 @@ from shapely.geometry.base import BaseGeometry
 
 from crowd_env.checks import table
 from crowd_env.checks import text as require_text
-from crowd_env.geometry.boundary import SLIVER, open_boundary
+from crowd_env.geometry.boundary import open_boundary
 from crowd_env.geometry.depth import solid_depth
 from crowd_env.geometry.doors import read_doors
 from crowd_env.geometry.parsing import (
+    SLIVER,
     Area,
     Shape,
-    from_wkt,
     parse_exit,
     place,
     read_area,
     read_areas,
     read_exits,
     read_lines,
+    require_inside,
 )
 from crowd_env.geometry.parts import closed_off, is_within, join_near_parts, say_left_out, split_by_exits
-from crowd_env.state import Bools, Floats, Ints
+from crowd_env.state import Bools, Floats, Ints, joined_starts, row_starts
 
 __all__ = ["Boundary", "Geometry", "box", "join_boundaries", "parse_exit"]
 
@@ -170,21 +171,9 @@ class Geometry:
         )
 
     @classmethod
-    def from_wkt(
-        cls,
-        text: str,
-        *,
-        exits: Mapping[str, Shape] | Iterable[Shape] | Shape = (),
-        obstacles: Iterable[Shape] | BaseGeometry = (),
-        thin_walls: Iterable[Shape] | BaseGeometry = (),
-        regions: Mapping[str, Shape] | None = None,
-        doors: Mapping[str, Shape] | None = None,
-    ) -> "Geometry":
-        """Return the geometry whose walkable area is the WKT ``text``; the rest as in `from_polygon`."""
-        walkable = from_wkt(require_text("walkable area", text, "well-known text (WKT)"), "walkable area")
-        return cls.from_polygon(
-            walkable, exits=exits, obstacles=obstacles, thin_walls=thin_walls, regions=regions, doors=doors
-        )
+    def from_wkt(cls, text: str, **others: Any) -> "Geometry":
+        """Return the geometry whose walkable area is the WKT ``text``; the ``others`` are those of `from_polygon`."""
+        return cls.from_polygon(require_text("walkable area", text, "well-known text (WKT)"), **others)
 
     def without_closed_off(self, radius: float, exits: Iterable[Shape]) -> "Geometry":
         """Return the place without what a body of ``radius`` [m] cannot leave through any passage, with a note.
@@ -240,11 +229,11 @@ class Geometry:
         return shapely.STRtree(shapely.linestrings(self.walls))
 
     def contains(self, points: ArrayLike, region: str | None = None) -> Bools:
-        """Return (K,) whether each of ``points`` (K, 2) [m] lies in the walkable area (or a region) or on its border."""
-        x, y = np.asarray(points, dtype=np.float64).reshape(-1, 2).T
+        """Return (...) whether each of ``points`` (..., 2) [m] lies in the walkable area (or a region) or on its border."""
+        xy = np.asarray(points, dtype=np.float64)
         area = self.walkable if region is None else self.regions[region]
         shapely.prepare(area)
-        return np.asarray(shapely.intersects_xy(area, x, y))
+        return np.asarray(shapely.intersects_xy(area, xy[..., 0], xy[..., 1]))
 
     def is_left_out(self, point: ArrayLike) -> bool:
         """Return whether a point (2,) [m] lies in a part of the plan that was left out because it has no exit."""
@@ -256,10 +245,9 @@ class Geometry:
         return self.area if region is None else float(shapely.intersection(self.walkable, self.regions[region]).area)
 
     def nearest_exit(self, points: ArrayLike) -> Ints:
-        """Return (K,) the row of ``exits`` nearest in a straight line to each of ``points`` (K, 2)."""
-        lines = shapely.linestrings(self.exits)
-        xy = shapely.points(np.asarray(points, dtype=np.float64).reshape(-1, 2))
-        return np.argmin(shapely.distance(xy[:, None], lines[None, :]), axis=1).astype(np.int64)
+        """Return (...) the row of ``exits`` nearest in a straight line to each of ``points`` (..., 2)."""
+        xy = shapely.points(np.asarray(points, dtype=np.float64))
+        return np.argmin(shapely.distance(xy[..., None], shapely.linestrings(self.exits)), axis=-1).astype(np.int64)
 
     def clearance(self, points: ArrayLike) -> Floats:
         """Return (K,) the distance [m] from each of ``points`` (K, 2) to the nearest wall; inf without walls."""
@@ -273,28 +261,11 @@ class Geometry:
 def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:
     """Return the boundaries of ``geometries`` one behind the other, as one batch reads them."""
     parts = [geometry.boundary for geometry in geometries]
-
-    def starts(counts: list[int]) -> Ints:
-        return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-
-    wall_start = starts([len(part.wall) for part in parts])
-    link_start = starts([len(part.corner_wall) for part in parts])
-    link_starts = [part.corner_wall_start[:-1] + offset for part, offset in zip(parts, link_start, strict=False)]
-    corner_wall = [part.corner_wall + offset for part, offset in zip(parts, wall_start, strict=False)]
-    return Boundary(
-        wall=np.concatenate([np.empty((0, 2, 2)), *(part.wall for part in parts)]),
-        depth=np.concatenate([np.empty(0), *(part.depth for part in parts)]),
-        two_sided=np.concatenate([np.empty(0, dtype=bool), *(part.two_sided for part in parts)]),
-        wall_door=np.concatenate([np.empty(0, dtype=np.int64), *(part.wall_door for part in parts)]),
-        wall_start=wall_start,
-        corner=np.concatenate([np.empty((0, 2)), *(part.corner for part in parts)]),
-        corner_door=np.concatenate([np.empty(0, dtype=np.int64), *(part.corner_door for part in parts)]),
-        corner_start=starts([len(part.corner) for part in parts]),
-        corner_wall_start=np.concatenate([*link_starts, link_start[-1:]]).astype(np.int64),
-        corner_wall=np.concatenate([np.empty(0, dtype=np.int64), *corner_wall]),
-        exit=np.concatenate([np.empty((0, 2, 2)), *(part.exit for part in parts)]),
-        exit_start=starts([len(part.exit) for part in parts]),
-    )
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in Boundary._fields}
+    for rows in ("wall", "corner", "exit", "corner_wall"):
+        columns[f"{rows}_start"] = joined_starts([getattr(part, f"{rows}_start") for part in parts])
+    first_wall = np.repeat(columns["wall_start"][:-1], [len(part.corner_wall) for part in parts])
+    return Boundary(**columns | {"corner_wall": columns["corner_wall"] + first_wall})
 
 
 def _without_obstacles(area: Area, obstacles: list[Area]) -> Area:
@@ -331,10 +302,7 @@ def _thin_walls(area: Area, left_out: list[Polygon], lines: list[Floats]) -> Flo
     for number, line in enumerate(lines):
         if left_out and not shapely.intersects(area, shapely.LineString(line)):
             continue
-        outside = shapely.difference(shapely.LineString(line), shapely.buffer(area, SLIVER))
-        if not outside.is_empty:
-            at = place(shapely.get_coordinates(outside)[-1])
-            raise ValueError(f"thin wall {number} leaves the walkable area at {at}; it must lie inside")
+        require_inside(f"thin wall {number}", line, area, "lie inside")
         ends = np.stack([line[:-1], line[1:]], axis=1)
         segments.append(ends[np.hypot(*(ends[:, 1] - ends[:, 0]).T) > SLIVER])
         if not len(segments[-1]):
@@ -370,8 +338,8 @@ def _corners(walls: Floats) -> tuple[Floats, Ints, Ints]:
     np.minimum.at(first, end, twin)  # an end is called by the first end at its place
     distinct, corner_of_end = np.unique(first, return_inverse=True)
     order = np.argsort(corner_of_end, kind="stable")
-    start = np.concatenate([[0], np.cumsum(np.bincount(corner_of_end, minlength=len(distinct)))])
-    return ends[distinct].copy(), start.astype(np.int64), (order // 2).astype(np.int64)
+    start = row_starts(np.bincount(corner_of_end, minlength=len(distinct)))
+    return ends[distinct].copy(), start, (order // 2).astype(np.int64)
 
 
 def _doors_of_corners(door_of_wall: Ints, start: Ints, rows: Ints) -> Ints:

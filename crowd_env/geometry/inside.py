@@ -8,11 +8,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 
 from crowd_env._kernels.jit import index, kernel
-from crowd_env.geometry.parsing import Area
-from crowd_env.state import Bools, Floats, Ints
+from crowd_env.geometry.parsing import Area, border_edges
+from crowd_env.state import Bools, Floats, Ints, joined_starts, row_starts
 
 _FEWEST_ROWS, _MOST_ROWS = 8, 1024
 _ROUNDING = 1e-6  # m; a stretch ends so far before an edge
@@ -35,23 +34,18 @@ class Border(NamedTuple):
 def border_of(areas: Sequence[Area]) -> Border:
     """Return the border of ``areas``, as `mark_outside` reads it."""
     parts = [_rows_of(area) for area in areas]
-    row_start = np.concatenate([[0], np.cumsum([len(part.edge_start) - 1 for part in parts])])
-    offsets = np.concatenate([[0], np.cumsum([len(part.low) for part in parts])])
-    starts = [part.edge_start[:-1] + offset for part, offset in zip(parts, offsets, strict=False)]
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in Border._fields}
-    columns["row_start"] = row_start.astype(np.int64)
-    columns["edge_start"] = np.concatenate([*starts, offsets[-1:]]).astype(np.int64)
+    columns["row_start"] = row_starts([len(part.edge_start) - 1 for part in parts])
+    columns["edge_start"] = joined_starts([part.edge_start for part in parts])
     return Border(**columns)
 
 
 def _rows_of(area: Area) -> Border:
     """Return the border of one area."""
-    points, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts(area)), return_index=True)
-    same = ring[:-1] == ring[1:]
-    edges = np.stack([points[:-1][same], points[1:][same]], axis=1)
+    edges = border_edges(area)
     falling = edges[:, 0, 1] > edges[:, 1, 1]
     edges[falling] = edges[falling, ::-1]
-    bottom, top = float(points[:, 1].min()), float(points[:, 1].max())
+    bottom, top = float(edges[:, 0, 1].min()), float(edges[:, 1, 1].max())
     rows = min(max(len(edges), _FEWEST_ROWS), _MOST_ROWS)
     per_height = rows / (top - bottom)
     start, edge = _by_row(edges, bottom, per_height, rows)
@@ -78,8 +72,7 @@ def _by_row(edges: Floats, bottom: float, per_height: float, rows: int) -> tuple
     count = last - first + 1
     edge = np.repeat(np.arange(len(edges)), count)
     row = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + first[edge]
-    start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=rows))])
-    return start.astype(np.int64), edge[np.argsort(row, kind="stable")]
+    return row_starts(np.bincount(row, minlength=rows)), edge[np.argsort(row, kind="stable")]
 
 
 def _row(y: Floats, bottom: float, per_height: float, rows: int) -> Ints:

@@ -21,6 +21,7 @@ Area: TypeAlias = Polygon | MultiPolygon
 Shape: TypeAlias = BaseGeometry | str | ArrayLike
 """A shapely geometry, its WKT, or (K, 2) coordinates [m]."""
 
+SLIVER = 1e-6  # m; shorter pieces of wall are dropped
 _MIN_AREA = 1e-9  # m^2
 _MIN_EXIT = 0.02  # m; below this an exit is a slip of the pen (and could not be told from the snap tolerance)
 _LINES = ("LineString", "LinearRing", "MultiLineString")
@@ -35,6 +36,21 @@ def place(point: ArrayLike) -> str:
     """Return ``point`` (2,) as text for messages."""
     x, y = np.asarray(point, dtype=float)
     return f"({x:.6g}, {y:.6g})"
+
+
+def border_edges(area: Area) -> Floats:
+    """Return the straight edges (N, 2, 2) [m] of all rings of ``area``, ring by ring."""
+    points, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts(area)), return_index=True)
+    same = ring[:-1] == ring[1:]
+    return np.stack([points[:-1][same], points[1:][same]], axis=1)
+
+
+def require_inside(what: str, line: Floats, area: Area, allowed: str) -> None:
+    """Raise ValueError, naming the place, if a line (K, 2) [m] leaves ``area`` by more than a hair."""
+    outside = shapely.difference(shapely.LineString(line), shapely.buffer(area, SLIVER))
+    if not outside.is_empty:
+        at = place(shapely.get_coordinates(outside)[-1])
+        raise ValueError(f"{what} leaves the walkable area at {at}; it must {allowed}")
 
 
 def from_wkt(text: str, what: str) -> BaseGeometry:

@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 import skfmm
 
-from crowd_env.navigation import directions, grid
+from crowd_env.navigation import grid
+from crowd_env.navigation.directions import cell_kinds, descend
 from crowd_env.navigation.domain import SOURCE
 from crowd_env.navigation.extension import fill_from_nearest
 from crowd_env.navigation.field import NavigationField
@@ -37,10 +38,10 @@ class CongestionField:
     ----------
     fine : field on the full grid, to the exits (or the region) in question.
     walls : (W, 2, 2) m, those that stand.
-    speed : speed at places x, y [m], relative to plain floor.
+    speed : speed (...) at points (..., 2) [m], relative to plain floor.
     """
 
-    def __init__(self, fine: NavigationField, walls: Floats, speed: Callable[[Floats, Floats], Floats]) -> None:
+    def __init__(self, fine: NavigationField, walls: Floats, speed: Callable[[Floats], Floats]) -> None:
         stride = max(1, int(min(SPACING, 0.8 * fine.radius) / fine.spacing + 1e-9))
         self.spacing = stride * fine.spacing
         self.origin = fine.origin
@@ -48,18 +49,18 @@ class CongestionField:
         self._inside = walkable[::stride, ::stride]
         self._free = self._inside if fine.free is None else _any_near(fine.free, stride) & self._inside
         self._first = _least_near(np.where(walkable, fine.travel_time, np.inf), stride)
-        rows, cols = self._inside.shape
-        self._speed = speed(*grid.node_coordinates(self.origin, self.spacing, (rows, cols)))
-        blocked = grid.blocked_lines(walls, rows, cols, self.origin, self.spacing)
+        shape = self._inside.shape
+        self._speed = speed(grid.node_points(self.origin, self.spacing, shape))
+        blocked = grid.blocked_lines(walls, shape, self.origin, self.spacing)
         # Within a meter of a door the straight line to it is the way, whatever the crowd.
         near_door = (fine.direct >= 0) & (fine.travel_time < 1.0)
         direct = np.where(near_door, fine.direct, -1)[::stride, ::stride]
         self._template = replace(
             fine,
             travel_time=np.where(self._inside, 0.0, np.nan),
-            direction=np.zeros((rows, cols, 2)),
+            direction=np.zeros((*shape, 2)),
             direct=direct,
-            cell=np.asarray(directions.cell_kinds(np.where(self._inside, 0.0, np.nan), direct, blocked)),
+            cell=cell_kinds(np.where(self._inside, 0.0, np.nan), direct, blocked),
             spacing=self.spacing,
             through=None,
             free=None,
@@ -88,7 +89,7 @@ class CongestionField:
             start = SOURCE * self.spacing / float(np.median(speed[seeds])) if seeds.any() else 0.0
             time[far] = np.ma.getdata(marched)[far] + start
         known = ~np.isnan(time)
-        direction = directions.descend(time, self.spacing)
+        direction = descend(time, self.spacing)
         fill_from_nearest(time, direction, self._inside, known, self.spacing)
         return replace(self._template, travel_time=time, direction=direction)
 
@@ -118,10 +119,3 @@ def _box_mean(values: Floats, half: int) -> Floats:
         lower = np.take(total, np.arange(size), axis=axis)
         values = (upper - lower) / width
     return values
-
-
-def write_field(field: NavigationField, travel_time: Floats, direction: Floats, first: int) -> None:
-    """Write a field over the one at node ``first`` of the joined arrays, in place."""
-    size = field.travel_time.size
-    travel_time[first : first + size] = field.travel_time.ravel()
-    direction[first : first + size] = field.direction.reshape(-1, 2)

@@ -113,26 +113,17 @@ def passes(walls: Floats, x: float, y: float, tx: float, ty: float, radius: floa
     return True
 
 
-def straight_lines(
+@kernel
+def go_straight(
     time: Floats, direction: Floats, walls: Floats, exits: Floats, rows_of_exits: Ints, origin: Floats,
-    spacing: float, radius: float, detour: float,
-) -> Ints:  # fmt: skip
-    """Return for every node the exit that a disc of ``radius`` reaches in a straight line (-1 = none).
+    spacing: float, radius: float, detour: float, direct: Ints,
+) -> None:  # fmt: skip
+    """Write into ``direct`` (-1 everywhere) the exit that a disc of ``radius`` reaches from a node in a straight line.
 
     There ``time`` and ``direction`` become exact.  The line must keep the disc off the walls, or, where the disc stands
     closer than that, must not come any closer; and it must be the best way by the time found so far, which must not exceed
     its length by more than the share ``detour``: then slow ground lies in between.
     """
-    direct = np.full(time.shape, -1, dtype=np.int64)
-    _go_straight(time, direction, walls, exits, rows_of_exits, origin, spacing, radius, detour, direct)
-    return direct
-
-
-@kernel
-def _go_straight(
-    time: Floats, direction: Floats, walls: Floats, exits: Floats, rows_of_exits: Ints, origin: Floats,
-    spacing: float, radius: float, detour: float, direct: Ints,
-) -> None:  # fmt: skip
     rows, cols = time.shape
     for i in range(rows):
         for j in range(cols):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env.checks import known as require_known
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation import grid
 from crowd_env.state import Bools, Floats, Ints
@@ -29,6 +30,10 @@ class Grid(NamedTuple):
     spacing: float  # m
     inside: Bools  # (rows, cols)
     clearance: Floats  # (rows, cols)  m   capped above every radius in question
+
+    def points(self) -> Floats:
+        """Return where the nodes lie (rows, cols, 2) [m]."""
+        return grid.node_points(self.origin, self.spacing, self.inside.shape)
 
 
 class Plan(NamedTuple):
@@ -66,15 +71,29 @@ def make_plan(
     """
     if not 0 < min_radius <= radius < np.inf:
         raise ValueError(f"radius {radius:g} m and min_radius {min_radius:g} m must satisfy 0 < min_radius <= radius")
-    if goal is not None:
-        if goal not in geometry.regions:
-            raise ValueError(f"unknown region {goal!r}; known: {', '.join(geometry.regions) or 'none'}")
-        fixed, sides = geometry.walls_when(closed)
-        walls = np.concatenate([fixed, geometry.exits])
-        two_sided = np.concatenate([sides, np.zeros(len(geometry.exits), dtype=bool)])
-        return Plan(
-            geometry, walls, two_sided, geometry.exits[:0], np.arange(0), [], {}, radius, min_radius, bool(closed), goal
-        )
+    if goal is None:
+        wanted = _open_exits(geometry, exits, closed)
+    else:
+        wanted = []
+        require_known("region", goal, geometry.regions)
+    use = np.isin(geometry.exit_names, wanted)
+    segments, names = geometry.exits[use], [name for name in geometry.exit_names if name in wanted]
+    widths = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
+    widest = {name: max(float(w) for w, n in zip(widths, names, strict=True) if n == name) for name in wanted}
+    for name, width in widest.items():
+        if width < 2 * min_radius - _TOUCH:
+            raise ValueError(
+                f"exit {name!r} is {width:.2f} m wide, narrower than the smallest body ({2 * min_radius:.2f} m)"
+            )
+    fixed, sides = geometry.walls_when(closed)
+    walls = np.concatenate([fixed, geometry.exits[~use]])
+    two_sided = np.concatenate([sides, np.zeros(int((~use).sum()), dtype=bool)])
+    rows = np.flatnonzero(use)
+    return Plan(geometry, walls, two_sided, segments, rows, names, widest, radius, min_radius, bool(closed), goal)
+
+
+def _open_exits(geometry: Geometry, exits: Iterable[str] | None, closed: Collection[str]) -> list[str]:
+    """Return the names of the ``exits`` (None = all) that no ``closed`` door shuts."""
     known = list(dict.fromkeys(geometry.exit_names))
     if not known:
         raise ValueError("the geometry has no exit to lead to")
@@ -86,22 +105,7 @@ def make_plan(
     wanted = [name for name in wanted if name not in shut]
     if not wanted:
         raise ValueError(f"all exits that the way may lead to are closed: {', '.join(sorted(filter(None, shut)))}")
-    use = np.array([name in wanted for name in geometry.exit_names])
-    segments = geometry.exits[use]
-    names = [name for name in geometry.exit_names if name in wanted]
-    widths = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
-    widest = {name: max(float(w) for w, n in zip(widths, names, strict=True) if n == name) for name in wanted}
-    for name, width in widest.items():
-        if width < 2 * min_radius - _TOUCH:
-            raise ValueError(
-                f"exit {name!r} is {width:.2f} m wide, narrower than the smallest body ({2 * min_radius:.2f} m)"
-            )
-    fixed, sides = geometry.walls_when(closed)
-    walls = np.concatenate([fixed, geometry.exits[~use]])
-    two_sided = np.concatenate([sides, np.zeros(int((~use).sum()), dtype=bool)])
-    return Plan(
-        geometry, walls, two_sided, segments, np.flatnonzero(use), names, widest, radius, min_radius, bool(closed)
-    )
+    return wanted
 
 
 def _nodes(geometry: Geometry, spacing: float) -> tuple[int, int]:
@@ -173,14 +177,12 @@ def choose_spacing(plan: Plan, spacing: float | None) -> float:
 
 def _make_grid(plan: Plan, spacing: float) -> Grid:
     geometry = plan.geometry
-    rows, cols = _nodes(geometry, spacing)
-    origin = np.array(geometry.bounds[:2])
-    x, y = grid.node_coordinates(origin, spacing, (rows, cols))
+    shape, origin = _nodes(geometry, spacing), np.array(geometry.bounds[:2])
 
     def distance(segments: Floats, cap: float) -> Floats:
-        return np.asarray(grid.capped_distance(segments, rows, cols, origin, spacing, cap))
+        return grid.capped_distance(segments, shape, origin, spacing, cap)
 
-    inside = geometry.contains(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(rows, cols)
+    inside = geometry.contains(grid.node_points(origin, spacing, shape))
     border = np.concatenate([geometry.walls[~geometry.two_sided], geometry.exits])
     inside |= distance(border, 2 * _TOUCH) < _TOUCH  # nodes on the border, whichever way they were rounded
     inside &= distance(plan.walls[plan.two_sided], 2 * _TOUCH) > _TOUCH  # a node on a thin wall has no side
@@ -228,7 +230,7 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, float, Bools]:
             seeds |= near
             if near.any():
                 closed.discard(name)
-        label = np.asarray(grid.connected_parts(free, seeds))
+        label = grid.connected_parts(free, seeds)
         smallest = max(plan.min_radius, 2 * spacing)
         lost = _lost_part(label, nodes, smallest)
         if lost is not None and plan.partial:
@@ -258,9 +260,7 @@ def in_goal(plan: Plan, nodes: Grid) -> Bools:
     """Return (rows, cols) which nodes lie in the region that the way leads to."""
     if plan.goal is None:
         return np.zeros_like(nodes.inside)
-    x, y = grid.node_coordinates(nodes.origin, nodes.spacing, nodes.inside.shape)
-    places = np.stack([x.ravel(), y.ravel()], axis=1)
-    return plan.geometry.contains(places, plan.goal).reshape(x.shape)
+    return plan.geometry.contains(nodes.points(), plan.goal)
 
 
 def _lost_part(label: Ints, nodes: Grid, min_radius: float) -> tuple[float, float] | None:
@@ -280,9 +280,8 @@ def source_distance(exits: Floats, nodes: Grid, radius: float, cap: float | None
     width = np.hypot(*along.T)[:, None]
     cut = along / width * np.minimum(radius, width / 2)
     shrunk = np.stack([exits[:, 0] + cut, exits[:, 1] - cut], axis=1)
-    rows, cols = nodes.inside.shape
     cap = 2 * SOURCE * nodes.spacing if cap is None else cap
-    return np.asarray(grid.capped_distance(shrunk, rows, cols, nodes.origin, nodes.spacing, cap))
+    return grid.capped_distance(shrunk, nodes.inside.shape, nodes.origin, nodes.spacing, cap)
 
 
 def require_reached(plan: Plan, nodes: Grid, unknown: Bools) -> None:
@@ -292,6 +291,6 @@ def require_reached(plan: Plan, nodes: Grid, unknown: Bools) -> None:
     least = max(plan.min_radius, 2 * nodes.spacing)
     stands = unknown & nodes.inside & (nodes.clearance >= least - _TOUCH)
     label = grid.connected_parts(stands, np.zeros_like(stands))
-    lost = _lost_part(np.asarray(label), nodes, least)
+    lost = _lost_part(label, nodes, least)
     if lost is not None:
         raise ValueError(f"no exit can be reached from ({lost[0]:.2f}, {lost[1]:.2f}); open an exit there")

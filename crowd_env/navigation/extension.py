@@ -69,40 +69,18 @@ def _push(
     return px, py
 
 
+@kernel
 def extend_once(
     time: Floats, direction: Floats, inside: Bools, walls: Floats, two_sided: Bools, origin: Floats, spacing: float,
-    reach: float, radius: float,
+    reach: float, radius: float, before: Floats, ahead: Floats, near: Ints,
 ) -> int:  # fmt: skip
     """Give walkable nodes without a time (nan) the least time + distance over known nodes in a window; count them.
 
     Only known nodes that are seen past all walls count.  With ``radius`` > 0 the direction is that of the nearest known
     node, turned away from the walls the more, the deeper the node lies in the band of that width along them; without it,
-    it is the direction to the best known node.
+    it is the direction to the best known node.  ``before`` and ``ahead`` are copies of ``time`` and ``direction``; ``near``
+    (W,) is scratch.
     """
-    near = np.empty(len(walls), dtype=np.int64)
-    return int(
-        _extend(
-            time,
-            direction,
-            inside,
-            walls,
-            two_sided,
-            origin,
-            spacing,
-            reach,
-            radius,
-            time.copy(),
-            direction.copy(),
-            near,
-        )
-    )
-
-
-@kernel
-def _extend(
-    time: Floats, direction: Floats, inside: Bools, walls: Floats, two_sided: Bools, origin: Floats, spacing: float,
-    reach: float, radius: float, before: Floats, ahead: Floats, near: Ints,
-) -> int:  # fmt: skip
     rows, cols = time.shape
     window = int(np.ceil(reach / spacing))
     given = 0

@@ -13,7 +13,8 @@ import numpy as np
 
 from crowd_env.checks import check_fields, shown
 from crowd_env.geometry.geometry import Boundary, Geometry
-from crowd_env.navigation import directions, grid
+from crowd_env.navigation import grid
+from crowd_env.navigation.directions import cell_kinds, descend, go_straight
 from crowd_env.navigation.domain import (
     SOURCE,
     Grid,
@@ -26,22 +27,9 @@ from crowd_env.navigation.domain import (
     source_distance,
 )
 from crowd_env.navigation.extension import extend_once, fill_from_nearest
-from crowd_env.navigation.lookup import FieldArrays, direction_at, exit_target, travel_time_at
+from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.navigation.marching import gate, lead_through, march, march_through
-from crowd_env.state import Bools, Floats, Ints
-
-__all__ = [
-    "FieldArrays",
-    "NavigationField",
-    "OneWay",
-    "direction_at",
-    "exit_target",
-    "join_fields",
-    "regions_along",
-    "straight_field",
-    "travel_time_at",
-    "travel_time_field",
-]
+from crowd_env.state import Bools, Floats, Ints, row_starts
 
 
 @dataclass(frozen=True)
@@ -50,8 +38,8 @@ class OneWay:
 
     Parameters
     ----------
-    door : its name.
-    to : "left" or "right": the side that one comes out at, seen from the first towards the last point of its line.
+    door : name of the door.
+    to : "left" or "right": the side where people come out, seen from the first towards the last point of the door's line.
     """
 
     door: str
@@ -117,15 +105,21 @@ class NavigationField:
     through: Ints | None = None
     free: Bools | None = None
 
-    def nodes(self) -> tuple[Floats, Floats]:
-        """Return x and y (rows, cols) of the nodes [m]."""
-        return grid.node_coordinates(self.origin, self.spacing, self.travel_time.shape)
+    def nodes(self) -> Floats:
+        """Return where the nodes lie (rows, cols, 2) [m]."""
+        return grid.node_points(self.origin, self.spacing, self.travel_time.shape)
 
     def travel_time_near(self, position: Floats) -> Floats:
-        """Return the travel time [s] (K,) at the node nearest to each ``position`` (K, 2) [m]."""
+        """Return the travel time [s] (...) at the node nearest to each ``position`` (..., 2) [m]."""
         return np.asarray(
             self.travel_time[grid.nearest_nodes(position, self.origin, self.spacing, self.travel_time.shape)]
         )
+
+
+_NO_CODES = np.empty((0, 0), dtype=np.int64)
+_NO_FIELD = NavigationField(
+    np.empty((0, 0)), np.empty((0, 0, 2)), _NO_CODES, _NO_CODES, origin=np.zeros(2), spacing=1.0, radius=np.nan
+)
 
 
 def travel_time_field(
@@ -136,7 +130,7 @@ def travel_time_field(
     spacing: float | None = None,
     min_radius: float | None = None,
     goal: str | None = None,
-    speed: Callable[[Floats, Floats], Floats] | None = None,
+    speed: Callable[[Floats], Floats] | None = None,
     closed: Collection[str] = (),
     one_way: Sequence[OneWay] = (),
 ) -> NavigationField:
@@ -163,7 +157,7 @@ def travel_time_field(
     one_way
         Doors that nobody passes the other way.
     speed
-        Walking speed at places x, y [m], relative to that on plain floor; > 0.  The way is the quickest one then.
+        Walking speed (...) at points (..., 2) [m], relative to that on plain floor; > 0.  The way is the quickest one then.
 
     Raises
     ------
@@ -172,7 +166,7 @@ def travel_time_field(
     """
     plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal, closed)
     nodes, used, reached = dilate(plan, choose_spacing(plan, spacing))
-    local_speed = None if speed is None else speed(*_coordinates(nodes))
+    local_speed = None if speed is None else speed(nodes.points())
     lines = [line for door in one_way if door.door not in closed for line in door.lines(geometry)]
     return _solve(plan, nodes, used, reached, local_speed, lines)
 
@@ -187,9 +181,7 @@ def straight_field(field: NavigationField, geometry: Geometry, margin: float) ->
     margin
         Distance kept from the ends of the exit [m]: nan = the own radius, 0 = the whole width, inf = its middle.
     """
-    x, y = field.nodes()
-    cell = geometry.nearest_exit(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
-    return replace(field, cell=cell, margin=margin)
+    return replace(field, cell=geometry.nearest_exit(field.nodes()), margin=margin)
 
 
 def join_fields(
@@ -211,39 +203,23 @@ def join_fields(
     if geometry_of_field is None and len(fields) != count:
         raise ValueError(f"{len(fields)} fields for {count} geometries; give one (or None) for each")
     place = np.arange(count) if geometry_of_field is None else np.asarray(geometry_of_field)
-    made = [(field, boundary.exit_start[g]) for g, field in zip(place, fields, strict=True) if field is not None]
-    shapes = [(0, 0) if field is None else field.travel_time.shape for field in fields]
-    sizes = [rows * cols for rows, cols in shapes]
+    every = [_NO_FIELD if field is None else field for field in fields]
+    made = [(field, boundary.exit_start[g]) for g, field in zip(place, every, strict=True)]
+    shapes = [field.travel_time.shape for field in every]
     return FieldArrays(
         geometry=place.astype(np.int64),
-        node_start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
-        shape=np.array(shapes, dtype=np.int64).reshape(-1, 2),
-        origin=np.array([(0.0, 0.0) if f is None else f.origin for f in fields], dtype=np.float64).reshape(-1, 2),
-        spacing=np.array([1.0 if f is None else f.spacing for f in fields], dtype=np.float64),
-        travel_time=np.concatenate([np.empty(0), *(f.travel_time.ravel() for f, _ in made)]),
-        direction=np.concatenate([np.empty((0, 2)), *(f.direction.reshape(-1, 2) for f, _ in made)]),
-        direct=np.concatenate([np.empty(0, dtype=np.int64), *(_offset(f.direct, first) for f, first in made)]),
+        node_start=row_starts([rows * cols for rows, cols in shapes]),
+        shape=np.array(shapes, dtype=np.int64),
+        origin=np.array([field.origin for field in every], dtype=np.float64),
+        spacing=np.array([field.spacing for field in every], dtype=np.float64),
+        travel_time=np.concatenate([field.travel_time.ravel() for field in every]),
+        direction=np.concatenate([field.direction.reshape(-1, 2) for field in every]),
+        direct=np.concatenate([_offset(field.direct, first) for field, first in made]),
         # Looked up by everyone a hundred times a second: as little to fetch from memory as can be.
-        cell=np.concatenate([np.empty(0, dtype=np.int64), *(_offset(f.cell, first) for f, first in made)]).astype(
-            np.int16
-        ),
-        margin=np.array([np.nan if f is None else f.margin for f in fields], dtype=np.float64),
-        through=np.concatenate([np.empty(0, dtype=np.int64), *(_through(f) for f, _ in made)]),
+        cell=np.concatenate([_offset(field.cell, first) for field, first in made]).astype(np.int16),
+        margin=np.array([field.margin for field in every], dtype=np.float64),
+        through=np.concatenate([np.zeros_like(f.direct) if f.through is None else f.through for f in every], axis=None),
     )
-
-
-def _through(field: NavigationField) -> Ints:
-    shape = field.travel_time.size
-    return np.zeros(shape, dtype=np.int64) if field.through is None else field.through.ravel()
-
-
-def regions_along(field: NavigationField, region: Ints) -> Ints:
-    """Return (rows, cols) the regions (bits) that the way from every node leads through; ``region``: where the nodes lie."""
-    return np.asarray(directions.regions_on_the_way(field.travel_time, field.direction, region))
-
-
-def _coordinates(nodes: Grid) -> tuple[Floats, Floats]:
-    return grid.node_coordinates(nodes.origin, nodes.spacing, nodes.inside.shape)
 
 
 def _offset(exits: Ints, first: int) -> Ints:
@@ -256,35 +232,37 @@ def _solve(
 ) -> NavigationField:
     """March through the free nodes, extend to all walkable ones, and find directions and straight lines."""
     h = nodes.spacing
-    rows, cols = reached.shape
     # Half a spacing of fringe, so that the ragged edge of the nodes lies at the radius on average, not beyond it.
     free = grid.with_fringe(reached, nodes.inside & (nodes.clearance >= radius - h / 2))
-    local_speed = np.ones((rows, cols)) if speed is None else np.asarray(speed, dtype=np.float64)
+    local_speed = np.ones(reached.shape) if speed is None else np.asarray(speed, dtype=np.float64)
     time, level = _sources(plan, nodes, radius, free, local_speed)
     start = SOURCE * h if plan.goal is None else 0.0
-    gates = [gate(line, free, *_coordinates(nodes), h) for line in one_way]
+    gates = [gate(line, free, nodes.points(), h) for line in one_way]
     if gates:
         time = march_through(time, level, free, local_speed, h, start, gates)
     else:
         time = march(time, level, free, local_speed, h, start)
-    direction = directions.descend(time, h)
+    direction = descend(time, h)
     lead_through(time, direction, gates)
     band, reach = radius, radius + SOURCE * h
-    while extend_once(time, direction, nodes.inside, plan.walls, plan.two_sided, nodes.origin, h, reach, band):
+    near = np.empty(len(plan.walls), dtype=np.int64)
+    while extend_once(
+        time, direction, nodes.inside, plan.walls, plan.two_sided, nodes.origin, h, reach, band,
+        time.copy(), direction.copy(), near,
+    ):  # fmt: skip
         band = 0.0  # further passes fill gaps that are narrower than the disc: straight to the better end
     require_reached(plan, nodes, np.isnan(time))
     fill_from_nearest(time, direction, nodes.inside, ~np.isnan(time), h)
     # Where the floor is not the same all the way, a straight line is taken only if it takes no longer than on plain floor.
     detour = np.inf if speed is None else 0.02
-    walls = np.concatenate(
-        [plan.walls, *(line[None] for line in one_way)]
-    )  # no straight line may lead back through one
-    direct = directions.straight_lines(time, direction, walls, plan.exits, plan.rows, nodes.origin, h, radius, detour)
+    # No straight line may lead back through a one-way door.
+    walls, direct = np.concatenate([plan.walls, *(line[None] for line in one_way)]), np.full(time.shape, -1, np.int64)
+    go_straight(time, direction, walls, plan.exits, plan.rows, nodes.origin, h, radius, detour, direct)
     return NavigationField(
         travel_time=time,
         direction=direction,
         direct=direct,
-        cell=directions.cell_kinds(time, direct, grid.blocked_lines(plan.walls, rows, cols, nodes.origin, h)),
+        cell=cell_kinds(time, direct, grid.blocked_lines(plan.walls, time.shape, nodes.origin, h)),
         origin=nodes.origin,
         spacing=h,
         radius=radius,

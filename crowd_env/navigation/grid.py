@@ -13,18 +13,17 @@ from crowd_env.state import Bools, Floats, Ints
 RIGHT, UP, DIAGONAL, ANTIDIAGONAL = 1, 2, 4, 8  # lines between the nodes of the cell right of and above a node
 
 
-def node_coordinates(origin: Floats, spacing: float, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
-    """Return x and y (rows, cols) of the nodes [m]."""
+def node_points(origin: Floats, spacing: float, shape: tuple[int, ...]) -> Floats:
+    """Return where the nodes lie (rows, cols, 2) [m]."""
     rows, cols = shape
-    x, y = np.meshgrid(origin[0] + spacing * np.arange(cols), origin[1] + spacing * np.arange(rows))
-    return x, y
+    return np.stack(np.meshgrid(origin[0] + spacing * np.arange(cols), origin[1] + spacing * np.arange(rows)), axis=-1)
 
 
 def nearest_nodes(position: Floats, origin: Floats, spacing: float, shape: tuple[int, ...]) -> tuple[Ints, Ints]:
-    """Return the rows and columns (K,) of the nodes nearest to ``position`` (K, 2) [m]; those beside the grid get its edge."""
+    """Return rows and columns (...) of the nodes nearest to ``position`` (..., 2) [m]; those beside the grid get its edge."""
     rows, cols = shape
-    j, i = np.rint((position - origin) / spacing).astype(np.int64).T
-    return np.clip(i, 0, rows - 1), np.clip(j, 0, cols - 1)
+    nearest = np.rint((position - origin) / spacing).astype(np.int64)
+    return np.clip(nearest[..., 1], 0, rows - 1), np.clip(nearest[..., 0], 0, cols - 1)
 
 
 @inner_kernel
@@ -38,9 +37,9 @@ def distance_to_segment(x: float, y: float, ax: float, ay: float, bx: float, by:
     return np.sqrt((ax + s * ux - x) ** 2 + (ay + s * uy - y) ** 2)
 
 
-def capped_distance(segments: Floats, rows: int, cols: int, origin: Floats, spacing: float, cap: float) -> Floats:
+def capped_distance(segments: Floats, shape: tuple[int, ...], origin: Floats, spacing: float, cap: float) -> Floats:
     """Return the distance of every node to the nearest of ``segments`` (W, 2, 2), or ``cap`` if that is nearer [m]."""
-    nearest = np.full((rows, cols), cap)
+    nearest = np.full(shape, cap)
     _lower_to_distance(segments, origin, spacing, cap, nearest)
     return nearest
 
@@ -67,9 +66,9 @@ def window(a: float, b: float, reach: float, origin: float, spacing: float, coun
     return max(first, 0), min(last, count)
 
 
-def blocked_lines(walls: Floats, rows: int, cols: int, origin: Floats, spacing: float) -> NDArray[np.uint8]:
+def blocked_lines(walls: Floats, shape: tuple[int, ...], origin: Floats, spacing: float) -> NDArray[np.uint8]:
     """Return for every node which of the four lines of its cell (bits `RIGHT` ... `ANTIDIAGONAL`) a wall crosses."""
-    blocked = np.zeros((rows, cols), dtype=np.uint8)
+    blocked = np.zeros(shape, dtype=np.uint8)
     _block_lines(walls, origin, spacing, blocked)
     return blocked
 

@@ -83,13 +83,6 @@ def through_exit(
     return dx / distance, dy / distance
 
 
-@kernel
-def exit_target(boundary: Boundary, k: int, x: float, y: float, radius: float) -> tuple[float, float]:
-    """Return where on exit ``k`` a disc at (x, y) passes best [m]: the nearest point that keeps it off the jambs."""
-    ax, ay, ux, uy, width, _, _ = exit_frame(boundary.exit, k)
-    return nearest_on_exit(ax, ay, ux, uy, width, x, y, radius)
-
-
 @inner_kernel
 def crosses(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> bool:
     """Return whether segments a-b and c-d cross each other; touching is not crossing."""

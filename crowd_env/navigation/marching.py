@@ -40,8 +40,9 @@ def march(time: Floats, level: Floats, free: Bools, speed: Floats, spacing: floa
     return time
 
 
-def gate(line: Floats, free: Bools, x: Floats, y: Floats, spacing: float) -> Gate:
-    """Return the one-way door on ``line`` (2, 2) [m], passed from its right to its left."""
+def gate(line: Floats, free: Bools, points: Floats, spacing: float) -> Gate:
+    """Return the one-way door on ``line`` (2, 2) [m], passed from its right to its left; nodes lie at ``points``."""
+    x, y = points[..., 0], points[..., 1]
     along = line[1] - line[0]
     length = float(np.hypot(*along))
     normal = np.array([-along[1], along[0]]) / length

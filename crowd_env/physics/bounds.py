@@ -18,10 +18,9 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.physics.neighbors.lists import Places
 from crowd_env.physics.neighbors.update import TOO_FAST
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import MAX_SPEED, Floats
+from crowd_env.state import MAX_SPEED, Floats, Indices
 
 # m; far above the rounding of map coordinates (1e-9 m at 5000 km), far below anything that is measured.
 MARGIN = 1e-6
@@ -130,7 +129,7 @@ def _hold_at_walls(e: int, batch: Batch) -> None:
 
 @inner_kernel
 def stop_at_walls(
-    boundary: Boundary, g: int, partner: Places, begin: int, stop: int, x0: float, y0: float, x1: float, y1: float
+    boundary: Boundary, g: int, partner: Indices, begin: int, stop: int, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[float, float, float, float, float, float]:
     """Return the end of a path from 0 to 1 that crosses none of the walls ``begin:stop``, and the normals of those it met.
 

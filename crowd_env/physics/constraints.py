@@ -16,16 +16,23 @@ contacts.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowd_env._kernels.jit import inner_kernel
 from crowd_env.physics.contacts import Contacts
-from crowd_env.state import Floats
+from crowd_env.state import Floats, Indices
 
 _FEW = 32  # contacts; this many are in flight together in any order, and sorting costs more than it saves
 _COLORS = 12  # 7 or 8 are used in a jam; a contact that finds none free shares the last
 
-Indices = NDArray[np.uint32]
+
+class Extent(NamedTuple):
+    """Where an environment lies in the arrays of a batch: its people, and its contacts, from which on its rows lie too."""
+
+    e: int
+    slot_start: int
+    slot_stop: int
+    contact_start: int
+    contact_stop: int
 
 
 class Constraints(NamedTuple):
@@ -64,29 +71,19 @@ def allocate_constraints(people: int, entries: int, environments: int) -> Constr
 
 @inner_kernel
 def assemble_no_overlap(
-    contact_start: int,
-    contact_stop: int,
-    slot_start: int,
-    slot_stop: int,
-    e: int,
-    contacts: Contacts,
-    mass: Floats,
-    v: Floats,
-    constraints: Constraints,
-    dt: float,
-    warm: bool,
+    extent: Extent, contacts: Contacts, mass: Floats, v: Floats, constraints: Constraints, dt: float, warm: bool
 ) -> int:
-    """NSM1: D + h w >= 0 for the contacts of the people ``slot_start:slot_stop`` (Pécol et al. 2011, eq 6).
+    """NSM1: D + h w >= 0 for the contacts of an environment (Pécol et al. 2011, eq 6).
 
     ``v`` (P, 2) m/s are the velocities without contact; ``warm`` starts from the impulses that the contacts hold.
     Returns the size of the active set: the number of rows that are likely to push, which come first.
     """
-    active_rows = _sort_by_color(contact_start, contact_stop, slot_start, slot_stop, e, contacts, v, constraints, dt)
+    active_rows = _sort_by_color(extent, contacts, v, constraints, dt)
     source, coefficients, reaction = constraints.source, constraints.coefficients, constraints.reaction
-    gap, impulse = contacts.gap, contacts.impulse
-    for t in range(contact_start, contact_stop):
+    gap, impulse, contact_start = contacts.gap, contacts.impulse, extent.contact_start
+    for t in range(contact_start, extent.contact_stop):
         c = contact_start + source[t]
-        a = _assemble_row(t, c, slot_start, slot_stop, contacts, mass, constraints)
+        a = _assemble_row(t, c, extent, contacts, mass, constraints)
         coefficients[t, 2] = gap[c] / dt
         reaction[t, 0] = a * impulse[c, 0] if warm else 0.0
         reaction[t, 1] = 0.0
@@ -95,10 +92,7 @@ def assemble_no_overlap(
 
 @inner_kernel
 def assemble_percussions(
-    contact_start: int,
-    contact_stop: int,
-    slot_start: int,
-    slot_stop: int,
+    extent: Extent,
     contacts: Contacts,
     mass: Floats,
     before: Floats,
@@ -112,6 +106,7 @@ def assemble_percussions(
     ``dissipative`` lets a contact that was separating be closed only down to w+ = -w-, where it does no work.  Returns the
     number of rows: with tangential dissipation up to twice the number of contacts.
     """
+    contact_start, contact_stop = extent.contact_start, extent.contact_stop
     tangents = contact_stop
     source, pair, coefficients, compliance, reaction = (
         constraints.source,
@@ -123,7 +118,7 @@ def assemble_percussions(
     contact_i, contact_j, normal = contacts.i, contacts.j, contacts.normal
     for t in range(contact_start, contact_stop):
         source[t] = t - contact_start
-        a = _assemble_row(t, t, slot_start, slot_stop, contacts, mass, constraints)
+        a = _assemble_row(t, t, extent, contacts, mass, constraints)
         i, j = contact_i[t], contact_j[t]
         vx, vy = before[i, 0], before[i, 1]
         if j >= 0:
@@ -152,12 +147,10 @@ def assemble_percussions(
 
 
 @inner_kernel
-def _assemble_row(
-    t: int, c: int, slot_start: int, slot_stop: int, contacts: Contacts, mass: Floats, constraints: Constraints
-) -> float:
+def _assemble_row(t: int, c: int, extent: Extent, contacts: Contacts, mass: Floats, constraints: Constraints) -> float:
     """Give row ``t`` the bodies and the direction of contact ``c``; returns its inverse effective mass a_c [1/kg]."""
     pair, coefficients, normal = constraints.pair, constraints.coefficients, contacts.normal
-    i, j = contacts.i[c], contacts.j[c]
+    i, j, slot_start = contacts.i[c], contacts.j[c], extent.slot_start
     a = 1.0 / mass[i]
     pair[t, 0] = i - slot_start
     coefficients[t, 0], coefficients[t, 1] = normal[c, 0], normal[c, 1]
@@ -166,27 +159,18 @@ def _assemble_row(
         coefficients[t, 3] = mass[j] / (mass[i] + mass[j])
         a += 1.0 / mass[j]
     else:
-        pair[t, 1] = slot_stop - slot_start
+        pair[t, 1] = extent.slot_stop - slot_start
         coefficients[t, 3] = 1.0  # exactly: the wall gets 1 - 1 = 0
     return a
 
 
 @inner_kernel
-def _sort_by_color(
-    contact_start: int,
-    contact_stop: int,
-    slot_start: int,
-    slot_stop: int,
-    e: int,
-    contacts: Contacts,
-    v: Floats,
-    constraints: Constraints,
-    dt: float,
-) -> int:
+def _sort_by_color(extent: Extent, contacts: Contacts, v: Floats, constraints: Constraints, dt: float) -> int:
     """Sort the contacts by color; last come those that neither pushed nor would close without impulses.
 
     Returns how many come before these.
     """
+    e, slot_start, slot_stop, contact_start, contact_stop = extent
     source, pair, bodies = constraints.source, constraints.pair, constraints.colors
     contact_i, contact_j, normal, impulse, gap = contacts.i, contacts.j, contacts.normal, contacts.impulse, contacts.gap
     if contact_stop - contact_start <= _FEW:
@@ -229,35 +213,32 @@ def _sort_by_color(
 
 
 @inner_kernel
-def set_impulses(
-    contact_start: int, rows: int, number: int, contacts: Contacts, mass: Floats, constraints: Constraints
-) -> None:
-    """Write the impulses [N s] of the solution to the ``number`` contacts: rows beyond are tangential."""
+def set_impulses(extent: Extent, rows: int, contacts: Contacts, mass: Floats, constraints: Constraints) -> None:
+    """Write the impulses [N s] of the solution of ``rows`` rows to the contacts: rows beyond their number are tangential."""
+    contact_start, contact_stop = extent.contact_start, extent.contact_stop
     source, coefficients, reaction = constraints.source, constraints.coefficients, constraints.reaction
     impulse, contact_i = contacts.impulse, contacts.i
-    for c in range(contact_start, contact_start + number):
+    for c in range(contact_start, contact_stop):
         impulse[c, 1] = 0.0
     for t in range(contact_start, contact_start + rows):
         c = contact_start + source[t]
         gained = reaction[t, 0] * coefficients[t, 3] * mass[contact_i[c]]  # share of i = 1 / (a m_i)
-        impulse[c, 0 if t < contact_start + number else 1] = gained
+        impulse[c, 0 if t < contact_stop else 1] = gained
 
 
 @inner_kernel
-def stash_impulses(contact_start: int, contact_stop: int, contacts: Contacts, constraints: Constraints) -> None:
+def stash_impulses(extent: Extent, contacts: Contacts, constraints: Constraints) -> None:
     """Put the impulses of the contacts aside while contacts are found once more, up to a wider gap."""
     reaction, impulse = constraints.reaction, contacts.impulse
-    for c in range(contact_start, contact_stop):
+    for c in range(extent.contact_start, extent.contact_stop):
         reaction[c, 1] = impulse[c, 0]
 
 
 @inner_kernel
-def restore_impulses(
-    contact_start: int, contact_stop: int, margin: float, contacts: Contacts, constraints: Constraints
-) -> None:
+def restore_impulses(extent: Extent, margin: float, contacts: Contacts, constraints: Constraints) -> None:
     """Give the stashed impulses to the same contacts: those with a gap below the former ``margin``, in the same order."""
-    gap, impulse, reaction, stashed = contacts.gap, contacts.impulse, constraints.reaction, contact_start
-    for c in range(contact_start, contact_stop):
+    gap, impulse, reaction, stashed = contacts.gap, contacts.impulse, constraints.reaction, extent.contact_start
+    for c in range(extent.contact_start, extent.contact_stop):
         if gap[c] < margin:
             impulse[c, 0] = reaction[stashed, 1]
             stashed += 1

@@ -2,21 +2,16 @@
 
 Sign conventions: ``gap`` is the distance between the surfaces (negative = overlap); the unit ``normal`` points from ``j`` to
 ``i``, so a positive normal impulse pushes ``i`` along ``+normal`` and ``j`` along ``-normal``; the tangent is the normal turned
-left by 90 degrees.  ``j < 0`` is a wall feature: it does not move.
-
-A wall is a set of segments and of end points.  A disc touches the inside of a segment only where its center projects on it,
-and an end point only where every segment that ends there projects beyond it: each contact is found exactly once, at a door
-jamb, around the corner of an obstacle, and along a straight wall made of pieces.
+left by 90 degrees.  ``j < 0`` is a wall feature: it does not move.  `crowd_env.physics.narrow_phase` finds them.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.geometry.geometry import Boundary
-from crowd_env.physics.neighbors.lists import NeighborList, Places
-from crowd_env.state import Bodies, CrowdState, Floats, Ints
+from crowd_env._kernels.jit import inner_kernel
+from crowd_env.physics.neighbors.lists import NeighborList
+from crowd_env.state import Floats, Ints
 
 
 class Contacts(NamedTuple):
@@ -30,13 +25,10 @@ class Contacts(NamedTuple):
     impulse: Floats  # (M, 2)  N s   normal, tangential, of the current step
     history: Floats  # (M, 2)  what the scheme keeps of a contact while it lasts; 0 at first
     #                nsm1, nsm2: normal and tangential impulse of the last step [N s]; hertz: tangential elongation [m], 0
-    old_key: Ints  # (M,)    scratch: keys and history of the contacts of the last step
-    old_history: Floats  # (M, 2)
-    candidates: Places  # (M,)    scratch: entries of the list that may be contacts
 
 
-# What contacts are and keep; the rest of `Contacts` is scratch.
-KEPT = ("i", "j", "gap", "normal", "impulse", "history")
+# What there is of each contact: the rest of `Contacts` is of an environment.
+OF_A_CONTACT = Contacts._fields[1:]
 
 
 def allocate_contacts(near: NeighborList) -> Contacts:
@@ -50,9 +42,6 @@ def allocate_contacts(near: NeighborList) -> Contacts:
         normal=np.zeros((entries, 2)),
         impulse=np.zeros((entries, 2)),
         history=np.zeros((entries, 2)),
-        old_key=np.zeros(entries, dtype=np.int64),
-        old_history=np.zeros((entries, 2)),
-        candidates=np.zeros(entries, dtype=np.uint32),
     )
 
 
@@ -67,7 +56,7 @@ def move_contacts(old: Contacts, old_near: NeighborList, new: Contacts, new_near
     new.number[:] = old.number
     for e in range(len(old.number)):
         source, target = rows_of(e, old, old_near), rows_of(e, new, new_near)
-        for name in KEPT:
+        for name in OF_A_CONTACT:
             getattr(new, name)[target] = getattr(old, name)[source]
 
 
@@ -80,248 +69,3 @@ def contact_key(i: int, j: int) -> int:
 def contact_keys(i: Ints, j: Ints) -> Ints:
     """Return `contact_key` of arrays (C,)."""
     return np.asarray((i << 32) + np.where(j >= 0, j, (1 << 31) - 1 - j))
-
-
-@inner_kernel
-def find_contacts(
-    e: int,
-    g: int,
-    boundary: Boundary,
-    bodies: Bodies,
-    state: CrowdState,
-    near: NeighborList,
-    contacts: Contacts,
-    margin: float,
-) -> None:
-    """Narrow phase: write the contacts of environment ``e`` with a gap below ``margin``, sorted by (i, j), walls last.
-
-    The starting impulse is what is kept of a pair that was in contact in the previous step, else zero.
-    """
-    entry_start, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
-    kept = _keep_history(entry_start, entry_start + contacts.number[e], contacts)
-    pairs = _find_candidates(entry_start, pair_end, near, state.position, margin, contacts.candidates)
-    c, walls = entry_start, pair_end
-    if pair_end < wall_end:
-        radius, candidates = bodies.radius, contacts.candidates
-        walls = _find_wall_candidates(g, pair_end, wall_end, boundary, near, radius, state.position, margin, candidates)
-    if walls > pair_end:
-        c = _write_all(g, entry_start, pairs, pair_end, walls, boundary, bodies.radius, state, near, contacts, margin)
-    elif pairs > entry_start:
-        c = _write_pairs(entry_start, pairs, state, near, contacts, margin, c)
-    contacts.number[e] = c - entry_start
-    _load_history(entry_start, c, kept, contacts)
-
-
-@inner_kernel
-def _find_candidates(
-    entry_start: int, entry_stop: int, near: NeighborList, position: Floats, margin: float, candidates: Places
-) -> int:
-    """Write the pair entries with a gap below ``margin`` into ``candidates``; returns one past the last.
-
-    Every entry is written, and kept only if it counts: a branch would be mispredicted every third time, which costs more than
-    all of the rest.
-    """
-    owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
-    candidate = index(entry_start)
-    for entry in range(index(entry_start), index(entry_stop)):
-        i, j = owner[entry], partner[entry]
-        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
-        limit = contact_distance[entry] + margin
-        candidates[candidate] = entry
-        candidate += index(dx * dx + dy * dy < limit * limit)
-    return int(np.int64(candidate))
-
-
-@inner_kernel
-def _find_wall_candidates(
-    g: int,
-    entry_start: int,
-    entry_stop: int,
-    boundary: Boundary,
-    near: NeighborList,
-    radius: Floats,
-    position: Floats,
-    margin: float,
-    candidates: Places,
-) -> int:
-    """Write the wall entries whose line or corner is near enough into ``candidates``; returns one past the last.
-
-    It takes no root and no division.
-    """
-    owner, partner, wall, corner = near.owner, near.partner, boundary.wall, boundary.corner
-    wall_first, corner_first = boundary.wall_start[g], boundary.corner_start[g]
-    candidate, walls = entry_start, boundary.wall_start[g + 1] - wall_first
-    for entry in range(index(entry_start), index(entry_stop)):
-        i, k = owner[entry], np.int64(partner[entry])
-        x, y, limit = position[i, 0], position[i, 1], radius[i] + margin
-        candidates[candidate] = entry
-        if k < walls:
-            k += wall_first
-            ax, ay = wall[k, 0, 0], wall[k, 0, 1]
-            tx, ty = wall[k, 1, 0] - ax, wall[k, 1, 1] - ay
-            cross = tx * (y - ay) - ty * (x - ax)
-            # With room for rounding: the narrow phase decides about what is exactly at the limit.
-            candidate += cross * cross < 1.000001 * limit * limit * (tx * tx + ty * ty)
-        else:
-            k += corner_first - walls
-            dx, dy = x - corner[k, 0], y - corner[k, 1]
-            candidate += dx * dx + dy * dy < 1.000001 * limit * limit
-    return candidate
-
-
-@inner_kernel
-def _write_pairs(
-    candidate_start: int,
-    candidate_stop: int,
-    state: CrowdState,
-    near: NeighborList,
-    contacts: Contacts,
-    margin: float,
-    c: int,
-) -> int:
-    """Write the contacts among these pair candidates from contact ``c`` on; returns one past the last contact."""
-    owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
-    active, position, candidates = state.active, state.position, contacts.candidates
-    contact_i, contact_j, contact_gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
-    for h in range(index(candidate_start), index(candidate_stop)):
-        entry = candidates[h]
-        i, j = owner[entry], partner[entry]
-        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
-        gap, nx, ny = _disc_on_point(dx, dy, contact_distance[entry])
-        if active[i] and active[j] and gap < margin:
-            contact_i[c], contact_j[c], contact_gap[c] = i, j, gap
-            normal[c, 0], normal[c, 1] = nx, ny
-            c += 1
-    return c
-
-
-@inner_kernel
-def _write_all(
-    g: int,
-    candidate_start: int,
-    candidate_stop: int,
-    wall_candidate_start: int,
-    wall_candidate_stop: int,
-    boundary: Boundary,
-    radius: Floats,
-    state: CrowdState,
-    near: NeighborList,
-    contacts: Contacts,
-    margin: float,
-) -> int:
-    """Write the contacts among these pair and wall candidates; returns one past the last contact."""
-    owner, partner, active, position = near.owner, near.partner, state.active, state.position
-    contact_i, contact_j, contact_gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
-    candidates, c, h = contacts.candidates, candidate_start, candidate_start
-    for entry in candidates[wall_candidate_start:wall_candidate_stop]:
-        i, feature = owner[entry], np.int64(partner[entry])
-        if not active[i]:
-            continue
-        gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature)
-        if gap < margin:
-            before = h
-            while h < candidate_stop and owner[candidates[h]] <= i:  # walls come after the pairs of i
-                h += 1
-            c = _write_pairs(before, h, state, near, contacts, margin, c)
-            contact_i[c], contact_j[c], contact_gap[c] = i, -1 - feature, gap
-            normal[c, 0], normal[c, 1] = nx, ny
-            c += 1
-    return _write_pairs(h, candidate_stop, state, near, contacts, margin, c)
-
-
-@inner_kernel
-def _keep_history(contact_start: int, contact_stop: int, contacts: Contacts) -> int:
-    """Put aside the history of the contacts of the last step; returns one past the last of these."""
-    i, j, history, old_key, old_history = (
-        contacts.i,
-        contacts.j,
-        contacts.history,
-        contacts.old_key,
-        contacts.old_history,
-    )
-    kept = contact_start
-    for c in range(contact_start, contact_stop):
-        if history[c, 0] != 0.0 or history[c, 1] != 0.0:
-            old_key[kept] = contact_key(i[c], j[c])
-            old_history[kept, 0], old_history[kept, 1] = history[c, 0], history[c, 1]
-            kept += 1
-    return kept
-
-
-@inner_kernel
-def _load_history(contact_start: int, contact_stop: int, kept: int, contacts: Contacts) -> None:
-    """Give the contacts the history of the same contacts in the last step, and start their impulses from it."""
-    i, j, impulse, history = contacts.i, contacts.j, contacts.impulse, contacts.history
-    old_key, old_history = contacts.old_key, contacts.old_history
-    old = contact_start
-    for c in range(index(contact_start), index(contact_stop)):
-        normal, tangent = 0.0, 0.0
-        if old < kept:
-            key = contact_key(i[c], j[c])
-            while old < kept and old_key[old] < key:
-                old += 1
-            if old < kept and old_key[old] == key:
-                normal, tangent = old_history[old, 0], old_history[old, 1]
-        history[c, 0], history[c, 1] = normal, tangent
-        impulse[c, 0], impulse[c, 1] = normal, tangent
-
-
-@inner_kernel
-def gap_to_feature(
-    x: float, y: float, radius: float, boundary: Boundary, g: int, feature: int
-) -> tuple[float, float, float]:
-    """Return gap and normal between a disc and wall feature ``feature`` of geometry ``g``; infinite if it does not face it."""
-    wall_first, wall_stop = boundary.wall_start[g], boundary.wall_start[g + 1]
-    walls = wall_stop - wall_first
-    if feature < walls:
-        return _disc_on_wall(x, y, radius, boundary, wall_first + feature)
-    return _disc_on_corner(x, y, radius, boundary, boundary.corner_start[g] + feature - walls)
-
-
-@inner_kernel
-def _disc_on_point(dx: float, dy: float, radius: float) -> tuple[float, float, float]:
-    """Return gap and normal of a disc and a point (dx, dy) away (or, with ``radius`` the sum of two, of two discs)."""
-    distance = np.sqrt(dx * dx + dy * dy)
-    if distance == 0.0:  # coincident centers: any direction will do, but always the same
-        return -radius, 1.0, 0.0
-    return distance - radius, dx / distance, dy / distance
-
-
-@inner_kernel
-def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int) -> tuple[float, float, float]:
-    wall = boundary.wall
-    ax, ay = wall[k, 0, 0], wall[k, 0, 1]
-    tx, ty = wall[k, 1, 0] - ax, wall[k, 1, 1] - ay
-    square = tx * tx + ty * ty
-    along = (x - ax) * tx + (y - ay) * ty
-    if along <= 0.0 or along >= square:
-        return np.inf, 0.0, 0.0
-    length = np.sqrt(square)
-    height = (tx * (y - ay) - ty * (x - ax)) / length  # > 0: the center is left of the wall, on the walkable side
-    nx, ny = -ty / length, tx / length
-    if height >= 0.0:
-        return height - radius, nx, ny
-    if boundary.two_sided[k]:
-        return -height - radius, -nx, -ny
-    # A center that was pressed a little into the wall is pushed back, not through: the gap stays continuous.  Further
-    # behind it belongs to the other face, or stands on the other side of a slim partition.
-    if -height < min(0.5 * radius, boundary.depth[k]):
-        return height - radius, nx, ny
-    return np.inf, 0.0, 0.0
-
-
-@inner_kernel
-def _disc_on_corner(x: float, y: float, radius: float, boundary: Boundary, v: int) -> tuple[float, float, float]:
-    wall, corner_wall, start = boundary.wall, boundary.corner_wall, boundary.corner_wall_start
-    px, py = boundary.corner[v, 0], boundary.corner[v, 1]
-    for m in range(start[v], start[v + 1]):
-        k = corner_wall[m]
-        ax, ay = wall[k, 0, 0], wall[k, 0, 1]
-        bx, by = wall[k, 1, 0], wall[k, 1, 1]
-        if abs(ax - px) + abs(ay - py) > abs(bx - px) + abs(by - py):  # the far end
-            ox, oy = ax, ay
-        else:
-            ox, oy = bx, by
-        if (x - px) * (ox - px) + (y - py) * (oy - py) > 0.0:  # the segment itself is nearer
-            return np.inf, 0.0, 0.0
-    return _disc_on_point(x - px, y - py, radius)

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import POSITIVE, check_fields
-from crowd_env.physics.contacts import find_contacts, gap_to_feature
 from crowd_env.physics.dem_lanes.barrier import wait_for_all
 from crowd_env.physics.dem_lanes.buffers import interleave
 from crowd_env.physics.dem_lanes.gather import gather_crowd, scatter_slab
@@ -36,10 +34,10 @@ from crowd_env.physics.dem_lanes.stages import (
     plan_steering,
     regular_forces,
 )
-from crowd_env.physics.driving_force import influences
-from crowd_env.physics.scheme import ContactScheme, SchemeInfo
-from crowd_env.physics.social_force import SocialParams
-from crowd_env.physics.step import tick
+from crowd_env.physics.driving_force import Influences
+from crowd_env.physics.narrow_phase import find_contacts, gap_to_feature
+from crowd_env.physics.scheme import Call, ContactScheme, SchemeInfo
+from crowd_env.physics.step import contact_range, tick
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
 
@@ -93,19 +91,9 @@ class DEM(ContactScheme):
         """Return into how many slabs a crowd of so many is cut; the social force is not shared out."""
         return 1 if self.social is not None and driving else int(count_slabs(people))
 
-    def advance(
-        self,
-        batch: StructRef,
-        dt: float,
-        n_substeps: int,
-        env_first: int,
-        env_stop: int,
-        thread: int = 0,
-        threads: int = 1,
-    ) -> None:
-        """Advance the environments ``env_first:env_stop`` in place."""
-        acting = influences(self.social, batch)
-        _advance_range(batch, dt, n_substeps, env_first, env_stop, self.stiffness, *acting, thread, threads)
+    def run_kernel(self, call: Call, thread: int, threads: int) -> None:
+        """Advance the environments of a call in place."""
+        _advance_range(*call, self.stiffness, thread, threads)
 
 
 # ------------------------------------------------------------------------------------------------------------- the law
@@ -130,7 +118,7 @@ def _push_people(row: int, batch: Batch, stiffness: float) -> None:
         near.owner,
         near.partner,
         near.contact_distance,
-        batch.history.contacts.candidates,
+        batch.workspace.narrow_phase.candidates,
     )
     x, y, fx, fy, magnitude = soa.x, soa.y, soa.fx, soa.fy, soa.force_magnitude
     carried_to, carried_force, found = partition.carried_to, partition.carried_force, partition.found
@@ -216,12 +204,12 @@ def _list_contacts(e: int, batch: Batch, dt: float, stiffness: float) -> None:
     This is a second narrow phase, in the last step of a call only: the first one, in `_push_people`, keeps no normals.  The
     gaps are the same, and so are the forces.
     """
-    world, state, near, contacts = batch.world, batch.state, batch.workspace.neighbors, batch.history.contacts
-    soa, begin, end = batch.workspace.soa, batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    interleave(begin, end, state.active, soa.x, soa.y, state.position)
-    find_contacts(e, world.geometry_of_env[e], world.boundary, batch.bodies, state, near, contacts, 0.0)
-    gap, impulse, first = contacts.gap, contacts.impulse, near.entry_start[e]
-    for c in range(first, first + contacts.number[e]):
+    state, contacts, soa = batch.state, batch.history.contacts, batch.workspace.soa
+    interleave(batch.bodies.env_start[e], batch.bodies.env_start[e + 1], state.active, soa.x, soa.y, state.position)
+    find_contacts(e, batch, 0.0)
+    gap, impulse = contacts.gap, contacts.impulse
+    contact_start, contact_stop = contact_range(e, batch)
+    for c in range(contact_start, contact_stop):
         impulse[c, 0], impulse[c, 1] = _spring_force(stiffness, gap[c]) * dt, 0.0
 
 
@@ -235,11 +223,8 @@ def _advance_range(
     n_substeps: int,
     env_first: int,
     env_stop: int,
+    acting: Influences,
     stiffness: float,
-    social: SocialParams | None,
-    cutoff: float,
-    regions: bool | None,
-    walking: bool | None,
     thread: int,
     threads: int,
 ) -> None:
@@ -250,20 +235,20 @@ def _advance_range(
     """
     partition, env_start, substep = batch.workspace.partition, batch.bodies.env_start, batch.workspace.substep
     for e in range(env_first, env_stop):
-        slabs = count_slabs(env_start[e + 1] - env_start[e]) if cutoff == 0.0 else 1
+        slabs = count_slabs(env_start[e + 1] - env_start[e]) if acting.reach == 0.0 else 1
         team = threads if slabs > 1 else 1
         if thread >= team or substep[e] >= n_substeps:
             continue
         row_start, row_stop = SLABS * e + thread, SLABS * e + slabs
         if thread == 0:
             # People: those inside are listed, cut into slabs and copied into the buffers.
-            gather_crowd(e, slabs, batch, dt, cutoff, regions)
+            gather_crowd(e, slabs, batch, dt, acting.reach, acting.regions)
         while True:
             if thread == 0:
                 # Neighbors: a new list if the old one is stale.  Contacts are listed in the last step of the call alone.
-                partition.run[e] = detect(e, slabs, batch, n_substeps, cutoff)
+                partition.run[e] = detect(e, slabs, batch, n_substeps, acting.reach)
                 if partition.run[e]:
-                    plan_steering(e, batch, dt, regions, walking)
+                    plan_steering(e, batch, dt, acting.regions, acting.walking)
                     if substep[e] == n_substeps - 1:
                         _list_contacts(e, batch, dt, stiffness)
             wait_for_all(partition.barrier, team)
@@ -271,7 +256,7 @@ def _advance_range(
                 break
             for row in range(row_start, row_stop, team):
                 # Regular forces: directions and desired velocities where they are due, social force.
-                regular_forces(e, row, batch, dt, social, walking)
+                regular_forces(e, row, batch, dt, acting.social, acting.walking)
                 # The law: springs between people, and between people and walls.
                 _push_people(row, batch, stiffness)
                 _push_off_walls(e, row, batch, stiffness)

@@ -3,24 +3,29 @@
 Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a = m (v_d e_d - u) / tau.
 """
 
+from typing import NamedTuple
+
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.physics.social_force import SocialForce, SocialParams, add_social_forces
 from crowd_env.physics.workspace import Batch
 
 
-def influences(
-    social: SocialForce | None, batch: StructRef
-) -> tuple[SocialParams | None, float, bool | None, bool | None]:
-    """Return what acts besides contact and drive, as kernels take it: None is not even compiled.
+class Influences(NamedTuple):
+    """What acts besides contact and drive, as kernels take it: None is not even compiled."""
 
-    The social force (passive grains feel none), how far it reaches [m], whether there are regions, and so perhaps rules, and
-    whether people keep a headway.
-    """
+    social: SocialParams | None  # passive grains feel none
+    reach: float  # m    of the social force; 0 without one
+    regions: bool | None  # there are regions, and so perhaps rules
+    walking: bool | None  # people keep a headway
+
+
+def influences(social: SocialForce | None, batch: StructRef) -> Influences:
+    """Return what acts on a batch besides contact and drive."""
     params = social.params() if social is not None and batch.fields.control.driving else None
     regions = bool(batch.fields.world.guidance.region.shape.any())
     walking = bool(batch.fields.control.keeps_headway and batch.fields.control.driving)
-    return params, 0.0 if params is None else params.cutoff, regions or None, walking or None
+    return Influences(params, 0.0 if params is None else params.cutoff, regions or None, walking or None)
 
 
 @inner_kernel

@@ -22,15 +22,14 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields
-from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
-from crowd_env.physics.driving_force import influences, regular_forces
+from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
+from crowd_env.physics.driving_force import Influences, regular_forces
 from crowd_env.physics.exits import leave
-from crowd_env.physics.scheme import ContactScheme, SchemeInfo
-from crowd_env.physics.social_force import SocialForce, SocialParams
-from crowd_env.physics.steering import reset_routes, steer
-from crowd_env.physics.step import contact_range, detect, list_active, record_impulses, record_overlaps, tick
+from crowd_env.physics.scheme import Call, ContactScheme, SchemeInfo
+from crowd_env.physics.social_force import SocialForce
+from crowd_env.physics.steering import steer
+from crowd_env.physics.step import begin_call, contact_range, detect, record_impulses, record_overlaps, tick
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
 
@@ -159,17 +158,8 @@ class Hertz(ContactScheme):
         lean = (np.add.reduceat(drive, bodies.env_start[:-1]).max() / stiffness) ** (2.0 / 3.0)
         return float(impact + lean)
 
-    def advance(
-        self,
-        batch: StructRef,
-        dt: float,
-        n_substeps: int,
-        env_first: int,
-        env_stop: int,
-        thread: int = 0,
-        threads: int = 1,
-    ) -> None:
-        """Advance the environments ``env_first:env_stop`` in place."""
+    def run_kernel(self, call: Call, thread: int, threads: int) -> None:
+        """Advance the environments of a call in place."""
         params = HertzParams(
             self.normal_stiffness,
             self.tangential_stiffness,
@@ -180,7 +170,7 @@ class Hertz(ContactScheme):
             self.wall_friction,
             self.rotation,
         )
-        _advance_range(batch, dt, n_substeps, env_first, env_stop, params, *influences(self.social, batch))
+        _advance_range(*call, params)
 
 
 @inner_kernel
@@ -274,39 +264,21 @@ def _add_contact_forces(e: int, batch: Batch, dt: float, elapsed: float, params:
 
 @inner_kernel
 def _find_forces(
-    e: int,
-    rank_stop: int,
-    batch: Batch,
-    dt: float,
-    elapsed: float,
-    params: HertzParams,
-    social: SocialParams | None,
-    regions: bool | None,
-    walking: bool | None,
+    e: int, rank_stop: int, batch: Batch, dt: float, elapsed: float, acting: Influences, params: HertzParams
 ) -> None:
     """Write all forces and torques at the present positions (eqs 1-6)."""
-    steer(e, rank_stop, batch, dt, regions, walking)
-    regular_forces(e, rank_stop, batch, social, walking)
+    steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
+    regular_forces(e, rank_stop, batch, acting.social, acting.walking)
     _clear_torques(e, batch)
     _add_contact_forces(e, batch, dt, elapsed, params)
 
 
 @inner_kernel
-def _first_forces(
-    e: int,
-    rank_stop: int,
-    batch: Batch,
-    dt: float,
-    params: HertzParams,
-    social: SocialParams | None,
-    reach: float,
-    regions: bool | None,
-    walking: bool | None,
-) -> bool:
+def _first_forces(e: int, rank_stop: int, batch: Batch, dt: float, acting: Influences, params: HertzParams) -> bool:
     """Find the forces before the first step, where no spring is stretched yet; False if the contacts do not fit."""
-    if not detect(e, batch, 0.0, reach):
+    if not detect(e, batch, 0.0, acting.reach):
         return False
-    _find_forces(e, rank_stop, batch, dt, 0.0, params, social, regions, walking)
+    _find_forces(e, rank_stop, batch, dt, 0.0, acting, params)
     batch.history.direction_age[e] += dt  # counts as a step: the next look-up is not put off by it
     batch.history.decision_age[e] += dt
     batch.history.phase[e] = _KNOWN
@@ -315,26 +287,16 @@ def _first_forces(
 
 @kernel
 def _advance_range(
-    batch: Batch,
-    dt: float,
-    n_substeps: int,
-    env_first: int,
-    env_stop: int,
-    params: HertzParams,
-    social: SocialParams | None,
-    reach: float,
-    regions: bool | None,
-    walking: bool | None,
+    batch: Batch, dt: float, n_substeps: int, env_first: int, env_stop: int, acting: Influences, params: HertzParams
 ) -> None:
     """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other."""
     phase, substep = batch.history.phase, batch.workspace.substep
     for e in range(env_first, env_stop):
-        rank_start, rank_stop = batch.bodies.env_start[e], list_active(e, batch)
-        reset_routes(e, batch, regions)
-        limit, smallest = speed_limit(batch), least_radius(e, rank_stop, batch)
+        rank_start = batch.bodies.env_start[e]
+        rank_stop, limit, smallest = begin_call(e, batch, acting.regions)
         deepest = np.inf  # contact with a wall [m] at the start of the step, not known before the first of a call
         is_first = phase[e] == _UNKNOWN and substep[e] < n_substeps and rank_stop > rank_start
-        if is_first and not _first_forces(e, rank_stop, batch, dt, params, social, reach, regions, walking):
+        if is_first and not _first_forces(e, rank_stop, batch, dt, acting, params):
             continue
         while substep[e] < n_substeps and rank_stop > rank_start:
             if phase[e] == _KNOWN:
@@ -349,10 +311,10 @@ def _advance_range(
                 rank_stop = leave(e, rank_stop, batch, dt)
                 phase[e] = _DRIFTED
             # Contacts at the new positions.
-            if not detect(e, batch, 0.0, reach):
+            if not detect(e, batch, 0.0, acting.reach):
                 break
             # Forces there, with the velocity of the half step (eqs 1-6).
-            _find_forces(e, rank_stop, batch, dt, dt, params, social, regions, walking)
+            _find_forces(e, rank_stop, batch, dt, dt, acting, params)
             # Half of the impulses and the overlaps into the sums.
             record_impulses(e, batch, 0.5)
             deepest = record_overlaps(e, batch)

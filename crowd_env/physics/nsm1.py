@@ -14,25 +14,21 @@ from typing import Literal
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import POSITIVE, check_fields
-from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
+from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
 from crowd_env.physics.constraints import assemble_no_overlap, restore_impulses, set_impulses, stash_impulses
-from crowd_env.physics.driving_force import influences, regular_forces
+from crowd_env.physics.driving_force import Influences, regular_forces
 from crowd_env.physics.exits import leave
-from crowd_env.physics.scheme import IterativeScheme, SchemeInfo
-from crowd_env.physics.social_force import SocialParams
+from crowd_env.physics.scheme import Call, IterativeScheme, SchemeInfo
 from crowd_env.physics.solvers import Stopping, closing_speed, solve
-from crowd_env.physics.steering import reset_routes, steer
+from crowd_env.physics.steering import steer
 from crowd_env.physics.step import (
-    contact_range,
+    begin_call,
     detect,
+    extent_of,
     find_neighbors,
-    list_active,
-    record_impulses,
-    record_overlaps,
+    record_contacts,
     record_solver,
-    store_warm_start,
     tick,
 )
 from crowd_env.physics.workspace import Batch
@@ -97,19 +93,9 @@ class NSM1(IterativeScheme):
         if not driving and self.trial == "spontaneous":
             raise ValueError("nsm1: passive grains have no spontaneous velocity; use NSM1(trial='inertial')")
 
-    def advance(
-        self,
-        batch: StructRef,
-        dt: float,
-        n_substeps: int,
-        env_first: int,
-        env_stop: int,
-        thread: int = 0,
-        threads: int = 1,
-    ) -> None:
-        """Advance the environments ``env_first:env_stop`` in place."""
-        spontaneous, acting = self.trial == "spontaneous", influences(self.social, batch)
-        _advance_range(batch, dt, n_substeps, env_first, env_stop, spontaneous, self.stopping(), *acting)
+    def run_kernel(self, call: Call, thread: int, threads: int) -> None:
+        """Advance the environments of a call in place."""
+        _advance_range(*call, self.trial == "spontaneous", self.stopping())
 
 
 @inner_kernel
@@ -139,32 +125,28 @@ def _project(
     so no contact is ever missed.
     """
     mass, inside, v = batch.bodies.mass, batch.workspace.inside, batch.workspace.trial_velocity
-    slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    rank_start = batch.bodies.env_start[e]
     contacts, constraints = batch.history.contacts, batch.workspace.constraints
     sweeps, margin, solved = 0, -1.0, -np.inf
     while True:
         _propose(e, rank_stop, batch, dt, spontaneous)
         if margin < 0.0:
-            before = closing_speed(slot_start, rank_stop, inside, batch.state.velocity)
-            margin = _HEADROOM * dt * max(closing_speed(slot_start, rank_stop, inside, v), before) + 1e-3
+            before = closing_speed(rank_start, rank_stop, inside, batch.state.velocity)
+            margin = _HEADROOM * dt * max(closing_speed(rank_start, rank_stop, inside, v), before) + 1e-3
         if not detect(e, batch, margin, reach):
             return False
-        contact_start, contact_stop = contact_range(e, batch)
-        rows = contact_stop - contact_start
-        restore_impulses(contact_start, contact_stop, solved, contacts, constraints)
-        active_rows = assemble_no_overlap(
-            contact_start, contact_stop, slot_start, slot_stop, e, contacts, mass, v, constraints, dt, True
-        )
-        iterations, residual, converged = solve(
-            contact_start, rows, active_rows, slot_start, slot_stop, e, mass, v, constraints, None, stopping
-        )
+        extent = extent_of(e, batch)
+        rows = extent.contact_stop - extent.contact_start
+        restore_impulses(extent, solved, contacts, constraints)
+        active_rows = assemble_no_overlap(extent, contacts, mass, v, constraints, dt, True)
+        iterations, residual, converged = solve(extent, rows, active_rows, mass, v, constraints, None, stopping)
         sweeps += iterations
-        needed = dt * closing_speed(slot_start, rank_stop, inside, v)
-        set_impulses(contact_start, rows, rows, contacts, mass, constraints)
+        needed = dt * closing_speed(rank_start, rank_stop, inside, v)
+        set_impulses(extent, rows, contacts, mass, constraints)
         if not needed > margin:
             record_solver(e, batch, sweeps, residual, converged)
             return True
-        stash_impulses(contact_start, contact_stop, contacts, constraints)
+        stash_impulses(extent, contacts, constraints)
         solved, margin = margin, 1.2 * needed
 
 
@@ -194,35 +176,29 @@ def _advance_range(
     n_substeps: int,
     env_first: int,
     env_stop: int,
+    acting: Influences,
     spontaneous: bool,
     stopping: Stopping,
-    social: SocialParams | None,
-    reach: float,
-    regions: bool | None,
-    walking: bool | None,
 ) -> None:
     """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other.
 
     A step that stops for want of room is done again as a whole: nothing that it has written till then is read by it.
     """
     for e in range(env_first, env_stop):
-        rank_start, rank_stop = batch.bodies.env_start[e], list_active(e, batch)
-        reset_routes(e, batch, regions)
-        limit, smallest = speed_limit(batch), least_radius(e, rank_stop, batch)
+        rank_start = batch.bodies.env_start[e]
+        rank_stop, limit, smallest = begin_call(e, batch, acting.regions)
         while batch.workspace.substep[e] < n_substeps and rank_stop > rank_start:
             # Pairs that notice each other; without a social force the contacts bring their own list.
-            if social is not None and not find_neighbors(e, batch, reach):
+            if acting.social is not None and not find_neighbors(e, batch, acting.reach):
                 break
             # Where everyone wants to go, and all forces but contact.
-            steer(e, rank_stop, batch, dt, regions, walking)
-            regular_forces(e, rank_stop, batch, social, walking)
+            steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
+            regular_forces(e, rank_stop, batch, acting.social, acting.walking)
             # Trial velocities and their projection onto velocities without overlap (eqs 6, 7).
-            if not _project(e, rank_stop, batch, dt, spontaneous, stopping, reach):
+            if not _project(e, rank_stop, batch, dt, spontaneous, stopping, acting.reach):
                 break
             # Impulses and overlaps into the sums, and for the solver of the next step.
-            record_impulses(e, batch, 1.0)
-            deepest = record_overlaps(e, batch)
-            store_warm_start(e, batch)
+            deepest = record_contacts(e, batch)
             # Positions.
             longest = _move(e, rank_stop, batch, dt, limit)
             # Nobody through a wall.

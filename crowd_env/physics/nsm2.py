@@ -17,25 +17,22 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import POSITIVE, SHARE, Range, check_fields
-from crowd_env.physics.bounds import hold_to_speed, least_radius, speed_limit, stay_within_bounds
+from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
 from crowd_env.physics.constraints import assemble_no_overlap, assemble_percussions, set_impulses
-from crowd_env.physics.driving_force import influences, regular_forces
+from crowd_env.physics.driving_force import Influences, regular_forces
 from crowd_env.physics.exits import leave
 from crowd_env.physics.neighbors.update import FULL
-from crowd_env.physics.scheme import IterativeScheme, SchemeInfo
-from crowd_env.physics.social_force import SocialParams
+from crowd_env.physics.scheme import Call, IterativeScheme, SchemeInfo
 from crowd_env.physics.solvers import Stopping, solve
-from crowd_env.physics.steering import reset_routes, steer
+from crowd_env.physics.steering import steer
 from crowd_env.physics.step import (
+    begin_call,
     contact_range,
     detect,
-    list_active,
-    record_impulses,
-    record_overlaps,
+    extent_of,
+    record_contacts,
     record_solver,
-    store_warm_start,
     tick,
 )
 from crowd_env.physics.workspace import Batch
@@ -63,7 +60,6 @@ PRINTED = replace(
     INFO,
     name="nsm2-printed",
     title="percussions, reaction as printed: makes energy where many touch at once",
-    conserves_energy_at_contact=True,
 )
 
 # A contact has D <= 0; the narrow phase keeps what lies strictly below its margin.
@@ -124,20 +120,10 @@ class NSM2(IterativeScheme):
         """Return one step of head-on closing at twice the desired speed: elastic contacts can double it."""
         return 4.0 * dt * float(bodies.desired_speed.max())
 
-    def advance(
-        self,
-        batch: StructRef,
-        dt: float,
-        n_substeps: int,
-        env_first: int,
-        env_stop: int,
-        thread: int = 0,
-        threads: int = 1,
-    ) -> None:
-        """Advance the environments ``env_first:env_stop`` in place."""
+    def run_kernel(self, call: Call, thread: int, threads: int) -> None:
+        """Advance the environments of a call in place."""
         params = NSM2Params(self.normal_dissipation, self.tangential_dissipation, self.reaction == "dissipative")
-        correction, acting = self.position_correction or None, influences(self.social, batch)
-        _advance_range(batch, dt, n_substeps, env_first, env_stop, params, self.stopping(), correction, *acting)
+        _advance_range(*call, params, self.stopping(), self.position_correction or None)
 
 
 @inner_kernel
@@ -173,16 +159,12 @@ def _accelerate(e: int, rank_stop: int, batch: Batch, dt: float) -> None:
 @inner_kernel
 def _collide(e: int, batch: Batch, params: NSM2Params, stopping: Stopping) -> float:
     """Give everyone the velocity after the percussions of this step; returns the deepest overlap with a wall [m]."""
-    contact_start, contact_stop = contact_range(e, batch)
-    if contact_stop == contact_start:
+    extent = extent_of(e, batch)
+    if extent.contact_stop == extent.contact_start:
         return 0.0
-    slot_start, slot_stop, mass = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], batch.bodies.mass
-    contacts, constraints = batch.history.contacts, batch.workspace.constraints
+    contacts, constraints, mass = batch.history.contacts, batch.workspace.constraints, batch.bodies.mass
     rows = assemble_percussions(
-        contact_start,
-        contact_stop,
-        slot_start,
-        slot_stop,
+        extent,
         contacts,
         mass,
         batch.workspace.previous_velocity,
@@ -192,14 +174,10 @@ def _collide(e: int, batch: Batch, params: NSM2Params, stopping: Stopping) -> fl
         params.dissipative,
     )
     v, compliance = batch.state.velocity, constraints.compliance
-    sweeps, residual, converged = solve(
-        contact_start, rows, rows, slot_start, slot_stop, e, mass, v, constraints, compliance, stopping
-    )
-    set_impulses(contact_start, rows, contact_stop - contact_start, contacts, mass, constraints)
+    sweeps, residual, converged = solve(extent, rows, rows, mass, v, constraints, compliance, stopping)
+    set_impulses(extent, rows, contacts, mass, constraints)
     record_solver(e, batch, sweeps, residual, converged)
-    record_impulses(e, batch, 1.0)
-    store_warm_start(e, batch)
-    return float(record_overlaps(e, batch))
+    return float(record_contacts(e, batch))
 
 
 @inner_kernel
@@ -231,15 +209,13 @@ def _separate(e: int, batch: Batch, dt: float, stopping: Stopping, correction: f
     """
     contacts, constraints, mass = batch.history.contacts, batch.workspace.constraints, batch.bodies.mass
     position, v = batch.state.position, batch.workspace.correction_velocity
-    slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    contact_start, contact_stop = contact_range(e, batch)
+    extent = extent_of(e, batch)
+    slot_start, slot_stop = extent.slot_start, extent.slot_stop
     for i in range(index(slot_start), index(slot_stop)):
         v[i, 0], v[i, 1] = 0.0, 0.0
-    active_rows = assemble_no_overlap(
-        contact_start, contact_stop, slot_start, slot_stop, e, contacts, mass, v, constraints, dt / correction, False
-    )
-    rows = contact_stop - contact_start
-    solve(contact_start, rows, active_rows, slot_start, slot_stop, e, mass, v, constraints, None, stopping)
+    active_rows = assemble_no_overlap(extent, contacts, mass, v, constraints, dt / correction, False)
+    rows = extent.contact_stop - extent.contact_start
+    solve(extent, rows, active_rows, mass, v, constraints, None, stopping)
     longest = 0.0
     for i in range(index(slot_start), index(slot_stop)):
         dx, dy = dt * v[i, 0], dt * v[i, 1]
@@ -256,26 +232,22 @@ def _advance_range(
     n_substeps: int,
     env_first: int,
     env_stop: int,
+    acting: Influences,
     params: NSM2Params,
     stopping: Stopping,
     correction: float | None,
-    social: SocialParams | None,
-    reach: float,
-    regions: bool | None,
-    walking: bool | None,
 ) -> None:
     """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other."""
     for e in range(env_first, env_stop):
-        rank_start, rank_stop = batch.bodies.env_start[e], list_active(e, batch)
-        reset_routes(e, batch, regions)
-        limit, smallest = speed_limit(batch), least_radius(e, rank_stop, batch)
+        rank_start = batch.bodies.env_start[e]
+        rank_stop, limit, smallest = begin_call(e, batch, acting.regions)
         while batch.workspace.substep[e] < n_substeps and rank_stop > rank_start:
             # Contacts at q(n).
-            if not _detect(e, batch, params.k_tangent > 0.0, reach):
+            if not _detect(e, batch, params.k_tangent > 0.0, acting.reach):
                 break
             # Where everyone wants to go, and all forces but contact.
-            steer(e, rank_stop, batch, dt, regions, walking)
-            regular_forces(e, rank_stop, batch, social, walking)
+            steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
+            regular_forces(e, rank_stop, batch, acting.social, acting.walking)
             # Velocities u(n+1): regular forces, then percussions (eqs 8-10).
             _accelerate(e, rank_stop, batch, dt)
             deepest = _collide(e, batch, params, stopping)

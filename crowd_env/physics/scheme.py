@@ -8,9 +8,13 @@ import numpy as np
 
 from crowd_env._kernels.struct_ref import StructRef
 from crowd_env.checks import COUNT, POSITIVE, number, whole
+from crowd_env.physics.driving_force import Influences, influences
 from crowd_env.physics.social_force import SocialForce, make_social
 from crowd_env.physics.solvers import SolverName, Stopping
 from crowd_env.state import Bodies
+
+# What the kernel of every scheme takes first: batch, dt, n_substeps, env_first, env_stop (see `ContactScheme.advance`), acting.
+Call = tuple[StructRef, float, int, int, int, Influences]
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ class SchemeInfo:
 class ContactScheme(ABC):
     """Base of all schemes: a frozen dataclass of parameters; all memory is handed in.
 
-    A scheme has to give `info`, `overlap_bound` and `advance`.  The defaults of the rest are those of a scheme that is
+    A scheme has to give `info`, `overlap_bound` and `run_kernel`.  The defaults of the rest are those of a scheme that is
     unconditionally stable in contact, moves pedestrians and grains, and steps a crowd on one thread.
 
     Parameters
@@ -71,7 +75,6 @@ class ContactScheme(ABC):
         """Return into how many slabs a crowd is cut that several threads can step together; 1 = it is not cut."""
         return 1
 
-    @abstractmethod
     def advance(
         self,
         batch: StructRef,
@@ -87,6 +90,11 @@ class ContactScheme(ABC):
         `Workspace.substep` says from where.  Other environments are neither read nor written.  With ``threads`` > 1 as many
         threads make this call at once, each with its own number ``thread``, and share the slabs.
         """
+        self.run_kernel((batch, dt, n_substeps, env_first, env_stop, influences(self.social, batch)), thread, threads)
+
+    @abstractmethod
+    def run_kernel(self, call: Call, thread: int, threads: int) -> None:
+        """Hand a call to the kernel of the scheme, with the scheme's own parameters behind what every kernel takes."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_table, known, number, refuse
-from crowd_env.physics.contacts import gap_to_feature
+from crowd_env.physics.narrow_phase import gap_to_feature
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Floats
 

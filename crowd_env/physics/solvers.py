@@ -13,11 +13,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.physics.constraints import Constraints, Indices
-from crowd_env.state import Floats
+from crowd_env.physics.constraints import Constraints, Extent
+from crowd_env.state import Floats, Indices
 
 SolverName = Literal["auto", "gauss-seidel", "accelerated"]
-SOLVERS = ("auto", "gauss-seidel", "accelerated")
 # The momentum may not exceed 1 - this / sqrt(rows): the slowest motions of a jam are as wide as the jam.  Measured from 300 to
 # 5000 people: up to 20 % fewer sweeps to 1e-3 of the first residual.
 _RESISTANCE = 1.5
@@ -35,19 +34,16 @@ class Stopping(NamedTuple):
 
 @inner_kernel
 def solve(
-    row_start: int,
+    extent: Extent,
     rows: int,
     active_rows: int,
-    slot_start: int,
-    slot_stop: int,
-    e: int,
     mass: Floats,
     v: Floats,
     constraints: Constraints,
     compliance: Floats | None,
     stopping: Stopping,
 ) -> tuple[int, float, bool]:
-    """Solve ``rows`` rows from ``row_start`` on, of the people ``slot_start:slot_stop``; the first ``active_rows`` are active.
+    """Solve ``rows`` rows of an environment; the first ``active_rows`` are active.
 
     ``compliance`` is `Constraints.compliance`, or None if all rows are hard: then it is neither tested nor fetched from memory.
     ``v`` holds the velocities without contact and becomes the solution; `Constraints.reaction` holds a start and becomes the
@@ -55,6 +51,7 @@ def solve(
     """
     if rows == 0:
         return 0, 0.0, True
+    e, slot_start, slot_stop, row_start, _ = extent
     pair, source = constraints.pair[row_start : row_start + rows], constraints.source[row_start : row_start + rows]
     coefficients, reaction, start = (
         constraints.coefficients[row_start : row_start + rows],

@@ -12,7 +12,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, kernel
 from crowd_env.clock import DueClock, next_multiple
-from crowd_env.physics.contacts import KEPT, Contacts, contact_keys, rows_of
+from crowd_env.physics.contacts import OF_A_CONTACT, Contacts, contact_keys, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.workspace import Batch, Command, Results, set_command
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
@@ -217,6 +217,6 @@ def _renumber(begin: int, rank: Ints, contacts: Contacts, rows: slice) -> None:
     contacts.i[rows], contacts.j[rows] = np.where(swap, j, i), np.where(swap, i, j)
     normal[swap] *= -1.0
     order = np.argsort(contact_keys(contacts.i[rows], contacts.j[rows]))
-    for name in KEPT:
+    for name in OF_A_CONTACT:
         array = getattr(contacts, name)
         array[rows] = array[rows][order]

@@ -32,28 +32,34 @@ def reset_routes(e: int, batch: Batch, regions: bool | None) -> None:
         changed |= followed[i] != route[i]
         followed[i] = route[i]
     if changed:
-        batch.history.direction_age[e] = np.inf
+        batch.history.directions_known[e] = False
 
 
 @inner_kernel
 def steer(e: int, rank_stop: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None) -> None:
     """Bring rules, routes, directions and walking velocities of environment ``e`` up to date if they are due."""
-    if batch.history.direction_age[e] > max(LOOK_EVERY - 0.5 * dt, 0.0):  # a step done again does not look again
+    if is_look_up_due(e, batch, dt):
         if regions is not None:
             follow_rules(e, batch)
-        update_steering(e, batch.bodies.env_start[e], rank_stop, batch, dt, choose_turn(e, batch, regions))
-        batch.history.direction_age[e] = 0.0
+        update_steering(e, batch.bodies.env_start[e], rank_stop, batch, dt, begin_look_up(e, batch, regions))
     if walking is not None and is_decision_due(e, batch, dt):
         decide(e, batch, batch.control.headway)
 
 
 @inner_kernel
+def is_look_up_due(e: int, batch: Batch, dt: float) -> bool:
+    """Whether directions are to be looked up in this step of environment ``e``; a step done again does not look again."""
+    return not batch.history.directions_known[e] or batch.history.direction_age[e] > max(LOOK_EVERY - 0.5 * dt, 0.0)
+
+
+@inner_kernel
 def is_decision_due(e: int, batch: Batch, dt: float) -> bool:
-    """Whether people decide in this step how to walk; not again in a step that is done again."""
-    if batch.history.decision_age[e] > max(batch.control.headway.interval - 0.5 * dt, 0.0):
-        batch.history.decision_age[e] = 0.0
-        return True
-    return False
+    """Whether people decide in this step how to walk, and if so note it: in a step done again they do not decide again."""
+    history, interval = batch.history, batch.control.headway.interval
+    if history.have_decided[e] and history.decision_age[e] <= max(interval - 0.5 * dt, 0.0):
+        return False
+    history.have_decided[e], history.decision_age[e] = True, 0.0
+    return True
 
 
 @inner_kernel
@@ -84,13 +90,15 @@ def follow_rules(e: int, batch: Batch) -> None:
 
 
 @inner_kernel
-def choose_turn(e: int, batch: Batch, regions: bool | None) -> int:
-    """Return which turn it is for those who need not look every time; -1 = everyone looks."""
-    turn, many = batch.history.turn, batch.bodies.env_start[e + 1] - batch.bodies.env_start[e] >= _MANY
-    turn[e] = (turn[e] + 1) % LOOKUP_PERIOD
+def begin_look_up(e: int, batch: Batch, regions: bool | None) -> int:
+    """Count a look-up; returns which turn it is for those who need not look every time, -1 = everyone looks."""
+    history, many = batch.history, batch.bodies.env_start[e + 1] - batch.bodies.env_start[e] >= _MANY
     if regions is not None and has_regions(e, batch):
         many = False  # rules send people elsewhere at any time
-    return turn[e] if many and batch.history.direction_age[e] < np.inf else -1
+    everyone = not (many and history.directions_known[e])
+    history.turn[e] = (history.turn[e] + 1) % LOOKUP_PERIOD
+    history.directions_known[e], history.direction_age[e] = True, 0.0
+    return -1 if everyone else history.turn[e]
 
 
 @inner_kernel

@@ -3,8 +3,11 @@
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.physics.contacts import find_contacts
+from crowd_env.physics.bounds import least_radius, speed_limit
+from crowd_env.physics.constraints import Extent
+from crowd_env.physics.narrow_phase import find_contacts
 from crowd_env.physics.neighbors.update import OK, update_neighbors
+from crowd_env.physics.steering import reset_routes
 from crowd_env.physics.workspace import Batch
 
 
@@ -24,6 +27,17 @@ def list_active(e: int, batch: Batch) -> int:
 
 
 @inner_kernel
+def begin_call(e: int, batch: Batch, regions: bool | None) -> tuple[int, float, float]:
+    """List who is inside environment ``e`` and bring routes up to date, at the start of a call.
+
+    Returns one past the last rank, the speed limit [m/s] and the least radius [m].
+    """
+    rank_stop = list_active(e, batch)
+    reset_routes(e, batch, regions)
+    return rank_stop, speed_limit(batch), least_radius(e, rank_stop, batch)
+
+
+@inner_kernel
 def find_neighbors(e: int, batch: Batch, cutoff: float) -> bool:
     """Bring the neighbor list up to date for gaps below ``cutoff``; False (with the reason in `status`) if it cannot."""
     batch.workspace.status[e] = update_neighbors(e, batch, cutoff)
@@ -38,8 +52,7 @@ def detect(e: int, batch: Batch, margin: float, cutoff: float) -> bool:
     """
     if not find_neighbors(e, batch, max(margin, cutoff)):
         return False
-    world, near, g = batch.world, batch.workspace.neighbors, batch.world.geometry_of_env[e]
-    find_contacts(e, g, world.boundary, batch.bodies, batch.state, near, batch.history.contacts, margin)
+    find_contacts(e, batch, margin)
     return True
 
 
@@ -51,12 +64,10 @@ def contact_range(e: int, batch: Batch) -> tuple[int, int]:
 
 
 @inner_kernel
-def store_warm_start(e: int, batch: Batch) -> None:
-    """Keep the impulses of the contacts of environment ``e``: the solver of the next step starts from them."""
-    impulse, history = batch.history.contacts.impulse, batch.history.contacts.history
+def extent_of(e: int, batch: Batch) -> Extent:
+    """Return where the people and the contacts of environment ``e`` lie."""
     contact_start, contact_stop = contact_range(e, batch)
-    for c in range(contact_start, contact_stop):
-        history[c, 0], history[c, 1] = impulse[c, 0], impulse[c, 1]
+    return Extent(e, batch.bodies.env_start[e], batch.bodies.env_start[e + 1], contact_start, contact_stop)
 
 
 @inner_kernel
@@ -98,6 +109,20 @@ def record_overlaps(e: int, batch: Batch) -> float:
     sums.overlap_sum[e] += total
     sums.overlap_count[e] += count
     return float(outside)
+
+
+@inner_kernel
+def record_contacts(e: int, batch: Batch) -> float:
+    """Add impulses and overlaps to the sums, and let the solver of the next step start from these impulses.
+
+    Returns the deepest overlap of a contact of environment ``e`` with a wall [m].
+    """
+    record_impulses(e, batch, 1.0)
+    impulse, history = batch.history.contacts.impulse, batch.history.contacts.history
+    contact_start, contact_stop = contact_range(e, batch)
+    for c in range(contact_start, contact_stop):
+        history[c, 0], history[c, 1] = impulse[c, 0], impulse[c, 1]
+    return float(record_overlaps(e, batch))
 
 
 @inner_kernel

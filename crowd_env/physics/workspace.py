@@ -1,22 +1,25 @@
 """All that a step works on: the world around the crowd, what is asked of it, results, history and scratch."""
 
 from collections.abc import Callable, Collection
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd_env._kernels.struct_ref import StructRef, struct_ref
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.geometry.wall_grid import WallGrid
-from crowd_env.navigation.field import FieldArrays
+from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.physics.constraints import Constraints, allocate_constraints
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.dem_lanes.buffers import SoABuffers, allocate_buffers
 from crowd_env.physics.dem_lanes.partition import Partition, allocate_partition
-from crowd_env.physics.neighbors.lists import NeighborList, Places, allocate_neighbors, entries_per_person
+from crowd_env.physics.neighbors.lists import NeighborList, allocate_neighbors, entries_per_person
 from crowd_env.physics.walking.headway import Headway, HeadwayParams
 from crowd_env.routing.rules import Guidance
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
+
+Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
 LOOKUP_PERIOD = 4  # in which those look for their way who need not do so every time
 
@@ -50,7 +53,7 @@ class Command(NamedTuple):
     command: Floats | None  # (1, 0): straight along the way
     relative: Bools | None  # True
     external_force: Floats | None  # 0
-    gives_way: Bools | None = None  # True
+    gives_way: Bools | None  # True
 
 
 class Diagnostics(NamedTuple):
@@ -90,7 +93,8 @@ class History(NamedTuple):
     torque: Floats  # (P,)    N m
     phase: Ints  # (E,)    how far a step is that needs the forces of the one before; 0 = they are not known
     direction: Floats  # (P, 2)  of the route when it was last looked up
-    direction_age: Floats  # (E,)    s  since then; infinite = it must be looked up for everyone
+    directions_known: Bools  # (E,)    else they must be looked up for everyone
+    direction_age: Floats  # (E,)    s  since the last look-up
     is_uniform: Bools  # (P,)    the direction is nearly the same all around: it need not be looked up every time
     lookup_turn: NDArray[np.uint8]  # (P,)    when it is, 0 to LOOKUP_PERIOD - 1
     turn: Ints  # (E,)    which of these turns was the last
@@ -102,13 +106,22 @@ class History(NamedTuple):
     door_open: Bools  # (E, D)
     walking_velocity: Floats  # (P, 2)  m/s  that everyone has last decided to walk at
     waited: Floats  # (P,)    s  stood still
-    decision_age: Floats  # (E,)    s  since people decided; infinite = they must
+    have_decided: Bools  # (E,)  how to walk, since the start
+    decision_age: Floats  # (E,)    s  since then
+
+
+class NarrowPhase(NamedTuple):
+    """Scratch of the search for contacts."""
+
+    candidates: Indices  # (M,)    entries of the neighbor list that may be contacts
+    old_key: Ints  # (M,)    keys and history of the contacts of the last step
+    old_history: Floats  # (M, 2)
 
 
 class SocialPairs(NamedTuple):
     """Scratch of the social force: the pairs near enough for it, (M,) each."""
 
-    entry: Places  # of the neighbor list
+    entry: Indices  # of the neighbor list
     x: Floats  # unit vector from the second to the first
     y: Floats
     size: Floats  # N
@@ -120,23 +133,24 @@ class Walkers(NamedTuple):
     way_x: Floats  # unit vector along the way that one wants to take
     way_y: Floats
     speed: Floats  # m/s  desired
-    slot: Places
+    slot: Indices
     x: Floats  # m
     y: Floats
     radius: Floats  # m
-    seen: Places  # which of those around one sees in front
+    seen: Indices  # which of those around one sees in front
 
 
 class Workspace(NamedTuple):
     """Scratch: what is made anew whenever it is not there."""
 
     neighbors: NeighborList
+    narrow_phase: NarrowPhase
     constraints: Constraints
     soa: SoABuffers
     partition: Partition
     social_pairs: SocialPairs
     walkers: Walkers
-    inside: Places  # (P,)   who is inside, environment e from env_start[e] on: see `step.list_active`
+    inside: Indices  # (P,)   who is inside, environment e from env_start[e] on: see `step.list_active`
     desired_velocity: Floats  # (P, 2) m/s
     heading: Floats  # (P, 4) desired direction times the anisotropy of the social force; the desired velocity it is of
     previous_position: Floats  # (P, 2) m    at the start of the step
@@ -148,7 +162,11 @@ class Workspace(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """All a step works on; kernels take it as one argument."""
+    """All a step works on; kernels take it as one argument.
+
+    What may get other arrays is held by reference (`StructRef`): the fields of the world, the contacts of the history, and of
+    the workspace all that has as many rows as the neighbor list.
+    """
 
     world: World
     bodies: Bodies
@@ -232,12 +250,13 @@ def allocate_history(
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     slots = np.arange(people) - np.repeat(bodies.env_start[:-1], np.diff(bodies.env_start))  # within the environment
     return History(
-        contacts=allocate_contacts(neighbors),
+        contacts=by_reference(allocate_contacts(neighbors)),
         force=np.zeros((people if "force" in uses else 0, 2)),
         torque=np.zeros(people if "torque" in uses else 0),
         phase=np.zeros(environments, dtype=np.int64),
         direction=np.zeros((people, 2)),
-        direction_age=np.full(environments, np.inf),
+        directions_known=np.zeros(environments, dtype=np.bool_),
+        direction_age=np.zeros(environments),
         is_uniform=np.zeros(people, dtype=np.bool_),
         lookup_turn=(slots % LOOKUP_PERIOD).astype(np.uint8),
         turn=np.zeros(environments, dtype=np.int64),
@@ -249,71 +268,71 @@ def allocate_history(
         door_open=np.ones((environments, doors), dtype=np.bool_),
         walking_velocity=np.zeros((people if "walking" in uses else 0, 2)),
         waited=np.zeros(people if "walking" in uses else 0),
-        decision_age=np.full(environments, np.inf),
+        have_decided=np.zeros(environments, dtype=np.bool_),
+        decision_age=np.zeros(environments),
     )
-
-
-def invalidate_directions(history: History, e: int) -> None:
-    """Let everyone in environment ``e`` look up the direction of the route at the next step."""
-    history.direction_age[e] = np.inf
 
 
 def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[str] = OPTIONAL) -> Workspace:
     """Return scratch with ``per_person`` neighbor entries a pedestrian; of the `OPTIONAL` only ``uses`` get any room."""
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     neighbors = allocate_neighbors(bodies, per_person)
+    entries = len(neighbors.contact_distance)
 
-    def room(name: str) -> int:
-        return people if name in uses else 0
+    def room(name: str, length: int = people) -> int:
+        return length if name in uses else 0
 
+    def reals(length: int, *columns: int) -> Floats:
+        return np.zeros((length, *columns))
+
+    pairs = room("social_pairs", entries)
     return Workspace(
-        neighbors=neighbors,
-        constraints=allocate_constraints(
-            room("constraints"), len(neighbors.contact_distance) if "constraints" in uses else 0, environments
+        neighbors=by_reference(neighbors),
+        narrow_phase=by_reference(
+            NarrowPhase(np.zeros(entries, dtype=np.uint32), np.zeros(entries, dtype=np.int64), reals(entries, 2))
         ),
+        constraints=by_reference(allocate_constraints(room("constraints"), room("constraints", entries), environments)),
         soa=allocate_buffers(room("soa")),
-        partition=allocate_partition(bodies.env_start, len(neighbors.contact_distance) if "soa" in uses else 0),
-        social_pairs=allocate_social_pairs(len(neighbors.contact_distance) if "social_pairs" in uses else 0),
-        walkers=allocate_walkers(room("walking")),
+        partition=by_reference(allocate_partition(bodies.env_start, room("soa", entries))),
+        social_pairs=by_reference(
+            SocialPairs(np.zeros(pairs, dtype=np.uint32), reals(pairs), reals(pairs), reals(pairs))
+        ),
+        walkers=_allocate_walkers(room("walking")),
         inside=np.zeros(people, dtype=np.uint32),
-        desired_velocity=np.zeros((room("desired_velocity"), 2)),
-        heading=np.zeros((room("heading"), 4)),
-        previous_position=np.zeros((room("previous_position"), 2)),
-        previous_velocity=np.zeros((room("previous_velocity"), 2)),
-        trial_velocity=np.zeros((room("trial_velocity"), 2)),
-        correction_velocity=np.zeros((room("correction_velocity"), 2)),
+        desired_velocity=reals(room("desired_velocity"), 2),
+        heading=reals(room("heading"), 4),
+        previous_position=reals(room("previous_position"), 2),
+        previous_velocity=reals(room("previous_velocity"), 2),
+        trial_velocity=reals(room("trial_velocity"), 2),
+        correction_velocity=reals(room("correction_velocity"), 2),
         substep=np.zeros(environments, dtype=np.int64),
         status=np.zeros(environments, dtype=np.int64),
     )
 
 
-def allocate_walkers(people: int) -> Walkers:
+def _allocate_walkers(people: int) -> Walkers:
     """Return room for the decisions of so many people."""
     numbers = (np.zeros(people) for _ in Walkers._fields)
     return Walkers._make(numbers)._replace(slot=np.zeros(people, np.uint32), seen=np.zeros(people, np.uint32))
 
 
-def allocate_social_pairs(entries: int) -> SocialPairs:
-    """Return room for so many pairs."""
-    return SocialPairs(np.zeros(entries, dtype=np.uint32), np.zeros(entries), np.zeros(entries), np.zeros(entries))
+def by_reference(arrays: Arrays) -> Arrays:
+    """Return a reference to arrays that `grow` replaces by longer ones, for all who hold it."""
+    return cast(Arrays, struct_ref(arrays))
 
 
-def grow(
-    history: History, workspace: Workspace, bodies: Bodies, uses: Collection[str] = OPTIONAL
-) -> tuple[History, Workspace]:
-    """Return the same with twice the room for neighbors; contacts are kept, the list is built at the next step."""
-    people, environments = len(bodies.radius), len(bodies.env_start) - 1
+def grow(history: History, workspace: Workspace, bodies: Bodies, uses: Collection[str] = OPTIONAL) -> None:
+    """Make twice the room for neighbors, in place; contacts are kept, the list is built at the next step."""
     before = workspace.neighbors
-    neighbors = allocate_neighbors(bodies, 2 * entries_per_person(before, bodies))
-    contacts = allocate_contacts(neighbors)
-    move_contacts(history.contacts, before, contacts, neighbors)
-    workspace = workspace._replace(neighbors=neighbors)
-    if "social_pairs" in uses:
-        workspace = workspace._replace(social_pairs=allocate_social_pairs(len(neighbors.contact_distance)))
-    if "constraints" in uses:
-        workspace = workspace._replace(
-            constraints=allocate_constraints(people, len(neighbors.contact_distance), environments)
-        )
-    if "soa" in uses:
-        workspace = workspace._replace(partition=allocate_partition(bodies.env_start, len(neighbors.contact_distance)))
-    return history._replace(contacts=contacts), workspace
+    larger = allocate_workspace(bodies, 2 * entries_per_person(before, bodies), uses)
+    contacts = allocate_contacts(larger.neighbors)
+    move_contacts(history.contacts, before, contacts, larger.neighbors)
+    replace_arrays(history.contacts, contacts)
+    for part, new in zip(workspace, larger, strict=True):
+        if isinstance(new, StructRef):
+            replace_arrays(part, new.fields)
+
+
+def replace_arrays(reference: Any, arrays: Any) -> None:
+    """Let a part of a batch that is held by reference have other arrays: nowhere else are any replaced."""
+    reference.replace(**arrays._asdict())

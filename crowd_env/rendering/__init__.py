@@ -1,6 +1,6 @@
 """Frames, films and figures of evacuations; the drawing libraries are loaded when something is drawn."""
 
-from crowd_env.rendering.figures import egress_comparison, egress_curves, learning_curve
+from crowd_env.rendering.figures import egress_curves, learning_curve
 from crowd_env.rendering.film import write_film, write_still, write_strip
 from crowd_env.rendering.forces.moment import forces_of_run
 from crowd_env.rendering.forces.network import write_force_network
@@ -15,7 +15,6 @@ __all__ = [
     "Recording",
     "Renderer",
     "Window",
-    "egress_comparison",
     "egress_curves",
     "forces_of_run",
     "learning_curve",

@@ -4,18 +4,24 @@ Figures are made of matplotlib's objects without ``pyplot``: no backend is chose
 stays open.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from crowd_env.files.atomic import check_suffix, written
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.palette import FLOOR, INK, QUIET, Color
+from crowd_env.rendering.palette import FLOOR, INK, OBSTACLE, QUIET, SERIES, Color
+from crowd_env.rendering.plan import holes_of, shells_of
+from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import PathPatch
 
 _DPI = 160
 _LIGHT, _DARK = np.array([142, 203, 205]), np.array([8, 52, 66])  # teal
@@ -41,7 +47,7 @@ def new_figure(
     return figure
 
 
-def quiet_axes(axes: "Axes", xlabel: str, ylabel: str, *, grid: bool = False) -> "Axes":
+def quiet_axes(axes: "Axes", xlabel: str, ylabel: str, *, title: str = "", grid: bool = False) -> "Axes":
     """Return ``axes`` with thin grey lines, so that what is measured stands out."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -53,7 +59,21 @@ def quiet_axes(axes: "Axes", xlabel: str, ylabel: str, *, grid: bool = False) ->
         axes.set_axisbelow(True)
     axes.set_xlabel(xlabel, color=hex_of(INK), fontsize=10)
     axes.set_ylabel(ylabel, color=hex_of(INK), fontsize=10)
+    if title:
+        name_panel(axes, title)
     return axes
+
+
+def name_panel(axes: "Axes", title: str) -> None:
+    """Write a title above the upper left corner of ``axes``."""
+    axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11)
+
+
+def mark(label: str, **style: Any) -> "Line2D":
+    """Return an entry of a legend: a line or a marker in a ``style`` of matplotlib that is drawn nowhere else."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label=label, **style)
 
 
 def save_figure(figure: "Figure", path: str | Path) -> Path:
@@ -64,9 +84,49 @@ def save_figure(figure: "Figure", path: str | Path) -> Path:
     return path
 
 
+def fill_rings(axes: "Axes", rings: Iterable[Floats], color: Color, layer: float, alpha: float = 1.0) -> "PathPatch":
+    """Fill what lies between closed lines (K, 2) [m] on axes in meters, and return the patch."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    outline = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
+    patch = PathPatch(outline, facecolor=hex_of(color), alpha=alpha, edgecolor="none", zorder=layer)
+    axes.add_patch(patch)
+    return patch
+
+
+def draw_floor(axes: "Axes", geometry: Geometry) -> "PathPatch":
+    """Draw the floor of a plan, and grey obstacles where it has holes, on axes in meters; return the floor."""
+    shells = shells_of(geometry.walkable)
+    fill_rings(axes, shells, OBSTACLE, 0)
+    return fill_rings(axes, [*shells, *holes_of(geometry.walkable)], FLOOR, 1)
+
+
+def draw_lines(axes: "Axes", lines: Iterable[Floats], color: Color, width: float, layer: float, **style: Any) -> None:
+    """Draw segments (K, 2, 2) [m] on axes in meters."""
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(LineCollection(list(lines), colors=hex_of(color), linewidths=width, zorder=layer, **style))
+
+
+def show_plan(axes: "Axes", geometry: Geometry, margin: float) -> None:
+    """Show all of a plan on axes without ticks, with a ``margin`` in shares of its longer side."""
+    x0, y0, x1, y1 = geometry.bounds
+    room = margin * max(x1 - x0, y1 - y0)
+    axes.set_xlim(x0 - room, x1 + room)
+    axes.set_ylim(y0 - room, y1 + room)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
 def hex_of(color: Color) -> str:
     """Return ``color`` as matplotlib reads it."""
     return "#{:02x}{:02x}{:02x}".format(*color)
+
+
+def series(k: int) -> str:
+    """Return the color of the curve ``k``."""
+    return hex_of(SERIES[k % len(SERIES)])
 
 
 def shade(level: float) -> str:

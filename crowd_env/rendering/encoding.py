@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env.files.atomic import written
+from crowd_env.files.atomic import check_suffix, written
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import RAMP
 from crowd_env.rendering.text import Image
@@ -22,10 +22,11 @@ _FLAT = 32  # colors of a film that are kept as they are
 _APART = 9
 
 
-def write_png(path: Path, image: Image) -> Path:
-    """Write ``image`` and return the path."""
+def write_png(path: str | Path, image: Image) -> Path:
+    """Write ``image`` to ``path``, which ends in .png, and return it."""
     with drawing_library():
         import PIL.Image
+    path = check_suffix(path, (".png",))
     with written(path) as part:
         PIL.Image.fromarray(image).save(part, format="PNG", optimize=True)
     return path

@@ -1,4 +1,4 @@
-"""Figures of results: egress curves, learning curves, and simulated beside recorded; one quiet style for all."""
+"""Figures of results: egress curves, of simulations and of experiments, and learning curves."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.files.atomic import check_suffix
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure
 from crowd_env.rendering.palette import INK, QUIET, SERIES, Color
 from crowd_env.state import Floats
@@ -28,57 +27,26 @@ def egress_curves(path: str | Path, curves: Mapping[str, Iterable[ArrayLike]], *
     Parameters
     ----------
     path : ends in .png.
-    curves : label -> exit times (N,) [s] of each evacuation; nan for those who did not get out.
+    curves : label -> exit times (N,) [s] of each evacuation, simulated or recorded; nan for those who did not get out.
 
     Raises
     ------
     ValueError
         If the suffix is another or a label has no evacuation.
     """
-    path = check_suffix(path, (".png",))
     runs = {label: _exit_times(label, times) for label, times in curves.items()}
     if not runs:
         raise ValueError("egress curves need at least one label with evacuations")
     figure, axes = _axes(title, "time [s]", "people inside")
-    end = 1.03 * max(_last(times) for times in runs.values())
+    every = [times for of_label in runs.values() for times in of_label]
+    known = np.concatenate(every)
+    end = 1.03 * float(np.max(known[np.isfinite(known)], initial=1e-3))
     for k, (label, times) in enumerate(runs.items()):
         _draw_egress(axes, times, end, SERIES[k % len(SERIES)])
         _name_curve(axes, k, _egress_label(label, times), SERIES[k % len(SERIES)])
-    _frame_egress(axes, end, max(len(run) for times in runs.values() for run in times))
-    return save_figure(figure, path)
-
-
-def egress_comparison(
-    path: str | Path,
-    recorded: ArrayLike,
-    simulated: Iterable[ArrayLike],
-    *,
-    title: str = "",
-    recorded_label: str = "recorded",
-    simulated_label: str = "simulated",
-) -> Path:
-    """Draw N(t) of a recorded evacuation over simulated ones and return the path.
-
-    Parameters
-    ----------
-    path : ends in .png.
-    recorded : (N,) s, exit times of the experiment; nan for those who did not get out.
-    simulated : exit times of each simulation.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is another or there is no simulation.
-    """
-    path = check_suffix(path, (".png",))
-    times, real = _exit_times(simulated_label, simulated), [np.sort(np.asarray(recorded, dtype=np.float64))]
-    figure, axes = _axes(title, "time [s]", "people inside")
-    end = 1.03 * max(_last(times), _last(real))
-    _draw_egress(axes, times, end, SERIES[0])
-    axes.step(*_steps(real[0], end), where="post", color=hex_of(INK), linewidth=2.2, zorder=4)
-    _name_curve(axes, 0, recorded_label, INK)
-    _name_curve(axes, 1, _egress_label(simulated_label, times), SERIES[0])
-    _frame_egress(axes, end, max(len(run) for run in [*times, *real]))
+    axes.set_xlim(0.0, end)
+    axes.set_ylim(0.0, 1.04 * max(map(len, every)))
+    axes.locator_params(axis="y", integer=True)
     return save_figure(figure, path)
 
 
@@ -108,7 +76,6 @@ def learning_curve(
     ValueError
         If the suffix is another, there is no series, one or its errors have not T values, or errors are of no series.
     """
-    path = check_suffix(path, (".png",))
     at = np.asarray(steps, dtype=np.float64)
     if not series:
         raise ValueError("a learning curve needs at least one series")
@@ -146,11 +113,6 @@ def _exit_times(label: str, curves: Iterable[ArrayLike]) -> list[Floats]:
     return runs
 
 
-def _last(runs: Sequence[Floats]) -> float:
-    known = np.concatenate(runs)
-    return float(np.max(known[np.isfinite(known)], initial=1e-3))
-
-
 def _steps(times: Floats, end: float) -> tuple[Floats, Floats]:
     """Return corners of N(t) for sorted exit ``times``, from 0 to ``end``."""
     out = times[np.isfinite(times)]
@@ -182,17 +144,10 @@ def _egress_label(label: str, runs: Sequence[Floats]) -> str:
     return text
 
 
-def _frame_egress(axes: "Axes", end: float, people: int) -> None:
-    axes.set_xlim(0.0, end)
-    axes.set_ylim(0.0, 1.04 * people)
-    axes.locator_params(axis="y", integer=True)
-
-
 def _axes(title: str, xlabel: str, ylabel: str) -> "tuple[Figure, Axes]":
     figure = new_figure(_SIZE, dpi=_DPI)
     axes = quiet_axes(figure.add_subplot(), xlabel, ylabel, grid=True)
-    if title:
-        axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11.5, fontweight="bold", pad=10)
+    axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11.5, fontweight="bold", pad=10)
     return figure, axes
 
 

@@ -88,7 +88,6 @@ def write_still(
     ValueError
         If the suffix is not .png or there is no recording.
     """
-    path = check_suffix(path, (".png",))
     films = _several(recordings)
     end = max(film.end for film in films)
     return write_png(path, _Stage(films, width, end).frame(films[0].peak_time() if time is None else time))
@@ -102,7 +101,6 @@ def write_strip(path: str | Path, recording: Recording, times: Sequence[float], 
     ValueError
         If the suffix is not .png or there is no time.
     """
-    path = check_suffix(path, (".png",))
     if len(times) == 0:
         raise ValueError("a strip needs at least one time")
     panel = 2 * (width // (2 * len(times)))
@@ -125,12 +123,7 @@ class _Stage:
         same_place = all(recording.geometry is recordings[0].geometry for recording in recordings)
         self.recordings = recordings
         self.renderers = [
-            Renderer(
-                recording.geometry,
-                width=panel,
-                text=text,
-                scale_bar=not same_place or k == count - 1,
-            )
+            Renderer(recording.geometry, width=panel, text=text, scale_bar=not same_place or k == count - 1)
             for k, recording in enumerate(recordings)
         ]
         layout = self.renderers[0].layout

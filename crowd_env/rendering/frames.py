@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.discs import put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, pressure_color
-from crowd_env.rendering.plan import Layout, draw_plan, fit
+from crowd_env.rendering.plan import Layout, draw_plan, fit, round_length
 from crowd_env.rendering.text import Image, put_text, text_width
 from crowd_env.state import Floats
 
@@ -20,15 +20,13 @@ class Renderer:
     ----------
     geometry : floor, walls, obstacles and exits.
     width : px of a frame; the height follows from the geometry.
-    supersample : edges of floor and walls are sampled so many times a pixel; people are drawn exactly.
-    full_pressure : N/m, what the legend calls a color value of 1.
     text : px, size of letters; default by the width.
     scale_bar : show how long a meter is.
 
     Raises
     ------
     ValueError
-        If ``width`` or ``supersample`` is not positive.
+        If ``width`` is not positive.
 
     Examples
     --------
@@ -41,21 +39,18 @@ class Renderer:
         geometry: Geometry,
         *,
         width: int = 640,
-        supersample: int = 4,
-        full_pressure: float = FULL_PRESSURE,
         text: float | None = None,
         scale_bar: bool = True,
     ) -> None:
-        if not width > 0 or not supersample >= 1:
-            raise ValueError(f"width is {width} px and supersample {supersample}; both must be at least 1")
+        if not width > 0:
+            raise ValueError(f"width is {width} px; it must be at least 1")
         self.geometry = geometry
-        self.full_pressure = full_pressure
         self.layout: Layout = fit(geometry, width, text=text)
-        self._empty: Image = draw_plan(geometry, self.layout, supersample)
+        self._empty: Image = draw_plan(geometry, self.layout)
         if scale_bar:
             _put_scale_bar(self._empty, self.layout)
         self._with_legend = self._empty.copy()
-        _put_legend(self._with_legend, self.layout, full_pressure)
+        _put_legend(self._with_legend, self.layout)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -82,7 +77,7 @@ class Renderer:
         ----------
         position, radius : (N, 2), (N,) m.
         active : (N,), only these are drawn; default everyone.
-        color_value : (N,), how hard everyone is pressed, 0..1; see `contact_pressure`.  Without it all are calm.
+        color_value : (N,), how hard everyone is pressed: 0 to 1 is up to `FULL_PRESSURE`.  Without it all are calm.
         velocity : (N, 2) m/s, gives everyone who moves a heading.
         title : what is seen.
         clock : s.
@@ -138,7 +133,7 @@ def _shortened(text: str, room: float, size: float) -> str:
     return text.rstrip() + "…" if text else ""
 
 
-def _put_legend(image: Image, layout: Layout, full_pressure: float) -> None:
+def _put_legend(image: Image, layout: Layout) -> None:
     size, y = 0.78 * layout.text, layout.height - 0.5 * layout.footer
     x = float(layout.margin)
     for text in ("contact pressure", "0"):
@@ -148,14 +143,12 @@ def _put_legend(image: Image, layout: Layout, full_pressure: float) -> None:
     left, top = round(x), round(y - 0.5 * thick)
     columns = np.rint(np.linspace(0.0, len(RAMP) - 1.0, length)).astype(int)
     image[top : top + thick, left : left + length] = RAMP[columns]
-    put_text(image, f"{full_pressure:g} N/m", (left + length + 0.7 * size, y), size, QUIET)
+    put_text(image, f"{FULL_PRESSURE:g} N/m", (left + length + 0.7 * size, y), size, QUIET)
 
 
 def _put_scale_bar(image: Image, layout: Layout) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten meters, at most a fifth of the width."""
-    goal = 0.2 * layout.width / layout.scale
-    power = 10.0 ** np.floor(np.log10(goal))
-    meters = power * max(step for step in (1, 2, 5) if step * power <= goal)
+    meters = round_length(0.2 * layout.width / layout.scale)
     size, y = 0.78 * layout.text, layout.height - 0.5 * layout.footer
     text = f"{meters:g} m"
     right = layout.width - layout.margin

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env.files.atomic import check_suffix
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
-from crowd_env.rendering.palette import EXIT, FAINT, FLOOR, INK, OBSTACLE, QUIET, WALL, Color, blend
+from crowd_env.rendering.canvas import draw_floor, draw_lines, hex_of, new_figure, save_figure, show_plan
+from crowd_env.rendering.palette import EXIT, FAINT, INK, QUIET, WALL, Color, blend
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_COLUMNS = 2
 _WIDTH, _TALLEST = 10.6, 9.0  # inch
 _BAR = 0.72  # inch, of a color bar with its numbers and the title above it
 # From hardly there to much: teal, and the warm part of the ramp of pressures.
@@ -38,9 +38,9 @@ class HeatMap(NamedTuple):
 
 
 def heat_maps(
-    path: str | Path, geometry: Geometry, maps: Sequence[HeatMap], *, columns: int = 2, title: str = "", note: str = ""
+    path: str | Path, geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "", note: str = ""
 ) -> Path:
-    """Draw maps over the plan, ``columns`` side by side, and return the path.
+    """Draw maps over the plan, two side by side, and return the path.
 
     Parameters
     ----------
@@ -53,27 +53,23 @@ def heat_maps(
     ValueError
         If the suffix is another or there is no map.
     """
-    return save_figure(
-        heat_figure(geometry, maps, columns=columns, title=title, note=note), check_suffix(path, (".png",))
-    )
+    return save_figure(heat_figure(geometry, maps, title=title, note=note), path)
 
 
-def heat_figure(
-    geometry: Geometry, maps: Sequence[HeatMap], *, columns: int = 2, title: str = "", note: str = ""
-) -> "Figure":
+def heat_figure(geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "", note: str = "") -> "Figure":
     """Return the figure of `heat_maps`."""
     if not maps:
         raise ValueError("no map to draw; give at least one")
-    rows = -(-len(maps) // columns)
+    rows = -(-len(maps) // _COLUMNS)
     x0, y0, x1, y1 = geometry.bounds
-    across = _WIDTH / columns
+    across = _WIDTH / _COLUMNS
     height = rows * (across * (y1 - y0) / max(x1 - x0, 1e-9) + _BAR) + 0.5 * bool(title) + 0.3 * bool(note)
     shrink = min(1.0, _TALLEST / height)
     figure = new_figure((max(_WIDTH * shrink, 5.0), max(height * shrink, 2.6)))
     figure.get_layout_engine().set(hspace=0.03, wspace=0.03)  # type: ignore[union-attr,call-arg]
-    for axes, one in zip(figure.subplots(rows, columns, squeeze=False).flat, maps, strict=False):
+    for axes, one in zip(figure.subplots(rows, _COLUMNS, squeeze=False).flat, maps, strict=False):
         _draw(axes, geometry, one)
-    for axes in figure.axes[len(maps) : rows * columns]:
+    for axes in figure.axes[len(maps) : rows * _COLUMNS]:
         axes.axis("off")
     if title:
         figure.suptitle(title, x=0.02, ha="left", color=hex_of(INK), fontsize=12.5, fontweight="bold")
@@ -83,16 +79,12 @@ def heat_figure(
 
 
 def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
-    from matplotlib.collections import LineCollection
     from matplotlib.colors import ListedColormap
-    from matplotlib.patches import PathPatch
 
     rows, columns = one.values.shape
     (left, low), cell = one.origin, one.cell
     full = one.full or float(one.values.max(initial=0.0)) or 1.0
-    floor = PathPatch(_outline(geometry), facecolor=hex_of(FLOOR), edgecolor="none", zorder=1)
-    axes.add_patch(PathPatch(_outline(geometry, filled=True), facecolor=hex_of(OBSTACLE), edgecolor="none", zorder=0))
-    axes.add_patch(floor)
+    floor = draw_floor(axes, geometry)
     image = axes.imshow(
         np.ma.masked_less_equal(one.values, 0.0),
         origin="lower",
@@ -104,16 +96,9 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
         zorder=2,
     )
     image.set_clip_path(floor)
-    axes.add_collection(LineCollection(list(geometry.exits), colors=hex_of(EXIT), linewidths=3.0, zorder=3))
-    axes.add_collection(
-        LineCollection(list(geometry.walls), colors=hex_of(WALL), linewidths=1.6, capstyle="projecting", zorder=4)
-    )
-    x0, y0, x1, y1 = geometry.bounds
-    margin = 0.015 * max(x1 - x0, y1 - y0)
-    axes.set_xlim(x0 - margin, x1 + margin)
-    axes.set_ylim(y0 - margin, y1 + margin)
-    axes.set_aspect("equal")
-    axes.axis("off")
+    draw_lines(axes, geometry.exits, EXIT, 3.0, 3)
+    draw_lines(axes, geometry.walls, WALL, 1.6, 4, capstyle="projecting")
+    show_plan(axes, geometry, 0.015)
     axes.set_title(one.title, loc="left", color=hex_of(INK), fontsize=10.5, pad=4)
     figure = axes.get_figure()
     assert figure is not None
@@ -123,13 +108,3 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
     bar.ax.tick_params(colors=hex_of(QUIET), labelsize=8.5, length=2)
     bar.ax.locator_params(nbins=6)
     bar.set_label(one.unit, color=hex_of(QUIET), fontsize=8.5)
-
-
-def _outline(geometry: Geometry, *, filled: bool = False):  # type: ignore[no-untyped-def]  # a matplotlib path
-    """Return the walkable area as a path; ``filled`` leaves its holes out."""
-    from matplotlib.path import Path as Outline
-
-    parts = getattr(geometry.walkable, "geoms", [geometry.walkable])
-    rings = [ring for part in parts for ring in (part.exterior, *(() if filled else part.interiors))]
-    paths = [Outline(np.asarray(ring.coords)[:, :2], closed=True) for ring in rings]
-    return Outline.make_compound_path(*paths)

@@ -54,23 +54,23 @@ def fit(geometry: Geometry, width: int, *, text: float | None = None) -> Layout:
     return Layout(width, height, scale, (origin_x, origin_y), wall, text, margin, header, footer)
 
 
-def draw_plan(geometry: Geometry, layout: Layout, supersample: int) -> Image:
-    """Return the image (H, W, 3) of the empty geometry; its edges are sampled ``supersample`` times a pixel and averaged."""
+def draw_plan(geometry: Geometry, layout: Layout, samples: int = 4) -> Image:
+    """Return the image (H, W, 3) of the empty geometry; ``samples`` a pixel along each axis are averaged."""
     image = np.empty((layout.height, layout.width, 3), dtype=np.uint8)
     image[:] = BACKGROUND
 
     def fill(rings: Iterable[ArrayLike], color: Color) -> None:
-        _fill(image, [layout.pixels(ring) for ring in rings], color, supersample)
+        _fill(image, [layout.pixels(ring) for ring in rings], color, samples)
 
     pixel = 1.0 / layout.scale
     with_walls: Any = geometry.walkable.buffer(layout.wall * pixel, join_style="mitre")
-    fill(_holes(with_walls), OBSTACLE)
-    fill([*_shells(with_walls), *_holes(with_walls)], WALL)
+    fill(holes_of(with_walls), OBSTACLE)
+    fill([*shells_of(with_walls), *holes_of(with_walls)], WALL)
     for hole in _exit_areas(geometry):
         fill([hole], EXIT_MAT)
     for a, b in geometry.exits:
         fill([_strip(a, b, 0.0, (layout.wall + _STEP * layout.margin) * pixel)], EXIT_MAT)
-    fill([*_shells(geometry.walkable), *_holes(geometry.walkable)], FLOOR)
+    fill([*shells_of(geometry.walkable), *holes_of(geometry.walkable)], FLOOR)
     line = float(np.clip(0.35 * layout.wall, 2.0, 4.0)) * pixel
     for a, b in geometry.exits:
         fill([_strip(a, b, 0.0, line)], EXIT)
@@ -81,7 +81,7 @@ def draw_plan(geometry: Geometry, layout: Layout, supersample: int) -> Image:
     return image
 
 
-def _fill(image: Image, rings: Sequence[Floats], color: Color, supersample: int) -> None:
+def _fill(image: Image, rings: Sequence[Floats], color: Color, samples: int) -> None:
     """Fill what lies within an odd number of closed lines (K, 2) [px], each pixel as far as it is covered."""
     if not rings:
         return
@@ -90,10 +90,10 @@ def _fill(image: Image, rings: Sequence[Floats], color: Color, supersample: int)
     right, bottom = np.minimum(np.ceil(points.max(axis=0)).astype(int), (image.shape[1], image.shape[0]))
     if right <= left or bottom <= top:
         return
-    rows, columns = (bottom - top) * supersample, (right - left) * supersample
+    rows, columns = (bottom - top) * samples, (right - left) * samples
     crossings = np.zeros((rows, columns + 1), dtype=np.int32)
     for ring in rings:
-        ends = (ring - (left, top)) * supersample
+        ends = (ring - (left, top)) * samples
         for (x0, y0), (x1, y1) in zip(ends, np.roll(ends, -1, axis=0), strict=True):
             upper, lower = np.clip(np.ceil(np.sort([y0, y1]) - 0.5), 0, rows).astype(int)
             row = np.arange(upper, lower)  # whose middle the edge passes
@@ -101,27 +101,37 @@ def _fill(image: Image, rings: Sequence[Floats], color: Color, supersample: int)
                 x = x0 + (row + 0.5 - y0) * (x1 - x0) / (y1 - y0)
                 crossings[row, np.clip(np.ceil(x - 0.5), 0, columns).astype(int)] += 1
     inside = np.cumsum(crossings[:, :-1], axis=1) % 2
-    cover = inside.reshape(bottom - top, supersample, right - left, supersample).mean(axis=(1, 3))[..., None]
+    cover = inside.reshape(bottom - top, samples, right - left, samples).mean(axis=(1, 3))[..., None]
     patch = image[top:bottom, left:right]
     patch[:] = np.rint(patch + (np.asarray(color) - patch) * cover).astype(np.uint8)
 
 
-def _parts(area: Any) -> list[Any]:
-    return list(getattr(area, "geoms", [area]))
+def polygons_of(area: Any) -> list[Any]:
+    """Return the polygons of a shapely shape."""
+    parts = getattr(area, "geoms", [area])
+    return [part for part in parts if part.geom_type == "Polygon" and not part.is_empty]
 
 
-def _shells(area: Any) -> list[Floats]:
-    return [np.asarray(part.exterior.coords)[:, :2] for part in _parts(area)]
+def shells_of(area: Any) -> list[Floats]:
+    """Return the outer borders (K, 2) [m] of the polygons of a shapely shape."""
+    return [np.asarray(part.exterior.coords)[:, :2] for part in polygons_of(area)]
 
 
-def _holes(area: Any) -> list[Floats]:
-    return [np.asarray(ring.coords)[:, :2] for part in _parts(area) for ring in part.interiors]
+def holes_of(area: Any) -> list[Floats]:
+    """Return the borders (K, 2) [m] of the holes in the polygons of a shapely shape."""
+    return [np.asarray(ring.coords)[:, :2] for part in polygons_of(area) for ring in part.interiors]
+
+
+def round_length(most: float) -> float:
+    """Return the largest length of 1, 2 or 5 times a power of ten that is no longer than ``most``: for scale bars."""
+    power = float(10.0 ** np.floor(np.log10(most)))
+    return power * max(step for step in (1, 2, 5) if step * power <= most)
 
 
 def _exit_areas(geometry: Geometry) -> Iterator[Floats]:
     """Yield the holes (K, 2) [m] of the walkable area that are exits all around: people walk into them."""
     exits = {tuple(point) for point in geometry.exits.reshape(-1, 2)}
-    for hole in _holes(geometry.walkable):
+    for hole in holes_of(geometry.walkable):
         if all(tuple(point) in exits for point in hole):
             yield hole
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crowd_env.files.atomic import check_suffix
-from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
-from crowd_env.rendering.palette import BACKGROUND, EXIT, FLOOR, INK, OBSTACLE, QUIET, SERIES, WALL, Color
+from crowd_env.rendering.canvas import draw_floor, draw_lines, fill_rings, hex_of, new_figure, save_figure, show_plan
+from crowd_env.rendering.palette import BACKGROUND, EXIT, INK, QUIET, SERIES, WALL, Color
+from crowd_env.rendering.plan import holes_of, round_length, shells_of
 from crowd_env.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _PANEL = (5.2, 4.3)  # inch
 _COLUMNS = 3
 _DPI = 110
+_MARGIN = 0.09  # of the longer side of a plan
 _DOOR: Color = (196, 120, 32)
 _REGION: Color = (74, 92, 160)
 _GROUPS: tuple[Color, ...] = (SERIES[0], SERIES[1], SERIES[2], SERIES[4])
@@ -36,7 +37,6 @@ def draw_sheet(path: str | Path, scenarios: Sequence[Scenario], *, seed: int = 0
     ValueError
         If the suffix is another, there is no scenario, or the people do not fit.
     """
-    path = check_suffix(path, (".png",))
     if not scenarios:
         raise ValueError("a sheet needs at least one scenario")
     columns = min(_COLUMNS, len(scenarios))
@@ -54,28 +54,20 @@ def draw_sheet(path: str | Path, scenarios: Sequence[Scenario], *, seed: int = 0
 
 def draw_scenario(axes: "Axes", scenario: Scenario, rng: np.random.Generator) -> None:
     """Draw a plan and a crowd on axes."""
-    from matplotlib.collections import LineCollection
-
     geometry = scenario.geometry
-    for part in getattr(geometry.walkable, "geoms", [geometry.walkable]):
-        _fill(axes, type(part)(part.exterior), OBSTACLE, 1.0, 0)
-    _fill(axes, geometry.walkable, FLOOR, 1.0, 1)
+    draw_floor(axes, geometry)
     for name, area in geometry.regions.items():
         _draw_region(axes, name, area.intersection(geometry.walkable))
     fixed, thin = geometry.walls_when(())
-    axes.add_collection(LineCollection(list(fixed[~thin]), colors=hex_of(WALL), linewidths=1.8, zorder=4))
-    axes.add_collection(LineCollection(list(fixed[thin]), colors=hex_of(WALL), linewidths=1.0, zorder=4))
-    leaves = geometry.walls[geometry.door_of_wall >= 0]
-    axes.add_collection(LineCollection(list(leaves), colors=hex_of(_DOOR), linewidths=2.4, zorder=5))
-    axes.add_collection(LineCollection(list(geometry.exits), colors=hex_of(EXIT), linewidths=4.5, zorder=5))
+    draw_lines(axes, fixed[~thin], WALL, 1.8, 4)
+    draw_lines(axes, fixed[thin], WALL, 1.0, 4)
+    draw_lines(axes, geometry.walls[geometry.door_of_wall >= 0], _DOOR, 2.4, 5)
+    draw_lines(axes, geometry.exits, EXIT, 4.5, 5)
     _name_exits(axes, scenario)
     _draw_people(axes, scenario, rng)
+    show_plan(axes, geometry, _MARGIN)
     x0, y0, x1, y1 = geometry.bounds
-    margin = 0.09 * max(x1 - x0, y1 - y0)
-    axes.set_xlim(x0 - margin, x1 + margin)
-    axes.set_ylim(y0 - margin, y1 + margin)
-    axes.set_aspect("equal")
-    _scale_bar(axes, (x0, y0 - 0.62 * margin), x1 - x0)
+    _scale_bar(axes, (x0, y0 - 0.62 * _MARGIN * max(x1 - x0, y1 - y0)), x1 - x0)
     words = textwrap.wrap(scenario.title, 60)
     axes.set_title(
         scenario.name, loc="left", color=hex_of(INK), fontsize=11, fontweight="bold", pad=6 + 11 * len(words)
@@ -91,7 +83,7 @@ def draw_scenario(axes: "Axes", scenario: Scenario, rng: np.random.Generator) ->
 
 def _draw_region(axes: "Axes", name: str, area: Any) -> None:
     """Tint a region, and write its name into the upper left corner of its first part."""
-    _fill(axes, area, _REGION, 0.16, 2)
+    fill_rings(axes, [*shells_of(area), *holes_of(area)], _REGION, 2, alpha=0.16)
     first = getattr(area, "geoms", [area])[0]
     left, _, _, top = first.bounds
     near: dict[str, Any] = {
@@ -104,18 +96,6 @@ def _draw_region(axes: "Axes", name: str, area: Any) -> None:
     }
     background = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.6}
     axes.annotate(name, (left, top), color=hex_of(_REGION), bbox=background, **near)
-
-
-def _fill(axes: "Axes", area: Any, color: Color, alpha: float, layer: float) -> None:
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path as Outline
-
-    for part in getattr(area, "geoms", [area]):
-        if part.geom_type != "Polygon" or part.is_empty:
-            continue
-        rings = [np.asarray(ring.coords)[:, :2] for ring in (part.exterior, *part.interiors)]
-        outline = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
-        axes.add_patch(PathPatch(outline, facecolor=hex_of(color), alpha=alpha, edgecolor="none", zorder=layer))
 
 
 def _name_exits(axes: "Axes", scenario: Scenario) -> None:
@@ -161,9 +141,7 @@ def _draw_people(axes: "Axes", scenario: Scenario, rng: np.random.Generator) -> 
 
 
 def _scale_bar(axes: "Axes", corner: tuple[float, float], width: float) -> None:
-    goal = 0.25 * width
-    power = 10.0 ** np.floor(np.log10(goal))
-    meters = power * max(step for step in (1, 2, 5) if step * power <= goal)
+    meters = round_length(0.25 * width)
     x, y = corner
     axes.plot([x, x + meters], [y, y], color=hex_of(QUIET), linewidth=1.5, solid_capstyle="butt")
     axes.text(x + meters + 0.02 * width, y, f"{meters:g} m", color=hex_of(QUIET), fontsize=7, va="center")

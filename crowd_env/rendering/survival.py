@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowd_env.analysis.clogging import Clogging, survival
-from crowd_env.files.atomic import check_suffix
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure
 from crowd_env.rendering.palette import INK, QUIET, SERIES
 
@@ -33,7 +32,7 @@ def survival_curves(path: str | Path, sets: Mapping[str, Clogging], *, title: st
     ValueError
         If the suffix is another, or no set has a gap.
     """
-    return save_figure(survival_figure(sets, title=title), check_suffix(path, (".png",)))
+    return save_figure(survival_figure(sets, title=title), path)
 
 
 def survival_figure(sets: Mapping[str, Clogging], *, title: str = "") -> "Figure":
@@ -55,8 +54,7 @@ def survival_figure(sets: Mapping[str, Clogging], *, title: str = "") -> "Figure
         _draw_one(axes, label, found, right, SERIES[k % len(SERIES)], ink=len(drawn) == 1)
     axes.set_xlim(left, right)
     axes.set_ylim(0.5 / max(len(gaps) for gaps in every), 1.5)
-    if title:
-        axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11)
+    axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11)
     if any(found.tail is not None for found in drawn.values()):
         axes.plot([], [], color=hex_of(QUIET), linewidth=1.2, dashes=(4, 3), label="exponential, same tail")
     if any(_ends_open(found) for found in drawn.values()):

@@ -98,7 +98,7 @@ def _computed(todo: Sequence[Run[Record]], store: Store, workers: int) -> Iterat
     stop = context.Event()
     pool = ProcessPoolExecutor(workers, context, _begin, (stop,))
     try:
-        with _deaf():
+        with _interrupts_blocked():
             started = {pool.submit(_complete, run, store.folder): run for run in todo}
         for future in as_completed(started):
             yield started[future], future.result()
@@ -108,7 +108,7 @@ def _computed(todo: Sequence[Run[Record]], store: Store, workers: int) -> Iterat
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
+def _interrupts_blocked() -> Iterator[None]:
     """Let processes that start here inherit that Ctrl-C is not for them; what comes meanwhile reaches us afterwards."""
     if not hasattr(signal, "pthread_sigmask"):
         yield

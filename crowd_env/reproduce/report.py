@@ -1,17 +1,17 @@
 """Results in print: as a table of at most 100 columns, or as one JSON object."""
 
 import json
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Sequence
 from typing import Any
 
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from crowd_env.reproduce import FIGURES, PAPERS
-from crowd_env.reproduce.result import Result, Row
+from crowd_env.reproduce.result import Result
 from crowd_env.reproduce.settings import flag
 
 _WIDTH = 100
@@ -26,10 +26,10 @@ def show(result: Result) -> None:
         table.add_column(head, justify="right")
     table.add_column("n", justify="right")
     table.add_column("estimator and reading used", ratio=1)
-    for row, last in _with_sections(result.rows):
+    for row in result.rows:
         quantity = row.quantity if row.unit in ("1", "share", result.unit) else f"{row.quantity} [{row.unit}]"
         cells = (quantity, row.paper or "-", row.shown(), row.difference(), str(row.n), row.explained())
-        table.add_row(*(_plain(cell) for cell in cells), end_section=last)
+        table.add_row(*map(escape, cells), end_section=row.closes)
     console.print(table)
     if result.options:
         changed = ", ".join(flag(key) + ("" if value is True else f" {value}") for key, value in result.options.items())
@@ -83,15 +83,3 @@ def _console() -> Console:
     console = Console(highlight=False)
     console.width = min(_WIDTH, console.width) if console.is_terminal else _WIDTH
     return console
-
-
-def _plain(text: str) -> str:
-    """Return text that rich does not take for its markup."""
-    return text.replace("[", r"\[")
-
-
-def _with_sections(rows: Sequence[Row]) -> Iterator[tuple[Row, bool]]:
-    """Yield each row and whether a line follows it."""
-    for row, _ in pairwise([*rows, None]):
-        assert row is not None
-        yield row, row.closes and row is not rows[-1]

@@ -1,12 +1,12 @@
 """One number beside the paper's, and all that one table or figure amounts to."""
 
-import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from crowd_env.files.atomic import written
+from crowd_env.files.csv_table import write_csv
+from crowd_env.files.json_file import write_json
 
 Progress = Callable[[int], None]
 
@@ -98,8 +98,7 @@ def _percent(value: float, other: float, decimals: int = 2) -> str:
     return f"{100 * (value / other - 1):+.{decimals}f} %" if other else f"{value:+.1e}"
 
 
-@dataclass(frozen=True)
-class RawTable:
+class RawTable(NamedTuple):
     """Numbers behind the rows, for a CSV file."""
 
     header: Sequence[str]
@@ -132,7 +131,7 @@ class Result:
     title: str
     rows: Sequence[Row]
     raw: Mapping[str, RawTable]  # end of the file name -> numbers
-    draw: Callable[[Path], Path]  # writes the figure
+    draw: Callable[[], Any]  # makes the figure, of matplotlib
     remarks: Sequence[str] = ()  # what is and is not reproduced, in words
     options: Mapping[str, object] = field(default_factory=dict)  # those that differ from the defaults
     unit: str = ""  # that the title names, of most rows
@@ -147,28 +146,13 @@ class Result:
         }
 
     def save(self, folder: Path) -> list[Path]:
-        """Write the rows and the numbers behind them as CSV, each file whole or not at all; return the paths."""
-        paths = [folder / f"{self.name}.csv"]
-        write_table(
-            paths[0],
-            RawTable(
-                ("quantity", "paper", "here", "unit", "n", "reading", "closed_form", "sd", "ci95_low", "ci95_high"),
-                (
-                    (r.quantity, r.paper, r.here, r.unit, r.n, r.reading, r.expected, r.sd, *(r.ci95 or (None, None)))
-                    for r in self.rows
-                ),
-            ),
-        )
-        for ending, table in self.raw.items():
-            paths.append(folder / f"{self.name}-{ending}.csv")
-            write_table(paths[-1], table)
-        return paths
-
-
-def write_table(path: Path, table: RawTable) -> Path:
-    """Write a table as CSV, whole or not at all, and return the path."""
-    with written(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(table.header)
-        writer.writerows(table.rows)
-    return path
+        """Write the rows as CSV and all that is said as JSON, and the numbers behind them as CSV; return the paths."""
+        header = ("quantity", "paper", "here", "unit", "n", "reading", "closed_form", "sd", "ci95_low", "ci95_high")
+        rows = [
+            (r.quantity, r.paper, r.here, r.unit, r.n, r.reading, r.expected, r.sd, *(r.ci95 or (None, None)))
+            for r in self.rows
+        ]
+        paths = [write_csv(folder / f"{self.name}.csv", header, rows)]
+        paths.append(folder / f"{self.name}.json")
+        write_json(paths[-1], self.as_json())
+        return paths + [write_csv(folder / f"{self.name}-{ending}.csv", *table) for ending, table in self.raw.items()]

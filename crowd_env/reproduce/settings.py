@@ -50,6 +50,12 @@ class Settings:
         if not self.dt > 0:
             raise ValueError(f"--dt is {self.dt:g} s; it must be > 0")
 
+    @property
+    def draws_are(self) -> str:
+        """The beginning of a sentence: "Draws 0 to 9 are"."""
+        last = self.seed + self.runs - 1
+        return f"Draw {last} is" if self.runs == 1 else f"Draws {self.seed} to {last} are"
+
     def changed(self) -> dict[str, object]:
         """Return the options that differ from the defaults, without which draws are made."""
         values = {one.name: (getattr(self, one.name), one.default) for one in fields(self)}

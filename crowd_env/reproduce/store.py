@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from crowd_env._kernels import jit
-from crowd_env.files.atomic import written
+from crowd_env.files.atomic import write_text
 from crowd_env.reproduce.run import Record, Run
 
 _FORM = 1  # of the files
@@ -45,8 +45,7 @@ class Store:
             If it cannot be written.
         """
         content = {"identity": identity(run), "record": run.encode(record)}
-        with written(self.path(run)) as part:
-            part.write_text(json.dumps(content, allow_nan=False), encoding="utf-8")
+        write_text(self.path(run), json.dumps(content, allow_nan=False))
 
 
 def identity(run: Run[Any]) -> dict[str, Any]:

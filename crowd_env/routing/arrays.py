@@ -8,7 +8,7 @@ from crowd_env.navigation.field import NavigationField
 from crowd_env.routing.regions import region_masks
 from crowd_env.routing.route_set import RouteSet
 from crowd_env.routing.rules import MOST_REGIONS, Guidance, RegionArrays, RuleArrays
-from crowd_env.state import Ints
+from crowd_env.state import Ints, row_starts
 
 _REGION_CELL = 0.05  # m
 _REGION_CELLS = 4e6  # a place of more than 100 m x 100 m gets larger ones
@@ -70,10 +70,9 @@ def _join_regions(places: Sequence[RouteSet | NavigationField | None]) -> Region
     spacing = np.full(count, _REGION_CELL)
     masks: list[Ints] = []
     for g, place in enumerate(places):
-        needed = isinstance(place, RouteSet) and (
+        if not isinstance(place, RouteSet) or not (
             place.plan.zones or place.plan.rules or any(route.goal >= 0 for route in place.routes)
-        )
-        if not needed or not isinstance(place, RouteSet):
+        ):
             masks.append(np.zeros(0, dtype=np.int64))
             continue
         geometry = place.geometry
@@ -81,14 +80,14 @@ def _join_regions(places: Sequence[RouteSet | NavigationField | None]) -> Region
         cell = spacing[g] = max(_REGION_CELL, float(np.sqrt((x1 - x0) * (y1 - y0) / _REGION_CELLS)))
         cols, rows = (int(np.ceil(length / cell)) + 1 for length in (x1 - x0, y1 - y0))
         middle = np.meshgrid(x0 + cell * (np.arange(cols) + 0.5), y0 + cell * (np.arange(rows) + 0.5))
-        masks.append(region_masks(geometry, *middle).ravel())
+        masks.append(region_masks(geometry, np.stack(middle, axis=-1)).ravel())
         shape[g], origin[g] = (rows, cols), (x0, y0)
         names = list(geometry.regions)
         for zone in place.plan.zones:
             k = names.index(zone.region)
             fixed[g, k] = np.nan if zone.speed is None else zone.speed
             factor[g, k] = zone.factor
-    start = np.concatenate([[0], np.cumsum([len(mask) for mask in masks])]).astype(np.int64)
+    start = row_starts([len(mask) for mask in masks])
     return RegionArrays(start, shape, origin, spacing, np.concatenate(masks), fixed, factor)
 
 
@@ -103,17 +102,7 @@ def _join_rules(places: Sequence[RouteSet | NavigationField | None]) -> RuleArra
                 number = place.number(rule.route)
                 rows.append((names.index(rule.region), rule.at_least, below, rule.hold, number, rule.commits))
         start.append(len(rows))
-    columns = list(zip(*rows, strict=True)) or [()] * 6
-
-    def whole(k: int) -> Ints:
-        return np.array(columns[k], dtype=np.int64)
-
-    return RuleArrays(
-        np.array(start, dtype=np.int64),
-        whole(0),
-        whole(1),
-        whole(2),
-        np.array(columns[3], dtype=np.float64),
-        whole(4),
-        np.array(columns[5], dtype=np.bool_),
-    )
+    columns = zip(*rows, strict=True) if rows else [()] * 6
+    kinds: tuple[type, ...] = (np.int64, np.int64, np.int64, np.float64, np.int64, np.bool_)
+    arrays: list[np.ndarray] = [np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)]
+    return RuleArrays(np.array(start, dtype=np.int64), *arrays)

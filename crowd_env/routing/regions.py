@@ -3,19 +3,20 @@
 import numpy as np
 
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.navigation.directions import regions_on_the_way
 from crowd_env.navigation.field import NavigationField
 from crowd_env.state import Floats, Ints
 
 
-def region_masks(geometry: Geometry, x: Floats, y: Floats) -> Ints:
-    """Return which regions the points x, y (any shape) [m] lie in: bit k is region k of the geometry."""
-    mask = np.zeros(x.shape, dtype=np.int64)
-    points = np.stack([x.ravel(), y.ravel()], axis=1)
+def region_masks(geometry: Geometry, points: Floats) -> Ints:
+    """Return which regions ``points`` (..., 2) [m] lie in: bit k is region k of the geometry."""
+    mask = np.zeros(points.shape[:-1], dtype=np.int64)
     for k, name in enumerate(geometry.regions):
-        mask[geometry.contains(points, name).reshape(x.shape)] |= 1 << k
+        mask[geometry.contains(points, name)] |= 1 << k
     return mask
 
 
-def region_masks_of(field: NavigationField, geometry: Geometry) -> Ints:
-    """Return which regions the nodes of a field (rows, cols) lie in, as bits."""
-    return region_masks(geometry, *field.nodes())
+def regions_along(field: NavigationField, geometry: Geometry) -> Ints:
+    """Return which regions the way from every node of a field (rows, cols) leads through, as bits."""
+    own = region_masks(geometry, field.nodes())
+    return np.asarray(regions_on_the_way(field.travel_time, field.direction, own))

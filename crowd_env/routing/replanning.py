@@ -9,10 +9,10 @@ import numpy as np
 
 from crowd_env.clock import DueClock
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.navigation.congestion import write_field
-from crowd_env.navigation.field import FieldArrays, NavigationField, join_fields, regions_along
+from crowd_env.navigation.field import NavigationField, join_fields
+from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.routing.arrays import add_fields, join_routes
-from crowd_env.routing.regions import region_masks_of
+from crowd_env.routing.regions import regions_along
 from crowd_env.routing.route_set import RouteSet
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
@@ -28,9 +28,7 @@ class PlannerState(NamedTuple):
     known: tuple[_Key, ...]  # whose fields have been made, in their order
     closed: tuple[frozenset[str], ...]  # doors that the ways of each environment are made for
     field_of_route: Ints  # (E, R)
-    found: dict[
-        int, tuple[Floats, Floats, Ints]
-    ]  # travel times, directions and regions of the fields that follow a crowd
+    found: dict[int, tuple[np.ndarray, ...]]  # travel times, directions and regions of the fields that follow a crowd
     due: Floats  # (E,)  s
 
 
@@ -66,14 +64,12 @@ class RoutePlanner:
         self.field: FieldArrays = join_fields(self._fields, boundary, self._geometry_of_field)
         self._current: list[Place] = [self.places[g] for g in geometry_of_env]
         self._closed: list[frozenset[str]] = [frozenset() for _ in self._current]
-        self._rows: dict[_Key, list[int]] = {}
-        self._potentials: dict[_Key, list[int]] = {}
+        self._rows: dict[_Key, tuple[list[int], list[int]]] = {}  # of the fields of the routes, and of their potentials
         for e, place in enumerate(self._current):
             if isinstance(place, RouteSet):
-                rows = self.guidance.field_of_route[e, : len(place.routes)]
-                self._rows.setdefault(self._key(e, frozenset()), rows.tolist())
-                potentials = self.potential_of_route[e, : len(place.routes)]
-                self._potentials.setdefault(self._key(e, frozenset()), potentials.tolist())
+                count = len(place.routes)
+                rows = self.guidance.field_of_route[e, :count].tolist(), self.potential_of_route[e, :count].tolist()
+                self._rows.setdefault(self._key(e, frozenset()), rows)
         self._first_rows, self._first_fields = dict(self._rows), len(self._fields)
         self._clock = DueClock(len(geometry_of_env))
         self._dynamic = self._find_dynamic()
@@ -116,11 +112,10 @@ class RoutePlanner:
         self.seconds += time.process_time() - begin
 
     def _write(self, e: int, r: int, field: NavigationField, place: RouteSet) -> None:
-        first = int(self.field.node_start[self.guidance.field_of_route[e, r]])
-        write_field(field, self.field.travel_time, self.field.direction, first)
+        travel_time, direction, through = _of_field(self.field, int(self.guidance.field_of_route[e, r]))
+        travel_time[:], direction[:] = field.travel_time.ravel(), field.direction.reshape(-1, 2)
         if place.plan.rules:
-            through = regions_along(field, region_masks_of(field, place.geometry))
-            self.field.through[first : first + through.size] = through.ravel()
+            through[:] = regions_along(field, place.geometry).ravel()
         self.marches += 1
 
     def close(self, e: int, closed: frozenset[str]) -> None:
@@ -144,19 +139,20 @@ class RoutePlanner:
             for name in ("travel_time", "direction", "through"):  # as they were: some follow their crowd
                 known = getattr(before, name)
                 getattr(self.field, name)[: len(known)] = known
-        self.guidance.field_of_route[e, : len(route_set.routes)] = self._rows[key]
-        self.potential_of_route[e, : len(route_set.routes)] = self._potentials[key]
+        count = len(route_set.routes)
+        self.guidance.field_of_route[e, :count], self.potential_of_route[e, :count] = self._rows[key]
         self._current[e], self._closed[e] = route_set, closed
         self._dynamic = self._find_dynamic()
         self._clock.due[e] = 0.0
 
     def _add(self, key: _Key, route_set: RouteSet, geometry: int) -> None:
-        self._rows[key], self._potentials[key] = add_fields(route_set, self._fields)
+        self._rows[key] = add_fields(route_set, self._fields)
         self._geometry_of_field += [geometry] * (len(self._fields) - len(self._geometry_of_field))
 
     def moment(self) -> PlannerState:
         """Return a copy of the ways as they are."""
-        found = {row: _copied(self.field, row) for (owner, _), rows in self._rows.items() if owner >= 0 for row in rows}
+        own = [row for (owner, _), (rows, _) in self._rows.items() if owner >= 0 for row in rows]
+        found = {row: tuple(array.copy() for array in _of_field(self.field, row)) for row in own}
         return PlannerState(
             tuple(self._rows), tuple(self._closed), self.guidance.field_of_route.copy(), found, self._clock.due.copy()
         )
@@ -181,7 +177,7 @@ class RoutePlanner:
             self._closed[e] = closed
             self._current[e] = route_set = place.when(closed) if isinstance(place, RouteSet) else place
             if isinstance(route_set, RouteSet):
-                self.potential_of_route[e, : len(route_set.routes)] = self._potentials[self._key(e, closed)]
+                self.potential_of_route[e, : len(route_set.routes)] = self._rows[self._key(e, closed)][1]
         self._dynamic = self._find_dynamic()
         self._clock.due[:] = then.due
 
@@ -196,8 +192,3 @@ def _of_field(field: FieldArrays, row: int) -> tuple[Floats, Floats, Ints]:
     """Return what changes of a field when its ways are found anew, as views."""
     nodes = slice(int(field.node_start[row]), int(field.node_start[row + 1]))
     return field.travel_time[nodes], field.direction[nodes], field.through[nodes]
-
-
-def _copied(field: FieldArrays, row: int) -> tuple[Floats, Floats, Ints]:
-    travel_time, direction, through = _of_field(field, row)
-    return travel_time.copy(), direction.copy(), through.copy()

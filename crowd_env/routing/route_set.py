@@ -11,8 +11,8 @@ from crowd_env.checks import known
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.congestion import CongestionField
 from crowd_env.navigation.extension import carried_along
-from crowd_env.navigation.field import NavigationField, OneWay, regions_along, straight_field, travel_time_field
-from crowd_env.routing.regions import region_masks_of
+from crowd_env.navigation.field import NavigationField, OneWay, straight_field, travel_time_field
+from crowd_env.routing.regions import region_masks, regions_along
 from crowd_env.routing.rules import MOST_REGIONS
 from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedMap, SpeedZone
@@ -104,7 +104,7 @@ class RoutePlan:
         made = [*first_half, *second_half]
         made = [_with_time_to_exit(route, made) for route in made]
         if self.rules:
-            made = [route._replace(field=_with_regions(route.field, self.geometry)) for route in made]
+            made = [_with_regions(route, self.geometry) for route in made]
             made = [_with_regions_beyond(route, made, self.geometry) for route in made]
         return RouteSet(self, tuple(made))
 
@@ -243,8 +243,8 @@ def _check_doors(plan: RoutePlan) -> None:
             known("exit", event.exit, plan.geometry.exit_names, f"event of door {event.door!r} names an ")
 
 
-def _with_regions(field: NavigationField, geometry: Geometry) -> NavigationField:
-    return replace(field, through=regions_along(field, region_masks_of(field, geometry)))
+def _with_regions(route: RouteField, geometry: Geometry) -> RouteField:
+    return route._replace(field=replace(route.field, through=regions_along(route.field, geometry)))
 
 
 def _with_time_to_exit(route: RouteField, routes: Sequence[RouteField]) -> RouteField:
@@ -252,8 +252,7 @@ def _with_time_to_exit(route: RouteField, routes: Sequence[RouteField]) -> Route
     if route.following < 0:
         return route
     then, time = routes[route.following].field, route.field.travel_time
-    nodes = np.stack([coordinate.ravel() for coordinate in route.field.nodes()], axis=1)
-    on_from = then.travel_time_near(nodes).reshape(time.shape)
+    on_from = then.travel_time_near(route.field.nodes())
     on_from[np.isnan(on_from)] = np.nanmax(then.travel_time)  # where closed doors lock people in
     return route._replace(to_exit=replace(route.field, travel_time=time + carried_along(time, on_from)))
 
@@ -264,6 +263,6 @@ def _with_regions_beyond(route: RouteField, routes: Sequence[RouteField], geomet
         return route
     rest, inside = routes[route.following].field, 1 << route.goal
     assert rest.through is not None
-    at_goal = (region_masks_of(rest, geometry) & inside) > 0
+    at_goal = (region_masks(geometry, rest.nodes()) & inside) > 0
     beyond = int(np.bitwise_or.reduce(rest.through[at_goal], initial=0)) & ~inside
     return route._replace(field=replace(route.field, through=route.field.through | beyond))

@@ -14,10 +14,11 @@ class Route:
 
     Parameters
     ----------
-    name : what rules, groups and controllers call it.
-    exits : names of the exits that it may lead to, the best of them; () = all.
-    via : region to walk to first.
-    strategy : "shortest", "fastest" or "comfortable", see `crowd_env.routing.strategies.STRATEGIES`.
+    name : name by which rules, groups and controllers refer to the route.
+    exits : names of the exits that the route may lead to, the best of which is taken; all exits by default.
+    via : name of the region that the route leads to first; none by default.
+    strategy : "shortest", "fastest" or "comfortable": what counts on the route, see
+        `crowd_env.routing.strategies.STRATEGIES`.
     """
 
     name: str
@@ -38,12 +39,12 @@ class ControlRule:
 
     Parameters
     ----------
-    region : where people are counted.
-    at_least : so many people switch the rule on.
-    route : name of a route or exit that the others take meanwhile.
-    below : fewer than so many switch it off again; by default ``at_least``.
-    hold : s, it stays on for so long at least.
-    commits : people who have been sent another way keep to it, even when the rule is off.
+    region : name of the region in which people are counted.
+    at_least : number of people in the region that switches the rule on.
+    route : name of the route or exit that people elsewhere take while the rule is on.
+    below : the rule switches off when fewer people than this are in the region; by default ``at_least``.
+    hold : s, the shortest time for which the rule stays on.
+    commits : whether people who have been sent another way keep to it after the rule has switched off.
     """
 
     region: str
@@ -67,11 +68,12 @@ class DoorEvent:
 
     Parameters
     ----------
-    door : its name.
-    opens : True opens it, False closes it.
-    at : s, when; or
-    at_least : when so many people stand in ``region``, or have left by ``exit``.
-    region, exit : names; one of them goes with ``at_least``.
+    door : name of the door.
+    opens : true opens the door, false closes it.
+    at : s, the time of the event; give either this or ``at_least``.
+    at_least : number of people in ``region``, or of those who have left by ``exit``, at which the event happens.
+    region : name of the region in which people are counted, for ``at_least``.
+    exit : name of the exit at which people who leave are counted, for ``at_least``.
     """
 
     door: str

@@ -18,9 +18,9 @@ class SpeedZone:
 
     Parameters
     ----------
-    region : its name.
-    speed : m/s, everyone's desired speed there; None = one's own.
-    factor : multiple of it, > 0; 1 if not given.
+    region : name of the region.
+    speed : m/s, the desired speed of everyone in the region; by default everyone keeps the own one.
+    factor : number > 0 by which the desired speed in the region is multiplied; 1 by default.
     """
 
     region: str
@@ -41,9 +41,9 @@ class Comfort:
 
     Parameters
     ----------
-    stairs : a meter in a slow zone counts as so many more.
-    turn : passing a corner that juts into the way counts as so many more meters.
-    reach : m, how near to a corner that cost is spread; it also keeps the way off corners.
+    stairs : number of meters that a meter in a slow zone costs in addition.
+    turn : number of meters that passing a corner costs, if it juts into the way.
+    reach : m, the distance from a corner over which its cost is spread, which also keeps the way off the corner.
     """
 
     stairs: float = 3.0
@@ -70,22 +70,21 @@ class SpeedMap:
     walking_speed: float
     comfort: Comfort
 
-    def walking(self, x: Floats, y: Floats) -> Floats:
-        """Return the speed at places x, y [m], relative to plain floor."""
-        speed = np.ones(x.shape)
-        places = np.stack([x.ravel(), y.ravel()], axis=1)
+    def walking(self, points: Floats) -> Floats:
+        """Return the speed (...) at ``points`` (..., 2) [m], relative to plain floor."""
+        speed = np.ones(points.shape[:-1])
         names = list(self.geometry.regions)
         for zone in sorted(self.zones, key=lambda zone: names.index(zone.region)):  # as the compiled step does
-            inside = self.geometry.contains(places, zone.region).reshape(x.shape)
+            inside = self.geometry.contains(points, zone.region)
             if zone.speed is not None:
                 speed[inside] = zone.speed / self.walking_speed
             speed[inside] *= zone.factor
         return speed
 
-    def comfortable(self, x: Floats, y: Floats) -> Floats:
-        """Return 1 / (cost of a meter) on a grid: ``x`` (rows, cols) grows along columns only, ``y`` along rows."""
-        slow = self.walking(x, y) < 1.0
-        cost = np.where(slow, 1.0 + self.comfort.stairs, 1.0)
+    def comfortable(self, points: Floats) -> Floats:
+        """Return 1 / (cost of a meter) on a grid of ``points`` (rows, cols, 2) [m]."""
+        x, y = points[..., 0], points[..., 1]
+        cost = np.where(self.walking(points) < 1.0, 1.0 + self.comfort.stairs, 1.0)
         reach = self.comfort.reach
         corners = jutting_corners(self.geometry.boundary)
         left, right = (np.searchsorted(x[0], corners[:, 0] + away) for away in (-reach, reach))

@@ -17,13 +17,13 @@ class Strategy:
     Parameters
     ----------
     about : what it means, in a few words.
-    speed : speed relative to plain floor, of a speed map at nodes x, y (rows, cols); None = plain floor everywhere.
+    speed : speed (rows, cols) relative to plain floor, of a speed map at nodes (rows, cols, 2); None = plain floor everywhere.
     follows_crowd : the field is found anew with the speed that the crowd leaves (Weidmann 1993).
     per_exit : there is a route to every exit, and everyone keeps to the one that is shortest from where they start.
     """
 
     about: str
-    speed: Callable[[SpeedMap, Floats, Floats], Floats] | None = None
+    speed: Callable[[SpeedMap, Floats], Floats] | None = None
     follows_crowd: bool = False
     per_exit: bool = False
 

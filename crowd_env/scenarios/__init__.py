@@ -7,8 +7,7 @@ from typing import Any
 from crowd_env.checks import refuse
 from crowd_env.scenarios.file.reading import SUFFIXES, ScenarioFile
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.scenarios.shipped.lin_room import lin_room
-from crowd_env.scenarios.shipped.room import room
+from crowd_env.scenarios.shipped.rooms import lin_room, room
 from crowd_env.scenarios.shipped.theatre import theatre
 
 

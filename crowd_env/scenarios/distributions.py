@@ -32,12 +32,12 @@ class Distribution(Protocol):
 
 @dataclass(frozen=True)
 class Uniform:
-    """Uniform on [low, high]; equal bounds give a constant.
+    """Uniform distribution on [low, high]; equal bounds give a constant.
 
     Parameters
     ----------
     low : the smallest possible value.
-    high : the largest.
+    high : the largest possible value.
     """
 
     low: float
@@ -55,14 +55,14 @@ class Uniform:
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal, drawn again wherever it falls outside [low, high].
+    """Normal distribution; values outside [low, high] are drawn again.
 
     Parameters
     ----------
-    mean : before what lies outside is drawn again.
-    sd : standard deviation, before what lies outside is drawn again.
+    mean : the mean before values outside the bounds are drawn again.
+    sd : the standard deviation before values outside the bounds are drawn again.
     low : the smallest possible value.
-    high : the largest.
+    high : the largest possible value.
     """
 
     mean: float
@@ -90,15 +90,15 @@ class Normal:
 
 @dataclass(frozen=True)
 class LogNormal:
-    """Log-normal, drawn again wherever it falls outside [low, high]: the usual one for response times.
+    """Log-normal distribution, the usual one for response times; values outside [low, high] are drawn again.
 
     Parameters
     ----------
-    median : half of all values lie below it, before what lies outside is drawn again.
-    sigma : standard deviation of the logarithm: about two thirds lie between ``median / exp(sigma)`` and
+    median : the median before values outside the bounds are drawn again.
+    sigma : the standard deviation of the logarithm: about two thirds of all values lie between ``median / exp(sigma)`` and
         ``median * exp(sigma)``.
     high : the largest possible value.
-    low : the smallest.
+    low : the smallest possible value.
     """
 
     median: float

@@ -15,7 +15,8 @@ from crowd_env.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry, parse_exit
 from crowd_env.geometry.parsing import from_wkt
 from crowd_env.navigation.domain import require_grid
-from crowd_env.scenarios.scenario import People, Scenario
+from crowd_env.scenarios.groups import People
+from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Floats
 
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}

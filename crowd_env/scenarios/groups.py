@@ -1,8 +1,8 @@
 """A crowd of several kinds of people: each with its own bodies, starting positions and route."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -10,11 +10,9 @@ from crowd_env.checks import check_fields, refuse
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.file.errors import at
 from crowd_env.scenarios.placement import sample_positions
-from crowd_env.scenarios.population import Population, check_count, population_of
+from crowd_env.scenarios.population import DRAWN, Population, check_count, population_of
 from crowd_env.scenarios.starts import check_starts
 from crowd_env.state import Bodies, Floats, make_bodies
-
-_BOUNDED = ("radius", "mass", "desired_speed", "relaxation_time", "response_time")
 
 
 class Bounds(NamedTuple):
@@ -28,8 +26,9 @@ class Bounds(NamedTuple):
 class Groups:
     """Several populations in one scenario; the people of the first come first, and so on.
 
-    It offers what a `Population` does.  People who start anywhere in the same region are placed together, so that they are
-    mixed; recorded starts are taken first.  A part may be a table of the fields of a `Population`.
+    It offers what a `Population` does; its distributions are the bounds of those of all parts.  People who start anywhere in
+    the same region are placed together, so that they are mixed; recorded starts are taken first.  A part may be a table of
+    the fields of a `Population`.
 
     Raises
     ------
@@ -44,6 +43,11 @@ class Groups:
     """
 
     parts: tuple[Population, ...]
+    radius: Bounds = field(init=False, repr=False)  # m
+    mass: Bounds = field(init=False, repr=False)  # kg
+    desired_speed: Bounds = field(init=False, repr=False)  # m/s
+    relaxation_time: Bounds = field(init=False, repr=False)  # s
+    response_time: Bounds = field(init=False, repr=False)  # s
 
     def __post_init__(self) -> None:
         if isinstance(self.parts, list | tuple):
@@ -58,40 +62,14 @@ class Groups:
         if twice:
             raise ValueError(f"two groups have the name {twice[0]!r}")
         check_count("groups: count of all", self.count)
+        for name in DRAWN:
+            laws = [getattr(part, name) for part in self.parts]
+            object.__setattr__(self, name, Bounds(min(law.low for law in laws), max(law.high for law in laws)))
 
     @property
     def count(self) -> int:
         """Number of people."""
         return sum(part.count for part in self.parts)
-
-    @property
-    def radius(self) -> Bounds:
-        """Of all bodies [m]."""
-        return self._bounds("radius")
-
-    @property
-    def mass(self) -> Bounds:
-        """Of all bodies [kg]."""
-        return self._bounds("mass")
-
-    @property
-    def desired_speed(self) -> Bounds:
-        """Of all people [m/s]."""
-        return self._bounds("desired_speed")
-
-    @property
-    def relaxation_time(self) -> Bounds:
-        """Of all people [s]."""
-        return self._bounds("relaxation_time")
-
-    @property
-    def response_time(self) -> Bounds:
-        """Of all people [s]."""
-        return self._bounds("response_time")
-
-    def _bounds(self, name: str) -> Bounds:
-        of_parts = [getattr(part, name) for part in self.parts]
-        return Bounds(min(one.low for one in of_parts), max(one.high for one in of_parts))
 
     def changed(self, *, count: int | None = None, **options: Any) -> "Groups":
         """Return the groups with other distributions in each, and another number of people, shared out in proportion.
@@ -101,12 +79,12 @@ class Groups:
         ValueError
             If something else than a distribution or the number is given, or there are fewer people than groups.
         """
-        other = [name for name, value in options.items() if name not in _BOUNDED and value is not None]
+        other = [name for name, value in options.items() if name not in DRAWN and value is not None]
         if other:
-            raise ValueError(f"groups cannot share {other[0]!r}; give them a count or one of {', '.join(_BOUNDED)}")
+            raise ValueError(f"groups cannot share {other[0]!r}; give them a count or one of {', '.join(DRAWN)}")
         everyone = None if count is None else check_count("groups: count", count)
         counts = [part.count for part in self.parts] if everyone is None else self._shares(everyone)
-        shared = {name: value for name, value in options.items() if name in _BOUNDED}
+        shared = {name: value for name, value in options.items() if name in DRAWN}
         return Groups(tuple(part.changed(count=n, **shared) for part, n in zip(self.parts, counts, strict=True)))
 
     def _shares(self, count: int) -> list[int]:
@@ -158,16 +136,10 @@ class Groups:
         return sorted(of_parts, key=lambda name: name is None)
 
 
-class Parts(Protocol):
-    """What is made of populations: `Groups`, or one `Population`."""
-
-    @property
-    def parts(self) -> tuple[Population, ...]:
-        """Its parts, one kind of people each."""
-        ...
+People: TypeAlias = Population | Groups
 
 
-def extreme_bodies(people: Parts) -> Bodies:
+def extreme_bodies(people: People) -> Bodies:
     """Return bodies whose stable step is no longer than that of any draw.
 
     Of each part all bodies have the largest mass, radius and speed and the shortest relaxation time; one more has the
@@ -184,7 +156,7 @@ def extreme_bodies(people: Parts) -> Bodies:
     return make_bodies(radius, mass, desired_speed=speed, relaxation_time=tau)
 
 
-def as_people(population: Any) -> Population | Groups | None:
+def as_people(population: Any) -> People | None:
     """Return a population, or the one of plain data such as ``{"count": 30, "radius": 0.2}``; None stays.
 
     A list of populations or such tables makes groups.

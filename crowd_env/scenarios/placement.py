@@ -110,6 +110,7 @@ def _place_randomly(
     size = max(2.0 * float(radius.max()), float(np.sqrt((high_x - low_x) * (high_y - low_y) / _MOST_CELLS)))
     columns, rows = int((high_x - low_x) / size) + 1, int((high_y - low_y) / size) + 1
     boundary, count = geometry.boundary, len(radius)
+    walls = boundary.wall, boundary.two_sided, boundary.exit
     cells = np.empty(columns * rows + count, dtype=np.int64)
     placed = np.zeros((count, 2))
     anywhere = region is None and standing is None
@@ -119,22 +120,7 @@ def _place_randomly(
         points *= (high_x - low_x, high_y - low_y)
         points += (low_x, low_y)
         clearance = _NOT_KNOWN if anywhere else _usable(geometry, points, region, standing)
-        done = _accept(
-            points,
-            clearance,
-            boundary.wall,
-            boundary.two_sided,
-            boundary.exit,
-            radius,
-            placed,
-            done,
-            cells,
-            columns,
-            rows,
-            low_x,
-            low_y,
-            size,
-        )
+        done = _accept(points, clearance, *walls, radius, placed, done, cells, columns, rows, low_x, low_y, size)
         if done == count:
             return placed
     return None

@@ -17,11 +17,12 @@ from crowd_env.state import MAX_SPEED, Bodies, Floats, make_bodies
 __all__ = ["Distribution", "LogNormal", "Normal", "Population", "Uniform"]
 
 _MOST_PEOPLE = 500_000  # their neighbors are told apart by a number of 19 bits
-_ALLOWED = {
+# What is drawn for each of the people, in this order, and which values are allowed.
+DRAWN = {
     "radius": POSITIVE,
     "mass": POSITIVE,
-    "relaxation_time": POSITIVE,
     "desired_speed": NOT_NEGATIVE,
+    "relaxation_time": POSITIVE,
     "response_time": NOT_NEGATIVE,
 }
 
@@ -42,16 +43,16 @@ class Population:
     Parameters
     ----------
     count : number of people.
-    radius : m, of the body; uniform 0.2 to 0.25 by default.
-    mass : kg; uniform 60 to 100 by default.
-    desired_speed : m/s; uniform 1.2 to 2 by default.
-    relaxation_time : s, in which one reaches the desired speed; uniform 0.1 to 0.5 by default.
-    response_time : s, before one begins to walk; 0 by default.
-    start_region : name of the region to start in, instead of anywhere.
+    radius : m, the radius of a body; uniform from 0.2 to 0.25 by default.
+    mass : kg, the mass of a person; uniform from 60 to 100 by default.
+    desired_speed : m/s, the speed at which a person wants to walk; uniform from 1.2 to 2 by default.
+    relaxation_time : s, the time in which a person gets to the desired speed; uniform from 0.1 to 0.5 by default.
+    response_time : s, the time until a person begins to walk; 0 by default.
+    start_region : name of the region in which people start; anywhere by default.
     starts : (K, 2) m, recorded positions or seats, copied; of more than ``count``, some are drawn.
-    route : name of the route or exit to take, whatever the strategy of the run.
-    exits : names of the exits that are known: the best of them is taken; all by default.
-    name : what messages and pictures call these people.
+    route : name of the route or exit that people take, whatever the strategy of the run.
+    exits : names of the exits that people know, of which they take the best; all exits by default.
+    name : name of these people in messages and pictures.
 
     Raises
     ------
@@ -74,7 +75,7 @@ class Population:
     def __post_init__(self) -> None:
         check_fields("population", self)
         check_count("population: count", self.count)
-        for name, allowed in _ALLOWED.items():
+        for name, allowed in DRAWN.items():
             law = as_distribution("population", name, getattr(self, name))
             object.__setattr__(self, name, law)
             if law.low not in allowed:
@@ -116,21 +117,13 @@ class Population:
 
     def draw_bodies(self, rng: np.random.Generator) -> Bodies:
         """Draw the bodies alone."""
-        count = self.count
-        laws = (self.radius, self.mass, self.desired_speed, self.relaxation_time, self.response_time)
-        radius, mass, desired_speed, relaxation_time, response_time = (law.sample(rng, count) for law in laws)
-        if not all(type(law) in _KEEP_THEIR_BOUNDS for law in laws):
-            return make_bodies(
-                radius,
-                mass,
-                desired_speed=desired_speed,
-                relaxation_time=relaxation_time,
-                response_time=response_time,
-            )
-        inertia = 0.5 * mass * radius**2
-        whole = np.array([0, count])
-        not_given = np.full((2, count), np.nan)
-        return Bodies(radius, mass, inertia, desired_speed, relaxation_time, response_time, *not_given, whole)
+        laws = {name: getattr(self, name) for name in DRAWN}
+        drawn: dict[str, Any] = {name: law.sample(rng, self.count) for name, law in laws.items()}
+        if not all(type(law) in _KEEP_THEIR_BOUNDS for law in laws.values()):
+            return make_bodies(**drawn)
+        inertia = 0.5 * drawn["mass"] * drawn["radius"] ** 2
+        not_given = {name: np.full(self.count, np.nan) for name in ("time_gap", "push")}
+        return Bodies(inertia=inertia, env_start=np.array([0, self.count]), **drawn, **not_given)
 
     def draw_starts(self, rng: np.random.Generator, geometry: Geometry, radius: Floats) -> Floats:
         """Return the recorded positions (count, 2), or some drawn from them, checked for bodies of ``radius`` (count,)."""

@@ -1,7 +1,6 @@
 """A scenario is pure data: a plan, a population, a time limit and where the numbers come from."""
 
 from dataclasses import dataclass, field
-from typing import TypeAlias
 
 import numpy as np
 
@@ -13,11 +12,9 @@ from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
 from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
-from crowd_env.scenarios.groups import Groups, as_people
+from crowd_env.scenarios.groups import People, as_people
 from crowd_env.scenarios.population import Population, require_names, require_room
 from crowd_env.state import Floats, Ints
-
-People: TypeAlias = Population | Groups
 
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
 

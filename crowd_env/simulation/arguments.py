@@ -1,6 +1,5 @@
 """What a `Simulation` is given and asked for, checked before anything moves: kernels look at nothing."""
 
-import operator
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,6 +8,7 @@ import numpy as np
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import travel_time_field
 from crowd_env.physics.scheme import ContactScheme
+from crowd_env.physics.workspace import Command
 from crowd_env.routing.replanning import Place
 from crowd_env.simulation.limits import check_stride
 from crowd_env.state import Bodies, Bools, Floats, Ints
@@ -26,17 +26,6 @@ def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable:
         )
     if not allow_unstable:
         check_stride(bodies, dt)
-
-
-def check_threads(threads: Any) -> int:
-    """Return the number of threads; raise ValueError unless it is a whole number of at least 1."""
-    try:
-        number = operator.index(threads)
-    except TypeError:
-        raise ValueError(f"threads is {threads!r}; it must be a whole number") from None
-    if number < 1:
-        raise ValueError(f"threads is {threads}; it must be at least 1")
-    return number
 
 
 def routes_of(route: Any, known: Ints) -> Ints:
@@ -98,16 +87,14 @@ def which_geometry(geometry_of_env: Any, environments: int, geometries: int) -> 
     return np.array(which, dtype=np.int64)
 
 
-def vectors(name: str, values: Floats | None, people: int) -> Floats | None:
-    """Return ``values`` (P, 2) as kernels want them, or None.
+def vectors(name: str, values: Floats, people: int) -> Floats:
+    """Return ``values`` (P, 2) as kernels want them.
 
     Raises
     ------
     ValueError
         If they have another shape or are not finite.
     """
-    if values is None:
-        return None
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.shape != (people, 2):
         raise ValueError(f"{name} must have the shape {(people, 2)}, not {array.shape}")
@@ -117,11 +104,27 @@ def vectors(name: str, values: Floats | None, people: int) -> Floats | None:
     return array
 
 
-def flags(name: str, values: Bools | None, people: int) -> Bools | None:
-    """Return ``values`` (P,) as kernels want them, or None; ValueError if they have another shape."""
+def check_command(asked: Command, people: int) -> Command:
+    """Return what is asked of so many people as kernels want it.
+
+    Raises
+    ------
+    ValueError
+        If an array has another shape or holds something that is not finite.
+    """
+    command, relative, force, gives_way = asked
+    if command is not None:
+        command = vectors("command", command, people)
+    relative, gives_way = _flags("relative", relative, people), _flags("gives_way", gives_way, people)
+    if force is not None:
+        force = vectors("external_force", force, people)
+    return Command(command, relative, force, gives_way)
+
+
+def _flags(name: str, values: Any, people: int) -> Bools | None:
     if values is None:
         return None
-    array = np.ascontiguousarray(values, dtype=np.bool_)
-    if array.shape != (people,):
-        raise ValueError(f"{name} must have the shape ({people},), not {array.shape}")
-    return array
+    flags = np.ascontiguousarray(values, dtype=np.bool_)
+    if flags.shape != (people,):
+        raise ValueError(f"{name} must have the shape ({people},), not {flags.shape}")
+    return flags

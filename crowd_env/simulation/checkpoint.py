@@ -5,10 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.physics.contacts import KEPT, Contacts, rows_of
+from crowd_env.checks import shown
+from crowd_env.physics.contacts import OF_A_CONTACT, Contacts, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.scheme import ContactScheme
-from crowd_env.physics.spatial_order import Order
+from crowd_env.physics.spatial_order import Order, SortedCrowd
 from crowd_env.physics.walking.headway import Headway
 from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, World
 from crowd_env.routing.door_schedule import DoorState
@@ -43,29 +44,23 @@ class Checkpoint(NamedTuple):
 
 def copy_arrays(fields: Any) -> Arrays:
     """Return copies of the arrays of a NamedTuple, by name."""
-    return {name: array.copy() for name, array in zip(fields._fields, fields, strict=True) if _is_array(array)}
+    named = zip(fields._fields, fields, strict=True)
+    return {name: array.copy() for name, array in named if isinstance(array, np.ndarray)}
 
 
-def write_arrays(fields: Any, arrays: Arrays) -> None:
-    """Write them back in place: whoever holds the arrays sees what they were."""
-    for name, array in arrays.items():
-        getattr(fields, name)[...] = array
-
-
-def _is_array(value: Any) -> bool:
-    return isinstance(value, np.ndarray)
-
-
-def write_results(results: Results, then: Results) -> None:
-    """Write them back in place."""
-    write_arrays(results, copy_arrays(then))
-    write_arrays(results.diagnostics, then.diagnostics._asdict())
+def write_arrays(fields: Any, arrays: dict[str, Any]) -> None:
+    """Write them back in place, those of NamedTuples too: whoever holds the arrays sees what they were."""
+    for name, then in arrays.items():
+        if isinstance(then, np.ndarray):
+            getattr(fields, name)[...] = then
+        else:
+            write_arrays(getattr(fields, name), then._asdict())
 
 
 def save_history(history: History, neighbors: NeighborList) -> SavedHistory:
     """Return a copy of the history."""
     contacts, rows = history.contacts, _rows_of_all(history.contacts, neighbors)
-    of_contacts = {name: getattr(contacts, name)[rows] for name in KEPT}
+    of_contacts = {name: getattr(contacts, name)[rows] for name in OF_A_CONTACT}
     return SavedHistory(copy_arrays(history), contacts.number.copy(), of_contacts)
 
 
@@ -104,7 +99,6 @@ def made_by(
     driving: bool,
     replan_every: float,
     bodies: Bodies,
-    is_sorted: bool,
     world: World,
 ) -> dict[str, Any]:
     """Return what a simulation must have in common with another to take up a checkpoint of it."""
@@ -115,7 +109,7 @@ def made_by(
         "driving": driving,
         "replan_every": replan_every,
         "env_start": bodies.env_start.tolist(),
-        "sorting": is_sorted,
+        "sorting": SortedCrowd.is_needed(bodies),
         "place": _fingerprint(world),
     }
 
@@ -132,10 +126,5 @@ def require_same(now: dict[str, Any], then: dict[str, Any]) -> None:
     """Raise ValueError, naming it, if two simulations differ in what they must have in common."""
     for name, value in now.items():
         if value != then[name]:
-            says = "" if name == "place" else f": {_short(then[name])}, here {_short(value)}"
+            says = "" if name == "place" else f": {shown(then[name])}, here {shown(value)}"
             raise ValueError(f"the checkpoint is of another simulation: its {name} is another{says}")
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,23 +1,17 @@
 """What an environment is at the start of an episode: nothing is left of the one before."""
 
-import numpy as np
-
 from crowd_env.physics.neighbors.lists import invalidate_lists
-from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, invalidate_directions
-from crowd_env.state import Bodies, CrowdState, Floats, Ints
+from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace
+from crowd_env.state import Bodies, CrowdState, Floats, Ints, make_state
 
 
 def begin_state(
     e: int, people: slice, state: CrowdState, position: Floats, velocity: Floats | None, route: Ints
 ) -> None:
     """Let the ``people`` of environment ``e`` stand at their ``position`` (N, 2) [m], all of them inside."""
-    state.position[people] = position
-    state.velocity[people] = 0.0 if velocity is None else velocity
-    state.angle[people] = 0.0
-    state.spin[people] = 0.0
-    state.active[people] = True
-    state.exit_time[people] = np.nan
-    state.exit_index[people] = -1
+    start = make_state(position, velocity)
+    for name in CrowdState._fields[:-1]:
+        getattr(state, name)[people] = getattr(start, name)
     state.route[people] = route
     state.time[e] = 0.0
 
@@ -26,14 +20,14 @@ def begin_history(e: int, people: slice, history: History, workspace: Workspace,
     """Forget what went on in environment ``e``: no contact, no forces, nobody has looked for the route."""
     history.contacts.number[e] = 0
     history.phase[e] = 0
-    invalidate_directions(history, e)
+    history.directions_known[e] = False
     history.turn[e] = 0
     history.followed[people] = route
     history.region_bits[people] = 0
     history.local_speed[people] = bodies.desired_speed[people]
     history.rule_on[e] = False
     history.door_open[e] = True
-    history.decision_age[e] = np.inf
+    history.have_decided[e] = False
     if len(history.waited):
         history.waited[people] = 0.0
         history.walking_velocity[people] = 0.0

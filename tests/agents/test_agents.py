@@ -57,12 +57,6 @@ def test_the_shortest_path_is_the_rule_of_the_command_line(scheme):
     )
 
 
-def test_runs_are_the_same_whatever_is_simulated_beside_them():
-    many = run_episodes(SMALL, 5, seed=3)
-    alone = [run_episodes(SMALL, 1, seed=3 + k)[0] for k in range(5)]
-    assert [repr(episode.metrics) for episode in alone] == [repr(episode.metrics) for episode in many]
-
-
 def test_more_runs_than_fit_beside_each_other_are_run_one_after_the_other():
     place = make_scenario("room-v0", count=1)
     told = []

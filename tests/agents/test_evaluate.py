@@ -13,14 +13,14 @@ from evaluations import NAMES, RULED, SMALL, call, made_up, run
 from repository import ROOT
 from rich.console import Console
 
-from agents import evaluate as command
 from agents.controllers import FixedSplit, RandomController
-from agents.evaluation.entries import controller_entry, make_entries
+from agents.drivers import SAMPLE, ControllerDriver
+from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
 from agents.evaluation.folder import _curves
 from agents.evaluation.report import crowding_table, exits_table, left_table, times_table
 from agents.evaluation.routing import evaluate_controller
-from crowd_env import CrowdEnv, make_scenario
+from crowd_env import CrowdEnv
 from crowd_env.envs.routing.batch import RoutingBatch
 
 # ------------------------------------------------------------------------------------------------------- the same draws
@@ -88,8 +88,11 @@ class Balancing:
 @pytest.mark.parametrize("controller", [FixedSplit(2.5), RandomController(), Balancing()], ids=lambda one: one.name)
 def test_a_controller_sampled_between_its_decisions_is_the_controller(controller):
     options = {"grid": (4, 1), "interval": 1.0}
-    entry = controller_entry(controller, SMALL, {**options, "scenario": "hall", "scheme": "dem"})
-    ours = evaluate_driver(entry.driver(SMALL, "nsm2", 1), SMALL, "controller", "nsm2", runs=3, measure=True)
+
+    def sampled(num_envs):
+        return ControllerDriver(controller, SMALL, num_envs=num_envs, sample_dt=SAMPLE, **options)
+
+    ours = evaluate_driver(sampled, SMALL, "controller", "nsm2", runs=3, measure=True)
     batch, seeds = RoutingBatch(SMALL, num_envs=3, **options), [HELD_OUT_SEED + k for k in range(3)]
     observation, rng = batch.reset(seeds), np.random.default_rng(HELD_OUT_SEED)
     while not batch.env.finished.all():
@@ -104,29 +107,14 @@ def test_a_controller_sampled_between_its_decisions_is_the_controller(controller
         assert 0 < ours.row()["exits"]["west"]["people"]["mean"] < 14
 
 
-def test_a_batch_that_steps_by_samples_pays_and_sees_the_same():
-    whole, sampled = (RoutingBatch(SMALL, num_envs=2, grid=(4, 1), interval=1.0, sample_dt=dt) for dt in (None, 0.1))
-    np.testing.assert_array_equal(whole.reset(0), sampled.reset(0))
-    left = 0
-    while not whole.env.finished.all():
-        one, other = (batch.step(np.tile([0, 0, 1, 1], (2, 1))) for batch in (whole, sampled))
-        for name in ("observation", "terminated", "truncated"):
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-        np.testing.assert_array_equal(one.info["inside"], other.info["inside"])
-        assert other.reward == pytest.approx(one.reward, rel=1e-12) and list(one.metrics) == list(other.metrics)
-        left += len(one.metrics)
-    assert left == 2 and sampled.samples == 10 and sampled.env.finished.all()
-    with pytest.raises(ValueError, match=r"interval of 1 s is not a whole number of samples of 0\.3 s"):
-        RoutingBatch(SMALL, interval=1.0, sample_dt=0.3)
-
-
 # ---------------------------------------------------------------------------------------------------------- the command
 
 
-@pytest.fixture
-def small(monkeypatch):
-    """Let the name "hall" stand for the small hall."""
-    monkeypatch.setattr(command, "make_scenario", lambda name: SMALL if name == "hall" else make_scenario(name))
+def printed(*tables):
+    console = Console(width=100, record=True, file=io.StringIO())
+    for table in tables:
+        console.print(table)
+    return console.export_text()
 
 
 def test_one_json_object_with_a_row_for_each_policy_and_scheme(small):
@@ -157,9 +145,7 @@ def test_one_json_object_with_a_row_for_each_policy_and_scheme(small):
 
 def test_who_is_left_inside_makes_times_lower_bounds():
     results = [made_up("quick", "dem", [30.0, 31.0, 32.0]), made_up("slow", "dem", [40.0, 50.0, 60.0], unfinished=True)]
-    console = Console(width=100, record=True, file=io.StringIO())
-    console.print(times_table(results, "title"))
-    slow = next(line for line in console.export_text().splitlines() if "slow" in line)
+    slow = next(line for line in printed(times_table(results, "title")).splitlines() if "slow" in line)
     # 100 s is the time limit; the first of two people was out after 1 s.
     assert " ".join(slow.split()) == "slow ≥100 +69.0 (+66.5..+71.5) 0 % ≥100 ≥50.5 +34.5 (+33.3..+35.7) 3"
 
@@ -181,9 +167,9 @@ def test_shares_of_runs_are_shown_with_their_intervals():
     results[1] = replace(results[1], episodes=[e._replace(blocked_since=9.0) for e in results[1].episodes])
     assert results[0].row()["unfinished_share"] == {"mean": 0.0, "ci95": pytest.approx([0.0, 0.1611], abs=1e-4)}
     assert results[1].row()["blocked_share"] == {"mean": 1.0, "ci95": pytest.approx([0.8389, 1.0], abs=1e-4)}
-    console = Console(width=100, record=True, file=io.StringIO())
-    console.print(left_table(results))
-    lines = {line.split()[0]: " ".join(line.split()) for line in console.export_text().splitlines() if line.strip()}
+    lines = {
+        line.split()[0]: " ".join(line.split()) for line in printed(left_table(results)).splitlines() if line.strip()
+    }
     assert lines["quick"] == "quick 0 0 of 20 0 (0..16) 0 of 20 0 (0..16)"
     assert lines["slow"] == "slow 20 20 of 20 100 (84..100) 20 of 20 100 (84..100)"
 
@@ -194,17 +180,12 @@ def test_who_is_found_outside_of_the_walls_makes_a_run_void():
     odd = replace(result, policy="odd", episodes=[e._replace(escaped=3, max_speed=12.3) for e in result.episodes])
     assert odd.row()["escaped"] == 6 and odd.row()["max_speed"] == 12.3
     for results, told in (([result], False), ([result, odd], True)):
-        console = Console(width=100, record=True, file=io.StringIO())
-        console.print(crowding_table(results))
-        assert ("VOID: 6 people were outside" in console.export_text()) == told
+        assert ("VOID: 6 people were outside" in printed(crowding_table(results))) == told
 
 
 def test_tables_fit_into_a_hundred_columns():
     results = [run(name, scheme=scheme, runs=2) for scheme in ("nsm2", "nsm1") for name in NAMES]
-    console = Console(width=100, record=True, file=io.StringIO())
-    for table in (times_table(results, "title"), left_table(results), exits_table(results), crowding_table(results)):
-        console.print(table)
-    text = console.export_text()
+    text = printed(times_table(results, "title"), left_table(results), exits_table(results), crowding_table(results))
     assert "…" not in text and "nan" not in text and "None" not in text
     assert all(text.count(name) >= 8 for name in NAMES)
     assert max(map(len, text.splitlines())) <= 100

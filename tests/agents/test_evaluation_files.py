@@ -14,21 +14,14 @@ import crowd_env
 from agents import evaluate as command
 from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED
-from agents.evaluation.fingerprint import fingerprint
+from agents.evaluation.fingerprint import fingerprint, source_stamp
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.routing import evaluate_controller
-from agents.evaluation.source_stamp import source_stamp
 from agents.trained import LearnedController
 from crowd_env import SCHEMES, DoorEvent, Groups, Normal, SpeedZone, Uniform, make_scenario
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.geometry.geometry import box
 from crowd_env.physics import SocialForce
-
-
-@pytest.fixture
-def small(monkeypatch):
-    """Let the name "hall" stand for the small hall."""
-    monkeypatch.setattr(command, "make_scenario", lambda name: SMALL if name == "hall" else make_scenario(name))
 
 
 def everything(folder):

@@ -27,10 +27,10 @@ def test_who_stays_has_walked_nowhere_and_presses_nobody():
 def test_the_greatest_density_of_people_placed_by_hand():
     # Of five, the first four have each other within 1 m; the fifth has only the fourth.
     starts = [(2.0, 3.0), (2.5, 3.0), (2.0, 3.5), (2.5, 3.5), (3.4, 3.5)]
-    _, recorder = recorded(hall(starts=starts, speed=0.0), steps=3)
-    assert recorder._max_density == pytest.approx([5 / np.pi])
-    _, recorder = recorded(hall(starts=[*starts[:4], (3.55, 3.5)], speed=0.0))
-    assert recorder._max_density == pytest.approx([4 / np.pi])
+    env, recorder = recorded(hall(starts=starts, speed=0.0), steps=3)
+    assert recorder.record(env, 0).max_density == pytest.approx(5 / np.pi)
+    env, recorder = recorded(hall(starts=[*starts[:4], (3.55, 3.5)], speed=0.0))
+    assert recorder.record(env, 0).max_density == pytest.approx(4 / np.pi)
 
 
 def test_people_are_counted_as_by_all_pairs():

@@ -360,7 +360,7 @@ def test_ratios_say_once_what_they_have_in_common():
         (["--seconds", "0"], "--seconds"),
         (["--blocks", "0"], "--blocks"),
         (["--max-people", "0"], "--max-people"),
-        (["room20", "--out", __file__], "is a file"),
+        (["room20", "--out", __file__], "is not a folder"),
     ],
 )
 def test_bad_input_is_said_plainly(words, said):

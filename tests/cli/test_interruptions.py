@@ -10,15 +10,11 @@ from contextlib import contextmanager
 
 import pytest
 import typer
-from typer.testing import CliRunner
+from commands import call
 
-from crowd_env.cli import clogging as clogging_command
-from crowd_env.cli import main as cli
+from crowd_env.cli import console
 from crowd_env.cli import reproduce as command
 from crowd_env.cli.console import counted, friendly_errors
-from crowd_env.cli.main import app
-from crowd_env.envs.rollout import RunsInterrupted, report, run_episodes
-from crowd_env.scenarios import make_scenario
 
 
 def ctrl_c():
@@ -46,14 +42,10 @@ def stop_after(monkeypatch):
 
             yield told
 
-        for module in (cli, clogging_command, command):
+        for module in (console, command):
             monkeypatch.setattr(module, "progress_bar", bar)
 
     return prepare
-
-
-def call(line):
-    return CliRunner().invoke(app, line.split())
 
 
 @pytest.mark.parametrize("stop", [ctrl_c, sigterm])
@@ -69,39 +61,6 @@ def test_run_reports_what_is_finished(stop_after, stop):
         and result.stderr.count("\n") == 1
     )
     assert signal.getsignal(signal.SIGTERM) is before
-
-
-def test_what_is_reported_are_the_runs_as_they_would_have_been(stop_after):
-    place = make_scenario("room-v0", population=make_scenario("room-v0").population.changed(count=4))
-    whole = run_episodes(place, 8, scheme="dem", seed=2)
-    done = []
-
-    def stop(count):
-        done.append(count)
-        if sum(done) >= 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(RunsInterrupted, match="of 8 runs are finished") as stopped:
-        run_episodes(place, 8, scheme="dem", seed=2, progress=stop)
-    finished = stopped.value.episodes
-    assert finished and all(repr(whole[episode.run]) == repr(episode) for episode in finished)
-    assert isinstance(stopped.value, KeyboardInterrupt)
-    assert report(place, "dem", finished)["runs"] == len(finished)
-
-
-def test_the_batches_before_are_kept_too(monkeypatch):
-    monkeypatch.setattr("crowd_env.envs.rollout._RUNS_AT_ONCE", 2)
-    place = make_scenario("room-v0", population=make_scenario("room-v0").population.changed(count=2))
-    done = []
-
-    def stop(count):
-        done.append(count)
-        if sum(done) >= 4:
-            raise KeyboardInterrupt
-
-    with pytest.raises(RunsInterrupted) as stopped:
-        run_episodes(place, 6, scheme="dem", progress=stop)
-    assert [episode.run for episode in stopped.value.episodes] == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize("line", ["run --scheme dem --n 4 --runs 2", "clogging room-v0 --scheme dem --n 4 --runs 2"])
@@ -165,7 +124,7 @@ def test_a_film_that_cannot_be_written_loses_no_figures(monkeypatch, tmp_path):
 
 def test_a_missing_library_of_films_is_said_before_the_work(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "PIL", None)
-    monkeypatch.setattr(cli, "run_episodes", None)
+    monkeypatch.setattr(console, "run_episodes", None)
     result = call(f"run --film {tmp_path / 'a.gif'}")
     assert result.exit_code == 2 and result.stdout == "" and result.stderr.count("\n") == 1
     assert "needs PIL" in result.stderr and "pip install pygame matplotlib pillow imageio-ffmpeg" in result.stderr

@@ -55,9 +55,13 @@ CONSTRUCTOR = [
     *numeric("CrowdEnv.decision_dt", of("decision_dt"), "positive"),
     ("CrowdEnv.decision_dt and dt", lambda: CrowdEnv(decision_dt=0.1, dt=0.03), ("decision_dt", "whole number", "0.03")),
     ("CrowdEnv.dt tiny", lambda: CrowdEnv(decision_dt=1e300, dt=1e-300), ("decision_dt", "whole number")),
+    ("CrowdEnv.decision_dt short", lambda: CrowdEnv(decision_dt=0.004), ("decision_dt", "whole number")),
     ("CrowdEnv.dt unstable", lambda: CrowdEnv(dt=1.0, decision_dt=1.0), ("dt = 1 s", "stable")),
+    ("CrowdEnv.dt unstable for dem", lambda: CrowdEnv(dt=0.1, scheme="dem"), ("dem", "stable step")),
+    ("CrowdEnv.door_width", lambda: CrowdEnv(door_width=0.3), ("0.30 m", "narrower", "0.40 m")),
     *numeric("CrowdEnv.time_limit", of("time_limit"), "positive", or_none=True),
     *rows("CrowdEnv.frame", of("frame"), (*NO_CHOICE, None)),
+    ("CrowdEnv.frame unknown", lambda: CrowdEnv(frame="polar"), ("'polar'", "path", "world")),
     *rows("CrowdEnv.action", of("action"), (*NO_CHOICE, None)),
     *rows("CrowdEnv.strategy", of("strategy"), (*NO_CHOICE, None)),
     *rows("CrowdEnv.autoreset", of("autoreset"), NO_FLAG),
@@ -79,6 +83,7 @@ CONSTRUCTOR = [
     ("CrowdEnv.population key", lambda: CrowdEnv(population={"number": 3}), ("population", "'number'", "count")),
     ("CrowdEnv.population lacks", lambda: CrowdEnv(population={"radius": 0.2}), ("population", "'count' is missing")),
     ("CrowdEnv.count", lambda: CrowdEnv(count=10**9), ("count", "1000000000")),
+    ("CrowdEnv.count too many", lambda: CrowdEnv(count=1000), ("1000 people do not fit",)),
     *rows("CrowdEnv.count", of("count"), (2.5, "20", None, True, NAN, 0, -1)),
 ]  # fmt: skip
 
@@ -116,36 +121,46 @@ def test_what_makes_no_sense_is_refused_in_one_sentence(call, words):
 
 
 PEOPLE = 6
-ARRAYS = {
-    "text": "no",
-    "nothing but a number": 0.5,
-    "a table": {"a": 1},
-    "one row short": np.zeros((PEOPLE - 1, 2)),
-    "complex": np.zeros((PEOPLE, 2), dtype=complex),
-    "texts": [["a", "b"]] * PEOPLE,
-    "none among numbers": [[0.0, None]] * PEOPLE,
-    "ragged": [[0.0, 1.0]] * (PEOPLE - 1) + [[0.0]],
-    "transposed": np.zeros((2, PEOPLE)),
-    "nan": np.full((PEOPLE, 2), NAN),
-    "infinite": np.full((PEOPLE, 2), INF),
-    "booleans": np.zeros((PEOPLE, 2), dtype=bool),
-}
+ARRAYS = [
+    *[
+        ("action", action)
+        for action in ("no", 0.5, {"a": 1}, np.zeros((PEOPLE, 2), dtype=complex), [["a", "b"]] * PEOPLE)
+    ],
+    *[
+        ("action", action)
+        for action in ([[0.0, None]] * PEOPLE, [[0.0, 1.0]] * (PEOPLE - 1) + [[0.0]], np.zeros((2, PEOPLE)))
+    ],
+    ("action", np.zeros((PEOPLE, 2), dtype=bool)),
+    *[
+        (f"has the shape {shape}; it must be (6, 2)", np.zeros(shape))
+        for shape in ((PEOPLE - 1, 2), (PEOPLE, 3), (PEOPLE,))
+    ],
+    ("pedestrian 0 is [nan, nan]; it must be finite", np.full((PEOPLE, 2), NAN)),
+    ("pedestrian 2", np.where(np.arange(PEOPLE)[:, None] == 2, INF, np.zeros((PEOPLE, 2)))),
+]
 
 
-@pytest.mark.parametrize("action", ARRAYS.values(), ids=ARRAYS)
-def test_actions_that_are_none_are_refused(env, action):
+@pytest.mark.parametrize(("said", "action"), ARRAYS)
+def test_actions_that_are_none_are_refused(env, said, action):
     before = env.simulation.state.copy()
-    refuses(lambda: env.step(action), ("action",))
+    refuses(lambda: env.step(action), ("action", said))
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(before, env.simulation.state, strict=True))
 
 
 @pytest.mark.parametrize(
-    "action", ["no", 1.5, [9] * PEOPLE, [-1] * PEOPLE, [0.5] * PEOPLE, [NAN] * PEOPLE, [1j] * PEOPLE, [0]]
+    ("action", "said"),
+    [
+        *[(action, "action") for action in ("no", 1.5, [1j] * PEOPLE, [0])],
+        ([9] * PEOPLE, "pedestrian 0 is 9; it must be 0 to 8"),
+        *[([value] * PEOPLE, "0 to 8") for value in (-1, 0.5, NAN)],
+        (np.zeros((PEOPLE, 2)), "has the shape (6, 2); it must be (6,)"),
+    ],
 )
-def test_discrete_actions_that_are_none_are_refused(action):
+def test_discrete_actions_that_are_none_are_refused(action, said):
     discrete = CrowdEnv("room-v0", num_envs=2, count=3, scheme="dem", action="discrete")
     discrete.reset([0, 1])
-    refuses(lambda: discrete.step(action), ("action",))
+    refuses(lambda: discrete.step(action), ("action", said))
+    assert not discrete.simulation.state.time.any()
 
 
 @pytest.mark.parametrize("rule", ["no", True, 1.0, np.zeros(PEOPLE), np.zeros(PEOPLE - 1, bool), ["no"] * PEOPLE, {}])
@@ -158,9 +173,15 @@ def test_masks_that_are_no_flags_are_refused(env, mask):
     refuses(lambda: env.reset(mask=mask), ("mask",))
 
 
-@pytest.mark.parametrize("seed", [-1, 1.5, "0", True, NAN, [0], [0, 1, 2], [0, -1], [0, "1"], [0, True], {}, 1j])
-def test_seeds_that_are_none_are_refused(env, seed):
-    refuses(lambda: env.reset(seed), ("seed",))
+@pytest.mark.parametrize(
+    ("seed", "said"),
+    [
+        *[(seed, "seed") for seed in (1.5, "0", True, NAN, [0, 1, 2], [0, "1"], [0, True], {}, 1j)],
+        *[(-1, "at least 0"), ([0, -1], "at least 0"), ([0], "1 seeds for 2")],
+    ],
+)
+def test_seeds_that_are_none_are_refused(env, seed, said):
+    refuses(lambda: env.reset(seed), ("seed", said))
 
 
 @pytest.mark.parametrize("e", [-1, 2, 0.5, "0", None, NAN, True, [0]])

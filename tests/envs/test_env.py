@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from evacuations import evacuated
 from repository import ROOT
 
 from crowd_env import SCHEMES, CrowdEnv, Population, Uniform, make_scenario
@@ -84,7 +85,7 @@ def test_an_environment_is_the_same_after_other_episodes():
     assert play(env, [1, 2]) == [alone(1), alone(2)]
 
 
-def test_who_starts_where_he_has_just_stood_touches_his_neighbors_again():
+def test_people_who_start_where_they_just_stood_touch_their_neighbors_again():
     """Recorded starts shoulder to shoulder, and an episode before in which nobody moved."""
     x, y = np.meshgrid(np.arange(1.0, 3.1, 0.402), np.arange(1.0, 3.1, 0.402))
     starts = np.column_stack([x.ravel(), y.ravel()])
@@ -98,12 +99,6 @@ def test_who_starts_where_he_has_just_stood_touches_his_neighbors_again():
             env.step(None)
         assert env.simulation.results.impulse_magnitude.any()
     np.testing.assert_array_equal(used.simulation.state.position, fresh.simulation.state.position)
-
-
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_an_environment_is_the_same_for_any_number_of_threads(scheme):
-    env = CrowdEnv("room-v0", num_envs=4, threads=2, scheme=scheme, **SMALL)
-    assert play(env, [1, 2, 3, 4]) == [alone(seed, scheme=scheme) for seed in (1, 2, 3, 4)]
 
 
 def test_environments_of_different_places_and_sizes_are_the_same_alone_and_side_by_side():
@@ -157,7 +152,7 @@ def test_a_mask_restarts_only_where_it_is_true():
     np.testing.assert_allclose(env.simulation.state.time, [1.0, 0.0, 1.0])
 
 
-def test_who_restarts_by_himself_starts_as_if_he_had_been_restarted():
+def test_a_restart_by_itself_is_a_restart_by_hand():
     by_itself = CrowdEnv("room-v0", num_envs=3, autoreset=True, **SMALL)
     by_hand = CrowdEnv("room-v0", num_envs=3, **SMALL)
     np.testing.assert_array_equal(by_itself.reset(seed=4)[0], by_hand.reset(seed=4)[0])
@@ -216,10 +211,7 @@ def test_everyone_ends_exactly_once_and_observations_stay_in_their_space(scheme)
 
 
 def test_nothing_happens_after_the_end():
-    env = CrowdEnv("room-v0", num_envs=2, count=3, time_limit=1.0)
-    env.reset(seed=0)
-    while not env.finished.all():
-        env.step(None)
+    env = evacuated("room-v0", num_envs=2, count=3, time_limit=1.0)
     before = env.simulation.state.copy()
     step = env.step(None)
     assert not step.observation.any() and not step.reward.any()

@@ -6,19 +6,10 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
-from crowd_env import (
-    ControlRule,
-    CrowdEnv,
-    DoorEvent,
-    Geometry,
-    Population,
-    Route,
-    Scenario,
-    Uniform,
-    make_scenario,
-)
+from crowd_env import ControlRule, CrowdEnv, DoorEvent, Geometry, Population, Route, Scenario, Uniform
 from crowd_env.navigation.extension import carried_along
-from crowd_env.navigation.field import join_fields, travel_time_at, travel_time_field
+from crowd_env.navigation.field import join_fields, travel_time_field
+from crowd_env.navigation.lookup import travel_time_at
 
 EXITS = {"west": [(0, 1), (0, 3)], "east": [(12, 1), (12, 3)]}
 DOORS = {"west door": "west", "east door": "east"}
@@ -92,7 +83,7 @@ def test_a_door_that_closes_and_opens_again_pays_what_the_way_gets_longer(strate
     np.testing.assert_allclose(paid.sum(axis=0), first, rtol=1e-5)
     if strategy == "shortest":  # at the switch the potential jumps by what the other way takes longer, and back
         assert paid.min() < -1.0 and paid.max() > 1.0
-    else:  # who is told to take a closed exit waits there: his way is the same
+    else:  # people sent to a closed exit wait there: their way is the same
         assert np.abs(paid).max() < 0.2
 
 
@@ -169,7 +160,7 @@ def test_whatever_happens_the_sum_is_that_of_the_ends():
     potential = env._ahead.potential
 
     def now():
-        """Return the travel time of everyone by the potential of the way that he follows, looked up from outside."""
+        """Return the travel time of everyone by the potential of the followed route, looked up from outside."""
         rows = simulation.planner.potential_of_route[env.env_of_person, simulation.history.followed]
         time = [
             travel_time_at(simulation.world.field, boundary, f, x, y, r)
@@ -208,11 +199,3 @@ def test_what_is_carried_along_ways_is_that_of_their_ends():
     time[:, 15] = np.nan
     far = carried_along(time, np.where(time == 0, 3.0, 99.0))
     np.testing.assert_allclose(far[:, :15], 3.0)
-
-
-def test_groups_with_ways_of_their_own_keep_todays_numbers():
-    """On one fixed way progress is what it was: the length of that way over the own speed."""
-    env = CrowdEnv(make_scenario("room-v0", count=6), scheme="dem")
-    first, paid = play(env, seed=3)
-    np.testing.assert_allclose(paid.sum(axis=0), first, rtol=1e-5)
-    assert np.abs(paid).max() < 0.2

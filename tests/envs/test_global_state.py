@@ -56,7 +56,7 @@ def test_the_state_of_two_people_by_hand():
         layout["speed"]
 
 
-def test_whoever_is_out_leaves_the_exit_that_he_took_and_nothing_else():
+def test_people_who_are_out_leave_the_exit_they_took_and_nothing_else():
     env = parallel_env(corridor(), strategy="east")
     env.reset(seed=0)
     layout = env.state_layout

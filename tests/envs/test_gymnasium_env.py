@@ -139,55 +139,6 @@ def test_make_vec_gives_the_native_batch():
     np.testing.assert_array_equal(observation.reshape(18, -1), CrowdEnv("room-v0", num_envs=3, **SMALL).reset(1)[0])
 
 
-def test_a_room_of_the_batch_is_the_room_alone_and_shows_its_end_in_final_obs():
-    seeds = [4, 5, 6]
-    env = make_vec("room-v0", 3, **SMALL)
-    singles = [CrowdGymEnv("room-v0", **SMALL) for _ in seeds]
-    observation, _ = env.reset(seed=seeds)
-    for row, single, seed in zip(observation, singles, seeds, strict=True):
-        np.testing.assert_array_equal(row, single.reset(seed=seed)[0])
-    rng, playing, ends = np.random.default_rng(0), np.ones(3, bool), []
-    while playing.any():
-        action = rng.uniform((0, -0.5), (1, 0.5), (3, 6, 2)).astype(np.float32)
-        observation, reward, terminated, truncated, info = env.step(action)
-        assert observation.shape == (3, 6, 48) and reward.shape == terminated.shape == truncated.shape == (3,)
-        assert not (terminated & truncated).any()
-        over = terminated | truncated
-        assert ("final_obs" in info) == over.any()
-        for e in np.flatnonzero(playing):
-            row, one_reward, one_terminated, one_truncated, _ = singles[e].step(action[e])
-            assert (reward[e], terminated[e], truncated[e]) == (one_reward, one_terminated, one_truncated)
-            if over[e]:
-                assert info["_final_obs"][e]
-                np.testing.assert_array_equal(info["final_obs"][e], row)
-                assert info["active"][e].all()  # the next episode has begun
-                assert not np.array_equal(observation[e], row)
-                ends.append((bool(terminated[e]), bool(truncated[e])))
-            else:
-                np.testing.assert_array_equal(observation[e], row)
-                assert not over.any() or not info["_final_obs"][e]
-        playing &= ~over
-    assert len(ends) == 3
-
-
-def test_gymnasiums_own_episode_statistics_work_on_it():
-    env = gymnasium.wrappers.vector.RecordEpisodeStatistics(make_vec("room-v0", 2, count=3, time_limit=3.0))
-    env.reset(seed=0)
-    lengths = []
-    for _ in range(70):
-        *_, info = env.step(np.zeros((2, 3, 2), dtype=np.float32))
-        if "episode" in info:
-            lengths += info["episode"]["l"][info["_episode"]].tolist()
-    assert lengths == [30, 30, 30, 30]
-
-
-def test_discrete_actions_come_in_rows_as_well():
-    env = make_vec("room-v0", 2, action="discrete", count=3)
-    assert env.action_space.shape == (2, 3)
-    env.reset(seed=0)
-    env.step(env.action_space.sample())
-
-
 def test_rooms_of_different_sizes_do_not_make_a_batch_here():
     with pytest.raises(ValueError, match="same number of people"):
         make_vec([make_scenario("room-v0"), make_scenario("room-v0", count=3)], 2)

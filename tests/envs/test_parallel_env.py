@@ -1,7 +1,6 @@
 """One agent per pedestrian: the PettingZoo interface and its protocol of leaving."""
 
 import gc
-import hashlib
 import weakref
 
 import numpy as np
@@ -10,29 +9,13 @@ import pytest
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
 
 import crowd_env
-from crowd_env import SCENARIOS, SCHEMES, CrowdEnv, RewardWeights, parallel_env
+from crowd_env import SCENARIOS, SCHEMES, CrowdEnv, parallel_env
 
 SMALL = {"count": 8, "time_limit": 6.0}
 
 
 def random_actions(env, rng):
     return {agent: rng.uniform((-0.2, -0.6), (1.0, 0.6)).astype(np.float32) for agent in env.agents}
-
-
-def fingerprint(env, seed):
-    """Return a hash of everything that one whole episode shows."""
-    total = hashlib.sha256()
-    rng = np.random.default_rng([seed, 1])
-    observations, _ = env.reset(seed=seed)
-    shown = (observations, {}, {}, {}, {})
-    while True:
-        for agent, observation in shown[0].items():
-            total.update(agent.encode() + observation.tobytes())
-            total.update(repr([part.get(agent) for part in shown[1:]]).encode())
-        total.update(env.state().tobytes())
-        if not env.agents:
-            return total.hexdigest()
-        shown = env.step(random_actions(env, rng))
 
 
 # ---------------------------------------------------------------------------------------------------------- protocol
@@ -45,14 +28,6 @@ def test_pettingzoo_accepts_it(options):
 
 def test_pettingzoo_accepts_its_seeding():
     parallel_seed_test(lambda: parallel_env(**SMALL))
-
-
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_a_whole_episode_is_the_same_for_the_same_seed_and_another_for_another(scheme):
-    env = parallel_env(scheme=scheme, **SMALL)
-    first = fingerprint(env, 3)
-    assert fingerprint(env, 4) != first
-    assert fingerprint(env, 3) == first == fingerprint(parallel_env(scheme=scheme, **SMALL), 3)
 
 
 def test_it_is_the_batch_environment_of_one_room():
@@ -201,10 +176,10 @@ def test_max_cycles_is_the_time_limit_in_decisions():
 
 @pytest.mark.parametrize("cycles", [0, -1, float("nan"), float("inf"), 2.5, True, "7", [7]])
 def test_a_number_of_cycles_that_is_none_is_refused(cycles):
-    with pytest.raises(ValueError, match=r"max_cycles is .*whole number >= 1"):
+    with pytest.raises(ValueError, match=r"max_cycles is .*at least 1"):
         parallel_env(max_cycles=cycles, count=1)
     env = parallel_env(count=1)
-    with pytest.raises(ValueError, match=r"max_cycles is .*whole number >= 1"):
+    with pytest.raises(ValueError, match=r"max_cycles is .*at least 1"):
         env.max_cycles = cycles
     assert env.max_cycles == 600
 
@@ -215,8 +190,6 @@ def test_a_number_of_cycles_that_is_none_is_refused(cycles):
         ({"render_mode": "ansi"}, "ansi.*rgb_array, human"),
         ({"num_envs": 2}, "num_envs"),
         ({"autoreset": True}, "autoreset"),
-        ({"scheme": "glue"}, "glue.*nsm2"),
-        ({"scenario": "hall"}, "hall.*room-v0"),
     ],
 )
 def test_what_cannot_be_is_refused(options, words):
@@ -269,14 +242,6 @@ def test_the_module_offers_what_pettingzoo_modules_do():
         count += 1
     assert count > 5
     assert raw_env(count=2).possible_agents == ["pedestrian_0", "pedestrian_1"]
-
-
-def test_options_reach_the_batch_environment():
-    env = parallel_env(scheme="dem", reward=RewardWeights({"time": 2.0}), decision_dt=0.2, count=2)
-    env.reset(seed=0)
-    _, rewards, *_ = env.step({})
-    assert list(rewards.values()) == pytest.approx([-0.4, -0.4])
-    assert env.env.simulation.scheme.info.name == "dem"
 
 
 # --------------------------------------------------------------------------------------------------------- rendering

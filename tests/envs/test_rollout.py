@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from evacuations import evacuated
 
 from crowd_env import CrowdEnv, make_scenario
-from crowd_env.envs.rollout import RuleDriver, RunsInterrupted, rollout, run_episodes
+from crowd_env.envs.rollout import Driver, RunsInterrupted, report, rollout, run_episodes
 from crowd_env.rendering.live import record
 
 
@@ -26,10 +27,7 @@ def test_an_episode_is_the_evacuation_of_its_draw(two_at_once):
     episodes = run_episodes(room(), 5, scheme="dem", seed=7)
     assert [(episode.run, episode.seed) for episode in episodes] == [(k, 7 + k) for k in range(5)]
     for episode in episodes:
-        env = CrowdEnv(room(), scheme="dem")
-        env.reset([episode.seed])
-        while not env.finished.all():
-            env.step(None)
+        env = evacuated(room(), scheme="dem", seed=[episode.seed])
         state = env.simulation.state
         assert repr(episode.metrics) == repr(env.metrics(0)) and episode.end == state.time[0]
         np.testing.assert_array_equal(episode.exit_time, state.exit_time)
@@ -65,7 +63,9 @@ def test_an_interruption_keeps_what_is_finished(two_at_once, monkeypatch):
     with pytest.raises(RunsInterrupted, match="of 6 runs are finished") as stopped:
         run_episodes(room(), 6, scheme="dem")
     kept = stopped.value.episodes
-    assert 0 < len(kept) < 6 and stopped.value.runs == 6
+    assert 2 < len(kept) < 6 and stopped.value.runs == 6
+    assert {0, 1} <= {episode.run for episode in kept}  # those of the batches before too
+    assert isinstance(stopped.value, KeyboardInterrupt) and report(room(), "dem", kept)["runs"] == len(kept)
     assert [repr(episode) for episode in kept] == [repr(whole[episode.run]) for episode in kept]
 
 
@@ -91,7 +91,7 @@ def test_a_recorder_sees_every_moment_of_every_evacuation(two_at_once):
 
 
 def test_a_driver_of_ones_own_leads_the_batches(two_at_once):
-    class Idle(RuleDriver):
+    class Idle(Driver):
         def step(self):
             return self.env.step(np.zeros((self.env.num_people, 2)))
 

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from routing_places import corridor, hall
 
+from crowd_env import RewardTerm
+from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.envs.routing.env import RoutingEnv, RoutingVectorEnv
-from crowd_env.envs.routing.terms import REWARDS, TERMS, RoutingReward, RoutingTerm
+from crowd_env.envs.routing.terms import REWARDS, TERMS, RoutingTerm
 
 FIVE = [(1.0, 2.0), (2.0, 3.0), (3.5, 0.5), (5.0, 1.0), (7.0, 2.5)]
 SMALL = hall(count=12, time_limit=10.0)
@@ -29,7 +31,7 @@ def twice(view):
     return 2.0 * np.ones((len(view.time), 1))
 
 
-NEAREST, OUT = RoutingTerm("nearest", "exit", nearest), RoutingReward("out", out)
+NEAREST, OUT = RoutingTerm("nearest", "exit", nearest), RewardTerm("out", out)
 
 
 def test_the_tables_name_their_terms():
@@ -90,15 +92,15 @@ def test_environments_with_own_terms_are_copied_and_restart_in_batches(copied):
     ("options", "words"),
     [
         ({"observation": ["count"]}, r"observation is \['count'\]; it must be a table of terms such as {'terms': \["),
-        ({"observation": {"columns": 3}}, "observation is {'columns': 3}; it must be a table of terms"),
+        ({"observation": {"columns": 3}}, "observation: unknown key 'columns'; known: terms"),
         ({"observation": {"terms": ["count"], "rays": 3}}, "observation: unknown key 'rays'; known: terms"),
-        ({"observation": {"terms": "count"}}, "observation: terms is 'count'; it must be a list of at least one name"),
-        ({"observation": {"terms": []}}, r"observation: terms is \[\]; it must be a list of at least one name"),
+        ({"observation": {"terms": "count"}}, "observation: terms is 'count'; it must be a tuple of names"),
+        ({"observation": {"terms": []}}, "an observation needs at least one term"),
         ({"observation": {"terms": ["walls"]}}, "unknown observation term 'walls'; known: count, density, speed, flow"),
         ({"observation": {"terms": ["count", "count"]}}, "observation term 'count' is named twice"),
         ({"observation": {"terms": [RoutingTerm("count", "", twice)]}}, "'count' comes with crowd_env; give your own"),
         ({"observation": {"terms": ["door"]}}, "observation: door has no column without a door to control"),
-        ({"reward": {RoutingReward("last", out): 1.0}}, "reward term 'last' comes with crowd_env"),
+        ({"reward": {RewardTerm("last", out): 1.0}}, "reward term 'last' comes with crowd_env"),
         ({"reward": {OUT: float("inf")}}, "weight of reward term 'out' is inf; it must be finite"),
     ],
 )
@@ -112,7 +114,7 @@ def test_functions_that_return_something_else_are_refused_by_name():
     wrong = RoutingTerm("wrong", "region", twice)
     with pytest.raises(ValueError, match=r"observation term 'wrong' has the shape \(1, 1\); it must be \(1, 8\)"):
         RoutingEnv(SMALL, observation={"terms": [wrong]}).reset(seed=0)
-    env = RoutingEnv(SMALL, reward={RoutingReward("wrong", twice): 1.0})
+    env = RoutingEnv(SMALL, reward={RewardTerm("wrong", twice): 1.0})
     env.reset(seed=0)
     with pytest.raises(ValueError, match=r"reward term 'wrong' has the shape \(1, 1\); it must be \(1,\)"):
         env.step(np.zeros(8, dtype=int))
@@ -120,22 +122,24 @@ def test_functions_that_return_something_else_are_refused_by_name():
         (lambda: RoutingTerm("", "exit", out), "observation term needs a name"),
         (lambda: RoutingTerm("mine", "wall", out), "unknown of_each 'wall'; known: region, exit, route, door"),
         (lambda: RoutingTerm("mine", "exit", 3), "observation term 'mine': function is 3; it must be a function"),
-        (lambda: RoutingReward("mine", None), "reward term 'mine': function is None; it must be a function"),
+        (lambda: RewardTerm("mine", None), "reward term 'mine': function is None; it must be a function"),
     ):
         with pytest.raises(ValueError, match=words):
             make()
 
 
 def test_samples_within_an_interval_add_up_to_it():
-    whole, parts = RoutingEnv(SMALL), RoutingEnv(SMALL, sample_dt=0.5)
-    assert (whole.batch.samples, parts.batch.samples) == (1, 4)
-    whole.reset(seed=1), parts.reset(seed=1)
-    over = False
-    while not over:
-        one, other = whole.step(np.zeros(8, dtype=int)), parts.step(np.zeros(8, dtype=int))
-        np.testing.assert_allclose(one[0], other[0], atol=1e-6)
-        assert one[1:4] == pytest.approx(other[1:4]) and one[4]["inside"] == other[4]["inside"]
-        over = one[2] or one[3]
-    assert one[4]["metrics"]["mean_exit_time"] == pytest.approx(other[4]["metrics"]["mean_exit_time"])
-    with pytest.raises(ValueError, match=r"interval of 2 s is not a whole number of samples of 0\.3 s"):
-        RoutingEnv(SMALL, sample_dt=0.3)
+    whole, sampled = (RoutingBatch(SMALL, num_envs=2, grid=(4, 1), interval=1.0, sample_dt=dt) for dt in (None, 0.1))
+    assert (whole.samples, sampled.samples) == (1, 10)
+    np.testing.assert_array_equal(whole.reset(0), sampled.reset(0))
+    left = 0
+    while not whole.env.finished.all():
+        one, other = (batch.step(np.tile([0, 0, 1, 1], (2, 1))) for batch in (whole, sampled))
+        for name in ("observation", "terminated", "truncated"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+        np.testing.assert_array_equal(one.info["inside"], other.info["inside"])
+        assert other.reward == pytest.approx(one.reward, rel=1e-12) and list(one.metrics) == list(other.metrics)
+        left += len(one.metrics)
+    assert left == 2 and sampled.env.finished.all()
+    with pytest.raises(ValueError, match=r"interval = 1 s is not a whole number of samples of sample_dt = 0\.3 s"):
+        RoutingBatch(SMALL, interval=1.0, sample_dt=0.3)

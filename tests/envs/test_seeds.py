@@ -37,7 +37,7 @@ def shown(env, e, step):
 
 
 def play(env, seeds, steps):
-    """Return for each environment what an episode shows, step by step; one person of three does as he likes."""
+    """Return for each environment what an episode shows, step by step; one person of three acts at random."""
     observation, _ = env.reset(seeds)
     found = [[observation[env.people(e)].tobytes()] for e in range(env.num_envs)]
     drawn = [np.random.default_rng([seed, 99]) for seed in seeds]

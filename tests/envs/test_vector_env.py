@@ -8,7 +8,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as wrappers
 
-from crowd_env import CrowdGymEnv, CrowdVectorEnv, EpisodeMetrics, Geometry, Population, Scenario, make_vec
+from crowd_env import CrowdGymEnv, CrowdVectorEnv, EpisodeMetrics, Geometry, Population, Scenario
 from crowd_env.envs.routing.env import RoutingEnv, RoutingVectorEnv
 from crowd_env.geometry.geometry import box
 
@@ -137,6 +137,13 @@ def test_every_entry_has_a_row_for_each_environment_and_a_mask(kind):
             for e in np.flatnonzero(over):
                 assert info["final_obs"][e].shape == observation[e].shape
                 assert metrics["unfinished"][e] == 0 or truncated[e]
+                assert not np.array_equal(observation[e], info["final_obs"][e])  # the next episode has begun
+            if kind == "crowd":
+                assert info["active"][over].all()
+            else:
+                shown = {name: observation[over][:, env.layout[name]] for name in ("time", "inside", "flow")}
+                assert (info["inside"][over] == 6).all() and (shown["inside"] == 1).all()
+                assert not shown["time"].any() and not shown["flow"].any()
             assert not info["_reward/time" if kind == "crowd" else "_reward/last"][over].any()
 
 
@@ -333,46 +340,33 @@ def test_an_unknown_way_of_restarting_is_refused(kind):
 
 
 @pytest.mark.parametrize(
-    ("action", "words"),
+    ("kind", "action", "words"),
     [
-        (None, r"actions is None; it must be an array of real numbers of the shape \(3, 5, 2\)"),
-        (np.zeros((5, 3, 2)), r"actions has the shape \(5, 3, 2\); it must be \(3, 5, 2\)"),
-        (np.zeros((15, 2)), r"actions has the shape \(15, 2\); it must be \(3, 5, 2\)"),
-        (np.zeros((5, 2)), r"actions has the shape \(5, 2\)"),
-        (np.zeros(30), r"actions has the shape \(30,\)"),
-        (np.zeros((3, 5, 2), complex), "actions is an array.*real numbers"),
-        ([[[0.0, 0.0]] * 5, [[0.0]]], "actions is .*real numbers"),
-        ("ahead", "actions is 'ahead'.*real numbers"),
-        ({"a": 1}, "actions is {'a': 1}.*real numbers"),
-        (np.full((3, 5, 2), np.nan), "must be finite"),
+        ("crowd", None, r"is None; it must be an array of real numbers of the shape \(3, 5, 2\)"),
+        ("crowd", np.zeros((5, 3, 2)), r"has the shape \(5, 3, 2\); it must be \(3, 5, 2\)"),
+        ("crowd", np.zeros((15, 2)), r"has the shape \(15, 2\); it must be \(3, 5, 2\)"),
+        ("crowd", np.zeros((5, 2)), r"has the shape \(5, 2\)"),
+        ("crowd", np.zeros(30), r"has the shape \(30,\)"),
+        ("crowd", np.zeros((3, 5, 2), complex), "is an array.*real numbers"),
+        ("crowd", [[[0.0, 0.0]] * 5, [[0.0]]], "is .*real numbers"),
+        ("crowd", "ahead", "is 'ahead'.*real numbers"),
+        ("crowd", {"a": 1}, "is {'a': 1}.*real numbers"),
+        ("crowd", np.full((3, 5, 2), np.nan), "must be finite"),
+        ("routing", None, r"is None; it must be an array of real numbers of the shape \(3, 2\)"),
+        ("routing", np.zeros((2, 3), int), r"has the shape \(2, 3\); it must be \(3, 2\)"),
+        ("routing", np.zeros(6, int), r"has the shape \(6,\)"),
+        ("routing", np.zeros((3, 2), complex), "is an array.*real numbers"),
+        ("routing", np.full((3, 2), "0"), "is an array.*real numbers"),
+        ("routing", np.full((3, 2), np.nan), "for region 'cell-0-0' is nan; it must be a whole number from 0 to 1"),
     ],
 )
-def test_actions_of_a_batch_of_rooms_are_taken_in_their_shape_alone(action, words):
-    env = make_vec(num_envs=3, **room())
+def test_actions_of_a_batch_are_taken_in_their_shape_alone(kind, action, words):
+    env = one(kind)[1](3)
     env.reset(seed=0)
-    with pytest.raises(ValueError, match=words) as caught:
+    with pytest.raises(ValueError, match=rf"actions? .*{words}") as caught:
         env.step(action)
     assert "\n" not in str(caught.value)
-    assert (env.env.simulation.state.time == 0.0).all()
-
-
-@pytest.mark.parametrize(
-    ("action", "words"),
-    [
-        (None, r"actions is None; it must be an array of real numbers of the shape \(3, 2\)"),
-        (np.zeros((2, 3), int), r"actions has the shape \(2, 3\); it must be \(3, 2\)"),
-        (np.zeros(6, int), r"actions has the shape \(6,\)"),
-        (np.zeros((3, 2), complex), "actions is an array.*real numbers"),
-        (np.full((3, 2), "0"), "actions is an array.*real numbers"),
-        (np.full((3, 2), np.nan), "action for region 'cell-0-0' is nan; it must be a whole number from 0 to 1"),
-    ],
-)
-def test_actions_of_a_batch_of_controllers_are_taken_in_their_shape_alone(action, words):
-    env = one("routing")[1](3)
-    env.reset(seed=0)
-    with pytest.raises(ValueError, match=words) as caught:
-        env.step(action)
-    assert "\n" not in str(caught.value)
+    assert ((env.env if kind == "crowd" else env.batch.env).simulation.state.time == 0.0).all()
 
 
 def test_the_action_of_one_environment_is_taken_in_its_shape_alone():

@@ -11,8 +11,7 @@ ROOM = box(0, 0, 5, 5)
 DOOR = [[5, 2.09], [5, 2.91]]
 
 
-def from_polygon(*args, **options):
-    return Geometry.from_polygon(*args, **options)
+from_polygon = Geometry.from_polygon
 
 
 def lengths(segments):
@@ -167,10 +166,6 @@ def test_join_boundaries_keeps_each_geometry_and_shifts_the_rows():
             assert ((rows >= joined.wall_start[g]) & (rows < joined.wall_start[g + 1])).all()
             assert all(np.abs(joined.wall[row] - joined.corner[v]).sum(axis=1).min() < 1e-9 for row in rows)
     assert joined.corner_wall_start[-1] == len(joined.corner_wall) == 2 * len(joined.wall)
-
-
-def test_join_of_nothing_is_empty():
-    assert [len(array) for array in join_boundaries([])] == [0, 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1]
 
 
 def test_contains_counts_the_border_and_not_the_obstacles():

@@ -157,17 +157,6 @@ def test_what_comes_first_is_the_unit_not_the_crowd(tmp_path):
 # ----------------------------------------------------------------------------------------------------------- people
 
 
-@pytest.mark.parametrize("count", [2.5, True, float("nan"), "20", None, [3]])
-def test_a_number_of_people_is_whole(count):
-    with pytest.raises(ValueError, match=r"population: count is .*; it must be a whole number"):
-        Population(count)
-
-
-def test_exits_are_names_not_letters():
-    with pytest.raises(ValueError, match=r"exits is 'east'; it must be a tuple of names: \('east',\)"):
-        Population(3, exits="east")
-
-
 def test_more_people_than_there_is_room_for_are_refused_before_any_is_drawn():
     with pytest.raises(ValueError, match=r"400000 people do not fit .* room for at most 21"):
         Scenario("room", quietly(ROOM, exits=[DOOR]), Population(400_000), 60.0)

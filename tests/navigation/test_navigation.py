@@ -8,11 +8,11 @@ import numba
 import numpy as np
 import pytest
 import shapely
-from navigation_plans import DOOR, PLANS, RADIUS, ROOM, plan
-from scipy.sparse.csgraph import dijkstra
+from navigation_plans import DOOR, PLANS, RADIUS, ROOM, exit_targets, plan, shortest
 
 from crowd_env.geometry.geometry import Geometry, join_boundaries
-from crowd_env.navigation.field import direction_at, exit_target, join_fields, travel_time_at, travel_time_field
+from crowd_env.navigation.field import join_fields, travel_time_field
+from crowd_env.navigation.lookup import direction_at, exit_frame, nearest_on_exit, travel_time_at
 
 STEP = 0.01
 
@@ -63,31 +63,10 @@ def beside_walls(geometry, distance):
     return np.concatenate([a + share * (b - a) + distance * inward for share in (0.06, 0.22, 0.5, 0.78, 0.94)])
 
 
-def shortest(geometry, points):
-    """Return the length of the shortest way of a disc from each of ``points``, from a visibility graph."""
-    walls = shapely.MultiLineString(list(geometry.walls))
-    free = geometry.walkable.difference(shapely.buffer(walls, RADIUS - 1e-4, quad_segs=16))
-    targets = []
-    for a, b in geometry.exits:
-        width = np.hypot(*(b - a))
-        # without walls nothing keeps the disc off the ends of an exit, but the field aims as if there were jambs
-        targets.append(a + np.linspace(RADIUS, width - RADIUS, 41)[:, None] / width * (b - a))
-    nodes = np.concatenate([*targets, shapely.get_coordinates(free)])
-    tolerant = shapely.buffer(free, 2e-4)
-    shapely.prepare(tolerant)
-
-    def distances(from_points, to_points):
-        pairs = np.stack(np.broadcast_arrays(from_points[:, None], to_points[None]), axis=2)
-        seen = shapely.covers(tolerant, shapely.linestrings(pairs.reshape(-1, 2, 2))).reshape(pairs.shape[:2])
-        return np.where(seen, np.hypot(*np.moveaxis(pairs[:, :, 0] - pairs[:, :, 1], 2, 0)), np.inf)
-
-    between = distances(nodes, nodes)
-    count = sum(len(part) for part in targets)
-    between[:count, :count] = np.inf
-    between[~np.isfinite(between)] = 0  # no edge
-    rest = dijkstra(between, indices=np.arange(count)).min(axis=0)
-    rest[:count] = 0
-    return (distances(points, nodes) + rest).min(axis=1)
+def shortest_out(geometry, points):
+    """Return the length of the shortest way out of a disc from each of ``points``."""
+    # Without walls nothing keeps the disc off the ends of an exit, but the field aims as if there were jambs.
+    return shortest(geometry, points, exit_targets(geometry), lines=list(geometry.walls), quad_segs=16)
 
 
 @pytest.mark.parametrize("name", PLANS)
@@ -110,7 +89,7 @@ def test_paths_and_travel_times_are_the_shortest_there_are(name):
     geometry, field, arrays = plan(name)
     points = starts(geometry, 120, seed=2)
     points = points[geometry.clearance(points) > RADIUS + 1e-3]
-    exact = shortest(geometry, points)
+    exact = shortest_out(geometry, points)
     walked = np.array([path_length(follow(name, point)[0]) for point in points])
     times = np.array([travel_time_at(arrays, geometry.boundary, 0, *point, RADIUS) for point in points])
     far = exact > 1.0
@@ -133,7 +112,7 @@ def test_length_of_the_way_around_a_door_jamb_in_closed_form(start):
     exact = around_jamb(np.array(start), np.array([5, 2.09]), np.array([5, 2.09 + RADIUS]))
     path, _ = follow("room", start)
     assert path_length(path) == pytest.approx(exact, rel=0.01)
-    assert shortest(plan("room")[0], np.array([start]))[0] == pytest.approx(exact, rel=1e-3)  # the yardstick itself
+    assert shortest_out(plan("room")[0], np.array([start]))[0] == pytest.approx(exact, rel=1e-3)  # the yardstick itself
 
 
 def test_length_of_the_way_around_a_corner_in_closed_form():
@@ -148,7 +127,7 @@ def test_axis_of_symmetry_behind_an_obstacle_is_left():
         for x in (0.3, 1.0, 1.5):
             path, exit_row = follow(name, (x, y))
             assert exit_row == 0
-            assert path_length(path) < 1.03 * shortest(plan(name)[0], np.array([[x, y]]))[0]
+            assert path_length(path) < 1.03 * shortest_out(plan(name)[0], np.array([[x, y]]))[0]
 
 
 def test_inside_of_the_c_is_left_by_its_open_side():
@@ -240,13 +219,19 @@ def test_direct_nodes_are_exact():
     assert plan("block in the room")[1].direct[50, 20] == -1  # the block stands between
 
 
+@numba.njit
+def aim(exits, x, y, radius):
+    ax, ay, ux, uy, width, _, _ = exit_frame(exits, 0)
+    return nearest_on_exit(ax, ay, ux, uy, width, x, y, radius)
+
+
 def test_own_radius_decides_where_to_pass_the_door():
     geometry, _, arrays = plan("room")
     boundary = geometry.boundary
-    assert exit_target(boundary, 0, 4.0, 2.2, 0.2) == pytest.approx((5, 2.29))
-    assert exit_target(boundary, 0, 4.0, 2.2, 0.3) == pytest.approx((5, 2.39))
-    assert exit_target(boundary, 0, 4.0, 2.6, 0.3) == pytest.approx((5, 2.6))
-    assert exit_target(boundary, 0, 4.0, 2.2, 0.5) == pytest.approx((5, 2.5))  # wider than the door: its middle
+    assert aim(boundary.exit, 4.0, 2.2, 0.2) == pytest.approx((5, 2.29))
+    assert aim(boundary.exit, 4.0, 2.2, 0.3) == pytest.approx((5, 2.39))
+    assert aim(boundary.exit, 4.0, 2.6, 0.3) == pytest.approx((5, 2.6))
+    assert aim(boundary.exit, 4.0, 2.2, 0.5) == pytest.approx((5, 2.5))  # wider than the door: its middle
     slim, stout = (direction_at(arrays, boundary, 0, 4.0, 2.36, radius) for radius in (0.2, 0.35))
     assert slim == pytest.approx((1, 0))
     assert stout == pytest.approx(np.array([1, 0.08]) / np.hypot(1, 0.08))

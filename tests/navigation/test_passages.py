@@ -9,8 +9,9 @@ from scipy import ndimage
 from shapely.geometry import MultiPolygon, box
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.field import direction_at, join_fields, travel_time_at, travel_time_field
+from crowd_env.navigation.field import join_fields, travel_time_field
 from crowd_env.navigation.grid import connected_parts
+from crowd_env.navigation.lookup import direction_at, travel_time_at
 
 
 def gap(width):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import shapely
-from crowds import plain, tight
+from crowds import every_scheme, plain, tight
 
 from crowd_env import (
     DEM,
@@ -24,7 +24,6 @@ from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.physics import SCHEMES
 from crowd_env.state import MAX_SPEED
 
-every_scheme = pytest.mark.parametrize("name", SCHEMES)
 RADIUS = 0.2
 ROOM = Geometry.from_polygon([(0, 0), (4, 0), (4, 3), (0, 3)], exits={"e": [(4, 1.9), (4, 2.9)]})
 WEDGE = Geometry.from_polygon([(0, 0), (4, 0), (4, 3), (2, 0.6), (0, 3)])  # acute corners, and one that juts in

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from crowds import PLANS, half_plane, people, plain, scatter, tight, touches
+from crowds import PLANS, every_scheme, half_plane, people, plain, scatter, tight, touches
 from shapely.geometry import box
 
 from crowd_env.geometry.geometry import Geometry
@@ -14,7 +14,6 @@ from crowd_env.state import make_bodies, make_state
 
 pytestmark = pytest.mark.kernels
 
-every_scheme = pytest.mark.parametrize("name", SCHEMES)
 INERTIAL = tight(NSM1(trial="inertial"))
 
 

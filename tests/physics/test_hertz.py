@@ -311,26 +311,7 @@ def test_a_crowd_with_a_social_force_keeps_its_distance_and_gets_out(name, socia
     assert np.isfinite(state.exit_time).sum() >= 10 or name == "hertz-literal"
 
 
-# ------------------------------------------------------------------------------------------------------------ parameters
-
-
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (lambda: Hertz(youngs_modulus=0.0), r"hertz: youngs_modulus is 0\.0; it must be > 0 and finite: k_n"),
-        (lambda: Hertz(poisson_ratio=0.7), r"hertz: poisson_ratio is 0\.7; it must be above -1 and at most 0\.5"),
-        (lambda: Hertz(wall_friction=-0.1), r"hertz: wall_friction is -0\.1; it must be >= 0"),
-        (lambda: Hertz(damping_unit="N"), r"hertz: unknown damping_unit 'N'; known: rate per length, rate, critical"),
-        (lambda: SocialForce(length=0.0), r"social force: length is 0\.0; it must be > 0"),
-        (lambda: SocialForce(anisotropy=1.5), r"social force: anisotropy is 1\.5; it must be in \[-1, 1\]"),
-        (lambda: SocialForce.helbing(behind=2.0), r"social force: behind \(Lambda\) is 2\.0; it must be in \[0, 1\]"),
-        (lambda: SocialForce(strength=np.inf), r"social force: .* must be >= 0 and finite"),
-        (lambda: make_scheme("dem", social="love"), r"unknown social force 'love'; known: none, helbing, lin"),
-    ],
-)
-def test_a_parameter_out_of_range_is_named(make, says):
-    with pytest.raises(ValueError, match=says):
-        make()
+# --------------------------------------------------------------------------------------------------------------- presets
 
 
 def test_the_presets_say_what_they_are():

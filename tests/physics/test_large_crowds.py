@@ -5,13 +5,14 @@ from functools import partial
 
 import numpy as np
 import pytest
+from crowds import every_scheme
 from scipy.spatial import cKDTree
 from shapely.geometry import box
 
 import crowd_env.physics.spatial_order
 from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.field import direction_at
+from crowd_env.navigation.lookup import direction_at
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.dem_lanes.partition import SLABS, count_slabs
 from crowd_env.physics.neighbors.lists import invalidate_lists
@@ -20,8 +21,6 @@ from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import Route
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
-
-every_scheme = pytest.mark.parametrize("name", SCHEMES)
 
 
 def crowd(name, count, *, density=None, environments=1, seed=0, **options):

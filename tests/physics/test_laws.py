@@ -9,7 +9,6 @@ import shapely
 from crowds import (
     GRAIN_SCHEMES,
     converging,
-    copied,
     crowd_in,
     half_plane,
     joined,
@@ -333,28 +332,3 @@ def test_bounce_of_dem_meets_contact_time_and_deepest_overlap():
     assert steps * 1e-5 == pytest.approx(np.pi / omega, abs=3e-5)
     assert simulation.diagnostics.max_overlap[0] == pytest.approx(speed / omega, rel=1e-3)
     assert state.velocity[0, 0] == pytest.approx(speed, rel=1e-4)
-
-
-def test_copies_of_a_crowd_are_not_touched():
-    bodies, start = converging(np.random.default_rng(9), 5)
-    own, state = copied(bodies, start)
-    Simulation(plain(), own, state, driving=False).advance(n_substeps=5)
-    assert (state.position != start.position).all()
-
-
-def test_the_dissipative_reaction_makes_no_energy_where_the_printed_one_does():
-    # Three equal bodies in a line, the left pair approaching and the right pair separating (K_N infinite): by hand, eq 10
-    # raises the kinetic energy by 13 %; forbidding approach in the mean of the step instead keeps it.
-    energy = {}
-    for reaction in ("printed", "dissipative"):
-        state = make_state([[0.0, 0.0], [0.39, 0.0], [0.78, 0.0]], [[1.0, 0.0], [0.0, 0.0], [0.5, 0.0]])
-        bodies = make_bodies(np.full(3, 0.2), np.full(3, 80.0))
-        scheme = NSM2(np.inf, reaction=reaction, tolerance=1e-12)
-        simulation = Simulation(
-            Geometry.from_polygon(shapely.box(-5, -5, 5, 5)), bodies, state, scheme=scheme, driving=False
-        )
-        before = (state.velocity**2).sum()
-        simulation.advance()
-        energy[reaction] = (simulation.state.velocity**2).sum() / before
-    assert energy["printed"] == pytest.approx(1.1333, abs=1e-3)
-    assert energy["dissipative"] == pytest.approx(1.0, abs=1e-9)

@@ -1,7 +1,7 @@
 """The printed results of Pécol et al. 2011 that need one or two bodies, and the closed forms behind them.
 
 One disc against a wall at x = 0 (section 4.1): r = 0.3 m, start (0.6, 0), velocity (-2, -1), h = 0.1 s.  The mass is not
-printed; 300 pi r^2 gives every digit of Table 3.
+printed; 300 pi r^2 gives every digit of Table 3 (tests/reproduce).
 """
 
 import numpy as np
@@ -14,7 +14,6 @@ from crowd_env.state import make_bodies, make_state
 
 RADIUS = 0.3
 MASS = 300 * np.pi * RADIUS**2
-STIFFNESS = 1.2e5  # Helbing et al. 2000
 INERTIAL = tight(NSM1(trial="inertial"))
 
 
@@ -40,33 +39,6 @@ def close_to(rows, abs=1e-12):
     return [pytest.approx(row, abs=abs) for row in rows]
 
 
-# ----------------------------------------------------------------------------------------------------------- Table 3
-
-
-@pytest.mark.parametrize(
-    ("dt", "printed"),
-    [
-        (1e-1, "12.14710605261293"),
-        (1e-2, "2.03066571837719"),
-        (1e-3, "2.00035320567159"),
-        (1e-4, "2.00000264342070"),
-        (1e-5, "2.00000003535854"),  # printed with one zero less than its 14 decimals need
-    ],
-)
-def test_table_3_velocity_after_a_contact_with_dem(dt, printed):
-    simulation = disc_against_wall(DEM(STIFFNESS), dt)
-    simulation.advance(n_substeps=round(0.4 / dt))
-    ux, uy = simulation.state.velocity[0]
-    assert simulation.state.position[0, 0] > RADIUS
-    assert (ux, uy) == (pytest.approx(float(printed), abs=2e-12), -1.0)
-
-
-def test_table_3_first_row_in_closed_form():
-    simulation = disc_against_wall(DEM(STIFFNESS))
-    simulation.advance(n_substeps=3)
-    assert simulation.state.velocity[0, 0] == pytest.approx(-2 + STIFFNESS * 0.1 / MASS * 0.1, rel=1e-12)
-
-
 # ---------------------------------------------------------------------------------------------------------- Figure 2
 
 
@@ -86,11 +58,6 @@ def test_figure_2b_nsm1_stops_at_the_wall():
 def test_figure_2c_nsm2_elastic_is_late_by_two_steps():
     rows = trace(NSM2(normal_dissipation=np.inf, reaction="printed"), 5)
     assert rows == close_to([(0.4, -2), (0.2, -2), (0.2, 2), (0.4, 2), (0.6, 2)])
-
-
-@pytest.mark.parametrize(("k_normal", "expected"), [(1e5, 1.99322565), (1e4, 1.93327359)])
-def test_figure_2c_nsm2_practically_elastic(k_normal, expected):
-    assert trace(NSM2(normal_dissipation=k_normal, reaction="printed"), 5)[-1][1] == pytest.approx(expected, abs=5e-9)
 
 
 @pytest.mark.parametrize("k_normal", [2 * MASS, MASS, 0.0])
@@ -173,11 +140,16 @@ def test_a_separating_neighbor_can_take_up_energy_under_nsm2():
     # A (1 m/s) hits B (at rest), C leaves B at 0.5 m/s; equal masses, K_N infinite.  Eqs 8-10 ask for w_AB+ = -w_AB- and
     # w_BC+ >= 0; by hand u = (-1/6, 5/6, 5/6).  The energy GROWS by 2/15: in a multiple collision the reaction (eq 10)
     # works with (w- + w+)/2 = w-/2 > 0.  It is a trait of the law as printed, kept here so that nobody takes it for a bug.
-    state = make_state([[0.0, 0.0], [0.399, 0.0], [0.798, 0.0]], [[1.0, 0.0], [0.0, 0.0], [0.5, 0.0]])
+    # Forbidding approach in the mean of the step instead keeps the energy.
+    before = make_state([[0.0, 0.0], [0.399, 0.0], [0.798, 0.0]], [[1.0, 0.0], [0.0, 0.0], [0.5, 0.0]])
     bodies = make_bodies(np.full(3, 0.2), 80.0)
-    scheme = tight(NSM2(normal_dissipation=np.inf, reaction="printed"))
-    Simulation(plain(), bodies, state, scheme=scheme, driving=False).advance()
-    np.testing.assert_allclose(state.velocity[:, 0], [-1 / 6, 5 / 6, 5 / 6], atol=1e-9)
+    for reaction, gain in (("printed", 2 / 15), ("dissipative", 0.0)):
+        state = before.copy()
+        scheme = tight(NSM2(normal_dissipation=np.inf, reaction=reaction))
+        Simulation(plain(), bodies, state, scheme=scheme, driving=False).advance()
+        if reaction == "printed":
+            np.testing.assert_allclose(state.velocity[:, 0], [-1 / 6, 5 / 6, 5 / 6], atol=1e-9)
+        assert (state.velocity**2).sum() == pytest.approx((1.0 + gain) * (before.velocity**2).sum(), abs=1e-9)
 
 
 @pytest.mark.parametrize("gap", [0.0, -0.02, 0.004])

@@ -13,25 +13,6 @@ HALL = Geometry.from_polygon([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)
 
 
 @pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (lambda: DEM(stiffness=0.0), r"dem: stiffness is 0\.0; it must be > 0 and finite: .*eq 5"),
-        (lambda: DEM(stiffness=float("nan")), r"dem: stiffness is nan; it must be > 0"),
-        (lambda: NSM1(tolerance=0.0), r"nsm1: tolerance is 0\.0; it must be > 0"),
-        (lambda: NSM1(trial="eager"), r"nsm1: unknown trial 'eager'; known: spontaneous, inertial"),
-        (lambda: NSM1(solver="magic"), r"nsm1: unknown solver 'magic'; known: auto, gauss-seidel, accelerated"),
-        (lambda: NSM2(normal_dissipation=-1.0), r"nsm2: normal_dissipation is -1\.0; it must be >= 0: .*K_N - 2 m_e"),
-        (lambda: NSM2(tangential_dissipation=-1.0), r"nsm2: tangential_dissipation is -1\.0; it must be >= 0"),
-        (lambda: NSM2(position_correction=1.5), r"nsm2: position_correction is 1\.5; it must be in \[0, 1\]"),
-        (lambda: NSM2(reaction="kind"), r"nsm2: unknown reaction 'kind'; known: dissipative, printed"),
-    ],
-)
-def test_a_parameter_out_of_range_names_the_bound_and_its_formula(make, says):
-    with pytest.raises(ValueError, match=says):
-        make()
-
-
-@pytest.mark.parametrize(
     ("scheme", "dt", "says"),
     [
         (DEM(), 0.04, r"dt = 0\.04 s is above the stable step of dem, 0\.03162 s .*: 2 / sqrt\(2 k / m_min\)"),

@@ -8,7 +8,7 @@ from shapely.geometry import box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import NSM1, NSM2, constraints, solvers
-from crowd_env.physics.constraints import allocate_constraints
+from crowd_env.physics.constraints import Extent, allocate_constraints
 from crowd_env.physics.solvers import Stopping
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_state
@@ -87,13 +87,13 @@ def test_a_wall_does_not_move():
     number, free, contacts = problem_of(simulation)
     assert (contacts.j[:number] < 0).sum() > 10
     rows, mass = simulation.workspace.constraints, simulation.bodies.mass
-    people_ = len(mass)
-    active_rows = assemble_no_overlap(0, number, 0, people_, 0, contacts, mass, free, rows, DT, True)
+    extent = Extent(0, 0, len(mass), 0, number)
+    active_rows = assemble_no_overlap(extent, contacts, mass, free, rows, DT, True)
     sweeps, _, converged = solve(
-        0, number, active_rows, 0, people_, 0, mass, free, rows, None, Stopping(1e-9, np.inf, 20_000, True)
+        extent, number, active_rows, mass, free, rows, None, Stopping(1e-9, np.inf, 20_000, True)
     )
     assert converged and sweeps > 50
-    np.testing.assert_array_equal(rows.velocity[people_], 0.0)
+    np.testing.assert_array_equal(rows.velocity[len(mass)], 0.0)
 
 
 @pytest.mark.parametrize("factor", [0.0, 1.0, -1.0, 30.0])
@@ -105,7 +105,7 @@ def test_a_start_is_never_worse_than_none(factor):
     rows = allocate_constraints(count, number, 1)
     rng = np.random.default_rng(1)
     contacts.impulse[:number, 0] *= factor * rng.uniform(0.5, 1.5, number)
-    assemble_no_overlap(0, number, 0, count, 0, contacts, mass, free, rows, DT, True)
+    assemble_no_overlap(Extent(0, 0, count, 0, number), contacts, mass, free, rows, DT, True)
     u = np.vstack([free, [[0.0, 0.0]]])
     _warm_start(rows.pair, rows.coefficients, rows.reaction, mass, free, u)
     share, first = rows.coefficients[:, 3], rows.pair[:, 0]

@@ -1,32 +1,26 @@
 """Recordings, films and figures."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn_rooms import PLANS, recording
 
-pytest.importorskip("pygame")
-PIL_Image = pytest.importorskip("PIL.Image")
-imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
-pytest.importorskip("matplotlib")
-
-from drawn_rooms import PLANS, recording  # noqa: E402
-
-from crowd_env.rendering import (  # noqa: E402
+from crowd_env.rendering import (
     FULL_PRESSURE,
-    egress_comparison,
     egress_curves,
     learning_curve,
     write_film,
     write_still,
     write_strip,
 )
-from crowd_env.rendering.palette import (  # noqa: E402
-    BACKGROUND,
-    EXIT_MAT,
-    FLOOR,
-    WALL,
-)
+from crowd_env.rendering.encoding import write_gif
+from crowd_env.rendering.palette import BACKGROUND, EXIT_MAT, FLOOR, WALL
+
+PIL_Image = pytest.importorskip("PIL.Image")
+imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+matplotlib = pytest.importorskip("matplotlib")
 
 # ---------------------------------------------------------------------------------------------------------- recordings
 
@@ -48,8 +42,6 @@ def test_pressure_shown_is_the_mean_over_a_while():
 
 def test_people_leave_at_their_exit_time():
     film = recording(people=4)
-    from dataclasses import replace
-
     exact = replace(film, exit_time=np.array([1.23, 2.0, 3.0, 3.96]))
     assert exact.at(1.22).active.all() and not exact.at(1.24).active[0]
     assert exact.end == 3.96
@@ -58,8 +50,6 @@ def test_people_leave_at_their_exit_time():
 
 
 def test_a_malformed_recording_is_refused():
-    from dataclasses import replace
-
     film = recording()
     with pytest.raises(ValueError, match="velocity has shape"):
         replace(film, velocity=film.velocity[:-1])
@@ -133,8 +123,6 @@ def test_a_still_shows_the_moment_of_most_pressure(tmp_path):
     film = recording()
     pressure = np.zeros_like(film.pressure)
     pressure[18:23] = FULL_PRESSURE
-    from dataclasses import replace
-
     assert replace(film, pressure=pressure).peak_time() == pytest.approx(2.0, abs=0.11)
     assert 0.0 < replace(film, pressure=0 * pressure).peak_time() < 4.0
 
@@ -164,8 +152,6 @@ def test_a_film_that_fails_leaves_the_old_one(tmp_path):
         yield np.zeros((20, 20, 3), dtype=np.uint8)
         raise RuntimeError("no more frames")
 
-    from crowd_env.rendering.encoding import write_gif
-
     with pytest.raises(RuntimeError, match="no more"):
         write_gif(path, broken(), 0.1, [np.zeros((20, 20, 3), dtype=np.uint8)])
     assert path.read_text() == "the old one"
@@ -183,8 +169,6 @@ def test_films_need_recordings_and_a_rate(tmp_path):
 
 
 def test_figures_are_written_and_touch_no_global_setting(tmp_path):
-    import matplotlib
-
     before = dict(matplotlib.rcParams)
     rng = np.random.default_rng(0)
     runs = [np.sort(rng.uniform(1.0, 8.0, 20)) for _ in range(4)]
@@ -195,7 +179,7 @@ def test_figures_are_written_and_touch_no_global_setting(tmp_path):
     paths = [
         egress_curves(tmp_path / "egress.png", {"rule": runs, "learned": [unfinished]}, title="Room"),
         egress_curves(tmp_path / "nobody.png", {"stuck": [nobody]}),
-        egress_comparison(tmp_path / "comparison.png", unfinished, runs, title="Bottleneck"),
+        egress_curves(tmp_path / "comparison.png", {"recorded": [unfinished], "simulated": runs}, title="Bottleneck"),
         learning_curve(
             tmp_path / "a.png", steps, {"one": steps, "three": rng.random((3, 10))}, reference={"rule": 4.0}
         ),
@@ -216,8 +200,6 @@ def test_figures_of_nothing_are_refused(tmp_path):
         egress_curves(tmp_path / "a.png", {"rule": []})
     with pytest.raises(ValueError, match="at least one label"):
         egress_curves(tmp_path / "a.png", {})
-    with pytest.raises(ValueError, match="no evacuation"):
-        egress_comparison(tmp_path / "a.png", [1.0], [])
     with pytest.raises(ValueError, match="must have 3 values"):
         learning_curve(tmp_path / "a.png", [1, 2, 3], {"a": [1.0, 2.0]})
     for errors in ({"a": [1.0, 2.0]}, {"b": [1.0, 2.0, 3.0]}):

@@ -32,3 +32,10 @@ def computed(monkeypatch):
 
     monkeypatch.setattr(Run, "simulate", instead)
     return runs
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Work in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

@@ -1,25 +1,16 @@
 """The command that reproduces tables and figures."""
 
-import csv
 import json
 
 import pytest
 import typer
-from reproductions import call, reported
+from reproductions import PNG, call, check_files, reported
 from typer.testing import CliRunner
 
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.files.atomic import written
 from crowd_env.reproduce import FIGURES, Row
-
-PNG = b"\x89PNG\r\n\x1a\n"
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
+from crowd_env.reproduce.lin2016.run import Run
 
 # ---------------------------------------------------------------------------------------------------- how it is said
 
@@ -30,21 +21,11 @@ KEYS = {"quantity", "paper", "here", "unit", "n"}
 @pytest.mark.parametrize("name", ["table3", "fig2", "fig3"])
 def test_json_files_and_figure(name, folder):
     object = reported(f"{name} --runs 2 --n 6 --seed 3" if name == "fig3" else f"{name} --runs 2 --seed 3")
-    assert object["name"] == name and object["rows"]
-    for row in object["rows"]:
-        assert set(row) >= KEYS
-        assert row["paper"] is None or isinstance(row["paper"], float)
-    quantities = [row["quantity"] for row in object["rows"]]
-    assert len(set(quantities)) == len(quantities)
+    assert object["name"] == name and all(set(row) >= KEYS for row in object["rows"])
+    check_files(object, folder)
     files = sorted(path.name for path in (folder / "reproduce").iterdir())
-    assert [file for file in files if file.startswith(".")] == [] and len(files) == 3
-    assert (folder / "reproduce" / f"{name}.png").read_bytes()[:8] == PNG
-    with (folder / "reproduce" / f"{name}.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["quantity"] for row in rows] == quantities
-    assert [float(row["here"]) for row in rows if row["here"]] == [
-        row["here"] for row in object["rows"] if row["here"] is not None
-    ]
+    assert [file for file in files if file.startswith(".")] == [] and len(files) == 4
+    assert json.loads((folder / "reproduce" / f"{name}.json").read_text(encoding="utf-8")) == object
 
 
 def test_table_is_readable_and_fits(folder):
@@ -109,7 +90,7 @@ def test_it_is_a_command_of_a_larger_one():
         ("table5 --n 2", "--n 2 slope 3 people"),
         ("table5 --n 900", "900 do not fit"),
         ("table5 --target up", "--target up path nearest centre width"),
-        ("table5 --door-width 0", "door_width > 0"),
+        ("table5 --door-width 0", "door_width above 0"),
         ("table5 --door-width 6", "door_width side"),
         ("table5 --door-width 0.3", "0.30 m narrower"),
         ("table5 --door-width nan", "--door-width nan finite"),
@@ -124,10 +105,38 @@ def test_it_is_a_command_of_a_larger_one():
         ("table5 --k-tangent -1", "tangential_dissipation >= 0"),
         ("all --k-tangent -1", "tangential_dissipation >= 0"),
         ("table3 --out taken", "--out taken not a folder"),
+        ("lin-fig11", "lin-fig11 lin-fig4 lin-fig10 pecol lin all"),
+        ("table5 --preset literal", "--preset lin table5"),
+        ("pecol --no-rotation", "--no-rotation lin pecol"),
+        ("table3 --workers 2", "--workers lin table3"),
+        ("fig2 --fresh", "--fresh lin fig2"),
+        ("lin --door-width 1", "--door-width fig3 table5 lin"),
+        ("lin-fig7 --n 50", "--n fig3 table5 lin-fig7"),
+        ("lin-fig7 --scheme dem", "--scheme fig3 lin-fig7"),
+        ("lin-fig5 --no-rotation", "--no-rotation all but lin-fig5"),
+        ("lin-fig6 --runs 3", "--runs lin-fig6"),
+        ("lin-fig4 --preset guess", "--preset guess calibrated literal"),
+        ("lin-fig4 --damping much", "--damping much per-length rate critical"),
+        ("lin-fig4 --target up", "--target up path nearest centre width"),
+        ("lin-fig4 --runs 0", "--runs 0 at least 1"),
+        ("lin-fig4 --seed -1", "--seed -1 >= 0"),
+        ("lin-fig4 --workers 0", "--workers 0 at least 1"),
+        ("lin-fig4 --dt 0", "--dt > 0"),
+        ("lin-fig4 --dt nan", "--dt finite"),
+        ("lin-fig7 --dt 0.02", "dt 0.02 stable step"),
+        ("lin-fig4 --wall-friction -1", "wall_friction >= 0"),
+        ("lin-fig4 --wall-social -1", "wall_strength >= 0"),
+        ("lin-fig4 --anisotropy 2", "anisotropy [-1, 1]"),
+        ("lin-fig4 --cutoff 0", "cutoff > 0"),
+        ("lin-fig4 --cutoff inf", "--cutoff finite"),
+        ("lin-fig4 --exit-depth -1", "exit_depth [0, 5]"),
+        ("all --preset guess", "--preset guess"),
+        ("lin-fig4 --out taken", "--out taken not a folder"),
     ],
 )
 def test_a_mistake_is_one_plain_line_before_anything_runs(line, words, folder, monkeypatch):
     (folder / "taken").write_text("a file")
+    monkeypatch.setattr(Run, "simulate", lambda *_: pytest.fail("ran"))
     monkeypatch.setattr("crowd_env.cli.reproduce._run", lambda *_: pytest.fail("ran"))
     result = call(line)
     assert result.exit_code == 2, result.output
@@ -164,10 +173,10 @@ def test_an_interruption_leaves_old_files_and_no_pieces(tmp_path, results):
         yield ("first",)
         raise KeyboardInterrupt
 
-    from crowd_env.reproduce.result import RawTable, write_table
+    from crowd_env.files.csv_table import write_csv
 
     with pytest.raises(KeyboardInterrupt):
-        write_table(tmp_path / "table3.csv", RawTable(("name",), interrupted()))
+        write_csv(tmp_path / "table3.csv", ("name",), interrupted())
     with pytest.raises(KeyboardInterrupt), written(tmp_path / "table3.png") as part:
         part.write_bytes(PNG)
         raise KeyboardInterrupt
@@ -180,10 +189,14 @@ def test_without_a_drawing_library_the_numbers_are_still_written(folder, monkeyp
     def missing(*_):
         raise ModuleNotFoundError("drawing needs matplotlib, which is not installed")
 
-    monkeypatch.setattr("crowd_env.reproduce.pecol2011.figures.room.collisions", missing)
+    monkeypatch.setattr("crowd_env.reproduce.pecol2011.fig2.collisions", missing)
     result = call("fig2")
     assert result.exit_code == 0 and "no figure: drawing needs matplotlib" in result.stderr
-    assert sorted(path.name for path in (folder / "reproduce").iterdir()) == ["fig2-trajectories.csv", "fig2.csv"]
+    assert sorted(path.name for path in (folder / "reproduce").iterdir()) == [
+        "fig2-trajectories.csv",
+        "fig2.csv",
+        "fig2.json",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,11 @@
 """The command that reproduces the figures of Lin, Ma, Lo."""
 
-import csv
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from lin_runs import invented
-from reproductions import call, reported
+from reproductions import call, check_files, reported
 
 from crowd_env.reproduce import PAPERS
 from crowd_env.reproduce.lin2016 import fig9
@@ -17,20 +16,11 @@ from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.pool import distinct
 
 LIN = PAPERS["lin"].figures
-PNG = b"\x89PNG\r\n\x1a\n"
-
-
 KEYS = {"quantity", "paper", "here", "unit", "n", "reading", "closed_form", "sd", "ci95"}
 
 
 def all_runs(settings):
     return distinct(run for figure in LIN.values() for run in figure.runs(settings))
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 @pytest.fixture
@@ -46,21 +36,11 @@ def undrawn(monkeypatch):
 def test_json_files_and_figure(name, folder, computed):
     draws = "" if name == "lin-fig6" else "--runs 4 "
     object = reported(f"{name} {draws}--seed 2 --workers 1")
-    assert object["name"] == name and object["rows"] and object["options"] == {}
+    assert object["name"] == name and object["options"] == {}
     for row in object["rows"]:
-        assert set(row) == KEYS
-        assert row["paper"] is None or isinstance(row["paper"], float)
-        assert row["here"] is None or np.isfinite(row["here"])
-    quantities = [row["quantity"] for row in object["rows"]]
-    assert len(set(quantities)) == len(quantities)
+        assert set(row) == KEYS and (row["here"] is None or np.isfinite(row["here"]))
+    check_files(object, folder)
     assert "FITTED to Figure 7" in " ".join(object["remarks"])
-    assert (folder / "reproduce" / f"{name}.png").read_bytes()[:8] == PNG
-    with (folder / "reproduce" / f"{name}.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["quantity"] for row in rows] == quantities
-    assert [float(row["here"]) for row in rows if row["here"]] == [
-        row["here"] for row in object["rows"] if row["here"] is not None
-    ]
     assert len(list((folder / "reproduce" / "runs").iterdir())) == len(computed)
     assert {run.seed for run in computed} <= {2, 3, 4, 5}
 
@@ -163,48 +143,3 @@ def test_list_names_both_papers():
     assert listed["groups"]["lin"] == list(LIN)
     shown = call("list").stdout
     assert all(name in shown for name in (*listed["names"], *listed["groups"]))
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("lin-fig11", "lin-fig11 lin-fig4 lin-fig10 pecol lin all"),
-        ("table5 --preset literal", "--preset lin table5"),
-        ("pecol --no-rotation", "--no-rotation lin pecol"),
-        ("table3 --workers 2", "--workers lin table3"),
-        ("fig2 --fresh", "--fresh lin fig2"),
-        ("lin --door-width 1", "--door-width fig3 table5 lin"),
-        ("lin-fig7 --n 50", "--n fig3 table5 lin-fig7"),
-        ("lin-fig7 --scheme dem", "--scheme fig3 lin-fig7"),
-        ("lin-fig5 --no-rotation", "--no-rotation all but lin-fig5"),
-        ("lin-fig6 --runs 3", "--runs lin-fig6"),
-        ("lin-fig4 --preset guess", "--preset guess calibrated literal"),
-        ("lin-fig4 --damping much", "--damping much per-length rate critical"),
-        ("lin-fig4 --target up", "--target up path nearest centre width"),
-        ("lin-fig4 --runs 0", "--runs 0 at least 1"),
-        ("lin-fig4 --seed -1", "--seed -1 >= 0"),
-        ("lin-fig4 --workers 0", "--workers 0 at least 1"),
-        ("lin-fig4 --dt 0", "--dt > 0"),
-        ("lin-fig4 --dt nan", "--dt finite"),
-        ("lin-fig7 --dt 0.02", "dt 0.02 stable step"),
-        ("lin-fig4 --wall-friction -1", "wall_friction >= 0"),
-        ("lin-fig4 --wall-social -1", "wall_strength >= 0"),
-        ("lin-fig4 --anisotropy 2", "anisotropy [-1, 1]"),
-        ("lin-fig4 --cutoff 0", "cutoff > 0"),
-        ("lin-fig4 --cutoff inf", "--cutoff finite"),
-        ("lin-fig4 --exit-depth -1", "exit_depth >= 0"),
-        ("all --preset guess", "--preset guess"),
-        ("lin-fig4 --out taken", "--out taken not a folder"),
-    ],
-)
-def test_a_mistake_is_one_plain_line_before_anything_runs(line, words, folder, monkeypatch):
-    (folder / "taken").write_text("a file")
-    monkeypatch.setattr(Run, "simulate", lambda *_: pytest.fail("ran"))
-    monkeypatch.setattr("crowd_env.cli.reproduce._run", lambda *_: pytest.fail("ran"))
-    result = call(line)
-    assert result.exit_code == 2, result.output
-    assert result.stdout == ""
-    assert result.stderr.startswith("error: ") and result.stderr.count("\n") == 1
-    for word in words.split():
-        assert word in result.stderr
-    assert [path.name for path in folder.iterdir()] == ["taken"]

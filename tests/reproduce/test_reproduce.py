@@ -19,7 +19,9 @@ from crowd_env.scenarios import make_scenario
 
 def test_table_3_digit_by_digit(results):
     rows = {row.quantity: row for row in results("table3").rows}
-    assert [row.paper for row in list(rows.values())[:5]] == list(table3.PRINTED.values())
+    assert [row.paper for row in list(rows.values())[:5]] == [
+        "12.14710605261293", "2.03066571837719", "2.00035320567159", "2.00000264342070", "2.0000003535854",
+    ]  # fmt: skip
     for h in ("0.01", "0.001", "0.0001"):
         assert rows[f"u_x, h = {h} s"].difference() == "exact"
     assert rows["u_x, h = 1e-05 s, mended"].difference() == "exact"

@@ -11,10 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from evacuations import evacuated
 from lin_runs import invented
 from reproductions import nothing
 
-from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.physics import SCHEMES
 from crowd_env.reproduce import pool
 from crowd_env.reproduce import store as store_of_runs
@@ -35,10 +35,7 @@ SMALL = [
 
 def test_a_run_is_the_evacuation_of_the_run_command():
     run = Run(12, 1.5, seed=3)
-    env = CrowdEnv("lin-room-v0", scheme="hertz", count=12, desired_speed=1.5)
-    env.reset([3])
-    while not env.finished.all():
-        env.step(None)
+    env = evacuated("lin-room-v0", scheme="hertz", count=12, desired_speed=1.5, seed=[3])
     assert run.simulate().exit_times == tuple(np.sort(env.simulation.state.exit_time).tolist())
     assert run.simulate().left == 0 and run.simulate().blocked_since is None
 

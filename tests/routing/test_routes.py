@@ -10,20 +10,20 @@ import numba
 import numpy as np
 import pytest
 import shapely
+from navigation_plans import RADIUS, exit_targets, shortest
 from scipy.optimize import minimize_scalar
-from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import LineString, Point, box
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.field import direction_at, join_fields, travel_time_at, travel_time_field
-from crowd_env.routing.regions import region_masks_of
+from crowd_env.navigation.field import join_fields, travel_time_field
+from crowd_env.navigation.lookup import direction_at, travel_time_at
+from crowd_env.routing.regions import region_masks
 from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import ControlRule, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone, jutting_corners
 from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
 
-RADIUS = 0.25
 WEST_EAST = {"west": [(0, 1), (0, 3)], "east": [(12, 1), (12, 3)]}
 
 
@@ -83,30 +83,15 @@ def starts(geometry, count, seed):
     return points[geometry.contains(points) & (geometry.clearance(points) > RADIUS + 1e-3)]
 
 
-def shortest(geometry, points, goal):
+def shortest_way(geometry, points, goal):
     """Return the length of the shortest way of a disc from each of ``points`` to the exits or into a region."""
-    lines = [*geometry.walls] + ([*geometry.exits] if goal else [])
-    free = geometry.walkable.difference(shapely.buffer(shapely.MultiLineString(lines), RADIUS - 1e-4, quad_segs=8))
+    lines = [*geometry.walls, *(geometry.exits if goal else [])]
+    targets = exit_targets(geometry)
     if goal:
+        free = geometry.walkable.difference(shapely.buffer(shapely.MultiLineString(lines), RADIUS - 1e-4, quad_segs=8))
         border = shapely.intersection(geometry.regions[goal].boundary, free)
         targets = shapely.get_coordinates(shapely.segmentize(border, 0.05))
-    else:
-        a, b = geometry.exits[0]
-        width = np.hypot(*(b - a))
-        targets = a + np.linspace(RADIUS, width - RADIUS, 41)[:, None] / width * (b - a)
-    nodes = np.concatenate([targets, shapely.get_coordinates(free)])
-    tolerant = shapely.buffer(free, 2e-4)
-    shapely.prepare(tolerant)
-
-    def distances(from_points, to_points):
-        pairs = np.stack(np.broadcast_arrays(from_points[:, None], to_points[None]), axis=2)
-        seen = shapely.covers(tolerant, shapely.linestrings(pairs.reshape(-1, 2, 2))).reshape(pairs.shape[:2])
-        return np.where(seen, np.hypot(*np.moveaxis(pairs[:, :, 0] - pairs[:, :, 1], 2, 0)), np.inf)
-
-    between = distances(nodes, nodes)
-    between[~np.isfinite(between)] = 0  # no edge
-    rest = dijkstra(between, indices=np.arange(len(targets)), min_only=True)
-    return (distances(points, nodes) + rest).min(axis=1)
+    return shortest(geometry, points, targets, lines=lines, quad_segs=8)
 
 
 # ----------------------------------------------------------------------------------------------------- lengths of ways
@@ -119,7 +104,7 @@ def test_times_and_paths_are_the_shortest_to_exits_and_into_regions(name, goal):
     points = starts(geometry, 60, seed=3)
     if goal:
         points = points[~geometry.contains(points, goal)]
-    exact = shortest(geometry, points, goal)
+    exact = shortest_way(geometry, points, goal)
     times = np.array([travel_time_at(arrays, geometry.boundary, 0, *point, RADIUS) for point in points])
     paths = [follow(arrays, geometry, point) for point in points]
     walked = np.array([np.hypot(*np.diff(path, axis=0).T).sum() for path in paths])
@@ -140,7 +125,9 @@ def test_ways_into_slow_ground_are_bent_as_snell_says(share):
     geometry = Geometry.from_polygon(
         box(0, 0, 12, 9), exits=[[(0, 0), (0, 1)]], regions={"goal": Point(9, 7).buffer(0.1)}
     )
-    field = travel_time_field(geometry, RADIUS, goal="goal", speed=lambda x, y: np.where(y > 4, share, 1.0))
+    field = travel_time_field(
+        geometry, RADIUS, goal="goal", speed=lambda points: np.where(points[..., 1] > 4, share, 1.0)
+    )
     arrays = join_fields([field], geometry.boundary)
     for x, y in ((1.0, 1.0), (3.0, 2.0), (6.0, 0.7), (9.0, 1.5), (2.0, 3.0)):
         best = minimize_scalar(
@@ -174,7 +161,7 @@ def test_around_or_through_slow_ground_whatever_is_quicker(share):
     # From (2, 1) through two meters of slow ground it takes 8 + 2 / share, around 10.9: they break even at 0.69.
     slow = box(5, 0, 7, 3)
     geometry = detour_hall(slow)
-    speed = lambda x, y: np.where(shapely.intersects_xy(slow, x, y), share, 1.0)  # noqa: E731
+    speed = lambda points: np.where(shapely.intersects_xy(slow, points[..., 0], points[..., 1]), share, 1.0)  # noqa: E731
     arrays = join_fields([travel_time_field(geometry, RADIUS, speed=speed)], geometry.boundary)
     exact = min(8 + 2 / share, around((2, 1), slow))
     assert travel_time_at(arrays, geometry.boundary, 0, 2.0, 1.0, RADIUS) == pytest.approx(exact, rel=0.025)
@@ -272,10 +259,10 @@ def test_regions_on_the_way_in_a_loop_of_corridors():
         box(1, 1, 9, 9), exits={"door": [(4.5, 1), (5.5, 1)]}, obstacles=[box(3, 3, 7, 7)], regions=bars
     )
     field = RoutePlan(geometry, RADIUS, rules=[ControlRule("west", 3, "door")]).build().routes[0].field
-    x, y = node_places = np.stack(np.meshgrid(*(1 + field.spacing * np.arange(n) for n in field.travel_time.shape)))
+    x, y = np.moveaxis(field.nodes(), -1, 0)
+    assert (x[0, 0], y[0, 0]) == (1, 1) and np.allclose([x[0, -1], y[-1, 0]], 9)
     inside = ~np.isnan(field.travel_time) & (np.abs(x - 5) > 0.2)
-    own = region_masks_of(field, geometry)
-    assert node_places.shape[1:] == own.shape
+    own = region_masks(geometry, field.nodes())
     np.testing.assert_array_equal((own >> 3 & 1)[inside], ((x >= 4) & (x <= 6) & (y >= 8.6))[inside])
     for bit, side in ((0, x < 5), (1, x > 5)):
         np.testing.assert_array_equal((field.through >> bit & 1)[inside], (side & (y >= 4))[inside])
@@ -297,26 +284,6 @@ def test_regions_on_the_way_are_those_that_the_path_walks_through():
 
 
 # --------------------------------------------------------------------------------------------------------- wrong input
-
-
-@pytest.mark.parametrize(
-    ("build", "message"),
-    [
-        (lambda: Route("a", strategy="quick"), "route 'a': unknown strategy 'quick'; known: shortest, fastest, comfor"),
-        (lambda: SpeedZone("a", 0.0), "speed zone 'a': speed is 0.0; it must be above 0 and at most 12.5"),
-        (lambda: SpeedZone("a", float("nan")), "speed is nan"),
-        (lambda: SpeedZone("a", factor=-1.0), "speed zone 'a': factor is -1.0; it must be > 0 and finite"),
-        (lambda: SpeedZone("a", factor=float("inf")), "factor is inf"),
-        (lambda: ControlRule("a", 0, "b"), "control rule on 'a': at_least is 0; it must be at least 1"),
-        (lambda: ControlRule("a", 3, "b", below=4), "below is 4; it must be from 0 to at_least, 3"),
-        (lambda: ControlRule("a", 3, "b", below=-1), "below is -1"),
-        (lambda: ControlRule("a", 3, "b", hold=float("nan")), "hold is nan; it must be >= 0 and finite"),
-    ],
-)
-def test_parts_that_make_no_sense_are_refused_in_one_sentence(build, message):
-    with pytest.raises(ValueError, match=message) as caught:
-        build()
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

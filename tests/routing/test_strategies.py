@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from crowds import copied, joined, part, people, scatter
+from crowds import copied, every_scheme, joined, part, people, scatter
 from repository import ROOT
 from shapely.geometry import Point, box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.congestion import SLOWEST, weidmann
-from crowd_env.navigation.field import direction_at, join_fields
-from crowd_env.physics import SCHEMES
+from crowd_env.navigation.field import join_fields
+from crowd_env.navigation.lookup import direction_at
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.routing.regions import region_masks
 from crowd_env.routing.route_set import RoutePlan
@@ -24,7 +24,6 @@ from crowd_env.routing.speed_map import SpeedZone
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import make_bodies, make_state
 
-every_scheme = pytest.mark.parametrize("name", SCHEMES)
 QUICK = Route("quick", strategy="fastest")
 
 
@@ -190,7 +189,7 @@ def test_stairs_are_left_as_fast_as_they_were_entered(name):
 
 
 @cache
-def rule_ways(*rules):
+def rule_routes(*rules):
     """Return a hall where all would leave by the east door, through region "gate"; "lobby" lies left of it."""
     regions = {"gate": box(8, 0, 10, 4), "lobby": box(4, 0, 8, 4), "west": box(0, 0, 2, 4)}
     geometry = Geometry.from_polygon(
@@ -207,7 +206,7 @@ def ruled(rules, *, waiting=3, walking=WALKING, **options):
     """Return a simulation where so many stand in the gate and others walk to the right exit."""
     position = np.concatenate([STANDING[:waiting], walking])
     speed = np.where(np.arange(len(position)) < waiting, 0.0, 1.0)
-    return simulate(rule_ways(*rules), position, route=1, speed=speed, **options)
+    return simulate(rule_routes(*rules), position, route=1, speed=speed, **options)
 
 
 @pytest.mark.parametrize("waiting", [0, 1, 2, 3])
@@ -216,14 +215,16 @@ def test_a_rule_is_on_at_so_many_and_sends_only_those_who_would_come_through(wai
     simulation.advance(n_substeps=1)
     on = waiting >= 2
     assert simulation.history.rule_on.tolist() == [[on]]
-    followed, left = simulation.history.followed, rule_ways(ControlRule("gate", 2, "left")).number("left")
+    followed, left = simulation.history.followed, rule_routes(ControlRule("gate", 2, "left")).number("left")
     assert (followed[:waiting] == 1).all()  # whoever stands in the region goes on
     assert followed[waiting:].tolist() == ([left, left, 1, left] if on else [1] * 4)  # the third one is past it
     assert (simulation.state.route == 1).all()  # they still mean to go where they wanted to
 
 
 def test_regions_are_bits_and_counts_are_those_of_brute_force():
-    route_set = rule_ways(*(ControlRule(region, n, "left") for region in ("gate", "lobby", "west") for n in (3, 6, 9)))
+    route_set = rule_routes(
+        *(ControlRule(region, n, "left") for region in ("gate", "lobby", "west") for n in (3, 6, 9))
+    )
     rng = np.random.default_rng(8)
     geometry = route_set.geometry
     simulation = simulate(route_set, rng.uniform((0.1, 0.1), (11.9, 3.9), (40, 2)), speed=0.0)
@@ -232,7 +233,7 @@ def test_regions_are_bits_and_counts_are_those_of_brute_force():
     invalidate_lists(simulation.workspace.neighbors)
     x = state.position.copy()
     simulation.advance(n_substeps=1)
-    inside = region_masks(geometry, *x.T)
+    inside = region_masks(geometry, x)
     near = np.abs(x[:, :1] - [[2, 4, 8, 10]]).min(axis=1) < 0.05
     np.testing.assert_array_equal(simulation.history.region_bits[state.active & ~near], inside[state.active & ~near])
     counts = [int((simulation.history.region_bits[state.active] >> k & 1).sum()) for k in range(3)]
@@ -283,7 +284,7 @@ def test_a_rule_switches_at_the_look_after_the_count_is_reached(name):
     position = np.array([[9.5, 0.5], [7.5, 3.0], [3.0, 1.5]])
     runs = []
     for per_call in (1, 7, 150):
-        route_set = rule_ways(ControlRule("gate", 2, "left"))
+        route_set = rule_routes(ControlRule("gate", 2, "left"))
         runs.append(simulate(route_set, position, route=1, speed=[0.0, 1.0, 1.0], name=name))
         for _ in range(149 // per_call + 1):
             runs[-1].advance(n_substeps=per_call)
@@ -300,7 +301,7 @@ def test_rules_give_the_same_bits_in_a_batch_in_threads_and_however_calls_are_cu
     batches = []
     for calls, options in ((1, {}), (6, {}), (120, {}), (3, dict(threads=2))):
         together = simulate(
-            rule_ways(*rules), np.tile(np.concatenate([STANDING, WALKING]), (3, 1)), route=1, name=name, envs=3,
+            rule_routes(*rules), np.tile(np.concatenate([STANDING, WALKING]), (3, 1)), route=1, name=name, envs=3,
             dt=0.001 if name == "hertz" else 0.01, **options,
         )  # fmt: skip
         together.state.active[0] = False

@@ -131,37 +131,36 @@ def test_the_validator_is_loaded_only_when_plain_data_are_read():
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
+    ("options", "message"),
     [
         (
-            lambda: Population(3, radius="0.2"),
-            "population: radius is '0.2'; it must be a number, a pair (low, high), a table of a scenario file or a "
-            "distribution: Uniform(low, high)",
+            {"radius": "0.2"},
+            "radius is '0.2'; it must be a number, a pair (low, high), a table of a scenario file or a distribution: Uniform(",
         ),
-        (lambda: Population(3, radius=[0.2]), "population: radius: has 1 values; it must have 2"),
+        ({"radius": [0.2]}, "radius: has 1 values; it must have 2"),
+        ({"radius": (0.25, 0.2)}, "radius: uniform distribution from 0.25 to 0.2: the first"),
+        ({"mass": ["60", 80]}, "mass[0]: is a text ('60'); it must be a number"),
+        ({"mass": 1e16}, "mass: is beyond 1e+15, the largest number that is read"),
+        ({"mass": {**NORMAL, "mean": "x"}}, "mass.mean: is a text ('x'); it must be a number"),
+        ({"mass": {**NORMAL, "maen": 1}}, "unknown key 'maen' in mass; did you mean 'mean'?"),
+        ({"mass": {"distribution": "gauss"}}, "mass.distribution: is 'gauss'; allowed: uniform, normal, lognormal"),
+        ({"mass": {"mean": 3}}, "key 'distribution' is missing in mass"),
+        ({"mass": {**NORMAL, "sd": -1}}, "mass: normal distribution with mean 0.22, sd -1"),
         (
-            lambda: Population(3, radius=(0.25, 0.2)),
-            "population: radius: uniform distribution from 0.25 to 0.2: the first",
+            {"starts": [{"first": [1, 1], "rows": 0}]},
+            "starts[0]: has 1 columns and 0 rows; there must be at least 1 of each",
         ),
-        (lambda: Population(3, mass=["60", 80]), "population: mass[0]: is a text ('60'); it must be a number"),
-        (lambda: Population(3, mass=1e16), "population: mass: is beyond 1e+15, the largest number that is read"),
-        (
-            lambda: Population(3, mass={**NORMAL, "mean": "x"}),
-            "population: mass.mean: is a text ('x'); it must be a number",
-        ),
-        (
-            lambda: Population(3, mass={**NORMAL, "maen": 1}),
-            "population: unknown key 'maen' in mass; did you mean 'mean'?",
-        ),
-        (
-            lambda: Population(3, mass={"distribution": "gauss"}),
-            "population: mass.distribution: is 'gauss'; allowed: uniform, normal, lognormal",
-        ),
-        (lambda: Population(3, mass={"mean": 3}), "population: key 'distribution' is missing in mass"),
-        (
-            lambda: Population(3, mass={**NORMAL, "sd": -1}),
-            "population: mass: normal distribution with mean 0.22, sd -1",
-        ),
+    ],
+)
+def test_a_mistake_in_a_table_of_people_is_one_sentence(options, message):
+    with pytest.raises(ValueError) as error:
+        Population(3, **options)
+    assert str(error.value).startswith(f"population: {message}") and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
         (lambda: Groups([WEST, {"raduis": 1}]), "groups[1]: unknown key 'raduis'; known: count, radius"),
         (lambda: Groups([WEST, {"radius": 0.2}]), "groups[1]: key 'count' is missing"),
         (lambda: Scenario("hall", HALL, [WEST, WEST], 60.0), "population: two groups have the name 'west'"),
@@ -172,10 +171,6 @@ def test_the_validator_is_loaded_only_when_plain_data_are_read():
         (
             lambda: Scenario("hall", HALL, WEST, 60.0, routes=[{"nmae": "a"}]),
             "scenario 'hall': routes[0]: unknown key 'nmae'; known: name, exits, via, strategy",
-        ),
-        (
-            lambda: Population(3, starts=[{"first": [1, 1], "rows": 0}]),
-            "population: starts[0]: has 1 columns and 0 rows; there must be at least 1 of each",
         ),
     ],
 )

@@ -1,16 +1,16 @@
 """The scenarios that ship: every one loads, its people fit and get out; options, commands and pictures know them."""
 
-import json
 from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
+from commands import call, figures
 from crowds import clear
-from typer.testing import CliRunner
+from evacuations import evacuated
 
-from crowd_env import SCENARIOS, CrowdEnv, make_scenario
-from crowd_env.cli.main import _read_scenario, app
+from crowd_env import SCENARIOS, make_scenario
+from crowd_env.cli.main import _read_scenario
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import about, options_of
 from crowd_env.scenarios.file.reading import ScenarioFile
@@ -73,10 +73,7 @@ def test_wider_bottlenecks_let_more_through():
 
 def test_counter_flow_and_crossing_go_where_they_mean_to():
     for name, ends in (("counter-flow-v0", ("east", "west")), ("crossing-v0", ("east", "north"))):
-        env = CrowdEnv(name)
-        env.reset(0)
-        while not env.finished.all():
-            env.step(None)
+        env = evacuated(name)
         first = env.scenarios[0].population.parts[0].count
         by = np.array(env.scenarios[0].geometry.exit_names)[env.simulation.state.exit_index]
         assert (by[:first] == ends[0]).all() and (by[first:] == ends[1]).all()
@@ -84,10 +81,7 @@ def test_counter_flow_and_crossing_go_where_they_mean_to():
 
 def test_the_rule_of_the_floor_sends_people_east():
     def eastwards(rules):
-        env = CrowdEnv("floor-v0", rules=rules, num_envs=4)
-        env.reset(0)
-        while not env.finished.all():
-            env.step(None)
+        env = evacuated("floor-v0", rules=rules, num_envs=4)
         return (np.array(env.scenarios[0].geometry.exit_names)[env.simulation.state.exit_index] == "east").sum()
 
     assert eastwards(True) > eastwards(False)
@@ -119,35 +113,25 @@ def test_names_are_registered():
 # -------------------------------------------------------------------------------------------------------------- commands
 
 
-def call(*words):
-    return CliRunner().invoke(app, [str(word) for word in words])
-
-
-def figures(*words):
-    result = call(*words, "--json")
-    assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
-
-
 def test_a_file_is_as_good_as_a_name():
-    by_name = figures("run", "l-corridor-v0", "--runs", 1, "--n", 5)
-    by_file = figures("run", DATA / "l-corridor-v0.toml", "--runs", 1, "--n", 5)
+    by_name = figures("run l-corridor-v0 --runs 1 --n 5")
+    by_file = figures(f"run {DATA / 'l-corridor-v0.toml'} --runs 1 --n 5")
     assert by_name == by_file and by_name["people"] == 5
 
 
 def test_run_takes_a_strategy_and_leaves_out_rules():
-    def mean(*words):
-        return figures("run", "floor-v0", "--runs", 3, *words)["evacuation_time"]["mean"]
+    def mean(words=""):
+        return figures(f"run floor-v0 --runs 3 {words}")["evacuation_time"]["mean"]
 
-    assert len({mean(), mean("--no-rules"), mean("--strategy", "west")}) == 3
-    wrong = call("run", "floor-v0", "--strategy", "quickest")
+    assert len({mean(), mean("--no-rules"), mean("--strategy west")}) == 3
+    wrong = call("run floor-v0 --strategy quickest")
     assert wrong.exit_code == 2 and "unknown strategy 'quickest'; known: shortest, nearest" in wrong.stderr
 
 
 def test_run_keeps_seats_and_shares_people_out(tmp_path):
     seated = _read_scenario("classroom-v0", [], 6, None, "1.5", None, None).population
     assert (seated.count, len(seated.starts), seated.desired_speed.high) == (6, 24, 1.5)
-    assert figures("run", "counter-flow-v0", "--runs", 1, "--n", 8, "--radius", "0.2")["people"] == 8
+    assert figures("run counter-flow-v0 --runs 1 --n 8 --radius 0.2")["people"] == 8
     (tmp_path / "starts.csv").write_text("x,y\n15,6\n16,6\n")
     elsewhere = _read_scenario("two-exit-hall-v0", [], None, None, None, tmp_path / "starts.csv", None).population
     assert elsewhere.starts.tolist() == [[15, 6], [16, 6]]
@@ -155,10 +139,10 @@ def test_run_keeps_seats_and_shares_people_out(tmp_path):
 
 def test_plans_are_drawn(tmp_path):
     one, sheet = tmp_path / "one.png", tmp_path / "sheet.png"
-    assert call("plan", "floor-v0", "--out", one).exit_code == 0
-    assert call("plan", "counter-flow-v0", DATA / "pillar-v0.toml", "--out", sheet).exit_code == 0
+    assert call(f"plan floor-v0 --out {one}").exit_code == 0
+    assert call(f"plan counter-flow-v0 {DATA / 'pillar-v0.toml'} --out {sheet}").exit_code == 0
     assert one.read_bytes()[:4] == sheet.read_bytes()[:4] == b"\x89PNG"
-    wrong = call("plan", "floor-v0", "--out", tmp_path / "plan.gif")
+    wrong = call(f"plan floor-v0 --out {tmp_path / 'plan.gif'}")
     assert wrong.exit_code == 2 and ".png" in wrong.stderr
 
 
@@ -166,10 +150,7 @@ def test_plans_are_drawn(tmp_path):
 def test_two_equal_exits_share_a_crowd_that_starts_beside_one_of_them(scheme):
     share, last = {}, {}
     for strategy in ("nearest", "fastest"):
-        env = CrowdEnv("two-exit-hall-v0", num_envs=4, scheme=scheme, strategy=strategy)
-        env.reset([0, 1, 2, 3])
-        while not env.finished.all():
-            env.step(None)
+        env = evacuated("two-exit-hall-v0", num_envs=4, scheme=scheme, strategy=strategy, seed=[0, 1, 2, 3])
         share[strategy] = (env.simulation.state.exit_index == 0).mean()
         last[strategy] = np.mean([env.metrics(e).evacuation_time for e in range(4)])
     assert 0.4 < share["fastest"] < 0.6 < 0.95 < share["nearest"]

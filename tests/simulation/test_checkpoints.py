@@ -127,7 +127,8 @@ def test_a_copy_of_an_environment_goes_on_alike_when_doors_and_growth_replace_ar
 
 def spoil(fields, rng):
     """Fill arrays with rubbish, but for where entries lie, whether there is a list, and how long one should last."""
-    for name, values in zip(fields._fields, fields, strict=True):
+    for name, values in fields._asdict().items():
+        values = getattr(values, "fields", values)  # of a part that is held by reference
         if hasattr(values, "_fields"):
             spoil(values, rng)
         elif name not in ("entry_start", "is_valid", "horizon"):

@@ -1,15 +1,18 @@
-"""What a case of the validation map is given, and what it answers."""
+"""What a case is: an experiment that is known, run under a contact scheme and a manner of walking, and judged."""
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env import Normal, Population, Uniform
-from crowd_env.physics.walking.headway import Headway
+from crowd_env import SCHEMES, Normal, Population, Uniform
+from crowd_env.physics.walking.headway import MANNERS, Headway
+
+# Schemes that are compared by default; what papers print and this package does otherwise is for comparison with them.
+COMPARED = tuple(name for name in SCHEMES if name not in ("nsm2-printed", "hertz-literal"))
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,7 @@ class Setting:
     seed : of the draws; crowds of one seed are the same under every scheme and manner.
     data : folder with recordings, for cases that compare with one.
     strategy : how people choose their way; a case may need another one and says so.
+    notify : hears what is being computed.
     """
 
     scheme: Any = "nsm2"
@@ -32,17 +36,20 @@ class Setting:
     seed: int = 0
     data: Path | None = None
     strategy: str = "fastest"
+    notify: Callable[[str], object] = lambda _: None
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """What came of one case under one scheme and one manner.
 
-    Parameters
+    Attributes
     ----------
-    passed : whether the criterion is met; None if there is none, or it could not be judged.
+    case, scheme, manner : their names.
+    passed : whether the criterion is met; None if there is none.
     figure : the numbers, as a sentence.
-    more : the numbers behind it.
+    criterion : what has to hold.
+    source : where the criterion comes from.
+    more : the numbers behind the figure, as JSON holds them.
     """
 
     case: str
@@ -52,17 +59,29 @@ class Row:
     figure: str
     criterion: str
     source: str
-    more: dict[str, Any] = field(default_factory=dict)
+    more: dict[str, Any]
 
 
-class Case(NamedTuple):
-    """An experiment that can be run under any scheme and manner."""
+@dataclass(frozen=True)
+class Case:
+    """An experiment that can be run under any scheme and manner.
+
+    Parameters
+    ----------
+    title : what happens in it.
+    run : computes its rows.
+    source : where its criterion and numbers come from.
+    draws : how many crowds it takes by default.
+    manners : those under which it is run by default.
+    draw : writes a picture of all its rows into a folder.
+    """
 
     title: str
-    run: Callable[[Setting], list[Row]]
+    run: Callable[[Setting], Iterable[Row]]
     source: str
-    needs_data: str = ""  # the recording that it cannot do without
-    takes_data: str = ""  # the recording that it compares with if it is there
+    draws: int = 20
+    manners: tuple[str, ...] = tuple(MANNERS)
+    draw: Callable[[Path, Sequence[Row]], None] | None = None
 
 
 def row(case: str, setting: Setting, passed: bool | None, figure: str, criterion: str, source: str, **more: Any) -> Row:

@@ -1,4 +1,8 @@
-"""The gate of 0.5 m: 75 students leave a waiting area (Wuppertal 2018, run 040_c_56_h-)."""
+"""The gate of 0.5 m: 75 students leave a waiting area (Wuppertal 2018, run 040_c_56_h-).
+
+Data: Jülich pedestrian dynamics data archive, series DOI 10.34735/ped.2018.1.  Paper: Adrian, Seyfried, Sieben 2020, "Crowds
+in front of bottlenecks at entrances from the perspective of physics and social psychology", J. R. Soc. Interface 17:20190871.
+"""
 
 from typing import Any
 
@@ -9,10 +13,9 @@ from shapely.geometry import box as rectangle
 from crowd_env import Geometry, Scenario, Uniform
 from validation.cases.case import Row, Setting, adults, row
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of, steady_flow
-from validation.gate import PLAN, REFERENCE
-from validation.trajectories import find_recording, read_trajectories
+from validation.cases.trajectories import find_recording, read_trajectories
 
-SOURCE = REFERENCE
+SOURCE = "Wuppertal 2018, run 040_c_56_h-, DOI 10.34735/ped.2018.1; Adrian, Seyfried, Sieben 2020"
 CRITERION = (
     "flow 1.13 /s ± 15 %; 10th, 20th, 40th, 60th, 75th person within 15 % of 8.3, 16.2, 33.1, 51.4, 65.6 s; coefficient of "
     "variation of the gaps at most 0.35; nobody stuck"
@@ -23,9 +26,26 @@ FLOW = 1.13  # 1/s, slope of the recorded N(t)
 PASSED = {10: 8.3, 20: 16.2, 40: 33.1, 60: 51.4, 75: 65.6}  # person -> s, at the line
 WITHIN, MOST_VARIED = 0.15, 0.35
 
-_LINE, _END = -0.5, -1.1  # m, y of the counting line inside the gate, and of the gate's end
-_BEYOND, _HALF, _DEPTH = 3.0, 2.8, 6.7  # m, free space behind the gate, half width and depth of the waiting area
-_RADIUS = 0.17  # m
+# Barriers after the user guide of PedPy, which ships this run as its example: waiting area, funnel, gate.  The waiting area is
+# open at the back; here it is closed there (at y = 6.7 m), which nobody notices who walks to the gate.
+_HALF, _DEPTH = 2.8, 6.7  # m, half width and depth of the waiting area
+_MOUTH, _GATE = 0.4, 0.25  # m, half widths of the funnel's mouth and of the gate
+_THROAT, _LINE, _END = -0.15, -0.5, -1.1  # m, y where the gate begins, is counted and ends
+_BEYOND = 3.0  # m, free space behind
+PLAN = [
+    (-_HALF, _DEPTH),
+    (-_HALF, 0.0),
+    (-_MOUTH, 0.0),
+    (-_GATE, _THROAT),
+    (-_GATE, _END),
+    (_GATE, _END),
+    (_GATE, _THROAT),
+    (_MOUTH, 0.0),
+    (_HALF, 0.0),
+    (_HALF, _DEPTH),
+]
+
+RADIUS = 0.17  # m
 _WAITING = (-2.56, 0.2, 2.16, 5.96)  # m, where the recorded people stood: 2.8 /m2
 _PATIENCE = 20.0  # s without a passage: stuck
 _ROUNDS = 2000
@@ -60,28 +80,31 @@ def gate(starts: Floats | None) -> Scenario:
     place = Geometry.from_polygon(
         [Polygon(PLAN), beyond], exits={"out": line}, regions={"waiting": rectangle(*_WAITING)}
     )
-    size = Uniform(_RADIUS, _RADIUS)
+    size = Uniform(RADIUS, RADIUS)
     if starts is None:
         return Scenario("gate", place, adults(75, radius=size, start_region="waiting"), 300.0)
-    people = adults(len(starts), radius=size, starts=push_apart(starts, _RADIUS))
+    people = adults(len(starts), radius=size, starts=push_apart(starts, RADIUS))
     return Scenario("gate", place, people, 300.0)
 
 
 def run(setting: Setting) -> list[Row]:
     """Return the row."""
-    starts = None
+    starts, recorded = None, None
     if setting.data is not None:
         folder = setting.data / DATA
-        starts = read_trajectories(find_recording(folder if folder.is_dir() else setting.data)).starts
+        trajectories = read_trajectories(find_recording(folder if folder.is_dir() else setting.data))
+        starts, recorded = trajectories.starts, np.sort(trajectories.crossing_times(_LINE))
     crowds = draw_crowds([gate(starts)], setting)
+    began = crowds.simulation.state.position[crowds.people(0)].copy()
     passages, stuck = Passages(crowds, 1, _LINE, sign=-1), set()
     for before, now in crowds.moments(300.0):
         passages.see(before, now)
         stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
     times = [passages.times(e) for e in range(crowds.count)]
     figures = counted([each for e, each in enumerate(times) if e not in stuck])
-    figures |= {"stuck": len(stuck), "starts": "random" if starts is None else "recorded", "passages": times}
-    return [row("gate", setting, met(figures), told(figures, setting.draws), CRITERION, SOURCE, **figures)]
+    figures |= {"stuck": len(stuck), "starts": "random" if starts is None else "recorded"}
+    more = figures | {"position": began, "passages": times, "recorded": recorded}
+    return [row("gate", setting, met(figures), told(figures, setting.draws), CRITERION, SOURCE, **more)]
 
 
 def counted(runs: list[Floats]) -> dict[str, Any]:

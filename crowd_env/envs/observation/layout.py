@@ -1,15 +1,15 @@
 """Which terms an observation holds, and in which columns."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from crowd_env.checks import Range, check_fields, from_data, refuse
+from crowd_env.checks import Range, check_fields, from_data
 from crowd_env.envs.observation.terms import TERMS, ObservationTerm
 from crowd_env.envs.observation.view import Columns, Plan, View
-from crowd_env.envs.terms import names_of, require_plain
+from crowd_env.envs.terms import Layout, observed_terms, own_terms
 from crowd_env.state import Ints
 
 # Up to so many people in an environment all pairs are looked at, above it those of neighboring cells: faster, the same bits.
@@ -19,7 +19,7 @@ MOST_RAYS = 360
 
 
 @dataclass(frozen=True)
-class ObservationLayout:
+class ObservationLayout(Layout):
     """Which terms an observation holds, and where: ``layout["direction"]`` is a slice of columns.
 
     Parameters
@@ -46,51 +46,26 @@ class ObservationLayout:
 
     def __post_init__(self) -> None:
         check_fields("observation", self, neighbors=Range(1, MOST_NEIGHBORS), rays=Range(1, MOST_RAYS))
-        terms: Any = self.terms
-        if isinstance(terms, str):
-            refuse("observation: terms", terms, f"a tuple of names: ({terms!r},)")
-        if not isinstance(terms, Iterable) or isinstance(terms, Mapping | bytes):
-            refuse("observation: terms", terms, "a tuple of names and ObservationTerm objects")
-        terms = tuple(terms)
-        names_of("observation term", terms, ObservationTerm, TERMS)
-        if not terms:
-            raise ValueError("an observation needs at least one term; observation: terms is empty")
-        object.__setattr__(self, "terms", terms)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the terms, in the order of the columns."""
-        return tuple(term if isinstance(term, str) else term.name for term in self.terms)
+        object.__setattr__(self, "terms", observed_terms(ObservationTerm, self.terms, TERMS))
 
     @property
     def own_terms(self) -> tuple[ObservationTerm, ...]:
         """The terms that are not compiled."""
-        return tuple(term for term in self.terms if isinstance(term, ObservationTerm))
-
-    @property
-    def size(self) -> int:
-        """Number of columns in all."""
-        return sum(self._widths())
+        return own_terms(ObservationTerm, self.terms)
 
     def width(self, name: str) -> int:
         """Return the number of columns of a term."""
-        columns = self[name]
-        return columns.stop - columns.start
+        return self._widths()[name]
 
-    def __getitem__(self, name: str) -> slice:
-        """Return the columns of a term."""
-        if name not in self.names:
-            raise KeyError(f"this observation has no term {name!r}; it has: {', '.join(self.names)}")
-        place, widths = self.names.index(name), self._widths()
-        begin = sum(widths[:place])
-        return slice(begin, begin + widths[place])
-
-    def _widths(self) -> list[int]:
-        return [term.width if isinstance(term, ObservationTerm) else self._compiled_width(term) for term in self.terms]
-
-    def _compiled_width(self, name: str) -> int:
-        width, of_each = TERMS[name]
-        return width * (getattr(self, of_each) if of_each else 1)
+    def _widths(self) -> dict[str, int]:
+        widths = {}
+        for term in self.terms:
+            if isinstance(term, ObservationTerm):
+                widths[term.name] = term.width
+            else:
+                width, of_each = TERMS[term]
+                widths[term] = width * (getattr(self, of_each) if of_each else 1)
+        return widths
 
     def as_table(self) -> dict[str, Any]:
         """Return plain data that `make_layout` makes the same layout of.
@@ -100,7 +75,10 @@ class ObservationLayout:
         ValueError
             If a term is a function of the user's own.
         """
-        require_plain("observation term", self.terms, ObservationTerm)
+        for term in self.own_terms:
+            raise ValueError(
+                f"{term.kind} {term.name!r} is a function of your own, which cannot be written as plain data"
+            )
         return {"terms": list(self.names), "neighbors": self.neighbors, "rays": self.rays}
 
     def plan(self, largest: int, all_pairs: int = ALL_PAIRS) -> Plan:

@@ -29,7 +29,7 @@ class Observer:
         self, simulation: Simulation, layout: ObservationLayout, ahead: RouteAhead, *, in_world: bool, threads: int
     ) -> None:
         people, environments = len(simulation.bodies.radius), len(simulation.state.time)
-        self.simulation, self.layout, self.ahead = simulation, layout, ahead
+        self.layout = layout
         self._axis = np.tile([1.0, 0.0], (people, 1)) if in_world else ahead.direction
         self._seen = np.zeros(people, dtype=np.bool_)
         self._listed = np.zeros(people, dtype=np.int32)

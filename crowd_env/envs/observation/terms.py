@@ -11,13 +11,12 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env.checks import check_fields
 from crowd_env.envs.observation.view import View
-from crowd_env.envs.terms import require_function
+from crowd_env.envs.terms import Term
 
 
 @dataclass(frozen=True)
-class ObservationTerm:
+class ObservationTerm(Term):
     """A term of one's own, an entry of ``ObservationLayout(terms=...)`` beside the names in ``TERMS``.
 
     Parameters
@@ -34,13 +33,11 @@ class ObservationTerm:
         If the name is empty, the width no whole number of at least 1, or the function cannot be called.
     """
 
+    kind = "observation term"
+    arguments = "view, out"
     name: str
     width: int
     function: Callable[[View, np.ndarray], Any]
-
-    def __post_init__(self) -> None:
-        check_fields("observation term", self)
-        require_function("observation term", self.name, self.function, "view, out")
 
 
 class CompiledTerm(NamedTuple):

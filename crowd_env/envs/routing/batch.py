@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.checks import POSITIVE, array, number
+from crowd_env.envs.arguments import NUMBERS, parts_of
 from crowd_env.envs.batch import BatchStep
-from crowd_env.envs.client_input import NUMBERS
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.routing.layout import RoutingLayout, check_names, make_terms
 from crowd_env.envs.routing.regions import grid_regions, named_regions
-from crowd_env.envs.routing.terms import RoutingReward, RoutingView, make_weights
+from crowd_env.envs.routing.terms import RoutingView, make_weights
+from crowd_env.envs.terms import RewardTerm
 from crowd_env.navigation.field import NavigationField
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
@@ -45,7 +46,7 @@ class RoutingBatch:
 
     def __init__(
         self,
-        scenario: str | Scenario,
+        scenario: str | Scenario = "two-exit-hall-v0",
         *,
         num_envs: int = 1,
         autoreset: bool = False,
@@ -55,7 +56,7 @@ class RoutingBatch:
         routes: Sequence[str] = (),
         doors: Sequence[str] = (),
         observation: Mapping[str, Any] | None = None,
-        reward: Mapping[str | RoutingReward, float] | None = None,
+        reward: Mapping[str | RewardTerm, float] | None = None,
         rules: bool = False,
         scheme: str | ContactScheme = "nsm2",
         dt: float | None = None,
@@ -67,13 +68,10 @@ class RoutingBatch:
         self.weights = make_weights(reward)
         terms = make_terms(observation)
         interval = number("the interval between decisions", interval, POSITIVE, "s")
-        dt = make_scheme(scheme).info.default_dt if dt is None else dt
-        if dt > 0 and (abs(interval / dt - round(interval / dt)) > 1e-6 or interval < 0.5 * dt):
-            raise ValueError(f"the interval of {interval:g} s is not a whole number of physics steps of dt = {dt:g} s")
+        dt = make_scheme(scheme).info.default_dt if dt is None else number("dt", dt, POSITIVE, "s")
+        parts_of("interval", interval, "physics steps of dt", dt)
         sample_dt = interval if sample_dt is None else number("sample_dt", sample_dt, POSITIVE, "s")
-        self.samples = max(round(interval / sample_dt), 1)
-        if abs(interval / sample_dt - self.samples) > 1e-6:
-            raise ValueError(f"the interval of {interval:g} s is not a whole number of samples of {sample_dt:g} s")
+        self.samples = parts_of("interval", interval, "samples of sample_dt", sample_dt)
         self.env = CrowdEnv(
             scenario,
             num_envs=num_envs,

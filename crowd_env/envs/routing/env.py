@@ -3,17 +3,9 @@
 The people walk by themselves; for a controller that moves every single body see `crowd_env.envs.gymnasium_env`.
 """
 
-from typing import Any
-
-from gymnasium.vector import AutoresetMode
-
 from crowd_env.envs.routing.batch import RoutingBatch
-from crowd_env.envs.routing.layout import RoutingLayout
 from crowd_env.envs.single_env import SingleEnv
 from crowd_env.envs.vector_env import BatchVectorEnv
-from crowd_env.scenarios.scenario import Scenario
-
-_DEFAULT = "two-exit-hall-v0"
 
 
 class RoutingEnv(SingleEnv):
@@ -40,7 +32,7 @@ class RoutingEnv(SingleEnv):
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS`` or a Scenario; its options may follow by name.
+    scenario : name in ``SCENARIOS`` or a Scenario, by default "two-exit-hall-v0"; its options may follow by name.
     interval : s between decisions, a whole number of physics steps.
     regions : names of the scenario's regions to decide in; if none, the cells of a grid.
     grid : columns and rows of that grid over the bounding box; cells without floor are left out.
@@ -48,10 +40,14 @@ class RoutingEnv(SingleEnv):
     doors : names of the doors to open and close; the others are left to the scenario.
     observation : the terms that are observed, ``{"terms": ["count", "queue"]}``; by default all.  `RoutingTerm` objects of your
         own may stand among the names.
-    reward : weights of the terms, by default ``{"mean": 0.1, "last": 0.1}``.  `RoutingReward` objects of your own may be keys.
+    reward : weights of the terms, by default ``{"mean": 0.1, "last": 0.1}``.  `RewardTerm` objects of your own may be keys.
     rules : whether the scenario's control rules act as well.
     scheme, dt, time_limit, threads : as for `CrowdEnv`.
     render_mode : None or "rgb_array".
+
+    Attributes
+    ----------
+    layout : what the columns of the observation and the numbers of an action mean, a `RoutingLayout`.
 
     Raises
     ------
@@ -66,15 +62,8 @@ class RoutingEnv(SingleEnv):
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 5}
+    batch_class = RoutingBatch
     batch: RoutingBatch
-
-    def __init__(self, scenario: str | Scenario = _DEFAULT, *, render_mode: str | None = None, **options: Any) -> None:
-        super().__init__(RoutingBatch, scenario, render_mode, options)
-
-    @property
-    def layout(self) -> RoutingLayout:
-        """What the columns of the observation and the numbers of an action mean."""
-        return self.batch.layout
 
 
 class RoutingVectorEnv(BatchVectorEnv):
@@ -85,7 +74,7 @@ class RoutingVectorEnv(BatchVectorEnv):
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS`` or a Scenario.
+    scenario : name in ``SCENARIOS`` or a Scenario; by default "two-exit-hall-v0".
     num_envs : number of evacuations E.
     autoreset_mode : "SameStep", "NextStep" or "Disabled".
     options : everything else `RoutingEnv` takes.
@@ -96,20 +85,5 @@ class RoutingVectorEnv(BatchVectorEnv):
         If any of these is unknown, out of range, or does not fit together.
     """
 
+    batch_class = RoutingBatch
     batch: RoutingBatch
-
-    def __init__(
-        self,
-        scenario: str | Scenario = _DEFAULT,
-        *,
-        num_envs: int = 1,
-        render_mode: None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-        **options: Any,
-    ) -> None:
-        super().__init__(RoutingBatch, scenario, num_envs, render_mode, autoreset_mode, options)
-
-    @property
-    def layout(self) -> RoutingLayout:
-        """What the columns of the observation and the numbers of an action mean."""
-        return self.batch.layout

@@ -1,6 +1,6 @@
 """Where a routing controller decides: named regions of the scenario, or the cells of a grid."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -24,10 +24,8 @@ class DecisionRegions(NamedTuple):
 
 def named_regions(geometry: Geometry, names: Sequence[str]) -> DecisionRegions:
     """Return regions of a geometry as decision regions; where they overlap the first one counts."""
-    floors = [geometry.walkable.intersection(geometry.regions[name]) for name in names]
-    center = np.array([(floor.centroid.x, floor.centroid.y) for floor in floors])
-    locate = partial(_first_that_holds, geometry, tuple(names))
-    return DecisionRegions(tuple(names), np.array([floor.area for floor in floors]), center, locate)
+    floors = {name: geometry.walkable.intersection(geometry.regions[name]) for name in names}
+    return _regions(floors, partial(_first_that_holds, geometry, tuple(names)))
 
 
 def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
@@ -51,23 +49,24 @@ def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
     )
     if size.prod() < _LEAST_AREA:
         raise too_small  # before millions of them are cut out
-    names: list[str] = []
-    area: list[float] = []
-    center: list[tuple[float, float]] = []
+    floors: dict[str, Any] = {}
     number = np.full((rows, columns), -1, dtype=np.int64)
     for row in range(rows):
         for column in range(columns):
             corner = low + (column, row) * size
             floor = geometry.walkable.intersection(box(*corner, *(corner + size)))
             if floor.area >= _LEAST_AREA:
-                number[row, column] = len(names)
-                names.append(f"cell-{column}-{row}")
-                area.append(float(floor.area))
-                center.append((floor.centroid.x, floor.centroid.y))
-    if not names:
+                number[row, column] = len(floors)
+                floors[f"cell-{column}-{row}"] = floor
+    if not floors:
         raise too_small
+    return _regions(floors, partial(_cell_of, low, size, number))
 
-    return DecisionRegions(tuple(names), np.array(area), np.array(center), partial(_cell_of, low, size, number))
+
+def _regions(floors: Mapping[str, Any], locate: Callable[[Floats], Ints]) -> DecisionRegions:
+    """Return the decision regions with these walkable parts."""
+    center = np.array([(floor.centroid.x, floor.centroid.y) for floor in floors.values()])
+    return DecisionRegions(tuple(floors), np.array([floor.area for floor in floors.values()]), center, locate)
 
 
 # Functions of the module, not closures: these can be pickled.

@@ -7,8 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env.checks import check_fields, number, table
-from crowd_env.envs.terms import names_of, require_function
+from crowd_env.envs.terms import RewardTerm, Term, own_terms, weighed_terms
 from crowd_env.state import Bools, Floats, Ints
 
 DENSITY_SCALE = 5.0  # 1/m2
@@ -46,7 +45,7 @@ class RoutingView(NamedTuple):
 
 
 @dataclass(frozen=True)
-class RoutingTerm:
+class RoutingTerm(Term):
     """A term of the observation, ``RoutingEnv(observation={"terms": [...]})``.
 
     Parameters
@@ -62,36 +61,11 @@ class RoutingTerm:
         If the name is empty, ``of_each`` is unknown, or the function cannot be called.
     """
 
+    kind = "observation term"
+    arguments = "view"
     name: str
     of_each: Literal["region", "exit", "route", "door", ""]
     function: Callable[[RoutingView], Any]
-
-    def __post_init__(self) -> None:
-        check_fields("observation term", self)
-        require_function("observation term", self.name, self.function, "view")
-
-
-@dataclass(frozen=True)
-class RoutingReward:
-    """A term of the reward, a key of ``RoutingEnv(reward={...})`` beside the names in ``REWARDS``.
-
-    Parameters
-    ----------
-    name : it is reported as ``reward/<name>``.
-    function : of a `RoutingView`; returns the term (E,) of each environment.
-
-    Raises
-    ------
-    ValueError
-        If the name is empty or the function cannot be called.
-    """
-
-    name: str
-    function: Callable[[RoutingView], Any]
-
-    def __post_init__(self) -> None:
-        check_fields("reward term", self)
-        require_function("reward term", self.name, self.function, "view")
 
 
 def _count(view: RoutingView) -> Floats:
@@ -172,20 +146,20 @@ def _last(view: RoutingView) -> Floats:
     return -view.time_inside.max(axis=1)
 
 
-REWARDS: Mapping[str, RoutingReward] = MappingProxyType(
+REWARDS: Mapping[str, RewardTerm] = MappingProxyType(
     {
         term.name: term
         for term in (
             # minus the time that everyone spent inside [s], averaged over all N people: sums to minus the mean exit time
-            RoutingReward("mean", _mean),
+            RewardTerm("mean", _mean),
             # minus the time during which anyone was inside [s]: sums to minus the exit time of the last person
-            RoutingReward("last", _last),
+            RewardTerm("last", _last),
         )
     }
 )
 
 
-def make_weights(reward: Mapping[str | RoutingReward, float] | None) -> dict[RoutingReward, float]:
+def make_weights(reward: Mapping[str | RewardTerm, float] | None) -> dict[RewardTerm, float]:
     """Return the weights of all terms of the reward: 0.1 each by default, 0 for terms that a table of weights leaves out.
 
     Raises
@@ -193,13 +167,6 @@ def make_weights(reward: Mapping[str | RoutingReward, float] | None) -> dict[Rou
     ValueError
         If it is no table, a term is unknown, two terms have the same name, or a weight is not finite.
     """
-    weights = table(
-        "reward", dict.fromkeys(REWARDS, 0.1) if reward is None else reward, "weights such as {'mean': 0.1}"
-    )
-    names = names_of("reward term", weights, RoutingReward, REWARDS)
-    own = [term for term in weights if isinstance(term, RoutingReward)]
-    given = {
-        name: number(f"weight of reward term {name!r}", weight)
-        for name, weight in zip(names, weights.values(), strict=True)
-    }
-    return {term: given.get(term.name, 0.0) for term in (*REWARDS.values(), *own)}
+    given = weighed_terms("reward", dict.fromkeys(REWARDS, 0.1) if reward is None else reward, REWARDS)
+    own = own_terms(RewardTerm, given)
+    return {term: given.get(term.name, 0.0) for term in REWARDS.values()} | {term: given[term] for term in own}

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env._kernels.jit import inner_kernel, kernel
-from crowd_env.physics.neighbors.lists import Places
-from crowd_env.state import Bools, Floats, Ints
+from crowd_env.state import Bools, Floats, Indices, Ints
 
 _MANY = 4000  # people from which on a crowd is cut
 SLABS = 16
@@ -34,7 +33,7 @@ class Partition(NamedTuple):
     run: Bools  # (E,)     another step is to be done
     list_is_stale: Bools  # (E,)     someone may have gone further than the neighbor list allows for
     steering: Ints  # (E,)     what this step has to do about desired velocities, see `stages.plan_steering`
-    turn: Ints  # (E,)     whose turn it is to look up the direction, see `steering.choose_turn`
+    turn: Ints  # (E,)     whose turn it is to look up the direction, see `steering.begin_look_up`
     desired_until: Floats  # (E,)  s    up to when each step has to compute desired velocities anew
     people_inside: Ints  # (E,)
     smallest_radius: Floats  # (E,)  m
@@ -48,7 +47,7 @@ class Partition(NamedTuple):
     wall_start: Ints  # (E * SLABS,)  walls near each slab in the neighbor list
     wall_stop: Ints
     found: Floats  # (E * SLABS, 8)  what each slab has found in this step: a cache line each, so that no two threads share one
-    carried_to: Places  # (M,)     people of later slabs whom a slab has found a force on, from its first pair on
+    carried_to: Indices  # (M,)     people of later slabs whom a slab has found a force on, from its first pair on
     carried_force: Floats  # (M, 2)  N    and the opposite of that force
 
 
@@ -93,7 +92,7 @@ def count_slabs(people: int) -> int:
 
 
 @inner_kernel
-def first_entry(slot: int, entry: int, entry_end: int, owner: Places) -> int:
+def first_entry(slot: int, entry: int, entry_end: int, owner: Indices) -> int:
     """Return the first of the sorted entries ``entry:entry_end`` whose owner is not before ``slot``."""
     while entry < entry_end:
         middle = (entry + entry_end) // 2

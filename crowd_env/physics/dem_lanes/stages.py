@@ -29,7 +29,7 @@ from crowd_env.physics.driving_force import desired_velocity
 from crowd_env.physics.exits import mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
 from crowd_env.physics.social_force import SocialParams, add_social_forces
-from crowd_env.physics.steering import LOOK_EVERY, choose_turn, follow_rules, is_decision_due, update_steering
+from crowd_env.physics.steering import begin_look_up, follow_rules, is_decision_due, is_look_up_due, update_steering
 from crowd_env.physics.walking.decide import decide
 from crowd_env.physics.workspace import Batch
 
@@ -66,11 +66,10 @@ def detect(e: int, slabs: int, batch: Batch, n_substeps: int, cutoff: float) -> 
 @inner_kernel
 def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None) -> None:
     """Say what this step has to do about desired velocities, and let control rules act when directions are due."""
-    partition, direction_age, state = batch.workspace.partition, batch.history.direction_age, batch.state
+    partition, state = batch.workspace.partition, batch.state
     partition.steering[e] = COMPUTE if state.time[e] <= partition.desired_until[e] else KEEP
-    if direction_age[e] > LOOK_EVERY - 0.5 * dt:
-        partition.turn[e] = choose_turn(e, batch, regions)
-        direction_age[e] = 0.0
+    if is_look_up_due(e, batch, dt):
+        partition.turn[e] = begin_look_up(e, batch, regions)
         partition.steering[e] = LOOK_UP
         if regions is not None:
             begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]

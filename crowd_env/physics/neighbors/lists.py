@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.state import Bodies, Bools, Floats, Ints
+from crowd_env.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
 
 # Up to this number of people all pairs are tested, which is quicker than to sort them into cells.
 _FEW = 64  # people
@@ -19,9 +19,6 @@ _SPARE_ENTRIES = 16
 _SPARE_CELLS = 64
 _CELLS_PER_PERSON = 4
 
-# Unsigned, because numba checks every signed index for being negative.
-Places = NDArray[np.uint32]
-
 
 class NeighborList(NamedTuple):
     """Half lists of all environments; ``e`` owns the entries from ``entry_start[e]`` on: pairs, then walls, then exits."""
@@ -30,8 +27,8 @@ class NeighborList(NamedTuple):
     pair_end: Ints  # (E,)
     wall_end: Ints  # (E,)
     exit_end: Ints  # (E,)
-    owner: Places  # (M,)   person i
-    partner: Places  # (M,)   person j > i; or wall k of the geometry, then its corners; or exit k of the geometry
+    owner: Indices  # (M,)   person i
+    partner: Indices  # (M,)   person j > i; or wall k of the geometry, then its corners; or exit k of the geometry
     contact_distance: Floats  # (M,)   m    sum of the two radii of a pair
     origin_x: Floats  # (P,)   m    positions when the list was built
     origin_y: Floats
@@ -89,7 +86,7 @@ def entries_per_person(near: NeighborList, bodies: Bodies) -> int:
 
 @inner_kernel
 def first_cell(e: int, slot_start: int) -> int:
-    """Return where the cell table of environment ``e`` begins, whose first person is ``begin``."""
+    """Return where the cell table of environment ``e`` begins, whose first person is ``slot_start``."""
     return _CELLS_PER_PERSON * slot_start + _SPARE_CELLS * e
 
 
@@ -138,27 +135,18 @@ def sort_into_cells(
 
 
 @inner_kernel
-def list_pairs(
-    e: int,
-    slot_start: int,
-    slot_stop: int,
-    radius: Floats,
-    active: Bools,
-    position: Floats,
-    near: NeighborList,
-    reach: float,
-    size: float,
-) -> bool:
+def list_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList, reach: float, size: float) -> bool:
     """Write all pairs nearer than ``reach`` and their allowed displacements; cells of ``size``.  False if they do not fit."""
-    entry_start, owner, partner, contact_distance = near.entry_start[e], near.owner, near.partner, near.contact_distance
+    slot_start, slot_stop, radius = bodies.env_start[e], bodies.env_start[e + 1], bodies.radius
+    owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
     if slot_stop - slot_start <= _FEW:
-        entry = _all_pairs(e, slot_start, slot_stop, radius, active, position, near, reach)
+        entry = _all_pairs(e, bodies, state, near, reach)
     else:
-        grid = sort_into_cells(e, slot_start, slot_stop, active, position, near, size)
-        entry = _pairs_by_cell(e, slot_start, slot_stop, radius, active, position, near, reach, grid)
+        grid = sort_into_cells(e, slot_start, slot_stop, state.active, state.position, near, size)
+        entry = _pairs_by_cell(e, bodies, state, near, reach, grid)
     if entry < 0:
         return False
-    for k in range(index(entry_start), index(entry)):
+    for k in range(index(near.entry_start[e]), index(entry)):
         contact_distance[k] = radius[owner[k]] + radius[partner[k]]
     near.pair_end[e] = entry
     return True
@@ -168,20 +156,12 @@ def list_pairs(
 
 
 @inner_kernel
-def _all_pairs(
-    e: int,
-    slot_start: int,
-    slot_stop: int,
-    radius: Floats,
-    active: Bools,
-    position: Floats,
-    near: NeighborList,
-    reach: float,
-) -> int:
+def _all_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList, reach: float) -> int:
     """Write the near pairs of few people; returns one past the last entry, -1 if they do not fit."""
+    slot_stop, radius, active, position = bodies.env_start[e + 1], bodies.radius, state.active, state.position
     owner, partner, allowed = near.owner, near.partner, near.allowed
     entry, entry_stop = index(near.entry_start[e]), index(near.entry_start[e + 1])
-    for i in range(index(slot_start), index(slot_stop)):
+    for i in range(index(bodies.env_start[e]), index(slot_stop)):
         if not active[i]:
             continue
         if entry + index(slot_stop) - i > entry_stop:  # there is room for all of them: no test inside the loop
@@ -196,20 +176,14 @@ def _all_pairs(
 
 @inner_kernel
 def _pairs_by_cell(
-    e: int,
-    slot_start: int,
-    slot_stop: int,
-    radius: Floats,
-    active: Bools,
-    position: Floats,
-    near: NeighborList,
-    reach: float,
-    grid: tuple[int, int, int],
+    e: int, bodies: Bodies, state: CrowdState, near: NeighborList, reach: float, grid: tuple[int, int, int]
 ) -> int:
     """Write the near pairs of many people, sorted into cells; returns one past the last entry, -1 if they do not fit.
 
     Cells are no smaller than two radii, the allowed displacements and the reach.
     """
+    slot_start, slot_stop, radius = bodies.env_start[e], bodies.env_start[e + 1], bodies.radius
+    active, position = state.active, state.position
     head, columns, rows = grid
     cell_of, cell_item, cell_start, allowed = near.cell_of, near.cell_item, near.cell_start, near.allowed
     x_of, y_of, room = near.origin_x, near.origin_y, near.room  # in the order of cells; the origins are written later
@@ -246,17 +220,16 @@ def _pairs_by_cell(
 def list_walls(
     e: int,
     g: int,
-    slot_start: int,
-    slot_stop: int,
     boundary: Boundary,
     door_open: Bools,
-    radius: Floats,
-    active: Bools,
-    position: Floats,
+    bodies: Bodies,
+    state: CrowdState,
     near: NeighborList,
     reach: float,
 ) -> bool:
     """Write the wall features nearer than ``reach`` to anyone, but for open doors; False if they do not fit."""
+    slot_start, slot_stop, radius = bodies.env_start[e], bodies.env_start[e + 1], bodies.radius
+    active, position = state.active, state.position
     wall_first, wall_stop = boundary.wall_start[g], boundary.wall_start[g + 1]
     wall, wall_door = boundary.wall, boundary.wall_door
     corner, corner_door, corner_start = boundary.corner, boundary.corner_door, boundary.corner_start
@@ -292,17 +265,9 @@ def list_walls(
 
 
 @inner_kernel
-def list_exits(
-    e: int,
-    g: int,
-    slot_start: int,
-    slot_stop: int,
-    boundary: Boundary,
-    active: Bools,
-    position: Floats,
-    near: NeighborList,
-) -> bool:
+def list_exits(e: int, g: int, boundary: Boundary, bodies: Bodies, state: CrowdState, near: NeighborList) -> bool:
     """Write the exit lines that anyone's center may come to; False if they do not fit."""
+    slot_start, slot_stop, active, position = bodies.env_start[e], bodies.env_start[e + 1], state.active, state.position
     entry, entry_stop, line, exit_start = near.wall_end[e], near.entry_start[e + 1], boundary.exit, boundary.exit_start
     owner, partner, allowed = near.owner, near.partner, near.allowed
     for k in range(exit_start[g], exit_start[g + 1]):

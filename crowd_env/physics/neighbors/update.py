@@ -58,14 +58,12 @@ def update_neighbors(e: int, batch: Batch, margin: float) -> int:
         if active[i]:
             widest, largest = max(widest, path), max(largest, radius[i])
     reach = 1.1 * margin  # some schemes need a little more or less every step
-    if not list_pairs(
-        e, slot_start, slot_stop, radius, active, position, near, reach, 2.0 * (largest + widest) + reach
-    ):
+    if not list_pairs(e, batch.bodies, batch.state, near, reach, 2.0 * (largest + widest) + reach):
         return FULL
     g, boundary, door_open = batch.world.geometry_of_env[e], batch.world.boundary, batch.history.door_open
-    if not list_walls(e, g, slot_start, slot_stop, boundary, door_open, radius, active, position, near, reach):
+    if not list_walls(e, g, boundary, door_open, batch.bodies, batch.state, near, reach):
         return FULL
-    if not list_exits(e, g, slot_start, slot_stop, boundary, active, position, near):
+    if not list_exits(e, g, boundary, batch.bodies, batch.state, near):
         return FULL
     origin_x, origin_y = near.origin_x, near.origin_y
     for i in range(slot_start, slot_stop):

@@ -35,6 +35,7 @@ class HeadwayParams(NamedTuple):
     length: float
     oncoming: float
     anticipation: float
+    detour: float
     patience: float
     impatience: float
     sight: float
@@ -73,6 +74,7 @@ class Headway:
     length: float = 0.1
     oncoming: float = 8.0
     anticipation: float = 0.5
+    detour: float = -1.0
     patience: float = 5.0
     impatience: float = 0.02
     sight: float = 2.0

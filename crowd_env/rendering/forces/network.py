@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowd_env.analysis.pressure import ContactForces, contact_forces
-from crowd_env.files.atomic import check_suffix
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
 from crowd_env.rendering.discs import put_discs
@@ -63,7 +62,6 @@ def write_force_network(
     ValueError
         If the suffix is another, or ``around`` or ``full_force`` is not positive.
     """
-    path = check_suffix(path, (".png",))
     forces = contact_forces(crowd, e) if isinstance(crowd, Simulation) else crowd
     figure = force_network_figure(forces, around=around, full_force=full_force, color=color, title=title)
     return save_figure(figure, path)

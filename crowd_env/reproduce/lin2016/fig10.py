@@ -1,22 +1,20 @@
 """Figure 10 of Lin, Ma, Lo: the mean flow through the exit against the desired speed, 100, 200 and 300 people."""
 
 from collections.abc import Mapping
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 
-from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.reproduce.lin2016.sample import Sample, raw_runs, sample, unfinished_remarks
+from crowd_env.reproduce.lin2016.figures.flow import mean_flows
+from crowd_env.reproduce.lin2016.sample import Sample, raw_runs, result
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.lin2016.speeds import SPEEDS
-from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import Result, Row
 from crowd_env.state import Floats
 
 TITLE = "Lin, Ma, Lo, Figure 10: mean flow through the exit, people/s"
 
 CROWDS = (100, 200, 300)  # people
+CASES = {(n, v): {"count": n, "desired_speed": v} for n in CROWDS for v in SPEEDS}
 STATES = (("smooth", 0.6, 1.0), ("transition", 1.0, 1.6), ("phase separation", 1.6, 2.1))  # m/s
 PRINTED_MEAN, PRINTED_LOW, PRINTED_HIGH = "0.82", "0.7", "0.95"  # 1/s, in the transition state
 PRINTED_FASTEST = "1.22"  # 1/s, above 1.6 m/s
@@ -24,21 +22,16 @@ PRINTED_FASTEST = "1.22"  # 1/s, above 1.6 m/s
 Found = Mapping[tuple[int, float], Sample]
 
 
-def runs(settings: LinSettings) -> list[Run]:
-    """Return the runs that the figure needs."""
-    return [run for people in CROWDS for speed in SPEEDS for run in settings.draws(people, speed)]
-
-
-def reproduce(settings: LinSettings, work: Work) -> Result:
-    """Return the figure, made of the records of its runs."""
-    found = {(n, v): sample(work.records, settings.draws(n, v)) for n in CROWDS for v in SPEEDS}
-    rows = [row for people in CROWDS for row in _rows(found, people)]
-    rows += _transition(found)
-    rows += _separation(found)
-    remarks = [*_remarks(found, rows), *unfinished_remarks(found.values()), *settings.remarks()]
+def reproduce(settings: LinSettings, found: Found) -> Result:
+    """Return the figure, made of a sample for each number of people and speed [m/s]."""
+    rows = [*(row for people in CROWDS for row in _rows(found, people)), *_transition(found), *_separation(found)]
     raw = {"runs": raw_runs(found.values())}
-    draw = partial(_draw, settings, found)
-    return Result("lin-fig10", TITLE, rows, raw, draw, remarks, settings.changed(), "1/s")
+
+    def draw() -> object:
+        return mean_flows(found, STATES, (float(PRINTED_LOW), float(PRINTED_HIGH)), float(PRINTED_MEAN))
+
+    samples, remarks = found.values(), _remarks(found, rows)
+    return result("lin-fig10", TITLE, settings, samples, rows, remarks, draw, raw=raw, unit="1/s")
 
 
 def _rows(found: Found, people: int) -> list[Row]:
@@ -100,12 +93,3 @@ def _remarks(found: Found, rows: list[Row]) -> list[str]:
         thresholds.append(f"{people} people {'never' if first is None else f'from {first:g} m/s on'}")
     remarks.append(f"Half of the draws or more block: {', '.join(thresholds)}; the paper: above 1.6 m/s.")
     return remarks
-
-
-def _draw(settings: LinSettings, found: Found, path: Path) -> Path:
-    from crowd_env.reproduce.lin2016.figures.flow import mean_flows
-
-    flows = {n: {v: found[n, v].mean_flows for v in SPEEDS} for n in CROWDS}
-    blocked = {key: draws.blocked for key, draws in found.items()}
-    printed = (float(PRINTED_LOW), float(PRINTED_HIGH))
-    return mean_flows(path, flows, blocked, settings.runs, STATES, printed, float(PRINTED_MEAN), settings.readings())

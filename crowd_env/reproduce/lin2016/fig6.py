@@ -1,12 +1,10 @@
 """Figure 6 of Lin, Ma, Lo: the room at four moments of one evacuation."""
 
-from functools import partial
-from pathlib import Path
+from typing import Any
 
-import numpy as np
-
-from crowd_env.reproduce.lin2016.record import Record
+from crowd_env.reproduce.lin2016.figures.room import draw_rooms
 from crowd_env.reproduce.lin2016.run import Run
+from crowd_env.reproduce.lin2016.sample import foot
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import RawTable, Result, Row
@@ -26,7 +24,7 @@ def reproduce(settings: LinSettings, work: Work) -> Result:
     """Return the figure, made of the record of its run."""
     (run,) = runs(settings)
     record = work.records[run]
-    shown = [snapshot for snapshot in record.snapshots if _near_moment(run, snapshot.time)]
+    shown = [s for s in record.snapshots if any(abs(s.time - moment) <= run.dt for moment in MOMENTS)]
     rows = [
         Row(f"inside, t = {s.time:g} s", None, len(s.x), "people", 1, "one draw; the paper shows it only")
         for s in shown
@@ -46,26 +44,10 @@ def reproduce(settings: LinSettings, work: Work) -> Result:
     ]
     if record.blocked_since is not None:
         remarks.insert(0, f"The exit is blocked since {record.blocked_since:.0f} s.")
-    draw = partial(_draw, settings, run, record)
+
+    def draw() -> Any:
+        figure = draw_rooms(shown, run.scenario().geometry)
+        foot(figure, f"{SPEED:g} m/s, draw {run.seed}; {settings.readings().partition('; ')[2]}")
+        return figure
+
     return Result("lin-fig6", TITLE, rows, {"positions": raw}, draw, remarks, settings.changed(), "people")
-
-
-def _near_moment(run: Run, time: float) -> bool:
-    return any(abs(time - moment) <= run.dt for moment in MOMENTS)
-
-
-def _draw(settings: LinSettings, run: Run, record: Record, path: Path) -> Path:
-    from crowd_env.reproduce.lin2016.figures.room import RoomPanel, snapshots
-
-    geometry = run.scenario().geometry
-    moments = [
-        RoomPanel(
-            f"{letter}. t = {s.time:g} s, {len(s.x)} inside",
-            np.column_stack([s.x, s.y]),
-            np.array(s.radius),
-            np.array(s.angle),
-        )
-        for letter, s in zip("abcd", (s for s in record.snapshots if _near_moment(run, s.time)), strict=True)
-    ]
-    foot = f"{SPEED:g} m/s, draw {run.seed}; {settings.readings().partition('; ')[2]}"
-    return snapshots(path, moments, geometry.walls, geometry.exits, foot)

@@ -1,16 +1,13 @@
 """Figure 9 of Lin, Ma, Lo: the flow through the exit in windows of 10 s, 100 and 300 people."""
 
 from collections.abc import Mapping
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 
+from crowd_env.reproduce.lin2016.figures.flow import window_flows
 from crowd_env.reproduce.lin2016.record import Record
-from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.reproduce.lin2016.sample import Sample, sample, unfinished_remarks
+from crowd_env.reproduce.lin2016.sample import Sample, result
 from crowd_env.reproduce.lin2016.settings import LinSettings
-from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import RawTable, Result, Row
 from crowd_env.state import Floats
 
@@ -18,22 +15,18 @@ TITLE = "Lin, Ma, Lo, Figure 9: flow through the exit in windows of 10 s, people
 
 WINDOW = 10.0  # s
 CROWDS = (100, 300)  # people, panels a and b
-SPEEDS = (0.6, 1.0, 1.2, 1.6, 2.0)  # m/s
-# Speeds that the paper puts together, and the lowest and highest flow that it prints for them.
+# Speeds [m/s] that the paper puts together, and the lowest and highest flow that it prints for them.
 STATES = {
     "0.6 m/s": ((0.6,), "0.4", "0.6"),
     "1-1.2 m/s": ((1.0, 1.2), "0.3", "1.3"),
     "≥ 1.6 m/s": ((1.6, 2.0), "0", "1.6"),
 }
+PRINTED = {speed: (float(low), float(high)) for speeds, low, high in STATES.values() for speed in speeds}
+CASES = {(n, v): {"count": n, "desired_speed": v} for n in CROWDS for v in PRINTED}
 
 _CLOSE = 0.2  # 1/s
 
 Found = Mapping[tuple[int, float], Sample]
-
-
-def runs(settings: LinSettings) -> list[Run]:
-    """Return the runs that the figure needs."""
-    return [run for people in CROWDS for speed in SPEEDS for run in settings.draws(people, speed)]
 
 
 def window_flow(exits: Floats, until: float, window: float = WINDOW) -> Floats:
@@ -51,28 +44,29 @@ def inner_flow(record: Record, window: float = WINDOW) -> Floats:
     return window_flow(exits, exits[-1], window)[first:last]
 
 
-def reproduce(settings: LinSettings, work: Work) -> Result:
-    """Return the figure, made of the records of its runs."""
-    found = {(n, v): sample(work.records, settings.draws(n, v)) for n in CROWDS for v in SPEEDS}
+def reproduce(settings: LinSettings, found: Found) -> Result:
+    """Return the figure, made of a sample for each number of people and speed [m/s]."""
     rows = [row for people in CROWDS for state in STATES for row in _rows(found, people, state)]
     remarks = [
         "A window of 10 s with k exits has the flow k/10: a single window is uncertain by about 0.2 to 0.3 /s. The lowest and "
         "highest are percentiles over the windows that lie wholly between the first and the last exit of a run.",
         *_verdict(rows),
-        *unfinished_remarks(found.values()),
-        *settings.remarks(),
     ]
+    flows = {key: [_shown(record) for record in draws.records] for key, draws in found.items()}
     raw = RawTable(
         ("people", "desired_speed_mps", "seed", "window_start_s", "flow_per_s"),
         [
-            (n, v, run.seed, f"{WINDOW * k:g}", f"{flow:.3f}")
-            for (n, v), draws in found.items()
-            for run, record in zip(draws.runs, draws.records, strict=True)
-            for k, flow in enumerate(_shown(record))
+            (*key, run.seed, f"{WINDOW * k:g}", f"{flow:.3f}")
+            for key, draws in found.items()
+            for run, of_run in zip(draws.runs, flows[key], strict=True)
+            for k, flow in enumerate(of_run)
         ],
     )
-    draw = partial(_draw, settings, found)
-    return Result("lin-fig9", TITLE, rows, {"windows": raw}, draw, remarks, settings.changed(), "1/s")
+
+    def draw() -> object:
+        return window_flows(flows, {key: draws.blocked for key, draws in found.items()}, PRINTED, WINDOW)
+
+    return result("lin-fig9", TITLE, settings, found.values(), rows, remarks, draw, raw={"windows": raw}, unit="1/s")
 
 
 def _rows(found: Found, people: int, state: str) -> list[Row]:
@@ -106,12 +100,3 @@ def _shown(record: Record) -> Floats:
     exits = np.array(record.exit_times)
     since = record.blocked_since
     return window_flow(exits, exits[-1] if since is None and len(exits) else (since or 0.0) + 120.0)
-
-
-def _draw(settings: LinSettings, found: Found, path: Path) -> Path:
-    from crowd_env.reproduce.lin2016.figures.flow import window_flows
-
-    flows = {n: {v: [_shown(record) for record in found[n, v].records] for v in SPEEDS} for n in CROWDS}
-    blocked = {key: draws.blocked for key, draws in found.items()}
-    paper = {speed: (float(low), float(high)) for speeds, low, high in STATES.values() for speed in speeds}
-    return window_flows(path, flows, blocked, paper, WINDOW, settings.readings())

@@ -1,21 +1,22 @@
 """All draws of one configuration: how many cleared the room, how long that took, and how many blocked."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any, TypeVar
 
 import numpy as np
 
+from crowd_env.rendering.canvas import hex_of
+from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.lin2016.record import Record
 from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.reproduce.result import RawTable, Row
+from crowd_env.reproduce.lin2016.settings import LinSettings
+from crowd_env.reproduce.result import RawTable, Result, Row
 from crowd_env.state import Floats
 
-if TYPE_CHECKING:
-    from crowd_env.reproduce.lin2016.figures.clearance import Draws
-
-Records = Mapping[Run, Record]
+Key = TypeVar("Key")
+Cases = Mapping[Key, Mapping[str, Any]]  # the configurations of a figure: arguments of `LinSettings.draws`
 
 _CLOSE = 0.10
 
@@ -62,21 +63,13 @@ class Sample:
         """Number of draws that neither cleared nor blocked within the time."""
         return len(self.records) - len(self.cleared) - self.blocked
 
-    def curve(self, label: str, color: str, paper: str | None = None) -> "Draws":
-        """Return the draws as leaving curves."""
-        from crowd_env.reproduce.lin2016.figures.clearance import Draws
-
-        exits = [np.array(record.exit_times) for record in self.records]
-        blocked = [record.blocked_since is not None for record in self.records]
-        return Draws(label, color, exits, blocked, None if paper is None else float(paper))
-
     def count_blocked(self) -> str:
         """Return "2 of 5 blocked"."""
         text = f"{self.blocked or 'none'} of {len(self.records)} blocked"
         return text + (f", {self.unfinished} unfinished" if self.unfinished else "")
 
 
-def sample(records: Records, runs: Sequence[Run]) -> Sample:
+def sample(records: Mapping[Run, Record], runs: Sequence[Run]) -> Sample:
     """Return what came of the draws ``runs``."""
     return Sample(tuple(runs), tuple(records[run] for run in runs))
 
@@ -122,10 +115,35 @@ def verdict(rows: Iterable[Row]) -> list[str]:
     return [f"Within 10 %: {', '.join(close) or 'none'}" + (f"; NOT reproduced: {', '.join(far)}." if far else ".")]
 
 
-def unfinished_remarks(samples: Iterable[Sample]) -> list[str]:
-    """Return a sentence about runs that neither cleared nor blocked, if there are any."""
+def result(
+    name: str,
+    title: str,
+    settings: LinSettings,
+    samples: Collection[Sample],
+    rows: list[Row],
+    remarks: list[str],
+    draw: Callable[[], Any],
+    *,
+    raw: Mapping[str, RawTable] | None = None,
+    unit: str = "s",
+) -> Result:
+    """Return a figure that is made of samples, with what these rest on; ``raw`` is every run and every exit by default."""
+
+    def drawn() -> Any:
+        figure = draw()
+        foot(figure, settings.readings())
+        return figure
+
     open_ended = sum(found.unfinished for found in samples)
-    return [f"{open_ended} runs neither cleared nor blocked within their time limit."] if open_ended else []
+    unfinished = [f"{open_ended} runs neither cleared nor blocked within their time limit."] if open_ended else []
+    raw = raw or {"runs": raw_runs(samples), "exit-times": raw_exits(samples)}
+    remarks = [*remarks, *unfinished, *settings.remarks()]
+    return Result(name, title, rows, raw, drawn, remarks, settings.changed(), unit)
+
+
+def foot(figure: Any, text: str) -> None:
+    """Write a line below everything."""
+    figure.supxlabel(text, fontsize=8.5, color=hex_of(QUIET), x=0.012, ha="left")
 
 
 _HEADER = ("people", "desired_speed_mps", "strength_N", "rotation", "seed")

@@ -101,10 +101,8 @@ class LinSettings(Settings):
                 f"Preset literal: the text as printed. Walls have {values}: the one friction coefficient of Table 1, and no "
                 "social force, because the paper mentions none."
             )
-        last = self.seed + self.runs - 1
-        seeds = f"Draw {self.seed} is" if self.runs == 1 else f"Draws {self.seed} to {last} are"
         return [
             walls,
-            f"{seeds} the same start in every configuration. A run is blocked, as in the paper, when nobody has got out for "
-            "2 minutes; it has no clearance time, and medians are over the runs that cleared.",
+            f"{self.draws_are} the same start in every configuration. A run is blocked, as in the paper, when nobody has got "
+            "out for 2 minutes; it has no clearance time, and medians are over the runs that cleared.",
         ]

@@ -2,24 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
-from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.reproduce.lin2016.sample import (
-    Sample,
-    clearance_rows,
-    raw_exits,
-    raw_runs,
-    sample,
-    unfinished_remarks,
-    verdict,
-)
+from crowd_env.reproduce.lin2016.figures.clearance import clearance_times
+from crowd_env.reproduce.lin2016.sample import Cases, Sample, clearance_rows, result, verdict
 from crowd_env.reproduce.lin2016.settings import LinSettings
-from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import Result, Row
 
 SPEEDS = (0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0)  # m/s
@@ -42,59 +31,41 @@ class BySpeed:
         figure = self.name.removeprefix("lin-fig")
         return f"Lin, Ma, Lo, Figure {figure}: {self.people} people, by desired speed"
 
-    def runs(self, settings: LinSettings) -> list[Run]:
-        """Return the runs that the figure needs."""
-        return [run for speed in self.speeds for run in settings.draws(self.people, speed)]
+    @property
+    def cases(self) -> Cases[float]:
+        """The samples that it is made of, by desired speed."""
+        return {speed: {"count": self.people, "desired_speed": speed} for speed in self.speeds}
 
-    def reproduce(self, settings: LinSettings, work: Work) -> Result:
-        """Return the figure, made of the records of its runs."""
-        found = {speed: sample(work.records, settings.draws(self.people, speed)) for speed in self.speeds}
+    def reproduce(self, settings: LinSettings, found: Mapping[float, Sample]) -> Result:
+        """Return the figure, made of a sample for each desired speed [m/s]."""
         rows = []
         for speed, draws in found.items():
             remark = "paper: blocked" if speed >= PAPER_BLOCKED else ""
             rows += clearance_rows(f"{speed:.1f} m/s", draws, self.printed.get(speed), remark)
         if self.printed_mean is not None:
-            rows.append(self._mean(found, self.printed_mean))
-        remarks = [*verdict(rows), *states(found), *unfinished_remarks(found.values()), *settings.remarks()]
+            rows.append(_mean(found, *self.printed_mean))
+        remarks = [*verdict(rows), *states(found)]
         if not self.printed:
             remarks.insert(
                 0, "The paper prints no time for 300 people: it says that they are consistent with those for 200."
             )
-        raw = {"runs": raw_runs(found.values()), "exit-times": raw_exits(found.values())}
-        draw = partial(self._draw, settings, found)
-        return Result(self.name, self.title, rows, raw, draw, remarks, settings.changed(), "s")
 
-    def _mean(self, found: Mapping[float, Sample], printed: tuple[float, float, str]) -> Row:
-        low, high, paper = printed
-        times = np.concatenate([draws.cleared for speed, draws in found.items() if low <= speed <= high])
-        lost = sum(draws.blocked for speed, draws in found.items() if low <= speed <= high)
-        reading = f"mean of the draws that cleared; {lost or 'none'} of {lost + len(times)} blocked"
-        mean = float(times.mean()) if len(times) else None
-        return Row(f"clearance, {low:.1f} to {high:.1f} m/s", paper, mean, "s", len(times), reading)
+        def draw() -> object:
+            return clearance_times(self.people, found, self.printed, self.printed_mean, PAPER_BLOCKED)
 
-    def _draw(self, settings: LinSettings, found: Mapping[float, Sample], path: Path) -> Path:
-        from crowd_env.reproduce.lin2016.figures.clearance import clearance_times, speed_color
-
-        slowest, fastest = min(self.speeds), max(self.speeds)
-        mean = self.printed_mean
-        return clearance_times(
-            path,
-            self.people,
-            [
-                draws.curve(f"{speed:.1f} m/s", speed_color((speed - slowest) / (fastest - slowest)))
-                for speed, draws in found.items()
-            ],
-            {speed: draws.times for speed, draws in found.items()},
-            {speed: draws.blocked for speed, draws in found.items()},
-            {speed: float(text) for speed, text in self.printed.items()},
-            None if mean is None else (mean[0], mean[1], float(mean[2])),
-            PAPER_BLOCKED,
-            settings.readings(),
-        )
+        return result(self.name, self.title, settings, found.values(), rows, remarks, draw)
 
 
 FIG7 = BySpeed("lin-fig7", 200, (*SPEEDS, 2.2), {0.6: "340", 1.0: "210"}, (1.0, 1.8, "220"))
 FIG8 = BySpeed("lin-fig8", 300)
+
+
+def _mean(found: Mapping[float, Sample], low: float, high: float, paper: str) -> Row:
+    some = [draws for speed, draws in found.items() if low <= speed <= high]
+    times, lost = np.concatenate([draws.cleared for draws in some]), sum(draws.blocked for draws in some)
+    reading = f"mean of the draws that cleared; {lost or 'none'} of {lost + len(times)} blocked"
+    mean = float(times.mean()) if len(times) else None
+    return Row(f"clearance, {low:.1f} to {high:.1f} m/s", paper, mean, "s", len(times), reading)
 
 
 def states(found: Mapping[float, Sample]) -> list[str]:

@@ -91,7 +91,7 @@ def flow_rows(done: Evacuations) -> list[Row]:
     rows = []
     for name, estimator in ESTIMATORS.items():
         value, n, sd, ci95 = done.estimates[name]
-        quantity = f"flow, {done.scheme}, {estimator.label}"
+        quantity = f"flow, {done.scheme}, {name}"
         rows.append(Row(quantity, PRINTED[done.scheme], value, "1/s", n, estimator.reading, sd=sd, ci95=ci95))
     people, runs = done.unfinished
     where = "at the time limit"

@@ -1,8 +1,5 @@
 """Figure 1: two identical pedestrians who run into each other, for several relaxation times."""
 
-from collections.abc import Sequence
-from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +7,7 @@ import numpy as np
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.physics import DEM, NSM2, ContactScheme
 from crowd_env.reproduce.paper import Work
+from crowd_env.reproduce.pecol2011.figures.room import meetings
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Progress, RawTable, Result, Row
 from crowd_env.simulation.simulation import Simulation
@@ -19,6 +17,7 @@ TITLE = "Figure 1: two pedestrians meet head-on, for several relaxation times"
 
 # The paper gives none of these; tau spans Table 4 and Helbing's 0.5 s, the speed is the mean that section 3 quotes.
 TAUS = (0.1, 0.2, 0.3, 0.4, 0.5)  # s
+STEPS = 3 * len(TAUS)  # of the progress
 SPEED, RADIUS, MASS = 1.34, 0.25, 80.0  # m/s, m, kg
 OFFSET = 0.2  # m between the two lines they walk on
 _ELASTIC = NSM2(normal_dissipation=np.inf, tolerance=1e-9, reaction="printed")
@@ -78,11 +77,6 @@ def recoil(meeting: Meeting) -> tuple[float, float]:
     return float(x[0] - x[turn]), -float(meeting.velocity[last, 0, 0])
 
 
-def steps(settings: PecolSettings) -> int:
-    """Return how much there is to do, in what ``work.progress`` counts."""
-    return 3 * len(TAUS)
-
-
 def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Figure 1."""
     rows, drawn, measured = [], [], []
@@ -122,7 +116,15 @@ def reproduce(settings: PecolSettings, work: Work) -> Result:
             for k in range(0, len(meeting.time), 10)
         ],
     )
-    draw = partial(_draw, drawn, measured)
+
+    def draw() -> object:
+        fine = np.linspace(0.0, 1.15 * TAUS[-1], 50)
+        form = np.array([recoil_distance(SPEED, SPEED, tau) for tau in fine])
+        labels = ("NSM2, $K_N \\to \\infty$", "DEM, $k = 1.2\\times10^5$ N/m")
+        recoils = dict(zip(labels, np.array(measured, dtype=np.float64).T, strict=True))
+        touch = int(np.argmax(drawn[0].touching)) - 1  # until then they walk at their desired speed, for every tau
+        return meetings(TAUS, [meeting.position[touch:] for meeting in drawn], RADIUS, (fine, form), recoils)
+
     return Result("fig1", TITLE, rows, {"trajectories": table}, draw, remarks, unit="m")
 
 
@@ -148,21 +150,3 @@ def _sideways(tau: float, meeting: Meeting) -> list[Row]:
     shift = abs(meeting.position[-1, 0, 1] - meeting.position[0, 0, 1]) + tau * abs(meeting.velocity[-1, 0, 1])
     reading = f"nsm2-printed, offset {OFFSET:g} m"
     return [Row(f"shift to the side, tau = {tau:g} s", None, float(shift), "m", 1, reading, expected=expected)]
-
-
-def _draw(drawn: Sequence[Meeting], measured: Sequence[Sequence[float | None]], path: Path) -> Path:
-    from crowd_env.reproduce.pecol2011.figures.room import meetings
-
-    fine = np.linspace(0.0, 1.15 * TAUS[-1], 50)
-    form = np.array([recoil_distance(SPEED, SPEED, tau) for tau in fine])
-    points = np.array(measured, dtype=np.float64)
-    labels = ("NSM2, $K_N \\to \\infty$", "DEM, $k = 1.2\\times10^5$ N/m")
-    touch = int(np.argmax(drawn[0].touching)) - 1  # the same for every tau: until then they walk at their desired speed
-    return meetings(
-        path,
-        TAUS,
-        [meeting.position[touch:] for meeting in drawn],
-        RADIUS,
-        (fine, form),
-        dict(zip(labels, points.T, strict=True)),
-    )

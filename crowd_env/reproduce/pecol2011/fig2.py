@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme
 from crowd_env.reproduce.paper import Work
+from crowd_env.reproduce.pecol2011.figures.room import collisions
 from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, RADIUS, STEP, VELOCITY, Instant, instants
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Progress, RawTable, Result, Row
@@ -50,15 +50,8 @@ def _dem(steps: int, kappa: str) -> Case:
     inside = tuple(RADIUS - 0.1 * float(np.sin((2 * j + 1) * angle) / np.sin(angle)) for j in range(steps))
     after = tuple(RADIUS + 0.1 + 0.2 * j for j in range(_STEPS - 1 - steps))
     k = elastic_stiffness(steps)
-    return Case(
-        "a",
-        f"DEM, k = {kappa}m/h²",
-        DEM(k),
-        (0.4, *inside, *after),
-        2.0,
-        "2",
-        f"DEM, $k = {kappa}\\,m/h^2$ = {k:.0f} N/m",
-    )
+    title = f"DEM, $k = {kappa}\\,m/h^2$ = {k:.0f} N/m"
+    return Case("a", f"DEM, k = {kappa}m/h²", DEM(k), (0.4, *inside, *after), 2.0, "2", title)
 
 
 def _nsm2(panel: str, label: str, k_normal: float, tex: str = "") -> Case:
@@ -67,15 +60,8 @@ def _nsm2(panel: str, label: str, k_normal: float, tex: str = "") -> Case:
     # The step in which the velocity turns moves by the mean of both.
     turned = 0.2 + 0.5 * STEP * (-2.0 + u)
     x = (0.4, 0.2, *(turned + STEP * u * j for j in range(_STEPS - 2)))
-    return Case(
-        panel,
-        f"NSM2, K_N {label}",
-        NSM2(k_normal, tolerance=1e-13, reaction="printed"),
-        x,
-        u,
-        "2" if panel == "c" else "0",
-        f"NSM2, $K_N {tex}$",
-    )
+    scheme, printed = NSM2(k_normal, tolerance=1e-13, reaction="printed"), "2" if panel == "c" else "0"
+    return Case(panel, f"NSM2, K_N {label}", scheme, x, u, printed, f"NSM2, $K_N {tex}$")
 
 
 # The first of a panel is the one that is drawn.
@@ -90,11 +76,7 @@ CASES = (
     _nsm2("c", "= 1e4 kg", 1e4),
     _nsm2("d", "= 2m", 2 * MASS, "= 2m"),
 )
-
-
-def steps(settings: PecolSettings) -> int:
-    """Return how much there is to do, in what ``work.progress`` counts."""
-    return len(CASES) + len(_FINE)
+STEPS = len(CASES) + len(_FINE)  # of the progress
 
 
 def reproduce(settings: PecolSettings, work: Work) -> Result:
@@ -108,9 +90,7 @@ def reproduce(settings: PecolSettings, work: Work) -> Result:
     rows.append(Row("a-d: u_y, every case and step", "-1", along, "m/s", len(CASES) * _STEPS, "frictionless"))
     rows += _finer(work.progress)
     forms = [row for row in rows if row.expected is not None]
-    off = [
-        row.quantity for row in forms if row.here is None or row.expected is None or abs(row.here - row.expected) > 1e-9
-    ]
+    off = [row.quantity for row in forms if abs((row.here or 0.0) - (row.expected or 0.0)) > 1e-9]
     rounded = [row.quantity for row in rows if row.paper is not None and row.difference() != "exact"]
     remarks = [
         f"{MASS_READING}. h = {STEP:g} s. The paper prints velocities only: positions are compared with closed forms. It "
@@ -128,7 +108,7 @@ def reproduce(settings: PecolSettings, work: Work) -> Result:
             for at, phase in zip(trace, phases(trace), strict=True)
         ],
     )
-    return Result("fig2", TITLE, rows, {"trajectories": table}, lambda path: _draw(path, traces), remarks)
+    return Result("fig2", TITLE, rows, {"trajectories": table}, lambda: _draw(traces), remarks)
 
 
 def phases(trace: Sequence[Instant]) -> list[str]:
@@ -152,12 +132,9 @@ def _rows(case: Case, trace: Sequence[Instant]) -> list[Row]:
     end = trace[4 if case.panel == "b" else -1]
     largest = max(abs(at.x - x) for at, x in zip(trace[1:], case.x, strict=True))
     reading = f"t = {end.time:g} s" + ("" if case.panel == "b" else ", after the contact")
-    rows = [
-        Row(f"{name}: u_x", case.printed, end.u_x, "m/s", 1, reading, expected=case.u_x),
-        Row(
-            f"{name}: x", None, trace[3].x, "m", _STEPS, f"t = 0.3 s; all steps to {largest:.0e} m", expected=case.x[2]
-        ),
-    ]
+    rows = [Row(f"{name}: u_x", case.printed, end.u_x, "m/s", 1, reading, expected=case.u_x)]
+    reading = f"t = 0.3 s; all steps to {largest:.0e} m"
+    rows.append(Row(f"{name}: x", None, trace[3].x, "m", _STEPS, reading, expected=case.x[2]))
     if case.panel == "b":
         rows.append(Row(f"{name}: u_x, first touch", None, trace[2].u_x, "m/s", 1, "t = 0.2 s", expected=-1.0))
         reading = "the circle with markers, t = 0.2 s"
@@ -180,13 +157,11 @@ def _finer(progress: Progress) -> list[Row]:
     return late + overlap
 
 
-def _draw(path: Path, traces: Sequence[Sequence[Instant]]) -> Path:
-    from crowd_env.reproduce.pecol2011.figures.room import collisions
-
+def _draw(traces: Sequence[Sequence[Instant]]) -> object:
     panels = []
     for panel in "abcd":
         k = next(k for k, case in enumerate(CASES) if case.panel == panel)
         positions = [(at.x, at.y) for at in traces[k][:_DRAWN]]
         title = f"{panel}. {CASES[k].title}"
         panels.append((title, positions, phases(traces[k])[:_DRAWN], avoided(traces[k]) if panel == "b" else None))
-    return collisions(path, panels, RADIUS)
+    return collisions(panels, RADIUS)

@@ -1,16 +1,11 @@
 """Figure 6: egress curves of the movie theatre, on a synthetic plan; of the exercise only what Table 7 prints."""
 
-from functools import partial
-from pathlib import Path
-
 import numpy as np
 
 from crowd_env.reproduce.paper import Work
+from crowd_env.reproduce.pecol2011.figures.theatre import egress_panels
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pecol2011.theatre import (
-    IMPLIED,
-    PRINTED,
-    ROUTES,
     SYNTHETIC,
     Egress,
     draws_remark,
@@ -27,11 +22,6 @@ TITLE = "Figure 6: people out of a movie theatre (synthetic plan) against time, 
 _SHARES = (0.1, 0.5, 0.9)
 
 
-def steps(settings: PecolSettings) -> int:
-    """Return how much there is to do, in what ``work.progress`` counts."""
-    return settings.runs
-
-
 def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Figure 6."""
     done = evacuate(settings, True, work.progress)
@@ -43,7 +33,7 @@ def reproduce(settings: PecolSettings, work: Work) -> Result:
         draws_remark(settings),
     ]
     raw = {"exit-times": raw_times(settings, [("yes", done)])}
-    return Result("fig6", TITLE, rows, raw, partial(_draw, done), remarks, {}, "s")
+    return Result("fig6", TITLE, rows, raw, lambda: egress_panels(done), remarks, {}, "s")
 
 
 def _share_rows(done: Egress) -> list[Row]:
@@ -54,16 +44,3 @@ def _share_rows(done: Egress) -> list[Row]:
         number = int(np.ceil(share * people))
         rows.append(mean_row(f"{number} people out", ordered[:, number - 1], "s", f"{100 * share:.0f} % of all"))
     return rows
-
-
-def _draw(done: Egress, path: Path) -> Path:
-    from crowd_env.reproduce.pecol2011.figures.theatre import EgressPanel, egress_panels
-
-    panels = []
-    for name, times in (("all", done.time), *((route, done.by(route)) for route in ROUTES)):
-        people = (times.shape[1],) * 2 if name == "all" else IMPLIED[f"people by {name}"]
-        last, mean = PRINTED[f"last, {name}"], PRINTED[f"mean, {name}"]
-        marks = [(float(last[k]), float(mean[k]), float(people[k])) for k in range(2)]
-        title = "Both routes" if name == "all" else f"Route {name} (the paper implies how many people)"
-        panels.append(EgressPanel(title, times, (marks[0], marks[1])))
-    return egress_panels(path, panels)

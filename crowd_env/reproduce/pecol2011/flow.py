@@ -5,7 +5,6 @@ which exits, nor whether the runs are put together first.  Here are the readings
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,11 +22,9 @@ class Estimate(NamedTuple):
     ci95: tuple[float, float] | None = None  # over runs: t; of a pooled line by the jackknife
 
 
-@dataclass(frozen=True)
-class Estimator:
+class Estimator(NamedTuple):
     """One reading of the flow from exit times (R, N)."""
 
-    label: str
     reading: str
     estimate: Callable[[Floats], Estimate]
 
@@ -82,29 +79,24 @@ def _pooled(exit_times: Floats, before: float = np.inf) -> Estimate:
     return Estimate(slope, exits, ci95=summarise(runs * slope - (runs - 1) * without).ci95 if known else None)
 
 
+def mean_of_runs(values: Floats) -> Estimate:
+    """Return the mean over the runs (R,) that have a value, not nan, and of two or more its spread."""
+    mean, sd, ci95 = summarise(values)
+    n = int(np.isfinite(values).sum())
+    return Estimate(mean, n, sd, ci95) if n > 1 else Estimate(mean if n else None, n)
+
+
 def _per_run(exit_times: Floats, first: int = 1, last: int | None = None) -> Estimate:
-    slopes = run_slopes(exit_times, first, last)
-    slopes = slopes[np.isfinite(slopes)]
-    if len(slopes) == 0:
-        return Estimate(None, 0)
-    summary = summarise(slopes)
-    if len(slopes) == 1:
-        return Estimate(summary.mean, 1)
-    return Estimate(summary.mean, len(slopes), summary.sd, summary.ci95)
-
-
-def _until(seconds: float) -> Estimator:
-    text = f"all runs together, exits before {seconds:g} s"
-    return Estimator(f"before {seconds:g} s", text, lambda times: _pooled(times, seconds))
+    return mean_of_runs(run_slopes(exit_times, first, last))
 
 
 # The first is the one we state as ours; the last three cut in time, which raises a slope.
 ESTIMATORS: dict[str, Estimator] = {
-    "per run": Estimator("per run", "mean of the slopes of the runs", _per_run),
-    "pooled": Estimator("pooled", "one line through all exits of all runs", _pooled),
-    "exits 3-17": Estimator("exits 3-17", "mean slope per run, exits 3 to 17", lambda times: _per_run(times, 3, 17)),
-    "exits 1-15": Estimator("exits 1-15", "mean slope per run, exits 1 to 15", lambda times: _per_run(times, 1, 15)),
-    "before 5 s": _until(5.0),
-    "before 6 s": _until(6.0),
-    "before 7 s": _until(7.0),
+    "per run": Estimator("mean of the slopes of the runs", _per_run),
+    "pooled": Estimator("one line through all exits of all runs", _pooled),
+    "exits 3-17": Estimator("mean slope per run, exits 3 to 17", lambda times: _per_run(times, 3, 17)),
+    "exits 1-15": Estimator("mean slope per run, exits 1 to 15", lambda times: _per_run(times, 1, 15)),
+    "before 5 s": Estimator("all runs together, exits before 5 s", lambda times: _pooled(times, 5.0)),
+    "before 6 s": Estimator("all runs together, exits before 6 s", lambda times: _pooled(times, 6.0)),
+    "before 7 s": Estimator("all runs together, exits before 7 s", lambda times: _pooled(times, 7.0)),
 }

@@ -13,28 +13,29 @@ from crowd_env.reproduce.pecol2011.settings import PecolSettings
 
 _ROOM = DRAWS | {one.name for one in fields(PecolSettings)} - {"scheme"}
 _THEATRE = {"runs": theatre.RUNS}
-_SCHEMES = {"fig3": fig3.schemes, "table5": table5.schemes}  # that run in the room
 
 
 def check(chosen: Mapping[str, PecolSettings]) -> None:
     """Raise ValueError, before anything runs, if the room cannot be used with the schemes that the figures run there."""
-    rooms = {name: settings for name, settings in chosen.items() if name in _SCHEMES}
-    schemes = dict.fromkeys(scheme for name, settings in rooms.items() for scheme in _SCHEMES[name](settings))
-    for settings in rooms.values():
-        settings.check(schemes)
+    schemes = {"table5": table5.SCHEMES, "fig3": (chosen["fig3"].scheme,) if "fig3" in chosen else ()}
+    rooms = [name for name in chosen if name in schemes]
+    for name in rooms:
+        chosen[name].check(dict.fromkeys(scheme for other in rooms for scheme in schemes[other]))
 
 
 PAPER = Paper(
     title="Pécol et al. 2011",
     settings=PecolSettings,
     figures={
-        "table3": Figure(table3.TITLE, table3.reproduce, table3.steps),
-        "fig1": Figure(fig1.TITLE, fig1.reproduce, fig1.steps),
-        "fig2": Figure(fig2.TITLE, fig2.reproduce, fig2.steps),
-        "fig3": Figure(fig3.TITLE, fig3.reproduce, fig3.steps, options=_ROOM | {"scheme"}, cpu_time=2),
-        "table5": Figure(table5.TITLE, table5.reproduce, table5.steps, options=_ROOM, cpu_time=5),
-        "table7": Figure(table7.TITLE, table7.reproduce, table7.steps, defaults=_THEATRE, cpu_time=60),
-        "fig6": Figure(fig6.TITLE, fig6.reproduce, fig6.steps, defaults=_THEATRE, cpu_time=40),
+        "table3": Figure(table3.TITLE, table3.reproduce, lambda _: table3.STEPS),
+        "fig1": Figure(fig1.TITLE, fig1.reproduce, lambda _: fig1.STEPS),
+        "fig2": Figure(fig2.TITLE, fig2.reproduce, lambda _: fig2.STEPS),
+        "fig3": Figure(fig3.TITLE, fig3.reproduce, lambda s: s.runs, options=_ROOM | {"scheme"}, cpu_time=2),
+        "table5": Figure(
+            table5.TITLE, table5.reproduce, lambda s: len(table5.SCHEMES) * s.runs, options=_ROOM, cpu_time=5
+        ),
+        "table7": Figure(table7.TITLE, table7.reproduce, lambda s: 2 * s.runs, defaults=_THEATRE, cpu_time=60),
+        "fig6": Figure(fig6.TITLE, fig6.reproduce, lambda s: s.runs, defaults=_THEATRE, cpu_time=40),
     },
     cpu_time=60,
     check=check,

@@ -10,8 +10,8 @@ from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme, make_scheme
 from crowd_env.reproduce.settings import TARGET_HELP, Settings, flag, option
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios import make_scenario
+from crowd_env.scenarios.groups import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import make_bodies
 
 SchemeName = Literal["dem", "nsm1", "nsm1-inertial", "nsm2-printed"]  # those of Table 5; it has one NSM1, its text two
 
@@ -45,10 +45,6 @@ class PecolSettings(Settings):
         super().__post_init__()
         if self.n < _FEWEST:
             raise ValueError(f"--n is {self.n}; a flow is a slope and needs at least {_FEWEST} people")
-
-    def changed(self) -> dict[str, object]:
-        """Return the options that differ from the defaults, without which draws are made and which scheme is drawn."""
-        return {name: value for name, value in super().changed().items() if name != "scheme"}
 
     @property
     def time_limit(self) -> float:
@@ -88,10 +84,7 @@ class PecolSettings(Settings):
         room = self.room()
         room.field()
         room.population.draw(np.random.default_rng([self.seed, 0]), room.geometry)
-        worst = room.population
-        bodies = make_bodies(
-            np.array([worst.radius.low]), np.array([worst.mass.low]), relaxation_time=worst.relaxation_time.low
-        )
+        bodies = extreme_bodies(room.population)
         for name in schemes:
             scheme = self.contact(name)
             limit = scheme.stable_dt(bodies)

@@ -1,12 +1,10 @@
 """Table 3: the velocity of a particle after a contact with DEM, as a function of the time step."""
 
-from functools import partial
-from pathlib import Path
-
 import numpy as np
 
 from crowd_env.physics import DEM
 from crowd_env.reproduce.paper import Work
+from crowd_env.reproduce.pecol2011.figures.room import velocity_error
 from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, VELOCITY, particle
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Progress, RawTable, Result, Row
@@ -27,11 +25,7 @@ MENDED = "2.00000003535854"  # the last one with a zero put back
 _STABLE = 2.0 / float(np.sqrt(STIFFNESS / MASS))  # s
 _AFTER = 0.4  # s, the contact is over
 _SWEEP = np.geomspace(4e-5, 3e-2, 160)  # steps between the printed ones, for the figure
-
-
-def steps(settings: PecolSettings) -> int:
-    """Return how much there is to do, in what ``work.progress`` counts."""
-    return len(PRINTED) + len(_SWEEP)
+STEPS = len(PRINTED) + len(_SWEEP)  # of the progress
 
 
 def reproduce(settings: PecolSettings, work: Work) -> Result:
@@ -42,28 +36,12 @@ def reproduce(settings: PecolSettings, work: Work) -> Result:
     error = np.abs(after[:, 0] - 2.0)
     stable = h <= _STABLE
     order, start = np.polyfit(np.log10(h[stable]), np.log10(error[stable]), 1)
-    rows = [Row(f"u_x, h = {step:g} s", text, after[k, 0], "m/s", 1, _reading(k)) for k, (step, text) in _printed()]
-    rows.append(
-        Row(
-            "u_x, h = 1e-05 s, mended",
-            MENDED,
-            after[-1, 0],
-            "m/s",
-            1,
-            "a zero put back after the point",
-        )
-    )
+    printed = list(enumerate(PRINTED.items()))
+    rows = [Row(f"u_x, h = {step:g} s", text, after[k, 0], "m/s", 1, _reading(k)) for k, (step, text) in printed]
+    rows.append(Row("u_x, h = 1e-05 s, mended", MENDED, after[-1, 0], "m/s", 1, "a zero put back after the point"))
     rows.append(Row("u_y, every h", "-1", float(after[:, 1].mean()), "m/s", len(h), "frictionless: exactly kept"))
-    rows.append(
-        Row(
-            "order of |u_x - 2| in h",
-            None,
-            float(order),
-            "1",
-            int(stable.sum()),
-            "least squares in logarithms, h ≤ 0.01",
-        )
-    )
+    reading = "least squares in logarithms, h ≤ 0.01"
+    rows.append(Row("order of |u_x - 2| in h", None, float(order), "1", int(stable.sum()), reading))
     agree = sum(row.difference() == "exact" for row in rows[: len(h)])
     mended = rows[len(h)].difference() == "exact"
     remarks = [
@@ -78,18 +56,18 @@ def reproduce(settings: PecolSettings, work: Work) -> Result:
     ]
     raw = RawTable(
         ("h_s", "u_x", "u_y", "error", "printed"),
-        [(step, *map(repr, map(float, after[k])), float(error[k]), text) for k, (step, text) in _printed()]
+        [(step, *map(repr, map(float, after[k])), float(error[k]), text) for k, (step, text) in printed]
         + [
             (float(step), repr(float(u)), VELOCITY[1], abs(float(u) - 2.0), "")
             for step, u in zip(_SWEEP, sweep, strict=True)
         ],
     )
-    draw = partial(_draw, h, error, np.abs(sweep - 2.0), (float(order), float(start)))
+
+    def draw() -> object:
+        others, theirs = (_SWEEP, np.abs(sweep - 2.0)), np.array([abs(float(text) - 2.0) for text in PRINTED.values()])
+        return velocity_error(h, error, theirs, float(MENDED) - 2.0, others, (float(order), float(start)), _STABLE)
+
     return Result("table3", TITLE, rows, {"velocities": raw}, draw, remarks, unit="m/s")
-
-
-def _printed() -> list[tuple[int, tuple[float, str]]]:
-    return list(enumerate(PRINTED.items()))
 
 
 def _after_contact(h: float, progress: Progress) -> Floats:
@@ -103,10 +81,3 @@ def _reading(k: int) -> str:
     if k == 0:
         return "above the stable step; last digit: rounding"
     return "as printed, one decimal short" if k == len(PRINTED) - 1 else "k = 1.2e5 N/m"
-
-
-def _draw(h: Floats, error: Floats, sweep: Floats, fit: tuple[float, float], path: Path) -> Path:
-    from crowd_env.reproduce.pecol2011.figures.room import velocity_error
-
-    printed = np.array([abs(float(text) - 2.0) for text in PRINTED.values()])
-    return velocity_error(path, h, error, printed, float(MENDED) - 2.0, (_SWEEP, sweep), fit, _STABLE)

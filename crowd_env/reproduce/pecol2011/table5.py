@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
@@ -18,6 +16,7 @@ from crowd_env.reproduce.pecol2011.evacuations import (
     raw_times,
     room_remarks,
 )
+from crowd_env.reproduce.pecol2011.figures.room import flows
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Halfway, Result, Row
@@ -29,16 +28,6 @@ SCHEMES = tuple(PRINTED)
 _ORDERS = (("nsm1", "dem", "nsm2-printed"), ("nsm1-inertial", "dem", "nsm2-printed"))
 _PAIRS = (("nsm1", "dem"), ("nsm1-inertial", "dem"), ("dem", "nsm2-printed"))
 _CLOSE = 0.10
-
-
-def steps(settings: PecolSettings) -> int:
-    """Return how much there is to do, in what ``work.progress`` counts."""
-    return len(SCHEMES) * settings.runs
-
-
-def schemes(settings: PecolSettings) -> tuple[str, ...]:
-    """Return the schemes that are run in the room."""
-    return SCHEMES
 
 
 def reproduce(settings: PecolSettings, work: Work) -> Result:
@@ -53,14 +42,12 @@ def reproduce(settings: PecolSettings, work: Work) -> Result:
     rows = [row for result in done.values() for row in flow_rows(result)]
     rows += [_ordered(done, order) for order in (*_ORDERS, *_PAIRS)]
     rows[-1] = replace(rows[-1], closes=True)
-    rows.append(
-        Row(
-            "flow, experiment imitating panic", EXPERIMENT, None, "1/s", 0, "Helbing et al. 2005, quoted; not simulated"
-        )
-    )
+    quoted = "Helbing et al. 2005, quoted; not simulated"
+    rows.append(Row("flow, experiment imitating panic", EXPERIMENT, None, "1/s", 0, quoted))
     remarks = [*statement(done), *room_remarks(settings, list(done.values()))]
     raw = {"exit-times": raw_times(settings, list(done.values()))}
-    return Result("table5", TITLE, rows, raw, partial(_draw, settings, done), remarks, settings.changed(), "1/s")
+    title = f"Flow through a door of {100 * settings.door_width:g} cm, {settings.runs} draws of {settings.n} people"
+    return Result("table5", TITLE, rows, raw, lambda: flows(done, title), remarks, settings.changed(), "1/s")
 
 
 def _ordered(done: Mapping[str, Evacuations], order: tuple[str, ...]) -> Row:
@@ -148,17 +135,3 @@ def _explanation(flow: Mapping[str, float]) -> str:
         f"(nsm1-inertial against nsm2-printed) makes {contact:.2f}, leaving out inertia (nsm1 against "
         f"nsm1-inertial) {inertia:.2f}: the explanation is {'' if contact >= inertia else 'NOT '}supported."
     )
-
-
-def _draw(settings: PecolSettings, done: Mapping[str, Evacuations], path: Path) -> Path:
-    from crowd_env.reproduce.pecol2011.figures.room import flows
-
-    title = f"Flow through a door of {100 * settings.door_width:g} cm, {settings.runs} draws of {settings.n} people"
-    slopes = {name: result.slopes for name, result in done.items()}
-    others = {
-        name: {k: e.value for k, e in result.estimates.items() if k != "per run" and e.value is not None}
-        for name, result in done.items()
-    }
-    intervals = {name: result.estimates["per run"] for name, result in done.items()}
-    means = {name: (e.value, e.ci95) for name, e in intervals.items()}
-    return flows(path, slopes, means, others, {k: float(v) for k, v in PRINTED.items()}, float(EXPERIMENT), title)

@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from crowd_env.reproduce.paper import Work
+from crowd_env.reproduce.pecol2011.figures.theatre import theatre_table
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pecol2011.theatre import (
     IMPLIED,
@@ -23,37 +22,36 @@ from crowd_env.reproduce.pecol2011.theatre import (
     unfinished_row,
 )
 from crowd_env.reproduce.result import Result, Row
-from crowd_env.state import Floats
 
 TITLE = "Table 7: evacuation of a movie theatre (synthetic plan), times in s"
 
 _CLOSE = 0.10
-_NAMES = (*PRINTED, *IMPLIED)
-
-
-def steps(settings: PecolSettings) -> int:
-    """Return how much there is to do, in what ``work.progress`` counts."""
-    return 2 * settings.runs
 
 
 def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Table 7, and what the control rules change in it."""
     ruled, free = (evacuate(settings, rules, work.progress) for rules in (True, False))
     rows = [*rows_with_rules(ruled), unfinished_row("left inside", ruled)]
-    rows += [_without(name, free.quantities[name]) for name in _NAMES]
+    changes = []
+    for name in (*PRINTED, *IMPLIED):
+        values, unit = free.quantities[name], "s" if name in PRINTED else "people"
+        rows.append(mean_row(f"{name}, no rules", values, unit, "the same draws without control rules"))
+        apart = ruled.quantities[name] - values
+        changes.append(mean_row(f"{name}: rules change it by", apart, unit, "paired by draw"))
     rows.append(unfinished_row("left inside, no rules", free))
-    changes = [_change(name, ruled, free) for name in _NAMES]
     sent = (ruled.route != free.route).sum(axis=1).astype(np.float64)
     rows += [*changes, mean_row("other route than without rules", sent, "people", "in the same draw")]
     rows[-1] = replace(rows[-1], closes=True)
-    turned = ruled.turned.astype(np.float64)
-    rows.append(
-        mean_row("turned away for a while", turned, "people", "at any moment; most come back when the rule is off")
-    )
+    reading = "at any moment; most come back when the rule is off"
+    rows.append(mean_row("turned away for a while", ruled.turned.astype(np.float64), "people", reading))
     rows += [mean_row(f"rule {k + 1} is on", ruled.ruled[:, k], "s", _RULES[k]) for k in range(3)]
     remarks = [SYNTHETIC, *_levels(ruled), *_effect(changes), draws_remark(settings)]
     raw = {"exit-times": raw_times(settings, [("yes", ruled), ("no", free)])}
-    return Result("table7", TITLE, rows, raw, partial(_draw, ruled, free), remarks, {}, "s")
+
+    def draw() -> object:
+        return theatre_table(theatre(), {"here, with rules": ruled, "here, without rules": free})
+
+    return Result("table7", TITLE, rows, raw, draw, remarks, {}, "s")
 
 
 _RULES = (
@@ -61,20 +59,6 @@ _RULES = (
     "5 or more in rectangle 2: from A to B",
     "15 or more in rectangle 3: from B to A",
 )
-
-
-def _unit(name: str) -> str:
-    return "s" if name in PRINTED else "people"
-
-
-def _without(name: str, values: Floats) -> Row:
-    return mean_row(f"{name}, no rules", values, _unit(name), "the same draws without control rules")
-
-
-def _change(name: str, ruled: Egress, free: Egress) -> Row:
-    """Return by how much the rules raise a quantity, draw by draw."""
-    apart = ruled.quantities[name] - free.quantities[name]
-    return mean_row(f"{name}: rules change it by", apart, _unit(name), "paired by draw")
 
 
 def _levels(ruled: Egress) -> list[str]:
@@ -122,15 +106,3 @@ def _effect(changes: Sequence[Row]) -> list[str]:
         longer = "lengthen" if last[0] > 0.0 else "do not shorten"
         verdict = f"{longer} the evacuation here: whoever is turned away walks further, and the crowd passes anyway."
     return [text, f'The paper says that they "prevent the emergence of useless congested areas"; they {verdict}']
-
-
-def _draw(ruled: Egress, free: Egress, path: Path) -> Path:
-    from crowd_env.reproduce.pecol2011.figures.theatre import Series, theatre_table
-
-    series = [
-        Series("here, with rules", {name: ruled.quantities[name] for name in PRINTED}),
-        Series("here, without rules", {name: free.quantities[name] for name in PRINTED}),
-    ]
-    exercise = {name: float(values[0]) for name, values in PRINTED.items()}
-    paper = {name: float(values[1]) for name, values in PRINTED.items()}
-    return theatre_table(path, theatre(), series, exercise, paper)

@@ -1,16 +1,17 @@
 """The evacuations of section 4.3, on a synthetic plan: the same draws with and without the control rules."""
 
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from crowd_env.envs.crowd import CrowdEnv, Step
-from crowd_env.envs.metrics import summarise
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
 from crowd_env.physics import NSM2, SocialForce
+from crowd_env.reproduce.pecol2011.flow import mean_of_runs
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pool import all_cores
 from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
@@ -72,15 +73,12 @@ class Egress:
         """What Table 7 prints or implies, of every run (R,); nan where there is none."""
         found: dict[str, Floats] = {}
         for name, times in (*((route, self.by(route)) for route in ROUTES), ("all", self.time)):
-            out = np.isfinite(times)
-            number = out.sum(axis=1)
-            last = np.where(out, times, -np.inf).max(axis=1)
-            found[f"last, {name}"] = np.where(number > 0, last, np.nan)
-            found[f"mean, {name}"] = np.where(
-                number > 0, np.where(out, times, 0.0).sum(axis=1) / np.maximum(number, 1), np.nan
-            )
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)  # in some run nobody may have got out
+                found[f"last, {name}"] = np.nanmax(times, axis=1)
+                found[f"mean, {name}"] = np.nanmean(times, axis=1)
             if name in ROUTES:
-                found[f"people by {name}"] = number.astype(np.float64)
+                found[f"people by {name}"] = np.isfinite(times).sum(axis=1).astype(np.float64)
         found["last, all"][np.isnan(self.time).any(axis=1)] = np.nan
         return found
 
@@ -153,21 +151,17 @@ def _routes(episode: Episode) -> Ints:
 
 def mean_row(quantity: str, values: Floats, unit: str, reading: str, paper: str | None = None) -> Row:
     """Return the mean over the runs that have a value, with its spread."""
-    known = values[np.isfinite(values)]
-    if len(known) < 2:
-        return Row(quantity, paper, float(known[0]) if len(known) else None, unit, len(known), reading)
-    summary = summarise(known)
-    return Row(quantity, paper, summary.mean, unit, len(known), reading, sd=summary.sd, ci95=summary.ci95)
+    mean, n, sd, ci95 = mean_of_runs(values)
+    return Row(quantity, paper, mean, unit, n, reading, sd=sd, ci95=ci95)
 
 
 def rows_with_rules(done: Egress) -> list[Row]:
     """Return the quantities of Table 7, the paper's simulation beside ours, the exercise named in words."""
     rows = []
     for name, (exercise, simulation) in PRINTED.items():
-        values = done.quantities[name]
-        row = mean_row(name, values, "s", "", simulation)
+        row = mean_row(name, done.quantities[name], "s", f"exercise {exercise} s", simulation)
         off = "" if row.here is None else f" ({100 * (row.here / float(exercise) - 1):+.1f} %)"
-        rows.append(mean_row(name, values, "s", f"exercise {exercise} s{off}", simulation))
+        rows.append(replace(row, reading=row.reading + off))
     for name, (exercised, simulated) in IMPLIED.items():
         reading = f"implied: exercise {exercised}, paper's simulation {simulated}"
         rows.append(mean_row(name, done.quantities[name], "people", reading))
@@ -181,11 +175,10 @@ def unfinished_row(quantity: str, done: Egress) -> Row:
 
 def draws_remark(settings: PecolSettings) -> str:
     """Return which draws were made, and of what."""
-    last = settings.seed + settings.runs - 1
-    draws = f"Draw {last} is" if settings.runs == 1 else f"Draws {settings.seed} to {last} are"
     return (
-        f"{draws} people of Table 6 on the same seats, NSM2 with its social force (at an angle of 90 degrees: 1000 N from all "
-        "sides, B = 0.08 m), h = 0.01 s. People are out at the far end of the corridor (A) or the stairs (B) behind the door."
+        f"{settings.draws_are} people of Table 6 on the same seats, NSM2 with its social force (at an angle of 90 degrees: "
+        "1000 N from all sides, B = 0.08 m), h = 0.01 s. People are out at the far end of the corridor (A) or the stairs (B) "
+        "behind the door."
     )
 
 

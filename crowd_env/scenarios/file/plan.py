@@ -18,9 +18,9 @@ _MOST_COPIES = 100_000  # of a thing in columns and rows
 class Grid(Table):
     """A thing, possibly many times, in columns and rows."""
 
-    columns: Whole = Field(1, description=f"how many side by side; at most {_MOST_COPIES} things in all")
-    rows: Whole = Field(1, description="how many above each other")
-    step: Pair = Field(default_factory=list, description="[x, y] in m from one to the next")
+    columns: Whole = Field(1, description=f"number of copies side by side; at most {_MOST_COPIES} things in all")
+    rows: Whole = Field(1, description="number of copies above each other")
+    step: Pair = Field(default_factory=list, description="[x, y] in m from one copy to the next")
 
     @model_validator(mode="after")
     def _check_grid(self) -> "Grid":
@@ -55,7 +55,7 @@ def _check_circle(circle: list[float]) -> list[float]:
 
 
 class Area(Grid, json_schema_extra={"oneOf": [{"required": ["box"]}, {"required": ["circle"]}]}):
-    """Boxes or circles."""
+    """A box or a circle, possibly many times."""
 
     box: Annotated[list[Number], Field(min_length=4, max_length=4), AfterValidator(_check_box)] = Field(
         default_factory=list, description="[low x, low y, high x, high y] in m"
@@ -127,9 +127,11 @@ class Plan(Table):
     """The plan: walls, exits, regions and doors."""
 
     walkable: Areas = Field(description="where people can be: an area, or a list of areas that are united")
-    obstacles: list[AreaOrLine] = Field([], description="areas that are cut out")
+    obstacles: list[AreaOrLine] = Field([], description="areas that are cut out of the walkable area")
     thin_walls: list[SomeLines] = Field([], description="walls without thickness")
-    exits: dict[str, AreaOrLine] = Field(description="name = line on the edge, or area that people walk into")
+    exits: dict[str, AreaOrLine] = Field(
+        description="name = line on the edge of the walkable area, or area that people walk into"
+    )
     regions: dict[str, Areas] = Field({}, description="name = area or list of areas, for starts, rules and zones")
     doors: dict[str, OneLine] = Field(
         {}, description="name = line across a passage, or the name of an exit that can be closed"
@@ -150,7 +152,7 @@ class Plan(Table):
 class Seats(Grid):
     """Starting positions in columns and rows."""
 
-    first: Pair = Field(description="[x, y] in m")
+    first: Pair = Field(description="[x, y] in m of the first position")
 
 
 def _positions(content: list[Any]) -> Floats:

@@ -17,9 +17,9 @@ from crowd_env.files.foreign import read_text
 from crowd_env.scenarios.file.errors import at, nearest, validate
 from crowd_env.scenarios.file.expressions import COMMON, fill
 from crowd_env.scenarios.floor_plan import read_starts
-from crowd_env.scenarios.groups import Groups
+from crowd_env.scenarios.groups import Groups, People
 from crowd_env.scenarios.population import Population, population_of
-from crowd_env.scenarios.scenario import People, Scenario
+from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.starts import check_starts
 
 if TYPE_CHECKING:  # pydantic is loaded when a file is read

@@ -47,9 +47,9 @@ class Option(Table):
     """A number that callers may set."""
 
     default: _Given
-    low: _Given = Field(default_factory=lambda: -np.inf, description="the smallest that is allowed")
-    high: _Given = Field(default_factory=lambda: np.inf, description="the largest that is allowed")
-    about: Text = Field("", description="a line for people, such as the unit")
+    low: _Given = Field(default_factory=lambda: -np.inf, description="the smallest value that is allowed")
+    high: _Given = Field(default_factory=lambda: np.inf, description="the largest value that is allowed")
+    about: Text = Field("", description="one line that explains the option, such as its unit")
 
     @model_validator(mode="after")
     def _check(self) -> "Option":
@@ -97,35 +97,41 @@ class ScenarioTable(Table):
     """A scenario of crowd_env. Lengths are in m, times in s, speeds in m/s, masses in kg."""
 
     schema_: Text = Field("", alias="$schema", description="JSON Schema of this file, for editors; not read")
-    name: Text = Field(default_factory=str, description="by default the name of the file")
-    title: Text = Field("", description="a line for people")
-    reference: Text = Field("", description="where the numbers come from")
-    time_limit: Number = Field(300.0, description="s, when an evacuation ends at the latest")
+    name: Text = Field(default_factory=str, description="name of the scenario; by default that of the file")
+    title: Text = Field("", description="one line that says what the scenario is")
+    reference: Text = Field("", description="source of the numbers")
+    time_limit: Number = Field(300.0, description="s, the time at which an evacuation ends at the latest")
     blocked_after: PerhapsInfinite = Field(
         default_factory=float,
-        description="s without anyone getting out, after which the exits count as blocked; by default never",
+        description="s, the time without anyone leaving after which the exits count as blocked; by default never",
     )
     target: Target = Field(
-        "path", description="the shortest path, or straight to a point of the nearest exit, whatever stands between"
+        "path",
+        description="what people walk to: on the shortest path to an exit, or straight to a point of the nearest exit, "
+        "whatever stands between",
     )
     options: Options = Field(
         {}, description='name = number, or a table: what callers may set; "{name}" in any text stands for it'
     )
     geometry: Plan
-    population: People = Field(default_factory=_NOT_GIVEN, description="everybody, or what all groups share")
-    groups: list[People] = Field([], description="people of several kinds")
+    population: People = Field(default_factory=_NOT_GIVEN, description="the people, or what all groups have in common")
+    groups: list[People] = Field([], description="groups of people of different kinds")
     routes: list[Annotated[Route, FromFields(strategy=Literal[OF_ROUTES])]] = Field(
-        [], description="routes beside those to every exit"
+        [], description="routes in addition to those to every exit"
     )
     zones: list[Annotated[SpeedZone, FromFields()]] = Field(
         [], description="regions where people walk slower or faster"
     )
-    rules: list[Annotated[ControlRule, FromFields()]] = Field([], description="who takes another route when, and which")
+    rules: list[Annotated[ControlRule, FromFields()]] = Field(
+        [], description="rules that change routes while a region is crowded"
+    )
     closed_doors: Texts = Field([], description="names of the doors that are closed at the start")
-    door_events: list[Annotated[DoorEvent, FromFields()]] = Field([], description="when doors open and close")
-    one_way: list[Annotated[OneWay, FromFields()]] = Field([], description="doors that people pass one way only")
+    door_events: list[Annotated[DoorEvent, FromFields()]] = Field([], description="events that open and close doors")
+    one_way: list[Annotated[OneWay, FromFields()]] = Field(
+        [], description="doors that people mean to pass one way only"
+    )
     comfort: Annotated[Comfort, FromFields()] = Field(
-        default_factory=_NOT_GIVEN, description="what the most comfortable route costs, in meters of plain floor"
+        default_factory=_NOT_GIVEN, description="costs that the most comfortable route keeps low"
     )
 
 

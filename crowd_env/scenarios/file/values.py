@@ -124,7 +124,7 @@ def table_of(kind: type, **keys: Any) -> type[Table]:
         if field.name not in keys or get_origin(read_as) is Literal:
             options["description"] = notes.get(field.name)
         columns[field.name] = (read_as, Field(**options))
-    return create_model(kind.__name__, __base__=Table, __doc__=(kind.__doc__ or "").split("\n")[0], **columns)
+    return create_model(kind.__name__, __base__=Table, __doc__=_plain((kind.__doc__ or "").split("\n")[0]), **columns)
 
 
 def parameters(of: type) -> dict[str, str]:
@@ -132,9 +132,12 @@ def parameters(of: type) -> dict[str, str]:
     _, _, section = (inspect.getdoc(of) or "").partition("Parameters\n----------\n")
     found: dict[str, str] = {}
     for names, note in re.findall(r"^(\w+(?:, \w+)*) : (.+(?:\n +\S.*)*)", section, re.MULTILINE):
-        plain = re.sub(r",? see `[\w.]+`", "", " ".join(note.replace("``", "`").split()))
-        found |= dict.fromkeys(names.split(", "), plain)
+        found |= dict.fromkeys(names.split(", "), _plain(note))
     return found
+
+
+def _plain(note: str) -> str:
+    return re.sub(r",? see `[\w.]+`", "", " ".join(note.replace("``", "`").split()))
 
 
 def _read_as(annotation: Any) -> Any:

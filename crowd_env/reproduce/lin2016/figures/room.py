@@ -1,58 +1,44 @@
 """People in the room at a few moments, in the form of Figure 6 of Lin, Ma, Lo."""
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.rendering.canvas import hex_of, new_figure
 from crowd_env.rendering.palette import EXIT, FLOOR, INK, WALL
-from crowd_env.reproduce.lin2016.figures.clearance import foot
-from crowd_env.state import Floats
+from crowd_env.reproduce.lin2016.record import Snapshot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _BODY, _RIM = "#c3d4e0", "#4f6f88"
 
 
-class RoomPanel(NamedTuple):
-    """One panel: K people in the room at one time."""
-
-    title: str
-    position: Floats  # (K, 2) m
-    radius: Floats  # (K,) m
-    angle: Floats  # (K,) rad, of the line from the center to the rim
-
-
-def snapshots(path: str | Path, moments: Sequence[RoomPanel], walls: Floats, exits: Floats, rests_on: str) -> Path:
-    """Draw the room at four moments, two by two; return the path.
-
-    Parameters
-    ----------
-    path : ends in .png.
-    moments : four.
-    walls, exits : (W, 2, 2), (X, 2, 2) m.
-    rests_on : a line below.
-    """
+def draw_rooms(moments: Sequence[Snapshot], geometry: Geometry) -> "Figure":
+    """Return the room at four moments, two by two."""
     figure = new_figure((8.6, 9.0))
-    for axes, moment in zip(figure.subplots(2, 2).flat, moments, strict=True):
-        _room(axes, moment, walls, exits)
-    foot(figure, rests_on)
-    return save_figure(figure, path)
+    for letter, axes, moment in zip("abcd", figure.subplots(2, 2).flat, moments, strict=True):
+        _room(axes, moment, geometry)
+        title = f"{letter}. t = {moment.time:g} s, {len(moment.x)} inside"
+        axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11, x=0.03, y=0.985)
+    return figure
 
 
-def _room(axes: "Axes", moment: RoomPanel, walls: Floats, exits: Floats) -> None:
+def _room(axes: "Axes", moment: Snapshot, geometry: Geometry) -> None:
     from matplotlib.collections import LineCollection, PatchCollection
     from matplotlib.patches import Circle
 
+    x, y, radius, angle = (np.array(column) for column in moment[1:])
     axes.set_facecolor(hex_of(FLOOR))
-    bodies = [Circle((x, y), r) for (x, y), r in zip(moment.position, moment.radius, strict=True)]
+    bodies = [Circle((a, b), r) for a, b, r in zip(x, y, radius, strict=True)]
     axes.add_collection(PatchCollection(bodies, facecolor=_BODY, edgecolor=_RIM, linewidth=0.8, zorder=2))
-    reach = moment.radius[:, None] * np.column_stack([np.cos(moment.angle), np.sin(moment.angle)])
-    lines = np.stack([moment.position, moment.position + reach], axis=1)
+    rim = np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)])
+    lines = np.stack([np.column_stack([x, y]), rim], axis=1)
     axes.add_collection(LineCollection(list(lines), colors=_RIM, linewidths=0.8, zorder=3))
+    walls, exits = geometry.walls, geometry.exits
     axes.add_collection(LineCollection(list(exits), colors=hex_of(EXIT), linewidths=2.4, zorder=1))
     axes.add_collection(
         LineCollection(list(walls), colors=hex_of(WALL), linewidths=2.4, capstyle="projecting", zorder=4)
@@ -62,4 +48,3 @@ def _room(axes: "Axes", moment: RoomPanel, walls: Floats, exits: Floats) -> None
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
     axes.axis("off")
-    axes.set_title(moment.title, loc="left", color=hex_of(INK), fontsize=11, x=0.03, y=0.985)

@@ -1,25 +1,25 @@
 """Figures in the form of those of Pécol et al. 2011, ours beside theirs where they print a number."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure, shade
-from crowd_env.rendering.palette import INK, QUIET, SERIES
+from crowd_env.rendering.canvas import hex_of, mark, name_panel, new_figure, quiet_axes, series, shade
+from crowd_env.rendering.palette import INK, QUIET
+from crowd_env.reproduce.pecol2011.evacuations import EXPERIMENT, PRINTED, Evacuations
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+PAPER_MARK: dict[str, Any] = {"marker": "D", "ls": "", "mfc": "white", "mec": "black", "mew": 1.5, "ms": 7}
 # The paper's words: "the situation before contact is black, during the contact light-grey, after contact dark-grey".
 _PHASES = {"before": "#000000", "during": "#b9b9b9", "after": "#5f5f5f"}
 
 
 def velocity_error(
-    path: str | Path,
     steps: Floats,
     error: Floats,
     printed: Floats,
@@ -27,12 +27,11 @@ def velocity_error(
     sweep: tuple[Floats, Floats],
     fit: tuple[float, float],
     stable: float,
-) -> Path:
-    """Draw by how much the speed after a contact is wrong against the time step (Table 3) and return the path.
+) -> "Figure":
+    """Return by how much the speed after a contact is wrong against the time step (Table 3).
 
     Parameters
     ----------
-    path : ends in .png.
     steps, error, printed : (K,) s and m/s, ours and the paper's.
     mended : m/s, the paper's error at the last step with a zero put back.
     sweep : time steps in between and their errors.
@@ -45,10 +44,8 @@ def velocity_error(
     axes.set_yscale("log")
     axes.plot(*sweep, ".", color="#bcbab5", markersize=4, label=f"{len(sweep[0])} other steps")
     line = np.array([steps.min(), stable])
-    axes.plot(
-        line, 10 ** (fit[1] + fit[0] * np.log10(line)), color=hex_of(SERIES[0]), lw=1.4, label=f"slope {fit[0]:.2f}"
-    )
-    axes.plot(steps, error, "o", color=hex_of(SERIES[0]), markersize=6, label="here")
+    axes.plot(line, 10 ** (fit[1] + fit[0] * np.log10(line)), color=series(0), lw=1.4, label=f"slope {fit[0]:.2f}")
+    axes.plot(steps, error, "o", color=series(0), markersize=6, label="here")
     axes.plot(steps, printed, "x", color="black", markersize=11, mew=1.4, label="paper, as printed")
     axes.plot(steps[-1], mended, "+", color="black", markersize=12, mew=1.4, label="paper, a zero put back")
     axes.axvline(stable, color=hex_of(QUIET), lw=1.0, dashes=(4, 3))
@@ -59,19 +56,17 @@ def velocity_error(
     axes.set_xlim(6e-6, 0.2)
     axes.set_ylim(5e-10, 60)
     axes.legend(frameon=False, fontsize=9.5, loc="upper left")
-    return save_figure(figure, path)
+    return figure
 
 
 def collisions(
-    path: str | Path,
     panels: Sequence[tuple[str, Sequence[tuple[float, float]], Sequence[str], tuple[float, float] | None]],
     radius: float,
-) -> Path:
-    """Draw a disc that runs into the wall x = 0, in four panels (Figure 2), and return the path.
+) -> "Figure":
+    """Return a disc that runs into the wall x = 0, in four panels (Figure 2).
 
     Parameters
     ----------
-    path : ends in .png.
     panels : title, positions of the center [m] at the steps, "before", "during" or "after" the contact for each, and a position
         that was avoided or None.
     radius : m.
@@ -80,17 +75,18 @@ def collisions(
     grid = figure.subplots(2, 2, sharex=True, sharey=True)
     for axes, (title, positions, phases, avoided) in zip(grid.flat, panels, strict=True):
         _collision(axes, positions, phases, avoided, radius)
-        axes.set_title(title, loc="left", fontsize=11, color=hex_of(INK))
+        name_panel(axes, title)
         axes.set_aspect("equal")
         axes.set_xlim(-0.28, 1.2)
         axes.set_ylim(-0.88, 0.36)
-        axes.tick_params(labelsize=9, direction="in", top=True, right=True)
-    for axes in grid[1]:
-        axes.set_xlabel("$x$ [m]", fontsize=10)
-    for axes in grid[:, 0]:
-        axes.set_ylabel("$y$ [m]", fontsize=10)
-    _name_phases(figure)
-    return save_figure(figure, path)
+        _ticks_inside(axes)
+    for axes in grid.flat:
+        axes.label_outer()
+    marks = [mark(f"{phase} contact", color=color, lw=2) for phase, color in _PHASES.items()]
+    avoided_mark = {"color": _PHASES["during"], "marker": "o", "mfc": "white", "markersize": 4, "lw": 1}
+    marks.append(mark("avoided position (b)", **avoided_mark))
+    figure.legend(handles=marks, loc="outside lower center", ncols=4, frameon=False, fontsize=10)
+    return figure
 
 
 def _collision(
@@ -118,42 +114,28 @@ def _collision(
         axes.plot(*position, "o", color=_PHASES[phase], markersize=4.5, zorder=5)
         if k in (0, len(positions) - 1):
             axes.annotate(
-                f"$t$ = {0.1 * k:.1g} s",
-                position,
-                (8, 2),
-                textcoords="offset points",
-                fontsize=8.5,
-                color=_PHASES[phase],
-                zorder=7,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
-            )
+                f"$t$ = {0.1 * k:.1g} s", position, (8, 2), textcoords="offset points", fontsize=8.5,
+                color=_PHASES[phase], zorder=7, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+            )  # fmt: skip
 
 
-def _name_phases(figure: "Figure") -> None:
-    from matplotlib.lines import Line2D
-
-    marks = [Line2D([], [], color=color, lw=2, label=f"{phase} contact") for phase, color in _PHASES.items()]
-    marks.append(
-        Line2D(
-            [], [], color=_PHASES["during"], marker="o", mfc="white", markersize=4, lw=1, label="avoided position (b)"
-        )
-    )
-    figure.legend(handles=marks, loc="outside lower center", ncols=4, frameon=False, fontsize=10)
+def _ticks_inside(axes: "Axes") -> None:
+    axes.set_xlabel("$x$ [m]", fontsize=10)
+    axes.set_ylabel("$y$ [m]", fontsize=10)
+    axes.tick_params(labelsize=9, direction="in", top=True, right=True)
 
 
 def meetings(
-    path: str | Path,
     taus: Sequence[float],
     trajectories: Sequence[Floats],
     radius: float,
     form: tuple[Floats, Floats],
     recoils: Mapping[str, Floats],
-) -> Path:
-    """Draw two pedestrians who run into each other, for several tau (Figure 1), and return the path.
+) -> "Figure":
+    """Return a drawing of two pedestrians who run into each other, for several tau (Figure 1).
 
     Parameters
     ----------
-    path : ends in .png.
     taus : s.
     trajectories : for each tau, (T, 2, 2) m, positions of both from their first touch on, which is the same for all.
     radius : m.
@@ -165,12 +147,12 @@ def meetings(
     _meeting(left, taus, trajectories, radius)
     quiet_axes(right, r"relaxation time $\tau$ [s]", "recoil, exactly head-on [m]", grid=True)
     right.plot(*form, color=hex_of(INK), lw=1.3, label=r"$\tau v_d\,(1-\ln 2)$, from eq. 11")
-    for (label, values), mark, color in zip(recoils.items(), "os", (SERIES[0], SERIES[1]), strict=False):
-        right.plot(taus, values, mark, color=hex_of(color), markersize=6.5, label=label)
+    for (label, values), symbol, color in zip(recoils.items(), "os", (series(0), series(1)), strict=False):
+        right.plot(taus, values, symbol, color=color, markersize=6.5, label=label)
     right.set_xlim(0.0, form[0][-1])
     right.set_ylim(bottom=0.0)
     right.legend(frameon=False, fontsize=9.5, loc="upper left")
-    return save_figure(figure, path)
+    return figure
 
 
 def _meeting(axes: "Axes", taus: Sequence[float], trajectories: Sequence[Floats], radius: float) -> None:
@@ -194,26 +176,21 @@ def _meeting(axes: "Axes", taus: Sequence[float], trajectories: Sequence[Floats]
     axes.set_xlim(-reach, reach)
     axes.set_aspect("equal", adjustable="box")
     axes.set_ylim(-0.86, 0.86)
-    axes.set_xlabel("$x$ [m]", fontsize=10)
-    axes.set_ylabel("$y$ [m]", fontsize=10)
-    axes.tick_params(labelsize=9, direction="in", top=True, right=True)
+    _ticks_inside(axes)
     axes.legend(frameon=False, fontsize=9.5, loc="lower left", handlelength=1.6)
 
 
-def exits_against_time(
-    path: str | Path, exit_times: Floats, slope: float, start: float, title: str, printed: str
-) -> Path:
-    """Draw how many are out against time, every run light, and one regression line (Figure 3); return the path.
+def exits_against_time(exit_times: Floats, slope: float, start: float, title: str, printed: str) -> "Figure":
+    """Return how many are out against time, every run light, and one regression line (Figure 3).
 
     Parameters
     ----------
-    path : ends in .png.
     exit_times : (R, N) s, nan for those still inside.
     slope, start : of the line, 1/s and people at t = 0; nan draws none.
     printed : what the paper says to it.
     """
     figure = new_figure((6.6, 4.6))
-    axes = quiet_axes(figure.add_subplot(), "time [s]", "pedestrians out")
+    axes = quiet_axes(figure.add_subplot(), "time [s]", "pedestrians out", title=title)
     people = exit_times.shape[1]
     known = exit_times[np.isfinite(exit_times)]
     end = _end_of_time(exit_times)
@@ -231,9 +208,8 @@ def exits_against_time(
     axes.set_xlim(0.0, end)
     axes.set_ylim(0.0, 1.04 * people)
     axes.locator_params(axis="y", integer=True)
-    axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11)
     axes.legend(frameon=False, fontsize=9.5, loc="lower right")
-    return save_figure(figure, path)
+    return figure
 
 
 def _end_of_time(exit_times: Floats) -> float:
@@ -244,66 +220,41 @@ def _end_of_time(exit_times: Floats) -> float:
     return 1.04 * float(min(known.max(), 2.0 * np.percentile(known, 99.0)))
 
 
-def flows(
-    path: str | Path,
-    slopes: Mapping[str, Floats],
-    means: Mapping[str, tuple[float | None, tuple[float, float] | None]],
-    others: Mapping[str, Mapping[str, float]],
-    printed: Mapping[str, float],
-    experiment: float,
-    title: str,
-) -> Path:
-    """Draw the flow of every run under every scheme, its mean, and the paper's value (Table 5); return the path.
-
-    Parameters
-    ----------
-    path : ends in .png.
-    slopes : scheme -> slope of every run [1/s], nan where there is none.
-    means : scheme -> mean slope and its 95 % interval.
-    others : scheme -> other estimators by name.
-    printed, experiment : the paper's flows and the experiment's.
-    """
+def flows(done: Mapping[str, Evacuations], title: str) -> "Figure":
+    """Return the flow of every run under every scheme, its mean, and the paper's value (Table 5)."""
     figure = new_figure((7.6, 5.0))
-    axes = quiet_axes(figure.add_subplot(), "", "flow through the door [persons/s]", grid=True)
-    from matplotlib.lines import Line2D
-
-    rng = np.random.default_rng(0)  # for the offsets of the points sideways
-    axes.axhline(experiment, color=hex_of(QUIET), lw=1.2, dashes=(4, 3), zorder=1)
+    axes = quiet_axes(figure.add_subplot(), "", "flow through the door [persons/s]", title=title, grid=True)
+    rng = np.random.default_rng(0)  # for offsets sideways, which keep points of similar value apart
+    experiment, grey = float(EXPERIMENT), hex_of(QUIET)
+    axes.axhline(experiment, color=grey, lw=1.2, dashes=(4, 3), zorder=1)
     axes.annotate(
         f"experiment {experiment:g}", (1.0, experiment), (4, 0), xycoords=("axes fraction", "data"),
-        textcoords="offset points", color=hex_of(QUIET), fontsize=9, va="center", annotation_clip=False,
+        textcoords="offset points", color=grey, fontsize=9, va="center", annotation_clip=False,
     )  # fmt: skip
-    for k, (name, runs) in enumerate(slopes.items()):
-        color = hex_of(SERIES[k % len(SERIES)])
-        known = runs[np.isfinite(runs)]
-        axes.plot(k - 0.16 + _spread(known, rng), known, ".", color=color, alpha=0.45, markersize=6, mew=0, zorder=2)
-        mean, interval = means[name]
-        if mean is not None:
-            low, high = interval or (mean, mean)
-            axes.errorbar(
-                k + 0.12, mean, [[mean - low], [high - mean]], fmt="o", color=color, ms=7, capsize=4, lw=1.8, zorder=4
-            )
-        values = list(others[name].values())
+    for k, (name, evacuations) in enumerate(done.items()):
+        color, slopes = series(k), evacuations.slopes[np.isfinite(evacuations.slopes)]
+        aside = k - 0.16 + rng.uniform(-0.13, 0.13, len(slopes))
+        axes.plot(aside, slopes, ".", color=color, alpha=0.45, markersize=6, mew=0, zorder=2)
+        others = dict(evacuations.estimates)
+        mean = others.pop("per run")
+        if mean.value is not None:
+            low, high = mean.ci95 or (mean.value, mean.value)
+            bar = [[mean.value - low], [high - mean.value]]
+            axes.errorbar(k + 0.12, mean.value, bar, fmt="o", color=color, ms=7, capsize=4, lw=1.8, zorder=4)
+        values = [estimate.value for estimate in others.values() if estimate.value is not None]
         axes.plot(np.full(len(values), k + 0.24), values, "_", color=color, markersize=11, mew=1.3, zorder=3)
-        axes.plot(k + 0.37, printed[name], "D", mfc="white", mec="black", mew=1.5, markersize=7, zorder=5)
-    axes.set_xticks(range(len(slopes)), [_SPOKEN.get(name, name) for name in slopes], fontsize=10, color=hex_of(INK))
-    axes.set_xlim(-0.5, len(slopes) - 0.4)
+        axes.plot(k + 0.37, float(PRINTED[name]), **PAPER_MARK, zorder=5)
+    axes.set_xticks(range(len(done)), [_SPOKEN[name] for name in done], fontsize=10, color=hex_of(INK))
+    axes.set_xlim(-0.5, len(done) - 0.4)
     axes.set_ylim(bottom=0.0)
-    axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11)
-    grey: dict[str, Any] = {"color": hex_of(QUIET), "ls": ""}
     marks = [
-        Line2D([], [], marker=".", ms=6, mew=0, label="one draw", **grey),
-        Line2D([], [], marker="o", ms=7, label="mean of the draws, 95 % interval", **grey),
-        Line2D([], [], marker="_", ms=11, mew=1.3, label="other estimators", **grey),
-        Line2D([], [], marker="D", ms=7, mew=1.5, mfc="white", mec="black", ls="", label="paper, Table 5"),
+        mark("one draw", marker=".", ms=6, mew=0, color=grey, ls=""),
+        mark("mean of the draws, 95 % interval", marker="o", ms=7, color=grey, ls=""),
+        mark("other estimators", marker="_", ms=11, mew=1.3, color=grey, ls=""),
+        mark("paper, Table 5", **PAPER_MARK),
     ]
     figure.legend(handles=marks, loc="outside lower center", ncols=4, frameon=False, fontsize=9, columnspacing=1.4)
-    return save_figure(figure, path)
+    return figure
 
 
 _SPOKEN = {"dem": "DEM", "nsm1": "NSM1\nspontaneous", "nsm1-inertial": "NSM1\ninertial", "nsm2-printed": "NSM2"}
-
-
-def _spread(values: Floats, rng: np.random.Generator) -> Floats:
-    """Return sideways offsets that keep points of similar value apart."""
-    return rng.uniform(-0.13, 0.13, len(values))

@@ -1,66 +1,42 @@
 """Figures of the movie theatre: its plan with who sits where, the times of Table 7, and egress curves like Figure 6."""
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from crowd_env.navigation.field import NavigationField
-from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure
-from crowd_env.rendering.palette import EXIT, FLOOR, INK, OBSTACLE, QUIET, SERIES, WALL
+from crowd_env.rendering.canvas import hex_of, mark, new_figure, quiet_axes, series
+from crowd_env.rendering.palette import EXIT, FLOOR, INK, OBSTACLE, QUIET, WALL
+from crowd_env.reproduce.pecol2011.figures.room import PAPER_MARK
+from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED, ROUTES, Egress
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-_ROUTE_COLOURS = {"A": hex_of(SERIES[0]), "B": hex_of(SERIES[1])}
+_ROUTE_COLORS = {"A": series(0), "B": series(1)}
+_EXERCISE: dict[str, Any] = {"color": "black", "marker": "D", "ls": "", "ms": 7}
+_RUN = "#b4b9bf"  # the curve of one of many
 _STAIR = 0.35  # m, from one drawn step to the next
 _LIGHT, _DARK = "#9aa1a8", "#000000"  # arrows, as in the paper: the usual way, and the other
-
-
-class Series(NamedTuple):
-    """Runs under one condition."""
-
-    label: str
-    values: Mapping[str, Floats]  # quantity -> of every run [s], nan where there is none
-
-
-class EgressPanel(NamedTuple):
-    """People who left by one route."""
-
-    title: str
-    times: Floats  # (R, N) s, nan for those who did not leave by it
-    printed: tuple[
-        tuple[float, float, float], tuple[float, float, float]
-    ]  # exercise, simulation: last, mean [s], people
 
 
 # ------------------------------------------------------------------------------------------------------------- Table 7
 
 
-def theatre_table(
-    path: str | Path,
-    scenario: Scenario,
-    series: Sequence[Series],
-    exercise: Mapping[str, float],
-    simulation: Mapping[str, float],
-) -> Path:
-    """Draw the theatre, and below it the times of Table 7, ours beside the paper's; return the path.
+def theatre_table(scenario: Scenario, done: Mapping[str, Egress]) -> "Figure":
+    """Return the theatre, whose population has recorded starts, and below it the times of Table 7 beside the paper's.
 
-    Parameters
-    ----------
-    path : ends in .png.
-    scenario : the theatre; its population has recorded starts.
-    series : two, each with the quantities of ``exercise``.
-    exercise, simulation : quantity -> what the paper prints [s].
+    ``done`` are the evacuations under two conditions, by their labels.
     """
     figure = new_figure((9.4, 9.6))
     above, below = figure.subplots(2, 1, height_ratios=[1.25, 1.0])
     _plan(above, scenario)
-    _times(below, series, exercise, simulation)
-    return save_figure(figure, path)
+    _times(below, done)
+    return figure
 
 
 def _plan(axes: "Axes", scenario: Scenario) -> None:
@@ -85,8 +61,8 @@ def _plan(axes: "Axes", scenario: Scenario) -> None:
     )
     axes.add_collection(LineCollection(list(geometry.exits), colors=hex_of(EXIT), linewidths=3.0, zorder=4))
     assert people.starts is not None
-    nearer = np.array([[_time(route_set[name], at) for name in _ROUTE_COLOURS] for at in people.starts]).argmin(axis=1)
-    for k, (name, color) in enumerate(_ROUTE_COLOURS.items()):
+    nearer = np.array([[_time(route_set[name], at) for name in _ROUTE_COLORS] for at in people.starts]).argmin(axis=1)
+    for k, (name, color) in enumerate(_ROUTE_COLORS.items()):
         mine = [Circle((x, y), people.radius.low) for x, y in people.starts[nearer == k]]
         axes.add_collection(PatchCollection(mine, facecolor=color, edgecolor="white", lw=0.4, zorder=2))
         exits = geometry.exits[[exit_name == name for exit_name in geometry.exit_names]]
@@ -136,29 +112,25 @@ def _arrow(axes: "Axes", at: Floats, direction: Floats, color: str) -> None:
     axes.annotate("", (x1, y1), (x0, y0), arrowprops=style, zorder=6)
 
 
-def _times(
-    axes: "Axes", series: Sequence[Series], exercise: Mapping[str, float], simulation: Mapping[str, float]
-) -> None:
-    from matplotlib.lines import Line2D
-
+def _times(axes: "Axes", done: Mapping[str, Egress]) -> None:
     quiet_axes(axes, "", "time [s]", grid=True)
-    colors = [hex_of(SERIES[3]), hex_of(SERIES[2])]
+    colors = (series(3), series(2))
     rng = np.random.default_rng(0)  # for the offsets of the points sideways
-    for x, name in enumerate(exercise):
-        for one, color, aside in zip(series, colors, (-0.12, 0.14), strict=True):
-            values = one.values[name][np.isfinite(one.values[name])]
+    for x, (name, (exercise, simulation)) in enumerate(PRINTED.items()):
+        for egress, color, aside in zip(done.values(), colors, (-0.12, 0.14), strict=True):
+            values = egress.quantities[name][np.isfinite(egress.quantities[name])]
             columns = x + aside + rng.uniform(-0.07, 0.07, len(values))
             axes.plot(columns, values, ".", color=color, alpha=0.3, ms=4.5, mew=0, zorder=2)
             if len(values):
                 axes.plot(x + aside, values.mean(), "o", color=color, mec="white", mew=1.0, ms=8, zorder=4)
-        axes.plot(x - 0.32, exercise[name], "D", color="black", ms=7, zorder=5)
-        axes.plot(x + 0.33, simulation[name], "D", mfc="white", mec="black", mew=1.5, ms=7, zorder=5)
-    axes.set_xticks(range(len(exercise)), list(exercise), fontsize=10, color=hex_of(INK))
+        axes.plot(x - 0.32, float(exercise), **_EXERCISE, zorder=5)
+        axes.plot(x + 0.33, float(simulation), **PAPER_MARK, zorder=5)
+    axes.set_xticks(range(len(PRINTED)), list(PRINTED), fontsize=10, color=hex_of(INK))
     axes.set_ylim(bottom=0.0)
     marks = [
-        Line2D([], [], color="black", marker="D", ls="", ms=7, label="exercise, as the paper prints it"),
-        *(Line2D([], [], color=c, marker="o", ls="", ms=8, label=s.label) for s, c in zip(series, colors, strict=True)),
-        Line2D([], [], marker="D", mfc="white", mec="black", mew=1.5, ls="", ms=7, label="the paper's simulation"),
+        mark("exercise, as the paper prints it", **_EXERCISE),
+        *(mark(label, color=color, marker="o", ls="", ms=8) for label, color in zip(done, colors, strict=True)),
+        mark("the paper's simulation", **PAPER_MARK),
     ]
     axes.legend(handles=marks, frameon=False, fontsize=9.5, loc="lower right", ncols=2)
 
@@ -166,59 +138,47 @@ def _times(
 # ------------------------------------------------------------------------------------------------------------ Figure 6
 
 
-def egress_panels(path: str | Path, panels: Sequence[EgressPanel]) -> Path:
-    """Draw how many are out against time, every run light, their mean bold and dotted (Figure 6); return the path.
-
-    Parameters
-    ----------
-    path : ends in .png.
-    panels : side by side.
-    """
-    from matplotlib.lines import Line2D
-
+def egress_panels(done: Egress) -> "Figure":
+    """Return how many are out against time, every run light, their mean bold and dotted (Figure 6): all, and by route."""
     figure = new_figure((12.6, 4.9))
-    known = np.concatenate([panel.times[np.isfinite(panel.times)] for panel in panels])
-    end = 1.04 * max(float(known.max(initial=1.0)), *(mark[0] for panel in panels for mark in panel.printed))
-    for axes, panel in zip(np.atleast_1d(figure.subplots(1, len(panels), sharey=True)), panels, strict=True):
-        quiet_axes(axes, "time [s]", "people out" if panel is panels[0] else "", grid=True)
-        _egress(axes, panel, end)
+    runs, people = done.time.shape
+    latest = max(float(time) for name in ("all", *ROUTES) for time in PRINTED[f"last, {name}"])
+    end = 1.04 * max(float(done.time[np.isfinite(done.time)].max(initial=1.0)), latest)
+    for axes, name in zip(figure.subplots(1, 1 + len(ROUTES), sharey=True), ("all", *ROUTES), strict=True):
+        title = "Both routes" if name == "all" else f"Route {name} (the paper implies how many people)"
+        quiet_axes(axes, "time [s]", "people out" if name == "all" else "", title=title, grid=True)
+        _egress(axes, done.time if name == "all" else done.by(name), end)
+        _printed(axes, name, IMPLIED.get(f"people by {name}", (people, people)))
         axes.set_xlim(0.0, end)
-        axes.set_ylim(0.0, 1.05 * max(panel.times.shape[1] for panel in panels))
-        axes.set_title(panel.title, loc="left", color=hex_of(INK), fontsize=11)
-    runs = len(panels[0].times)
-    grey = hex_of(QUIET)
+        axes.set_ylim(0.0, 1.05 * people)
     figure.legend(
         handles=[
-            Line2D([], [], color="#b4b9bf", lw=1.2, label=f"{runs} simulation{'s' if runs > 1 else ''}, synthetic plan"),
-            Line2D([], [], color="black", lw=2.4, ls=(0, (1, 1)), label="their mean"),
-            Line2D([], [], color="black", marker="D", ls="", ms=7, label="exercise: last person, and number (Table 7)"),
-            Line2D([], [], marker="D", mfc="white", mec="black", mew=1.5, ls="", ms=7, label="the paper's simulation"),
-            Line2D([], [], color=grey, marker="|", ls="", ms=11, mew=1.8, label="mean times of both, on the axis"),
+            mark(f"{runs} simulation{'s' if runs > 1 else ''}, synthetic plan", color=_RUN, lw=1.2),
+            mark("their mean", color="black", lw=2.4, ls=(0, (1, 1))),
+            mark("exercise: last person, and number (Table 7)", **_EXERCISE),
+            mark("the paper's simulation", **PAPER_MARK),
+            mark("mean times of both, on the axis", color=hex_of(QUIET), marker="|", ls="", ms=11, mew=1.8),
         ],
         loc="outside lower center", ncols=5, frameon=False, fontsize=9, columnspacing=1.4,
     )  # fmt: skip
-    return save_figure(figure, path)
+    return figure
 
 
-def _egress(axes: "Axes", panel: EgressPanel, end: float) -> None:
+def _egress(axes: "Axes", runs: Floats, end: float) -> None:
     grid = np.linspace(0.0, end, 500)
-    counts = np.zeros((len(panel.times), len(grid)))
-    for k, times in enumerate(panel.times):
+    counts = np.zeros((len(runs), len(grid)))
+    for k, times in enumerate(runs):
         out = np.sort(times[np.isfinite(times)])
         counts[k] = np.searchsorted(out, grid, side="right")
-        axes.step(np.append(out, end), np.append(np.arange(1.0, len(out) + 1.0), len(out)), where="post",
-                  color="#b4b9bf", lw=0.8, alpha=0.6, zorder=2)  # fmt: skip
+        at, number = np.append(out, end), np.append(np.arange(1.0, len(out) + 1.0), len(out))
+        axes.step(at, number, where="post", color=_RUN, lw=0.8, alpha=0.6, zorder=2)
     axes.plot(grid, counts.mean(axis=0), color="black", lw=2.4, ls=(0, (1, 1)), zorder=4)
-    fills = ("black", "white")
-    for (last, mean, people), fill in zip(panel.printed, fills, strict=True):
-        axes.plot(last, people, "D", mfc=fill, mec="black", mew=1.5, ms=7, zorder=6, clip_on=False)
-        axes.plot(
-            mean,
-            0.0,
-            marker=2,
-            color="black" if fill == "black" else hex_of(QUIET),
-            ms=11,
-            mew=2.0,
-            zorder=6,
-            clip_on=False,
-        )
+
+
+def _printed(axes: "Axes", name: str, people: tuple[int, int]) -> None:
+    """Mark what the paper prints of the exercise, black, and of its simulation: the last person, and the mean time."""
+    fills, colors = ("black", "white"), ("black", hex_of(QUIET))
+    printed = zip(PRINTED[f"last, {name}"], PRINTED[f"mean, {name}"], people, fills, colors, strict=True)
+    for last, mean, number, fill, color in printed:
+        axes.plot(float(last), number, **{**PAPER_MARK, "mfc": fill}, zorder=6, clip_on=False)
+        axes.plot(float(mean), 0.0, marker=2, color=color, ms=11, mew=2.0, zorder=6, clip_on=False)

@@ -1,0 +1,63 @@
+"""The validation map as tables of docs/validation.md: what passes under which scheme and manner, and the figures behind it."""
+
+from typing import TYPE_CHECKING, Any
+
+from validation.cases.case import COMPARED
+
+if TYPE_CHECKING:
+    from validation.pages import Sources
+
+Rows = list[dict[str, Any]]
+
+_CASES = ("gate", "doors", "corridor", "ring", "counterflow", "crossing", "corner", "faster")
+_SAID = {True: "yes", False: "**no**", None: "–"}
+
+PASSED_HEAD = ("case or test", "manner", *(f"`{scheme}`" for scheme in COMPARED))
+FIGURES_HEAD = ("case or test", "manner", "scheme", "passed", "figures")
+
+
+def passed(source: "Sources") -> list[list[str]]:
+    """One row a case or test and manner, one column a scheme."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for row in [*_cases(source), *_tests(source)]:
+        found.setdefault((row["case"], row["manner"]), {})[row["scheme"]] = _SAID[row["passed"]]
+    return [
+        [f"`{case}`", manner, *(cells.get(scheme, "") for scheme in COMPARED)]
+        for (case, manner), cells in found.items()
+    ]
+
+
+def criteria(source: "Sources") -> str:
+    """Say what each case and test asks for, and which tests are not supported."""
+    asked = {row["case"]: f"{row['criterion']} ({row['source']})" for row in [*_cases(source), *_tests(source)]}
+    missing = {row["source"]: row["figure"] for row in _read(source, "standards") if row["case"] == "not supported"}
+    lines = [f"* `{case}`: {text}." for case, text in asked.items()]
+    lines += [f"* Not supported, {tests}: {reason}." for tests, reason in missing.items()]
+    return "\n".join(lines)
+
+
+def figures(source: "Sources") -> list[list[str]]:
+    """One row a case or test, manner and scheme."""
+    return [
+        [f"`{row['case']}`", row["manner"], f"`{row['scheme']}`", _SAID[row["passed"]], row["figure"]]
+        for row in sorted(_cases(source) + _tests(source), key=_order)
+    ]
+
+
+def _order(row: dict[str, Any]) -> tuple[int, str, str]:
+    """Sort by case, in their order, then by test and manner; schemes stay as they are."""
+    case = row["case"]
+    return (_CASES.index(case), "", row["manner"]) if case in _CASES else (len(_CASES), case, row["manner"])
+
+
+def _cases(source: "Sources") -> Rows:
+    return [row for case in _CASES for row in _read(source, case)]
+
+
+def _tests(source: "Sources") -> Rows:
+    return [row for row in _read(source, "standards") if row["case"] != "not supported"]
+
+
+def _read(source: "Sources", case: str) -> Rows:
+    rows: Rows = source.read(f"{case}.json")["rows"]
+    return rows
