@@ -91,6 +91,11 @@ def row(case: str, setting: Setting, passed: bool | None, figure: str, criterion
     return Row(case, scheme, manner, passed, figure, criterion, source, plain(more))
 
 
+def number(value: float, digits: int = 2) -> str:
+    """Return a number with so many decimals, or a dash if there is none."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
+
+
 def plain(value: Any) -> Any:
     """Return numbers, arrays, lists and tables of them as JSON holds them; what is not finite becomes None."""
     if isinstance(value, Mapping):

@@ -7,7 +7,7 @@ import shapely
 
 from crowd_env import Geometry, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, row
+from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
 from validation.cases.voronoi import Look, look, mean_between
 
@@ -111,6 +111,6 @@ def run(setting: Setting) -> list[Row]:
     found = measure(setting)
     density, speed = (np.array([one[name] for one in found]) for name in ("density", "speed"))
     stuck = int(sum(one["stuck"] for one in found))
-    pairs = ", ".join(f"{d:.2f} /m2 {v:.2f} m/s" for d, v in zip(density, speed, strict=True))
+    pairs = ", ".join(f"{number(d)} /m2 {number(v)} m/s" for d, v in zip(density, speed, strict=True))
     figure = pairs + (f"; {stuck} of {len(RUNS) * setting.draws} stuck" if stuck else "")
     return [row("corner", setting, falls(density, speed) and not stuck, figure, CRITERION, SOURCE, runs=found)]

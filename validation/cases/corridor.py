@@ -6,7 +6,7 @@ import numpy as np
 
 from crowd_env import Geometry, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, row
+from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
 from validation.cases.voronoi import Look, look, mean_between
 
@@ -123,7 +123,9 @@ def run(setting: Setting) -> list[Row]:
     density, flow = judged.sum(axis=0)
     both, stuck = int(judged.all(axis=1).sum()), int(sum(one["stuck"] for one in found))
     pairs = zip(found, RUNS, strict=True)
-    figures = ", ".join(f"{one['density']:.2f} ({r.density:.2f}) {one['flow']:.2f} ({r.flow:.2f})" for one, r in pairs)
+    figures = ", ".join(
+        f"{number(one['density'])} ({r.density:.2f}) {number(one['flow'])} ({r.flow:.2f})" for one, r in pairs
+    )
     figure = f"both in {both} of 9, density in {density}, flow in {flow}; density and flow (recorded): {figures}" + (
         f"; {stuck} of {len(RUNS) * setting.draws} stuck" if stuck else ""
     )

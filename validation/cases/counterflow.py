@@ -6,7 +6,7 @@ import numpy as np
 
 from crowd_env import Geometry, Groups, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, row
+from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Bools, Crowds, Floats, Passages, draw_crowds, mean_of
 
 SOURCE = (
@@ -87,10 +87,11 @@ def run(setting: Setting) -> list[Row]:
     jams = sum(e >= setting.draws for e in stuck)
     passed = not stuck and 1.0 - two / one < 1.0 / 3.0 and above > 0.5
     figure = (
-        f"{two:.2f} m/s both ways, {one:.2f} m/s one way; lane order {order:.2f}, above shuffled at {100 * above:.0f} % of "
-        f"moments; {jams} of {setting.draws} gridlocked"
-        + (f", {len(stuck) - jams} stuck one way" if jams < len(stuck) else "")
+        f"{number(two)} m/s both ways, {number(one)} m/s one way; lane order {number(order)}, above shuffled at "
+        f"{number(100 * above, 0)} % of moments; {jams} of {setting.draws} gridlocked"
     )
+    if jams < len(stuck):
+        figure += f", {len(stuck) - jams} stuck one way"
     more = {"both_ways": two, "one_way": one, "order": order, "above": above, "gridlocked": jams}
     return [row("counterflow", setting, bool(passed), figure, CRITERION, SOURCE, **more)]
 

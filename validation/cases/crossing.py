@@ -4,7 +4,7 @@ import numpy as np
 
 from crowd_env import Geometry, Groups, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, row
+from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Passages, draw_crowds, mean_of
 
 SOURCE = "NIST TN 1822, test 2.8 (IMO MSC.1/Circ.1533, test 8)"
@@ -52,7 +52,7 @@ def run(setting: Setting) -> list[Row]:
     rising = np.diff(np.nan_to_num(times, nan=np.inf)) > 0.0  # where all runs deadlock, it takes for ever
     passed = bool(rising.all()) and deadlocks[AGAINST.index(50)] <= setting.draws // 20
     figure = ", ".join(
-        f"{n}: {time:.1f} s" + (f" ({jams} of {setting.draws} deadlocked)" if jams else "")
+        f"{n}: {number(time, 1)} s" + (f" ({jams} of {setting.draws} deadlocked)" if jams else "")
         for n, time, jams in zip(AGAINST, times, deadlocks, strict=True)
     )
     return [

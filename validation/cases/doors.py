@@ -4,7 +4,7 @@ from typing import Any
 
 from crowd_env import Geometry, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, row
+from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Passages, draw_crowds, mean_of, steady_flow
 
 SOURCE = (
@@ -120,7 +120,7 @@ def run(setting: Setting) -> list[Row]:
     judged = [found[f"{width:g}"] for width in JUDGED]
     passed = all(LOW <= one["flow"] <= HIGH and not one["stuck"] for one in judged)
     figure = ", ".join(
-        f"{width} m {one['flow']:.2f}" + (f" ({one['stuck']} of {setting.draws} stuck)" if one["stuck"] else "")
+        f"{width} m {number(one['flow'])}" + (f" ({one['stuck']} of {setting.draws} stuck)" if one["stuck"] else "")
         for width, one in found.items()
     )
     return [row("doors", setting, passed, f"{figure} /(m s)", CRITERION, SOURCE, widths=found)]

@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 from shapely.geometry import box as rectangle
 
 from crowd_env import Geometry, Scenario, Uniform
-from validation.cases.case import Row, Setting, adults, row
+from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of, steady_flow
 from validation.cases.trajectories import find_recording, read_trajectories
 
@@ -126,9 +126,9 @@ def met(figures: dict[str, Any]) -> bool:
 
 def told(figures: dict[str, Any], draws: int) -> str:
     """Return the figures as a sentence."""
-    person = ", ".join(f"{time:.1f}" for time in figures["person"].values())
+    person = ", ".join(number(time, 1) for time in figures["person"].values())
     where = "" if figures["starts"] == "recorded" else "; starts at random, no recording given"
     return (
-        f"{figures['flow']:.2f} /s; {person} s; variation {figures['variation']:.2f}; "
+        f"{number(figures['flow'])} /s; {person} s; variation {number(figures['variation'])}; "
         f"{figures['stuck']} of {draws} stuck{where}"
     )

@@ -30,7 +30,7 @@ def corridor(people: Population, length: float = 40.0, zones: tuple[SpeedZone, .
 
 def alone(setting: Setting, scenario: Scenario, first: float, last: float) -> tuple[Floats, Floats, Floats]:
     """Return what people who walk alone, one a draw, want [m/s], their speed between two lines, and when they are out [s]."""
-    crowds = draw_crowds([scenario], setting)
+    crowds = draw_crowds([scenario], replace(setting, strategy="shortest"))  # there is one way
     lines = [Passages(crowds, 0, at) for at in (first, last)]
     for before, now in crowds.moments(scenario.time_limit):
         for line in lines:
