@@ -21,6 +21,7 @@ from validation.bits import ROOT, chosen, report
 from validation.bits_scenes import scenes
 from validation.cases import CASES
 from validation.cases.case import COMPARED, Case, Row, Setting
+from validation.cases.case import row as row_of
 from validation.pages import TABLES, fill, run
 from validation.positions import STORED, write
 
@@ -93,20 +94,28 @@ def cases(
             try:
                 with notes.status(f"{name} ...") as status:
                     for setting in _settings(CASES[name], schemes, manner, data, draws, seed, _teller(name, status)):
-                        found.extend(CASES[name].run(setting))
+                        found.extend(_run(name, setting))
                 draw = CASES[name].draw
                 if out is not None and draw is not None:
                     draw(out, found)
             finally:  # also of a case that Ctrl-C ends
-                content = {"case": name, "rows": [row._asdict() for row in found]}
+                content = {"case": name, "rows": [one._asdict() for one in found]}
                 if out is not None and found:
                     write_json(out / f"{name}.json", content)
-            passed &= all(row.passed is not False for row in found)
+            passed &= all(one.passed is not False for one in found)
             if as_json:
                 typer.echo(json.dumps(content))
             else:
                 Console(width=None if notes.is_terminal else _WIDTH).print(_case_table(name, found))
     raise typer.Exit(0 if passed else 1)
+
+
+def _run(name: str, setting: Setting) -> Iterator[Row]:
+    """Yield the rows of a case; one that says why, if the scheme refuses to go on with a crowd."""
+    try:
+        yield from CASES[name].run(setting)
+    except FloatingPointError as error:
+        yield row_of(name, setting, False, f"stopped: {error}", "the run comes to its end", CASES[name].source)
 
 
 def _settings(
@@ -139,7 +148,7 @@ def _teller(case: str, status: Status) -> Callable[[str], None]:
 
 def _case_table(name: str, found: list[Row]) -> Table:
     """Return the rows of a case as a table; criterion and source below it if all rows share them."""
-    criteria = dict.fromkeys((row.criterion, row.source) for row in found)
+    criteria = dict.fromkeys((one.criterion, one.source) for one in found)
     shared = len(criteria) == 1
     caption = "\n".join(next(iter(criteria))) if shared else CASES[name].source
     table = Table(title=f"{name}: {CASES[name].title}", caption=escape(caption), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
@@ -150,10 +159,10 @@ def _case_table(name: str, found: list[Row]) -> Table:
     table.add_column("figure")
     if not shared:
         table.add_column("criterion")
-    for row in found:
-        passed = {True: "yes", False: "NO", None: "–"}[row.passed]
-        test, criterion = ([row.source], [row.criterion]) if not shared else ([], [])
-        table.add_row(row.scheme, row.manner, passed, *(escape(cell) for cell in (*test, row.figure, *criterion)))
+    for one in found:
+        passed = {True: "yes", False: "NO", None: "–"}[one.passed]
+        test, criterion = ([one.source], [one.criterion]) if not shared else ([], [])
+        table.add_row(one.scheme, one.manner, passed, *(escape(cell) for cell in (*test, one.figure, *criterion)))
     return table
 
 

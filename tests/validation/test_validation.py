@@ -169,6 +169,19 @@ def test_a_new_case_is_one_line_and_decides_the_exit_code(monkeypatch, passed):
     assert (asked[-1].manner, asked[-1].draws, asked[-1].seed) == ("competitive", 3, 5)
 
 
+def test_a_crowd_that_a_scheme_refuses_is_a_row_and_not_the_end(monkeypatch):
+    def run_case(setting):
+        if setting.scheme == "nsm1":
+            raise FloatingPointError("pedestrian 3 would move 2 m in one step")
+        return [row("made-up", setting, True, "1.25 /s", "c", "s")]
+
+    monkeypatch.setattr("validation.cli.CASES", made_up(run_case, manners=("calm",)))
+    result = run("--schemes", "nsm1", "--schemes", "dem", "--json")
+    assert result.exit_code == 1
+    first, second = json.loads(result.stdout)["rows"]
+    assert (first["passed"], second["passed"]) == (False, True) and "pedestrian 3" in first["figure"]
+
+
 def test_an_interruption_loses_no_finished_row(monkeypatch, tmp_path):
     def run_case(setting):
         yield row("made-up", setting, True, "1.25 /s", "c", "s")
