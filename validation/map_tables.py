@@ -9,7 +9,8 @@ if TYPE_CHECKING:
 
 Rows = list[dict[str, Any]]
 
-_CASES = ("gate", "doors", "corridor", "ring", "counterflow", "crossing", "corner", "faster")
+_ONE_ROW = ("gate", "doors", "corridor", "ring", "counterflow", "crossing", "corner", "faster")
+CASES = (*_ONE_ROW, "standards")
 _SAID = {True: "yes", False: "**no**", None: "–"}
 
 PASSED_HEAD = ("case or test", "manner", *(f"`{scheme}`" for scheme in COMPARED))
@@ -47,11 +48,11 @@ def figures(source: "Sources") -> list[list[str]]:
 def _order(row: dict[str, Any]) -> tuple[int, str, str]:
     """Sort by case, in their order, then by test and manner; schemes stay as they are."""
     case = row["case"]
-    return (_CASES.index(case), "", row["manner"]) if case in _CASES else (len(_CASES), case, row["manner"])
+    return (_ONE_ROW.index(case), "", row["manner"]) if case in _ONE_ROW else (len(_ONE_ROW), case, row["manner"])
 
 
 def _cases(source: "Sources") -> Rows:
-    return [row for case in _CASES for row in _read(source, case)]
+    return [row for case in _ONE_ROW for row in _read(source, case)]
 
 
 def _tests(source: "Sources") -> Rows:

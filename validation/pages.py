@@ -128,7 +128,7 @@ def run(line: str) -> dict[str, Any]:
     return found
 
 
-_MAP_COMMAND = "python -m validation --data DATA --out DIR"
+_MAP_COMMAND = f"python -m validation {' '.join(map_tables.CASES)} --data DATA --out DIR"
 _GAPS = ("gaps", "mean, s", "sd / mean", "exponent α", "with open gaps", "against an exponential", "blocked")
 
 TABLES: dict[str, Table] = {
