@@ -20,7 +20,7 @@ FIGURES_HEAD = ("case or test", "manner", "scheme", "passed", "figures")
 def passed(source: "Sources") -> list[list[str]]:
     """One row a case or test and manner, one column a scheme."""
     found: dict[tuple[str, str], dict[str, str]] = {}
-    for row in [*_cases(source), *_tests(source)]:
+    for row in _sorted(source):
         found.setdefault((row["case"], row["manner"]), {})[row["scheme"]] = _SAID[row["passed"]]
     return [
         [f"`{case}`", manner, *(cells.get(scheme, "") for scheme in COMPARED)]
@@ -30,7 +30,7 @@ def passed(source: "Sources") -> list[list[str]]:
 
 def criteria(source: "Sources") -> str:
     """Say what each case and test asks for, and which tests are not supported."""
-    asked = {row["case"]: f"{row['criterion']} ({row['source']})" for row in [*_cases(source), *_tests(source)]}
+    asked = {row["case"]: f"{row['criterion']} ({row['source']})" for row in _sorted(source)}
     missing = {row["source"]: row["figure"] for row in _read(source, "standards") if row["case"] == "not supported"}
     lines = [f"* `{case}`: {text}." for case, text in asked.items()]
     lines += [f"* Not supported, {tests}: {reason}." for tests, reason in missing.items()]
@@ -41,14 +41,15 @@ def figures(source: "Sources") -> list[list[str]]:
     """One row a case or test, manner and scheme."""
     return [
         [f"`{row['case']}`", row["manner"], f"`{row['scheme']}`", _SAID[row["passed"]], row["figure"]]
-        for row in sorted(_cases(source) + _tests(source), key=_order)
+        for row in _sorted(source)
     ]
 
 
-def _order(row: dict[str, Any]) -> tuple[int, str, str]:
-    """Sort by case, in their order, then by test and manner; schemes stay as they are."""
-    case = row["case"]
-    return (_ONE_ROW.index(case), "", row["manner"]) if case in _ONE_ROW else (len(_ONE_ROW), case, row["manner"])
+def _sorted(source: "Sources") -> Rows:
+    """Return all rows by case or test, then by manner, each in the order in which they come."""
+    rows = _cases(source) + _tests(source)
+    cases, manners = (list(dict.fromkeys(row[key] for row in rows)) for key in ("case", "manner"))
+    return sorted(rows, key=lambda row: (cases.index(row["case"]), manners.index(row["manner"])))
 
 
 def _cases(source: "Sources") -> Rows:

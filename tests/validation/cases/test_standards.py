@@ -25,7 +25,7 @@ def test_people_of_the_package_pass(name):
 def test_every_test_has_a_row_and_those_that_do_not_apply_a_reason(monkeypatch):
     tests = {name: Check(lambda setting: Verdict(True, "fine", {}), "c", "s") for name in standards.TESTS}
     monkeypatch.setattr(standards, "TESTS", tests)
-    rows = standards.run(ONE)
+    rows = list(standards.run(ONE))
     assert [row.case for row in rows[: len(tests)]] == list(standards.TESTS)
     rest = rows[len(tests) :]
     assert [row.source for row in rest] == list(standards.NOT_SUPPORTED)

@@ -1,5 +1,7 @@
 """Tests of the standards for evacuation models, as far as they apply: a row each, and a row with the reason for the others."""
 
+from collections.abc import Iterator
+
 from validation.cases.case import Row, Setting, row
 from validation.cases.standards import evacuations, walking
 from validation.cases.standards.verdict import Check
@@ -53,12 +55,11 @@ NOT_SUPPORTED = {
 }
 
 
-def run(setting: Setting) -> list[Row]:
-    """Return a row for each test."""
-    rows = []
-    for name, test in TESTS.items():
-        verdict = test.run(setting)
-        rows.append(row(name, setting, verdict.passed, verdict.figure, test.criterion, test.source, **verdict.more))
+def run(setting: Setting) -> Iterator[Row]:
+    """Yield a row for each test, and one for those that are not supported."""
+    for name, check in TESTS.items():
+        setting.notify(f"{setting.scheme}, {setting.manner}: {name}")
+        verdict = check.run(setting)
+        yield row(name, setting, verdict.passed, verdict.figure, check.criterion, check.source, **verdict.more)
     for names, reason in NOT_SUPPORTED.items():
-        rows.append(row("not supported", setting, None, reason, "", names))
-    return rows
+        yield row("not supported", setting, None, reason, "", names)
