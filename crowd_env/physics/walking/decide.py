@@ -4,8 +4,8 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.wall_grid import WallGrid, is_hidden, walls_near
+from crowd_env.headway import HeadwayParams
 from crowd_env.physics.neighbors.lists import sort_into_cells
-from crowd_env.physics.walking.headway import HeadwayParams
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Floats
 

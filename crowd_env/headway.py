@@ -19,8 +19,8 @@ With p = 1 nobody gives way and nobody steps aside: that is the desired velocity
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple, TypeAlias
 
 from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_table, known, refuse
 
@@ -56,6 +56,7 @@ class Headway:
     length : m, ``D``: the foreseen gap over which that falls to 1/e.
     oncoming : ``w``: someone who comes straight towards one counts 1 + w times as much.
     anticipation : s, ``t_a``: how far ahead people see each other's motion.
+    detour : share of the own desired speed that a way aside has to gain to be taken; negative = never.
     patience : s that people stand still before they begin to push more.
     impatience : 1/s, by which the push grows from then on, up to 1; it falls back at the same rate when they walk again.
     sight : m, gap beyond which nobody is noticed.
@@ -102,6 +103,9 @@ class Headway:
         return HeadwayParams(*(float(getattr(self, name)) for name in HeadwayParams._fields))
 
 
+Manner: TypeAlias = str | Mapping[str, Any] | Headway
+"""How callers say how people walk: a name in `MANNERS`, a table of the parameters of a `Headway`, or one."""
+
 # Name -> how people walk, by description: chosen before any comparison, and one set of numbers for all of them.
 MANNERS: dict[str, Headway | None] = {
     "competitive": None,  # full speed whatever is in front: the papers
@@ -110,7 +114,7 @@ MANNERS: dict[str, Headway | None] = {
 }
 
 
-def make_manner(manner: str | Mapping[str, Any] | Headway | None) -> Headway | None:
+def make_manner(manner: Manner | None) -> Headway | None:
     """Return the headway rule of a name in `MANNERS`, of plain data such as ``{"time_gap": 0.7}``, or that is given.
 
     Raises
@@ -125,3 +129,11 @@ def make_manner(manner: str | Mapping[str, Any] | Headway | None) -> Headway | N
     if manner is not None and not isinstance(manner, Headway):
         refuse("manner", manner, f"a Headway, a table of its parameters, None or one of {', '.join(MANNERS)}")
     return manner
+
+
+def plain_manner(headway: Headway | None) -> str | dict[str, float]:
+    """Return the name of a manner, or if it has none the table of its parameters; ready for JSON, and for `make_manner`."""
+    for name, known_headway in MANNERS.items():
+        if headway == known_headway:
+            return name
+    return asdict(headway)  # type: ignore[arg-type]  # None has a name
