@@ -187,7 +187,7 @@ def main(
     if as_json:
         typer.echo(json.dumps(figures, allow_nan=False))
     else:
-        _show(results, f"{run_title(place)}: {place.population.count} people, {runs} runs each")
+        _show(results, run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each"))
 
 
 def _write(

@@ -103,7 +103,7 @@ def clog(
         }
         paths = [] if out is None else _write(out, found, sets, [episode.seed for episode in episodes], per_exit)
     if as_json:
-        rows = [{"name": name, **each.as_json()} for name, each in found.items()]
+        rows = [{"name": name, "manner": None, **each.as_json()} for name, each in found.items()]
         if episodes:  # the simulated runs are the first set
             rows[0]["manner"] = plain_manner(place.manner_of_run())
         typer.echo(json.dumps({"sets": rows}))

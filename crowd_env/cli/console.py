@@ -183,12 +183,13 @@ def with_manner(place: Scenario, manner: str | None) -> Scenario:
     return replace(place, manner=manner)
 
 
-def run_title(place: Scenario, scheme: str = "") -> str:
-    """Return "room-v0, dem", and how people walk there if they keep a distance."""
+def run_title(place: Scenario, scheme: str = "", *, people: str = "", runs: str = "") -> str:
+    """Return "room-v0: 20 people, dem, calm, 5 runs": what is given, and how people walk if they keep a distance."""
     headway = place.manner_of_run()
     manner = plain_manner(headway)
-    named = manner if isinstance(manner, str) else f"time gap {manner['time_gap']:g} s"
-    return ", ".join(part for part in (place.name, scheme, named if headway else "") if part)
+    walk = manner if isinstance(manner, str) else f"time gap {manner['time_gap']:g} s"
+    first = f"{place.name}: {people}" if people else place.name
+    return ", ".join(part for part in (first, scheme, walk if headway else "", runs) if part)
 
 
 def counted(count: int, one: str, many: str) -> str:

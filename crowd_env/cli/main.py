@@ -227,7 +227,7 @@ def _table(place: Scenario, figures: dict[str, Any], seconds: float) -> Table:
 
     evacuation, flow = figures["evacuation_time"], figures["flow"]
     people, runs = counted(figures["people"], "person", "people"), counted(figures["runs"], "run", "runs")
-    title = f"{run_title(place, figures['scheme'])}: {people}, {runs}"
+    title = run_title(place, figures["scheme"], people=people, runs=runs)
     table = Table(title=title, show_header=False, caption=f"{seconds:.1f} s of computing")
     x0, y0, x1, y1 = place.geometry.bounds
     table.add_row("plan", f"{place.geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m")

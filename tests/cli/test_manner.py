@@ -29,7 +29,7 @@ def test_run_walks_as_it_is_told_and_says_so():
     assert (usual["manner"], calm["manner"]) == ("competitive", "calm")
     assert calm["evacuation_time"]["mean"] > usual["evacuation_time"]["mean"]
     told = call("run room-v0 --n 8 --runs 2 --manner calm")
-    assert "room-v0, nsm2, calm: 8 people, 2 runs" in " ".join(told.output.split())
+    assert "room-v0: 8 people, nsm2, calm, 2 runs" in " ".join(told.output.split())
 
 
 def test_a_file_says_the_manner_unless_the_command_does(place):
