@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowd_env._kernels.jit import kernel
+from crowd_env.checks import POSITIVE, SHARE
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -20,9 +21,12 @@ Indices = NDArray[np.uint32]  # unsigned, because numba checks every signed inde
 # m/s; nobody is faster, whoever pushes: the fastest that anyone is known to have run is 12.4 (Bolt, 100 m, Berlin 2009).
 MAX_SPEED = 12.5
 
+# How people press on, and which values are allowed; nan = as in the manner of the run.
+MOTIVATION = {"time_gap": POSITIVE, "push": SHARE}
+
 
 class Bodies(NamedTuple):
-    """What does not change within an episode."""
+    """What does not change within an episode, but for time gap and push: see `Simulation.set_motivation`."""
 
     radius: Floats  # (P,)    m
     mass: Floats  # (P,)    kg
@@ -154,14 +158,8 @@ def check_bodies(bodies: Bodies) -> None:
         _require(name, getattr(bodies, name), positive=True)
     for name in ("desired_speed", "response_time"):
         _require(name, getattr(bodies, name), positive=False)
-    for name, most in (("time_gap", np.inf), ("push", 1.0)):  # nan = that of the manner
-        values = getattr(bodies, name)
-        bad = np.flatnonzero(
-            (values < 0.0) | (values > most) | np.isinf(values) | ((values == 0.0) & (name == "time_gap"))
-        )
-        if len(bad):
-            bound = "> 0" if name == "time_gap" else "between 0 and 1"
-            raise ValueError(f"{name} of pedestrian {bad[0]} is {values[bad[0]]:g}; it must be {bound}")
+    for name in MOTIVATION:
+        check_motivation(name, getattr(bodies, name))
     fastest = int(np.argmax(bodies.desired_speed))
     if bodies.desired_speed[fastest] > MAX_SPEED:
         speed = bodies.desired_speed[fastest]
@@ -173,6 +171,15 @@ def check_bodies(bodies: Bodies) -> None:
             f"bodies.env_start is {_short(start)}; it must ascend from 0 to the number of people, {count}, with at least one "
             "person in each environment"
         )
+
+
+def check_motivation(name: str, values: Floats) -> None:
+    """Raise ValueError unless everyone's time gap or push (N,) is one that is allowed; nan, that of the manner, is."""
+    allowed = MOTIVATION[name]
+    outside = (values <= allowed.low if allowed.above else values < allowed.low) | (values > allowed.high)
+    bad = np.flatnonzero(outside | np.isinf(values))
+    if len(bad):
+        raise ValueError(f"{name} of pedestrian {bad[0]} is {values[bad[0]]:g}; it must be {allowed}")
 
 
 def check_state(state: CrowdState, bodies: Bodies) -> None:

@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 from crowd_env import SCHEMES, make_scheme
 from crowd_env.cli.console import check_folder, friendly_errors, notes
 from crowd_env.files.json_file import write_json
-from crowd_env.physics.walking.headway import MANNERS, make_manner
+from crowd_env.headway import MANNERS, make_manner
 from validation.bits import ROOT, chosen, report
 from validation.bits_scenes import scenes
 from validation.cases import CASES

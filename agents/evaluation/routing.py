@@ -9,6 +9,7 @@ from agents.evaluation.evaluation import Evaluation, evaluate_driver
 from agents.rules import StrategyPolicy
 from crowd_env import Scenario
 from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.headway import plain_manner
 
 # What people do without a controller, by the strategy of `CrowdEnv`.
 STRATEGIES = {"nearest exit": "nearest", "shortest path": "shortest", "fastest path": "fastest"}
@@ -46,6 +47,7 @@ def evaluate_controller(
             dt=simulation.dt,
             decision_dt=sample_dt,
             threads=simulation.threads,
+            manner=plain_manner(simulation.manner),
             time_limit=float(one.env.time_limit[0]),
         )
     else:

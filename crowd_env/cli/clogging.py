@@ -16,6 +16,7 @@ from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_r
 from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
 from crowd_env.cli.console import (
     AsJson,
+    MannerName,
     Runs,
     Seed,
     check_folder,
@@ -24,10 +25,13 @@ from crowd_env.cli.console import (
     friendly_errors,
     interrupted,
     notes,
+    run_title,
+    with_manner,
     with_people,
 )
 from crowd_env.envs.rollout import Episode, RunsInterrupted
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.headway import plain_manner
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.scenarios import SCENARIOS
 from crowd_env.scenarios.population import Uniform
@@ -48,6 +52,7 @@ def clog(
         float | None, typer.Option(help="Desired speed of everyone in m/s; default the scenario's.")
     ] = None,
     n: Annotated[int | None, typer.Option(help="Number of people; default the scenario's.", min=1)] = None,
+    manner: MannerName = None,
     runs: Runs = 10,
     seed: Seed = 0,
     dt: Annotated[float | None, typer.Option(help="Physics step in s; default the scheme's.")] = None,
@@ -85,7 +90,7 @@ def clog(
             people: dict[str, Any] = {} if n is None else {"count": n}
             if speed is not None:
                 people["desired_speed"] = Uniform(speed, speed)
-            place = with_people(scenario or "lin-room-v0", people)
+            place = with_manner(with_people(scenario or "lin-room-v0", people), manner)
             contact = make_scheme(scheme)
             name = _name(place, contact)
             blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
@@ -98,7 +103,10 @@ def clog(
         }
         paths = [] if out is None else _write(out, found, sets, [episode.seed for episode in episodes], per_exit)
     if as_json:
-        typer.echo(json.dumps({"sets": [{"name": name, **each.as_json()} for name, each in found.items()]}))
+        rows = [{"name": name, "manner": None, **each.as_json()} for name, each in found.items()]
+        if episodes:  # the simulated runs are the first set
+            rows[0]["manner"] = plain_manner(place.manner_of_run())
+        typer.echo(json.dumps({"sets": rows}))
     else:
         _show(found)
     if paths:
@@ -122,7 +130,7 @@ def _recorded(paths: Sequence[Path]) -> dict[str, list[RunExits]]:
 def _name(place: Scenario, scheme: ContactScheme) -> str:
     speed = place.population.desired_speed
     range = f"{speed.low:g}" if speed.low == speed.high else f"{speed.low:g} to {speed.high:g}"
-    return f"{place.name}, {scheme.info.name}, {counted(place.population.count, 'person', 'people')}, {range} m/s"
+    return f"{run_title(place, scheme.info.name)}, {counted(place.population.count, 'person', 'people')}, {range} m/s"
 
 
 def _write(

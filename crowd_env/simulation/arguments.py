@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.checks import refuse
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import travel_time_field
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.workspace import Command
 from crowd_env.routing.replanning import Place
 from crowd_env.simulation.limits import check_stride
-from crowd_env.state import Bodies, Bools, Floats, Ints
+from crowd_env.state import Bodies, Bools, Floats, Ints, check_motivation
 
 
 def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable: bool = False) -> None:
@@ -102,6 +103,26 @@ def vectors(name: str, values: Floats, people: int) -> Floats:
         bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
         raise ValueError(f"{name} of pedestrian {bad[0]} is {array[bad[0]].tolist()}; it must be finite")
     return array
+
+
+def motivation_of(name: str, value: Any, people: int) -> Floats:
+    """Return the time gap or push of each of so many people: one number for all, or one each; nan = as in the manner.
+
+    Raises
+    ------
+    ValueError
+        If these are not so many numbers, or one is out of range.
+    """
+    form = f"one number, or an array of {people}"
+    try:
+        values = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        refuse(name, value, form)
+    if values.shape not in ((), (people,)):
+        refuse(name, value, form)
+    values = np.broadcast_to(values, (people,))
+    check_motivation(name, values)
+    return values
 
 
 def check_command(asked: Command, people: int) -> Command:

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.checks import shown
+from crowd_env.headway import Headway
 from crowd_env.physics.contacts import OF_A_CONTACT, Contacts, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.spatial_order import Order, SortedCrowd
-from crowd_env.physics.walking.headway import Headway
 from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, World
 from crowd_env.routing.door_schedule import DoorState
 from crowd_env.routing.replanning import PlannerState

@@ -1,6 +1,6 @@
 """A batch of crowds that walk, touch and leave.  No rewards, no agents: give it commands, advance it, read its arrays."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,13 +10,13 @@ from crowd_env.checks import known, whole
 from crowd_env.geometry.geometry import Geometry, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.geometry.wall_grid import make_wall_grid, no_wall_grid
+from crowd_env.headway import Manner, make_manner
 from crowd_env.navigation.field import NavigationField
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.contacts import rows_of
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.scheme import arrays_of
 from crowd_env.physics.spatial_order import SortedCrowd
-from crowd_env.physics.walking.headway import Headway, make_manner
 from crowd_env.physics.workspace import (
     Batch,
     Command,
@@ -38,6 +38,7 @@ from crowd_env.simulation.arguments import (
     check_routes,
     check_step,
     fields_of,
+    motivation_of,
     routes_of,
     vectors,
     which_geometry,
@@ -100,7 +101,7 @@ class Simulation:
         driving: bool = True,
         threads: int = 1,
         replan_every: float = 1.0,
-        manner: str | Mapping[str, Any] | Headway | None = None,
+        manner: Manner | None = None,
         allow_unstable: bool = False,
     ) -> None:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
@@ -327,6 +328,36 @@ class Simulation:
         self.state.route[people] = wanted
         self.history.followed[people] = wanted
         self.history.directions_known[e] = False
+
+    def set_motivation(
+        self, e: int, *, time_gap: Floats | float | None = None, push: Floats | float | None = None
+    ) -> None:
+        """Let the people in environment ``e`` keep another distance from now on, until the environment restarts.
+
+        It counts from everyone's next decision on, at most `Headway.interval` later.
+
+        Parameters
+        ----------
+        time_gap : s, one number for all or one each (N,); nan = that of the manner; None = as before.
+        push : share of the desired speed at which one presses on with no gap in front, as ``time_gap``.
+
+        Raises
+        ------
+        ValueError
+            If there is no such environment, a value is none that it can have, or people keep no distance at all.
+        """
+        people = self._people(e)
+        if self.manner is None:
+            raise ValueError(
+                "people walk at full speed here, whatever is in front: a motivation needs a manner of the simulation"
+            )
+        count = people.stop - people.start
+        given = {name: value for name, value in (("time_gap", time_gap), ("push", push)) if value is not None}
+        wanted = {name: motivation_of(name, value, count) for name, value in given.items()}
+        for name, values in wanted.items():
+            getattr(self.bodies, name)[people] = values
+        if self._sorted is not None:
+            self._sorted.gather_bodies(people)
 
     def contacts(self, e: int = 0) -> ContactList:
         """Return a copy of the contacts of environment ``e``."""

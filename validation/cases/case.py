@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import SCHEMES, Normal, Population, Uniform
-from crowd_env.physics.walking.headway import MANNERS, Headway
+from crowd_env.headway import MANNERS, Headway
 
 # Schemes that are compared by default; what papers print and this package does otherwise is for comparison with them.
 COMPARED = tuple(name for name in SCHEMES if name not in ("nsm2-printed", "hertz-literal"))

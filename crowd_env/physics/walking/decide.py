@@ -4,14 +4,12 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.wall_grid import free_path, is_hidden, walls_near
+from crowd_env.headway import HeadwayParams
 from crowd_env.physics.neighbors.lists import sort_into_cells
-from crowd_env.physics.walking.headway import HeadwayParams
 from crowd_env.physics.workspace import Batch
 
 _STILL = 0.02  # of the desired speed: slower counts as standing
-_SIDES = np.array(
-    [-0.13, 0.13, -0.27, 0.27, -0.58, 0.58]
-)  # tangents of 7, 15 and 30 degrees, to either side of the way
+_SIDES = np.array([-0.13, 0.13, -0.27, 0.27, -0.58, 0.58])  # tangents of 7, 15 and 30 degrees to either side
 _MOST_ASIDE = 2.0  # people never turn further from their way than atan 2 = 63 degrees
 
 

@@ -24,8 +24,8 @@ The numbers are fitted: time gap, widths and side steps were chosen on the gate,
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple, TypeAlias
 
 from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_table, known, refuse
 
@@ -77,10 +77,10 @@ class Headway:
         If a value is out of range.
     """
 
-    time_gap: float = 0.55
+    time_gap: float = 0.6
     push: float = 0.0
     width: float = 0.8
-    strength: float = 0.2
+    strength: float = 0.25
     length: float = 0.2
     oncoming: float = 8.0
     anticipation: float = 0.5
@@ -117,6 +117,9 @@ class Headway:
         return HeadwayParams(*(float(getattr(self, name)) for name in HeadwayParams._fields))
 
 
+Manner: TypeAlias = str | Mapping[str, Any] | Headway
+"""How callers say how people walk: a name in `MANNERS`, a table of the parameters of a `Headway`, or one."""
+
 # Name -> how people walk, by description: who behaves so is said before any comparison, and one set of numbers serves all.
 MANNERS: dict[str, Headway | None] = {
     "competitive": None,  # an emergency: full speed whatever is in front, as in the papers
@@ -125,7 +128,7 @@ MANNERS: dict[str, Headway | None] = {
 }
 
 
-def make_manner(manner: str | Mapping[str, Any] | Headway | None) -> Headway | None:
+def make_manner(manner: Manner | None) -> Headway | None:
     """Return the headway rule of a name in `MANNERS`, of plain data such as ``{"time_gap": 0.7}``, or that is given.
 
     Raises
@@ -140,3 +143,11 @@ def make_manner(manner: str | Mapping[str, Any] | Headway | None) -> Headway | N
     if manner is not None and not isinstance(manner, Headway):
         refuse("manner", manner, f"a Headway, a table of its parameters, None or one of {', '.join(MANNERS)}")
     return manner
+
+
+def plain_manner(headway: Headway | None) -> str | dict[str, float]:
+    """Return the name of a manner, or if it has none the table of its parameters; ready for JSON, and for `make_manner`."""
+    for name, known_headway in MANNERS.items():
+        if headway == known_headway:
+            return name
+    return asdict(headway)  # type: ignore[arg-type]  # None has a name
