@@ -107,8 +107,10 @@ def test_a_zipper_lets_two_streams_through_a_door_in_turn():
 
 
 def crowd(policy, steps=25):
-    """Return people in two halls, walking: their environment and observation."""
-    return observed(policy, hall(40, speed=1.6), steps, seeds=(3, 4))
+    """Return the environment and observation of people who have walked into a jam at a door, in two halls."""
+    env = CrowdEnv(hall(40, speed=1.6), num_envs=2, **policy.env_options)
+    env.reset([3, 4])
+    return env, [env.step(None).observation for _ in range(steps)][-1]
 
 
 def one_by_one(env, decide):
