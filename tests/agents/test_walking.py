@@ -4,12 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from evaluations import call, hall
+from evaluations import call, hall, run
 from repository import ROOT
 
 from agents import POLICIES, DensityCap, Follow, HeadwayRule, RuleAtShare, Zipper
 from agents.drivers import PolicyDriver, best_share
+from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import evaluate
+from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.surroundings import MOST_AHEAD, remaining_way
 from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.envs.rollout import run_episodes
@@ -66,8 +68,8 @@ def test_the_first_of_a_row_walks_freely_and_the_others_do_not_walk_into_it(poli
     _, action = decided(policy, scenario)
     np.testing.assert_allclose(action[0], [1.0, 0.0], atol=1e-6)
     assert (action[1:, 0] < 0.3).all()
-    run = evaluate(policy, scenario, runs=1)
-    assert np.argsort(run.exit_times[0]).tolist() == list(range(6)) and run.column("contact_impulse")[0] == 0.0
+    result = evaluate(policy, scenario, runs=1)
+    assert np.argsort(result.exit_times[0]).tolist() == list(range(6)) and result.column("contact_impulse")[0] == 0.0
 
 
 def test_who_sees_a_large_gap_walks_at_gap_over_time_gap():
@@ -282,3 +284,13 @@ def test_the_example_of_a_competitive_door_is_the_room_of_lin():
     np.testing.assert_array_equal(ours.simulation.state.position, lin.simulation.state.position)
     assert ours.time_limit == lin.time_limit
     assert ours.scenarios[0].blocked_after == lin.scenarios[0].blocked_after
+
+
+def test_a_kept_result_holds_the_share_that_was_found(tmp_path):
+    place = hall(3)
+    (entry,) = make_entries(["rule-best-speed"], place)
+    result = run("rule-best-speed", place, runs=1)
+    folder = EvaluationFolder(tmp_path / "kept", settings_of(place, 1, 0))
+    folder.save(entry, "nsm2", result)
+    kept = folder.load(entry, "nsm2")
+    assert kept.row() == result.row() and kept.constants == result.constants != {}
