@@ -21,7 +21,7 @@ from crowd_env.cli.console import MannerName, friendly_errors, notes, progress_b
 from crowd_env.files.json_file import write_json
 from crowd_env.rendering.libraries import require_libraries
 
-_POLICIES, _SCHEMES = "--policies", "--schemes"
+_POLICIES, _POLICY, _SCHEMES = "--policies", "--policy", "--schemes"
 
 
 class _ListsOfNames(TyperCommand):
@@ -37,7 +37,7 @@ def _one_by_one(arguments: Sequence[str]) -> list[str]:
     option = None
     for argument in arguments:
         if argument.startswith("--"):
-            option = argument if argument in (_POLICIES, _SCHEMES) else None
+            option = argument if argument in (_POLICIES, _POLICY, _SCHEMES) else None
         elif option is not None and found[-1] != option:
             found.append(option)
         found.append(argument)
@@ -129,11 +129,13 @@ def main(
         list[str],
         typer.Option(
             _POLICIES,
+            _POLICY,
             metavar="POLICY ...",
             show_default="shortest fastest",
             help="shortest, nearest, fastest, comfortable; the name of a route or exit; rules: the shortest path with the "
-            "scenario's control rules in force, which are off for all others; random, stand-still; or a learned network "
-            "(.npz).  The others are compared with the first.",
+            "scenario's control rules in force, which are off for all others; random, stand-still; rules of walking: "
+            "rule-best-speed, density-cap, headway, follow, zipper; or a learned network (.npz).  The others are compared "
+            "with the first.",
         ),
     ] = ["shortest", "fastest"],  # noqa: B006  (typer copies it)
     schemes: Annotated[

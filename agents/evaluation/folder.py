@@ -104,6 +104,7 @@ class EvaluationFolder:
             "time_limit": result.time_limit,
             "exit_names": result.exit_names,
             "origin": measured.grid.origin,
+            "constants": result.constants,
         }
         arrays = {name: getattr(measured, name) for name in _ARRAYS} | {
             "episodes": np.array(result.episodes, dtype=np.float64),
@@ -186,8 +187,17 @@ def _evaluation(policy: str, scheme: str, kept: dict[str, np.ndarray], facts: di
     grid = Grid(tuple(facts["origin"]), kept["maps"].shape[1:])
     of_runs: dict[str, Any] = {name: kept[name] for name in _ARRAYS} | {name: facts[name] for name in _NUMBERS}
     measured = Measured(maps=Maps(*kept["maps"]), grid=grid, **of_runs)
-    times, limit = list(kept["exit_times"]), facts["time_limit"]
-    return Evaluation(policy, scheme, episodes, times, kept["ended"], limit, tuple(facts["exit_names"]), measured)
+    return Evaluation(
+        policy,
+        scheme,
+        episodes,
+        list(kept["exit_times"]),
+        kept["ended"],
+        facts["time_limit"],
+        tuple(facts["exit_names"]),
+        measured,
+        facts["constants"],
+    )
 
 
 def _curves(results: Sequence[Evaluation]) -> dict[str, list[np.ndarray]]:
