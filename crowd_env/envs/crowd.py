@@ -80,6 +80,8 @@ class CrowdEnv:
         `Scenario.route_set`.
     manner : how people walk before they touch: a name in ``MANNERS``, a Headway, or a table of its parameters.  It is that of
         everyone, whoever leads them: an action then says what one would do with nobody in front.
+    max_drive : N, the largest force with which a person drives forwards, by default as large as the papers make it (up to
+        2 kN); see `Simulation`.
     scenario_options : options of the scenario if it is given by name.
 
     Raises
@@ -114,6 +116,7 @@ class CrowdEnv:
         strategy: str = "shortest",
         rules: bool = True,
         manner: str | Mapping[str, Any] | Headway | None = None,
+        max_drive: float | None = None,
         **scenario_options: Any,
     ) -> None:
         num_envs, threads = whole("num_envs", num_envs, COUNT), whole("threads", threads, _THREADS)
@@ -158,6 +161,7 @@ class CrowdEnv:
             geometry_of_env=which,
             threads=threads,
             manner=manner,
+            max_drive=max_drive,
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
         self._ahead = allocate_route_ahead(people)  # the observer writes it, the reward reads its potential

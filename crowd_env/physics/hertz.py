@@ -268,7 +268,7 @@ def _find_forces(
 ) -> None:
     """Write all forces and torques at the present positions (eqs 1-6)."""
     steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
-    regular_forces(e, rank_stop, batch, acting.social, acting.walking)
+    regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive)
     _clear_torques(e, batch)
     _add_contact_forces(e, batch, dt, elapsed, params)
 
