@@ -177,7 +177,7 @@ def test_the_command_prints_a_table(data):
     [
         (["gate", "--schemes", "magic"], "unknown contact scheme"),
         (["--schemes", "magic"], "unknown contact scheme"),
-        (["nowhere"], "unknown case 'nowhere'; known: gate, halls, great-halls"),
+        (["nowhere"], "unknown case 'nowhere'; known: frozen, gate, halls, great-halls"),
         (["gate"], "name their folder by --data"),
         (["gate", "--out", __file__], "is not a folder"),
     ],
