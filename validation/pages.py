@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from crowd_env.files.atomic import write_text
 from crowd_env.files.json_file import read_json
-from validation import map_tables, reproduced, tables
+from validation import blocked, map_tables, reproduced, tables
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -162,6 +162,13 @@ TABLES: dict[str, Table] = {
         made_by="python -m validation halls great-halls --out DIR",
     ),
     "clogging": Table("docs/clogging.md", ("desired speed, m/s", *_GAPS), tables.clogging, tables.clogging_note),
+    "frozen": Table(
+        "docs/clogging.md",
+        blocked.HEAD,
+        blocked.frozen,
+        blocked.frozen_note,
+        made_by="python -m validation frozen --out DIR",
+    ),
     "forces": Table("docs/clogging.md", (), lambda _: [], tables.forces_note),
     "strategies": Table(
         "docs/routing.md",

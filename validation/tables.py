@@ -124,7 +124,8 @@ def clogging(source: "Sources") -> Cells:
                 "–" if later is None else f"{later:.2f}",
                 f"{_signed(tail['ratio'], 1)} (p = {tail['p']:.2g})",
             ]
-        blocked = f"{found['blocked_runs']} of {found['runs']}"
+        low, high = (100.0 * bound for bound in found["blocked_share"]["ci95"])
+        blocked = f"{found['blocked_runs']} of {found['runs']} ({low:.0f} to {high:.0f} %)"
         rows.append([speed, str(gaps["count"]), f"{gaps['mean']:.2f}", f"{gaps['cv']:.2f}", *cells, blocked])
     return rows
 

@@ -29,7 +29,7 @@ from crowd_env.cli.console import (
     with_manner,
     with_people,
 )
-from crowd_env.envs.rollout import Episode, RunsInterrupted
+from crowd_env.envs.rollout import Episode, RunsInterrupted, share
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.headway import plain_manner
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
@@ -103,7 +103,7 @@ def clog(
         }
         paths = [] if out is None else _write(out, found, sets, [episode.seed for episode in episodes], per_exit)
     if as_json:
-        rows = [{"name": name, "manner": None, **each.as_json()} for name, each in found.items()]
+        rows = [{"name": name, "manner": None, **_figures(each)} for name, each in found.items()]
         if episodes:  # the simulated runs are the first set
             rows[0]["manner"] = plain_manner(place.manner_of_run())
         typer.echo(json.dumps({"sets": rows}))
@@ -163,15 +163,20 @@ def _show(found: dict[str, Clogging]) -> None:
         table.add_column(name, justify="right")
         columns.append(_cells(each))
     for row, label in enumerate(columns[0]):
-        table.add_row(label, *(column[label] for column in columns), end_section=row in (2, 8, 11))
+        table.add_row(label, *(column[label] for column in columns), end_section=row in (3, 9, 12))
     console.print(table)
     for name, each in found.items():
         console.print(f"* {name}: {each.statement()}." if len(found) > 1 else f"{each.statement()}.", markup=False)
 
 
+def _figures(found: Clogging) -> dict[str, Any]:
+    """Return the figures ready for JSON, with Wilson's interval of the share of blocked runs."""
+    return {**found.as_json(), "blocked_share": share(found.blocked, found.runs)}
+
+
 def _cells(found: Clogging) -> dict[str, str]:
     """Return the rows of the table."""
-    figures = found.as_json()
+    figures = _figures(found)
     gaps, bursts, tail = figures["gaps"], figures["bursts"], figures["tail"] or {}
 
     def number(value: float | None, unit: str = "", digits: int = 2) -> str:
@@ -182,6 +187,9 @@ def _cells(found: Clogging) -> dict[str, str]:
     return {
         "runs": str(found.runs),
         "  unfinished, of these blocked": f"{found.unfinished}, {found.blocked}",
+        "  share blocked, 95 %": "{:.0f} to {:.0f} %".format(
+            *(100.0 * bound for bound in figures["blocked_share"]["ci95"])
+        ),
         "people out": str(found.exits),
         "gaps": str(gaps["count"]),
         "  mean": number(gaps["mean"], " s"),

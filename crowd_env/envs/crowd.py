@@ -83,6 +83,8 @@ class CrowdEnv:
         the scenario says, and if that says nothing at full speed whatever is in front of them.
     manner_for : whom the manner acts on.  "everyone": also those who have an action, which then says what one would do with
         nobody in front.  "ruled": only those whom the rule leads; the others walk as their action says.
+    max_drive : N, the largest force with which a person drives forwards, by default as large as the papers make it (up to
+        2 kN); see `Simulation`.
     scenario_options : options of the scenario if it is given by name.
 
     Raises
@@ -118,6 +120,7 @@ class CrowdEnv:
         rules: bool = True,
         manner: Manner | None = None,
         manner_for: ActsOn = "everyone",
+        max_drive: float | None = None,
         **scenario_options: Any,
     ) -> None:
         num_envs, threads = whole("num_envs", num_envs, COUNT), whole("threads", threads, _THREADS)
@@ -164,6 +167,7 @@ class CrowdEnv:
             geometry_of_env=which,
             threads=threads,
             manner=one_manner(self.scenarios, manner),
+            max_drive=max_drive,
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
         self._ahead = allocate_route_ahead(people)  # the observer writes it, the reward reads its potential

@@ -264,7 +264,7 @@ def _advance_range(
             for row in range(row_start, row_stop, team):
                 # Motion: the springs that reach from slab to slab, then velocities, positions, bounds and sums of impulses.
                 is_touched = _receive_forces(e, row, batch)
-                move_slab(e, row, batch, dt, is_touched)
+                move_slab(e, row, batch, dt, is_touched, acting.max_drive)
             wait_for_all(partition.barrier, team)
             if thread == 0:
                 # Diagnostics: the sums of all slabs; whether someone has gone too far.

@@ -43,6 +43,7 @@ class Control(NamedTuple):
     gives_way: Bools  # (P,)    keeps the headway, where people keep any
     headway: HeadwayParams
     keeps_headway: bool
+    max_drive: float  # N  largest driving force of a person; infinite = no limit
     driving: bool  # pedestrians (eq 11) or passive grains
     bounded: bool  # nobody is too fast, goes too far in a step, or through a wall: see `crowd_env.physics.bounds`
 
@@ -177,7 +178,13 @@ class Batch(NamedTuple):
     workspace: Workspace
 
 
-def allocate_control(people: int, driving: bool, bounded: bool = True, headway: Headway | None = None) -> Control:
+def allocate_control(
+    people: int,
+    driving: bool,
+    bounded: bool = True,
+    headway: Headway | None = None,
+    max_drive: float | None = None,
+) -> Control:
     """Return room for what is asked of so many people."""
     return Control(
         np.zeros((people, 2)),
@@ -186,6 +193,7 @@ def allocate_control(people: int, driving: bool, bounded: bool = True, headway: 
         np.ones(people, dtype=np.bool_),
         (headway or Headway()).params(),
         headway is not None,
+        np.inf if max_drive is None else max_drive,
         driving,
         bounded,
     )

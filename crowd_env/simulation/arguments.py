@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.checks import refuse
+from crowd_env.checks import POSITIVE, number, refuse
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import travel_time_field
 from crowd_env.physics.scheme import ContactScheme
@@ -27,6 +27,21 @@ def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable:
         )
     if not allow_unstable:
         check_stride(bodies, dt)
+
+
+def check_drive(max_drive: Any, driving: bool) -> float | None:
+    """Return the largest driving force [N] of a person, None = no limit.
+
+    Raises
+    ------
+    ValueError
+        If it is not positive, or nobody drives.
+    """
+    if max_drive is None:
+        return None
+    if not driving:
+        raise ValueError(f"max_drive is {max_drive!r} N, but passive grains (driving=False) have no drive to limit")
+    return number("max_drive", max_drive, POSITIVE, "N")
 
 
 def routes_of(route: Any, known: Ints) -> Ints:

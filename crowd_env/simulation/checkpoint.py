@@ -95,6 +95,7 @@ def require_checkpoint(checkpoint: Any, kind: type, of: str) -> None:
 def made_by(
     scheme: ContactScheme,
     manner: Headway | None,
+    max_drive: float | None,
     dt: float,
     driving: bool,
     replan_every: float,
@@ -105,6 +106,7 @@ def made_by(
     return {
         "scheme": scheme,
         "manner": manner,
+        "max_drive": max_drive,
         "dt": dt,
         "driving": driving,
         "replan_every": replan_every,

@@ -35,6 +35,7 @@ from crowd_env.routing.replanning import RoutePlanner
 from crowd_env.routing.route_set import RouteSet
 from crowd_env.simulation.arguments import (
     check_command,
+    check_drive,
     check_routes,
     check_step,
     fields_of,
@@ -78,6 +79,8 @@ class Simulation:
         depend on it.
     manner : how people walk before they touch: a name in ``MANNERS``, a Headway, or a table of its parameters; by default they
         walk at full speed whatever is in front of them.
+    max_drive : N, largest driving force of a person, as a push that one can go on exerting; None = as large as the papers
+        make it, m v_d / tau.  See `crowd_env.physics.driving_force`; `nsm1`, which has no such force, refuses it.
     allow_unstable : accept a ``dt`` above the scheme's stable step, and let everyone go as fast, as far in a step and through
         whatever the contact law alone allows (to show what happens); else see `crowd_env.physics.bounds`.
 
@@ -102,6 +105,7 @@ class Simulation:
         threads: int = 1,
         replan_every: float = 1.0,
         manner: Manner | None = None,
+        max_drive: float | None = None,
         allow_unstable: bool = False,
     ) -> None:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
@@ -113,7 +117,8 @@ class Simulation:
         self.driving, self.allow_unstable = driving, allow_unstable
         self.manner = headway = make_manner(manner)
         self.threads = whole("threads", threads)
-        self.scheme.check(driving)
+        self.max_drive = check_drive(max_drive, driving)
+        self.scheme.check(driving, self.max_drive)
         check_step(self.scheme, bodies, dt, allow_unstable)
         self.fields = fields_of(self.geometries, fields, bodies)
         environments = len(state.time)
@@ -142,7 +147,7 @@ class Simulation:
         # alone, whatever the contacts say.  Nobody should be.
         self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
-        control = allocate_control(len(bodies.radius), driving, not allow_unstable, headway)
+        control = allocate_control(len(bodies.radius), driving, not allow_unstable, headway, self.max_drive)
         batch = Batch(self.world, bodies, state, control, self.results, self.history, self.workspace)
         self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
         self._stepper = Stepper(self.scheme, batch, self._sorted, self.threads)
@@ -272,10 +277,15 @@ class Simulation:
         self.escaped[people] = False
         self.planner.update(self.bodies, self.state, only=e)
 
+    def _made_by(self) -> dict[str, Any]:
+        """Return what a simulation must have in common with this one to take up a checkpoint of it."""
+        chosen = self.scheme, self.manner, self.max_drive, self.dt, self.driving, self.planner.interval
+        return made_by(*chosen, self.bodies, self.world)
+
     def checkpoint(self) -> Checkpoint:
         """Return a copy of all that the future depends on, to `restore` here, or in a simulation made like this one."""
         return Checkpoint(
-            made_by(self.scheme, self.manner, self.dt, self.driving, self.planner.interval, self.bodies, self.world),
+            self._made_by(),
             Bodies._make(array.copy() for array in self.bodies),
             self.state.copy(),
             save_history(self.history, self.workspace.neighbors),
@@ -300,8 +310,7 @@ class Simulation:
             If the checkpoint is of a simulation of other people, places, scheme or steps.
         """
         require_checkpoint(checkpoint, Checkpoint, "a simulation")
-        here = made_by(self.scheme, self.manner, self.dt, self.driving, self.planner.interval, self.bodies, self.world)
-        require_same(here, checkpoint.made_by)
+        require_same(self._made_by(), checkpoint.made_by)
         while not has_room(self.workspace, checkpoint.history):
             self._stepper.grow()
         load_history(self.history, self.workspace, checkpoint.history)

@@ -59,6 +59,7 @@ KEYS = {
     "exits": None,
     "unfinished_runs": None,
     "blocked_runs": None,
+    "blocked_share": {"mean", "ci95"},
     "gaps": {"count", "mean", "cv", "q90", "max", "open", "longest_open"},
     "bursts": {"pause", "count", "mean_size", "max_size", "sizes"},
     "tail": {"alpha", "error", "x_min", "n", "distance", "rate", "ratio", "p", "alpha_open"},
@@ -111,6 +112,7 @@ def test_the_command_prints_a_table_and_sets_side_by_side(tmp_path):
     for words in ("room-v0, dem, 3 people, 1.5 m/s", "sheep.csv", "± ", "no exponent: 8 gaps", "diverges", "bursts"):
         assert words in " ".join(result.stdout.split()), words
     assert "nan" not in result.stdout
+    assert "share blocked, 95 % 0 to 49 % 0 to 79 %" in " ".join(result.stdout.split())  # none of 4 runs, none of 1
 
 
 @needs_powerlaw

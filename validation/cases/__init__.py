@@ -7,6 +7,7 @@ from validation.cases import (
     crossing,
     doors,
     faster,
+    frozen,
     gate,
     gate_figure,
     halls,
@@ -24,6 +25,7 @@ CASES = {
     "crossing": Case("people of two rooms change places through a corridor", crossing.run, crossing.SOURCE),
     "corner": Case("corner of a corridor of 2.4 m, ever denser", corner.run, corner.SOURCE),
     "faster": Case("door of 0.8 m, by desired speed, push and friction", faster.run, faster.SOURCE, draws=5),
+    "frozen": Case(frozen.TITLE, frozen.run, frozen.SOURCE, draws=10, manners=("competitive",)),
     "standards": Case("tests of RiMEA, ISO, NIST and IMO", standards.run, standards.SOURCE, draws=5),
     "halls": Case(
         "500 or 1000 people leave a crowded hall by one door, until all are out or nobody was for 30 s",

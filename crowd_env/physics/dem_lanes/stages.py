@@ -6,6 +6,7 @@ from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.physics.bounds import MARGIN, slide, speed_limit, stop_at_walls
 from crowd_env.physics.dem_lanes.buffers import (
     FAR_AWAY,
+    SoABuffers,
     add_impulse,
     count_too_far,
     integrate_free,
@@ -25,7 +26,7 @@ from crowd_env.physics.dem_lanes.partition import (
     SLABS,
     TOO_FAR,
 )
-from crowd_env.physics.driving_force import desired_velocity
+from crowd_env.physics.driving_force import desired_velocity, limited
 from crowd_env.physics.exits import mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
 from crowd_env.physics.social_force import SocialParams, add_social_forces
@@ -128,12 +129,14 @@ def regular_forces(
 
 
 @inner_kernel
-def move_slab(e: int, row: int, batch: Batch, dt: float, is_touched: bool) -> None:
+def move_slab(e: int, row: int, batch: Batch, dt: float, is_touched: bool, max_drive: float | None) -> None:
     """Advance velocities, then positions, of one slab by symplectic Euler (eq 3), within the bounds of speed and of walls."""
     soa, partition, near = batch.workspace.soa, batch.workspace.partition, batch.workspace.neighbors
     begin, end, found = partition.slot_start[row], partition.slot_stop[row], partition.found
     vx, vy, inv_mass, inv_tau = soa.vx, soa.vy, soa.inv_mass, soa.inv_tau
-    if is_touched or partition.has_regular_force[e]:
+    if max_drive is not None:
+        _integrate_limited(begin, end, dt, soa, max_drive)
+    elif is_touched or partition.has_regular_force[e]:
         integrate_velocity(begin, end, dt, soa.fx, soa.regular_fx, inv_mass, soa.desired_vx, inv_tau, vx)
         integrate_velocity(begin, end, dt, soa.fy, soa.regular_fy, inv_mass, soa.desired_vy, inv_tau, vy)
     else:
@@ -150,6 +153,18 @@ def move_slab(e: int, row: int, batch: Batch, dt: float, is_touched: bool) -> No
         add_impulse(begin, end, dt, soa.fy, soa.impulse_y)
         add_impulse(begin, end, dt, soa.force_magnitude, soa.impulse_magnitude)
     found[row, TOO_FAR] = count_too_far(begin, end, soa, near)
+
+
+@inner_kernel
+def _integrate_limited(slot_begin: int, slot_end: int, dt: float, soa: SoABuffers, max_drive: float) -> None:
+    """Advance the velocity by  v += h ((g + f) / m + a),  a = (v_d - v) / tau cut to the length ``max_drive`` / m."""
+    vx, vy, fx, fy, regular_fx, regular_fy = soa.vx, soa.vy, soa.fx, soa.fy, soa.regular_fx, soa.regular_fy
+    desired_vx, desired_vy, inv_tau, inv_mass = soa.desired_vx, soa.desired_vy, soa.inv_tau, soa.inv_mass
+    for i in range(index(slot_begin), index(slot_end)):
+        ax, ay = (desired_vx[i] - vx[i]) * inv_tau[i], (desired_vy[i] - vy[i]) * inv_tau[i]
+        ax, ay = limited(ax, ay, max_drive * inv_mass[i])
+        vx[i] += dt * ((fx[i] + regular_fx[i]) * inv_mass[i] + ax)
+        vy[i] += dt * ((fy[i] + regular_fy[i]) * inv_mass[i] + ay)
 
 
 @inner_kernel
