@@ -57,8 +57,8 @@ def onset(speeds: tuple[float, ...], shares: list[float]) -> float | None:
 
 TITLE = f"{PEOPLE} people leave a room of 15 x 15 m through an exit of 1 m, or block it"
 CRITERION = (
-    f"half of the draws block between {SPEEDS[0]:g} and {SPEEDS[-1]:g} times v* = 2 phi A tau / m, whatever the friction of people "
-    "and the social force; the shares are of all draws, with Wilson's 95 % interval"
+    f"half of the draws block between {SPEEDS[0]:g} and {SPEEDS[-1]:g} times v* = 2 phi A tau / m, whatever the friction of "
+    "people and the social force; the shares are of all draws, with Wilson's 95 % interval"
 )
 SOURCE = (
     "Lin, Ma, Lo, Chinese Physics B 25 (2016) 034501, Figure 7; the balance of forces in validation/cases/frozen.py"
@@ -66,7 +66,7 @@ SOURCE = (
 
 
 def run(setting: Setting) -> Iterable[Row]:
-    """Yield a row a variant: the share of blocked draws at every speed, and where it passes one half; `hertz` alone has them."""
+    """Yield a row a variant: the share of blocked draws at every speed, and where it passes one half; for `hertz` alone."""
     if setting.scheme == "hertz" and setting.manner == "competitive":
         yield from _rows(setting)
 
