@@ -100,6 +100,16 @@ def halls(source: "Sources") -> Cells:
     return rows
 
 
+def jambs(source: "Sources") -> Cells:
+    """One row a scheme and manner: of how many draws the door was stuck, door by door and radius by radius."""
+    rows: dict[tuple[str, str], list[str]] = {}
+    for row in source.read("jambs.json")["rows"]:
+        figure = row["figure"]
+        stuck = [str(value) for name, value in figure.items() if name.startswith("stuck")]
+        rows.setdefault((row["scheme"], figure["manner"]), []).append(", ".join(stuck))
+    return [[f"`{scheme}`", manner, *cells] for (scheme, manner), cells in rows.items()]
+
+
 # -------------------------------------------------------------------------------------------------------------- clogging
 
 _CLOGGING_SPEEDS = ("1.0", "1.5", "1.8")

@@ -1,7 +1,6 @@
 """Narrow doors with sharp and with round jambs: how often is a door stuck for good?
 
-Twenty people of 0.2 to 0.25 m leave a room of 5 m by a door hardly wider than two of them.  On a point jamb a body that leans
-on it and on another can rest for ever without any friction; an arc lets it roll off.
+Twenty people of 0.2 to 0.25 m leave a room of 5 m by a door hardly wider than two of them.
 """
 
 from collections.abc import Iterator
