@@ -121,9 +121,8 @@ def round_jambs(
     cut = radius * np.tan(0.5 * turn)
     jutting = cut > SLIVER
     joints, turn, cut = joints[jutting], turn[jutting], cut[jutting]
-    taken = np.zeros(2 * len(walls))
-    taken[joints] = cut[:, None]
-    taken = taken.reshape(-1, 2)
+    taken = np.zeros((len(walls), 2))
+    taken[joints // 2, joints % 2] = cut[:, None]
     corner = ends[joints[:, 0]]
     before, behind = along[joints[:, 0] // 2], along[joints[:, 1] // 2]
     inwards = np.column_stack([before[:, 1], -before[:, 0]])

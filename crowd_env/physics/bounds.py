@@ -136,7 +136,7 @@ def stop_at_walls(
 
     The first wall, or round jamb, is slid along; a second one ends the path.  A normal of zero: no wall was met.
     """
-    part, met, nx, ny = 2.0, -1, 0.0, 0.0
+    part, met, nx, ny = 2.0, np.int64(-1), 0.0, 0.0
     for entry in range(begin, stop):
         k = np.int64(partner[entry])
         share, ax, ay = _crossing(boundary, g, k, x0, y0, x1, y1)
