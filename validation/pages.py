@@ -161,6 +161,12 @@ TABLES: dict[str, Table] = {
         tables.halls,
         made_by="python -m validation halls great-halls --out DIR",
     ),
+    "jambs": Table(
+        "docs/physics.md",
+        ("scheme", "manner", "door of 0.5 m", "door of 0.6 m", "door of 0.8 m"),
+        tables.jambs,
+        made_by="python -m validation jambs --out DIR",
+    ),
     "clogging": Table("docs/clogging.md", ("desired speed, m/s", *_GAPS), tables.clogging, tables.clogging_note),
     "frozen": Table(
         "docs/clogging.md",

@@ -100,6 +100,15 @@ def halls(source: "Sources") -> Cells:
     return rows
 
 
+def jambs(source: "Sources") -> Cells:
+    """One row a scheme and manner: of how many draws the door was stuck, door by door and radius by radius."""
+    rows: dict[tuple[str, str], list[str]] = {}
+    for row in source.read("jambs.json")["rows"]:
+        stuck = [str(value) for name, value in row["more"].items() if name.startswith("stuck")]
+        rows.setdefault((row["scheme"], row["manner"]), []).append(", ".join(stuck))
+    return [[f"`{scheme}`", manner, *cells] for (scheme, manner), cells in rows.items()]
+
+
 # -------------------------------------------------------------------------------------------------------------- clogging
 
 _CLOGGING_SPEEDS = ("1.0", "1.5", "1.8")

@@ -11,6 +11,7 @@ from validation.cases import (
     gate,
     gate_figure,
     halls,
+    jambs,
     ring,
     standards,
 )
@@ -26,6 +27,7 @@ CASES = {
     "corner": Case("corner of a corridor of 2.4 m, ever denser", corner.run, corner.SOURCE),
     "faster": Case("door of 0.8 m, by desired speed, push and friction", faster.run, faster.SOURCE, draws=5),
     "frozen": Case(frozen.TITLE, frozen.run, frozen.SOURCE, draws=10, manners=("competitive",)),
+    "jambs": Case(jambs.TITLE, jambs.run, jambs.SOURCE, manners=("competitive", "hurried")),
     "standards": Case("tests of RiMEA, ISO, NIST and IMO", standards.run, standards.SOURCE, draws=5),
     "halls": Case(
         "500 or 1000 people leave a crowded hall by one door, until all are out or nobody was for 30 s",
