@@ -8,6 +8,7 @@ from shapely.geometry import box
 
 import crowd_env.geometry.wall_grid
 from crowd_env import Geometry
+from crowd_env._kernels.jit import kernel
 from crowd_env.geometry.geometry import join_boundaries
 from crowd_env.geometry.wall_grid import is_hidden, make_wall_grid, no_wall_grid, walls_near
 
@@ -24,11 +25,23 @@ HALL = Geometry.from_polygon(
 )
 
 
+@kernel
+def near_to(grid, g, x, y):
+    """Return the first entry of the walls near a point, and one past the last."""
+    return walls_near(grid, g, x, y)
+
+
+@kernel
+def hides(grid, g, wall, wall_door, door_open, x, y, dx, dy):
+    """Return whether a wall of geometry ``g`` stands between (x, y) and the point (dx, dy) from there."""
+    first, stop = walls_near(grid, g, x, y)
+    return is_hidden(grid, first, stop, wall, wall_door, door_open, x, y, dx, dy)
+
+
 def hidden(grid, boundary, g, here, there, door_open=()):
-    """Return whether the grid says that a wall of geometry ``g`` stands between two points."""
-    first, stop = walls_near(grid, g, *here)
+    """Return whether a wall of geometry ``g`` stands between two points."""
     stands_open = np.array(door_open, dtype=np.bool_)
-    return is_hidden(grid, first, stop, boundary.wall, boundary.wall_door, stands_open, *here, *(there - here))
+    return hides(grid, g, boundary.wall, boundary.wall_door, stands_open, *here, *(there - here))
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +60,7 @@ def test_all_walls_near_a_place_are_listed_wherever_it_is(plans, cells, monkeypa
         low, high = np.array(place.bounds).reshape(2, 2)
         for point in rng.uniform(np.maximum(low, -20) - 1.0, np.minimum(high, 20) + 1.0, (60, 2)):
             near = np.flatnonzero(shapely.distance(lines, shapely.Point(point)) < REACH)
-            start, stop = walls_near(grid, g, *point)
+            start, stop = near_to(grid, g, *point)
             listed = grid.wall[start:stop]
             assert set(near + first) <= set(listed.tolist())
             assert len(set(listed.tolist())) == len(listed)
@@ -87,5 +100,5 @@ def test_a_door_hides_only_while_it_is_closed():
 
 def test_where_nobody_keeps_a_distance_there_are_no_cells():
     grid = no_wall_grid(2)
-    assert walls_near(grid, 1, 0.0, 0.0) == (0, 0)
+    assert near_to(grid, 1, 0.0, 0.0) == (0, 0)
     assert len(grid.wall) == 0
