@@ -3,15 +3,16 @@
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.geometry.wall_grid import WallGrid, is_hidden, walls_near
+from crowd_env.geometry.wall_grid import free_path, is_hidden, walls_near
 from crowd_env.physics.neighbors.lists import first_cell
 from crowd_env.physics.walking.around import FARTHEST, look_around
 from crowd_env.physics.walking.headway import HeadwayParams
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import Floats
 
 _STILL = 0.02  # of the desired speed: slower counts as standing
-_FAN = np.array([0.0, -0.27, 0.27, -0.58, 0.58, -1.0, 1.0])
+_SIDES = np.array(
+    [-0.13, 0.13, -0.27, 0.27, -0.58, 0.58]
+)  # tangents of 7, 15 and 30 degrees, to either side of the way
 _MOST_ASIDE = 2.0  # people never turn further from their way than atan 2 = 63 degrees
 
 
@@ -59,13 +60,11 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params
     u, v = velocity[i, 0], velocity[i, 1]
     push = _impatient(i, u, v, speed, push, batch, params)
     count, aside = _look(e, i, cell, seen_start, batch, params)
-    if params.detour >= 0.0:
-        aside += _choose(e, i, seen_start, seen_start + count, time_gap, speed, batch, params)
-    aside *= 1.0 - push
-    aside = min(max(aside, -_MOST_ASIDE), _MOST_ASIDE)
+    aside += _overtake(e, i, seen_start, seen_start + count, time_gap, speed, batch, params)
+    aside = min(max((1.0 - push) * aside, -_MOST_ASIDE), _MOST_ASIDE)
     per_size = 1.0 / np.sqrt(1.0 + aside * aside)
     ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
-    gap = _gap_ahead(i, seen_start, seen_start + count, ex, ey, batch, params.width)
+    gap, _ = _gap_ahead(i, seen_start, seen_start + count, ex, ey, batch, params.width)
     size = min(max(gap / time_gap, push * speed), speed)
     walking[i, 0], walking[i, 1] = size * ex, size * ey
 
@@ -130,68 +129,41 @@ def _look(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: Head
 
 
 @inner_kernel
-def _choose(
+def _overtake(
     e: int, i: int, slot_start: int, slot_stop: int, time_gap: float, speed: float, batch: Batch, params: HeadwayParams
 ) -> float:
-    """Return how far to step aside, of the way, to get on fastest: straight ahead unless it gains more than `detour`."""
-    walkers, world, g = batch.workspace.walkers, batch.world, batch.world.geometry_of_env[e]
-    position, r = batch.state.position, batch.bodies.radius[i]
+    """Return how far to step aside, of the way, to get past someone slower; 0 if that gains too little, or in a queue."""
+    walkers, world, velocity = batch.workspace.walkers, batch.world, batch.state.velocity
+    x, y, r = batch.state.position[i, 0], batch.state.position[i, 1], batch.bodies.radius[i]
     way_x, way_y = walkers.way_x[i], walkers.way_y[i]
-    best, chosen = 0.0, 0.0
-    wall_first, wall_stop = walls_near(world.wall_grid, g, position[i, 0], position[i, 1])
-    for k in range(7):
-        aside = _FAN[k]
+    gap, leader = _gap_ahead(i, slot_start, slot_stop, way_x, way_y, batch, params.width)
+    if gap >= time_gap * speed:
+        return 0.0
+    if velocity[leader, 0] * way_x + velocity[leader, 1] * way_y < params.overtaking:
+        return 0.0
+    first, stop = walls_near(world.wall_grid, world.geometry_of_env[e], x, y)
+    best, chosen = gap / time_gap + params.gain * speed, 0.0
+    for k in range(len(_SIDES)):
+        aside = _SIDES[k]
         per_size = 1.0 / np.sqrt(1.0 + aside * aside)
         ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
-        gap = _gap_ahead(i, slot_start, slot_stop, ex, ey, batch, params.width)
-        if k > 0 and gap > 0.0:
-            gap = min(
-                gap,
-                _free_path(
-                    world.wall_grid,
-                    wall_first,
-                    wall_stop,
-                    world.boundary.wall,
-                    position[i, 0],
-                    position[i, 1],
-                    ex,
-                    ey,
-                    gap + r,
-                )
-                - r,
-            )
-        gain = per_size * min(gap / time_gap, speed) - (params.detour * speed if k > 0 else 0.0)
-        if gain > best:
-            best, chosen = gain, aside
-        if k == 0 and gap >= time_gap * speed:
-            break
+        gap, _ = _gap_ahead(i, slot_start, slot_stop, ex, ey, batch, params.berth)
+        if per_size * min(gap / time_gap, speed) > best:
+            free = free_path(world.wall_grid, first, stop, world.boundary.wall, x, y, ex, ey, gap + r) - r
+            pace = per_size * min(free / time_gap, speed)
+            if pace > best:
+                best, chosen = pace, aside
     return chosen
 
 
 @inner_kernel
-def _free_path(
-    grid: WallGrid, wall_first: int, wall_stop: int, wall: Floats, x: float, y: float, ex: float, ey: float, most: float
-) -> float:
-    """Return how far [m] one can go from (x, y) along (ex, ey) before a wall, at most ``most``."""
-    for entry in range(index(wall_first), index(wall_stop)):
-        k = grid.wall[entry]
-        ax, ay, bx, by = wall[k, 0, 0] - x, wall[k, 0, 1] - y, wall[k, 1, 0] - x, wall[k, 1, 1] - y
-        from_a, from_b = ex * ay - ey * ax, ex * by - ey * bx
-        if from_a * from_b > 0.0 or from_a == from_b:
-            continue
-        t = (ax * by - ay * bx) / (from_b - from_a)
-        t = (ax * from_b - bx * from_a) / (from_b - from_a) * ex + (ay * from_b - by * from_a) / (from_b - from_a) * ey
-        if 0.0 < t < most:
-            most = t
-    return most
-
-
-@inner_kernel
-def _gap_ahead(i: int, slot_start: int, slot_stop: int, ex: float, ey: float, batch: Batch, width: float) -> float:
-    """Return the gap [m] to the nearest of those seen whose body overlaps the strip along (ex, ey), or infinity."""
+def _gap_ahead(
+    i: int, slot_start: int, slot_stop: int, ex: float, ey: float, batch: Batch, width: float
+) -> tuple[float, int]:
+    """Return the gap [m] to the nearest of those seen whose body overlaps the strip along (ex, ey), and who it is."""
     walkers, position, radius = batch.workspace.walkers, batch.state.position, batch.bodies.radius
-    x, y, r, nearest = position[i, 0], position[i, 1], radius[i], np.inf
-    way_x, way_y = walkers.way_x[i], walkers.way_y[i]
+    x, y, r, nearest, leader = position[i, 0], position[i, 1], radius[i], np.inf, i
+    way_x, way_y, gives_way = walkers.way_x[i], walkers.way_y[i], batch.control.gives_way
     for m in range(index(slot_start), index(slot_stop)):
         n = walkers.seen[m]
         dx, dy, reach = walkers.x[n] - x, walkers.y[n] - y, r + walkers.radius[n]
@@ -199,8 +171,10 @@ def _gap_ahead(i: int, slot_start: int, slot_stop: int, ex: float, ey: float, ba
         if along > 0.0 and abs(across) < width * reach:
             j = walkers.slot[n]
             ux, uy = walkers.way_x[j], walkers.way_y[j]
-            is_mine = way_x * ux + way_y * uy > 0.0 and -(dx * ux + dy * uy) > dx * way_x + dy * way_y
-            if is_mine and abs(dy * ux - dx * uy) < width * reach:
-                continue  # that one has me further in front, and gives way
-            nearest = min(nearest, np.sqrt(dx * dx + dy * dy) - reach)
-    return max(nearest, 0.0)
+            is_ahead = way_x * ux + way_y * uy > 0.0 and -(dx * ux + dy * uy) > dx * way_x + dy * way_y
+            if is_ahead and abs(dy * ux - dx * uy) < width * reach and gives_way[j]:
+                continue  # the other has this one further in front, and gives way
+            gap = np.sqrt(dx * dx + dy * dy) - reach
+            if gap < nearest:
+                nearest, leader = gap, j
+    return max(nearest, 0.0), leader

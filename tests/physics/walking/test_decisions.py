@@ -196,12 +196,35 @@ def test_decisions_do_not_depend_on_where_the_others_make_cells_begin():
 def test_every_number_of_a_manner_matters():
     # A field that the kernels do not read would be a promise without anything behind it.
     rng = np.random.default_rng(6)
-    crowd, waited = drawn_crowd(rng, count=80, side=5.0), rng.uniform(0.0, 10.0, 80)
+    crowd, waited = drawn_crowd(rng, count=160, side=12.0), rng.uniform(0.0, 10.0, 160)
+    crowd["velocity"] *= 0.5
     crowd["velocity"][::2] = 0.0
+    crowd["ways"][1::2] = crowd["velocity"][1::2] / np.hypot(*crowd["velocity"][1::2].T)[:, None]
+    crowd["ways"][:, 0] = np.abs(crowd["ways"][:, 0])  # the same half of the world: there is someone to overtake
 
     def decisions(**changed: float) -> np.ndarray:
         return decided_by(crowd, manner(**({"push": 0.1} | changed)), waited=waited)
 
     plain = decisions()
     for name, value in NUMBERS.items():
-        assert np.abs(decisions(**{name: 0.6 * value}) - plain).max() > 1e-6, name
+        other = 0.9 if name == "gain" else 0.3 * value
+        assert np.abs(decisions(**{name: other}) - plain).max() > 1e-6, name
+
+
+# --------------------------------------------------------------------------------------------------------------- overtaking
+
+
+@pytest.mark.parametrize(("walks", "overtakes"), [(0.6, True), (0.3, False)])
+def test_someone_slower_is_overtaken_but_not_in_a_queue(walks, overtakes):
+    velocity = decided(
+        *standing([[0, 0], [0.9, 0.15]], [[1, 0], [1, 0]], STRAIGHT, velocity=[[1.0, 0.0], [walks, 0.0]])
+    )
+    assert (velocity[0, 1] < 0.0) == overtakes  # on the side with more room
+    assert (np.hypot(*velocity[0]) > 0.7) == overtakes
+
+
+def test_nobody_overtakes_into_a_wall():
+    place = Geometry.from_polygon(box(-3, -0.3, 5, 0.3))
+    crowd = [[0, 0], [0.9, 0.15]], [[1, 0], [1, 0]], STRAIGHT
+    velocity = decided(*standing(*crowd, velocity=[[1.0, 0.0], [0.6, 0.0]], place=place))
+    assert velocity[0, 1] == 0.0

@@ -18,6 +18,7 @@ pytestmark = pytest.mark.kernels
 
 STILL = 0.02  # of the desired speed: who is slower stands
 FARTHEST = 8.0  # of the length D: beyond it nobody is stepped aside for
+SIDES = (-0.13, 0.13, -0.27, 0.27, -0.58, 0.58)  # on which one overtakes, as a share of the way
 MOST_ASIDE = 2.0  # of the way: nobody turns further than atan 2 from it
 
 
@@ -62,11 +63,10 @@ def decide_one(simulation, manner, e, i, inside, ways):
     push = min(push + manner.impatience * max(waited - manner.patience, 0.0), 1.0)
     seen = [j for j in inside if j != i and sees(simulation, manner, e, i, j, way)]
     left = np.array([-way[1], way[0]])
-    aside = (1.0 - push) * sum(step_aside(simulation, manner, i, j, left, ways) for j in seen)
-    heading = way + np.clip(aside, -MOST_ASIDE, MOST_ASIDE) * left
-    heading /= math.hypot(*heading)
-    gaps = [gap_to(simulation, i, j) for j in seen if is_in_front(simulation, manner, i, j, heading, ways)]
-    gap = max(min(gaps, default=math.inf), 0.0)
+    aside = sum(step_aside(simulation, manner, i, j, left, ways) for j in seen)
+    aside += overtake(simulation, manner, time_gap, i, seen, ways, e)
+    heading = turned(way, np.clip((1.0 - push) * aside, -MOST_ASIDE, MOST_ASIDE))
+    gap, _ = gap_ahead(simulation, manner.width, i, heading, seen, ways)
     return np.clip(gap / time_gap, push * speed, speed) * heading, waited
 
 
@@ -103,15 +103,54 @@ def step_aside(simulation, manner, i, j, left, ways):
     return size if will_be @ left < 0.0 else -size  # straight ahead: to the right
 
 
-def is_in_front(simulation, manner, i, j, heading, ways):
+def overtake(simulation, manner, time_gap, i, seen, ways, e):
+    """Return how far to step aside, as a share of the way, to get past someone slower who is not in a queue."""
+    way, speed = ways[i]
+    gap, leader = gap_ahead(simulation, manner.width, i, way, seen, ways)
+    if gap >= time_gap * speed or simulation.state.velocity[leader] @ way < manner.overtaking:
+        return 0.0
+    paces = {0.0: gap / time_gap + manner.gain * speed}
+    for aside in SIDES:
+        heading = turned(way, aside)
+        gap, _ = gap_ahead(simulation, manner.berth, i, heading, seen, ways)
+        gap = min(gap, room_to_walls(simulation, e, i, heading))
+        paces[aside] = min(gap / time_gap, speed) * (heading @ way)
+    return max(paces, key=paces.__getitem__)  # the first of equal ones
+
+
+def room_to_walls(simulation, e, i, heading):
+    """Return the gap [m] to the first wall or door, open or not, along a heading."""
+    walls = simulation.geometries[simulation.world.geometry_of_env[e]].walls
+    start = simulation.state.position[i]
+    hits = shapely.intersection(shapely.linestrings(walls), shapely.LineString([start, start + 100.0 * heading]))
+    distance = shapely.distance(hits[~shapely.is_empty(hits)], shapely.Point(start))
+    return distance.min(initial=math.inf) - simulation.bodies.radius[i]
+
+
+def turned(way, aside):
+    """Return the unit vector ``aside`` to the left of a way."""
+    heading = way + aside * np.array([-way[1], way[0]])
+    return heading / math.hypot(*heading)
+
+
+def gap_ahead(simulation, width, i, heading, seen, ways):
+    """Return the gap [m] to the nearest in the strip along a heading, infinite if there is nobody, and who that is."""
+    gaps = {j: gap_to(simulation, i, j) for j in seen if is_in_front(simulation, width, i, j, heading, ways)}
+    leader = min(gaps, key=gaps.__getitem__, default=None)
+    return (math.inf if leader is None else max(gaps[leader], 0.0)), leader
+
+
+def is_in_front(simulation, width, i, j, heading, ways):
     """Whether the body of ``j`` overlaps the strip along the heading of ``i``, and ``j`` does not give way to ``i``."""
-    away, width = simulation.state.position[j] - simulation.state.position[i], simulation.bodies.radius[[i, j]].sum()
-    width *= manner.width
+    away, width = (
+        simulation.state.position[j] - simulation.state.position[i],
+        width * simulation.bodies.radius[[i, j]].sum(),
+    )
     if away @ heading <= 0.0 or abs(cross(heading, away)) >= width:
         return False
     mine, other = ways[i][0], ways[j][0]
     gives_way = mine @ other > 0.0 and -away @ other > away @ mine and abs(cross(other, away)) < width
-    return not gives_way
+    return not (gives_way and simulation.batch.control.gives_way[j])
 
 
 def cross(a, b):
@@ -169,11 +208,13 @@ def expected_after(simulation, manner, command, relative, gives_way):
 
 MANNERS = [
     Headway(
-        time_gap=0.8, push=0.0, width=0.86, strength=0.2, length=0.1, oncoming=8.0, anticipation=0.5, patience=5.0,
+        time_gap=0.8, push=0.0, width=0.86, strength=0.2, length=0.1, oncoming=8.0, anticipation=0.5, overtaking=0.4,
+        gain=0.1, berth=1.3, patience=5.0,
         impatience=0.02, sight=2.0, interval=0.05,
     ),
     Headway(
-        time_gap=0.5, push=0.3, width=1.0, strength=1.0, length=0.4, oncoming=1.0, anticipation=0.0, patience=0.4,
+        time_gap=0.5, push=0.3, width=1.0, strength=1.0, length=0.4, oncoming=1.0, anticipation=0.0, overtaking=0.0,
+        gain=0.0, berth=0.9, patience=0.4,
         impatience=0.5, sight=0.7, interval=0.03,
     ),
 ]  # fmt: skip
