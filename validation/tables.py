@@ -90,7 +90,7 @@ def halls(source: "Sources") -> Cells:
     found = [row for case in ("halls", "great-halls") for row in source.read(f"{case}.json")["rows"]]
     rows = []
     for scheme in dict.fromkeys(row["scheme"] for row in found):
-        figures = [row["figure"] for row in found if row["scheme"] == scheme]
+        figures = [row["more"] for row in found if row["scheme"] == scheme]
         sizes = dict.fromkeys(figure["people"] for figure in figures)
         fastest = [max(one["fastest, m/s"] for one in figures if one["people"] == people) for people in sizes]
         outside = sum(figure["outside"] for figure in figures)
@@ -272,41 +272,7 @@ def training_note(source: "Sources") -> str:
     )
 
 
-# ------------------------------------------------------------------------------------------------ ------------ experiments
-
-
-def gate(source: "Sources") -> Cells:
-    """The recording, then one row a scheme and desired speed."""
-    rows = []
-    for row in source.read("gate.json")["rows"]:
-        figure, recorded = row["figure"], row["scheme"] == "recorded"
-        times = [figure.get(f"{k}th, s") for k in (10, 20, 40, 60, 75)]
-        flow, sd = figure["flow, 1/s"], figure["sd of flow"]
-        rows.append(
-            [
-                row["scheme"] if recorded else f"`{row['scheme']}`",
-                figure["desired speed, m/s"] or "",
-                *("–" if time is None else f"{time:.1f}" for time in times),
-                "–" if flow is None else f"{flow:.2f}" + ("" if sd is None else f" ± {sd:.2f}"),
-                "" if recorded else f"{figure['stuck']} of {figure['runs']}",
-            ]
-        )
-    return rows
-
-
-def gate_note(source: "Sources") -> str:
-    """Say by how much the flow of the simulations is wrong."""
-    recorded, *rest = [row["figure"] for row in source.read("gate.json")["rows"]]
-    wrong: dict[str, list[float]] = {}
-    for figure in rest:
-        if figure["flow, 1/s"] is not None:
-            wrong.setdefault(figure["desired speed, m/s"], []).append(figure["flow, 1/s"] / recorded["flow, 1/s"])
-    factors = [f"{min(many):.1f} to {max(many):.1f} with {speed} m/s" for speed, many in wrong.items()]
-    return (
-        "When the k-th person passes the end of the gate, mean of the runs; flow ± standard deviation of the runs that did not "
-        f"get stuck. The simulated flow is wrong by a factor of {_listed(factors)}. Bodies are discs of "
-        f"{rest[0]['radius, m']:.3f} m; the students walked through the gate at {recorded['speed in the gate, m/s']:.2f} m/s."
-    )
+# ------------------------------------------------------------------------------------------------------------ scenarios
 
 
 def scenarios(source: "Sources") -> Cells:
