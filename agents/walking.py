@@ -128,7 +128,7 @@ class HeadwayRule(WalkingRule):
         aside = sum_j ± a (1 + w max(-e_0 . e_j, 0)) exp(-R_j / D),    R_j = max(gap_j - t_a (u_i - u_j) . n_j, 0)
 
     The formulas and their sources (Tordeux, Chraibi, Seyfried 2016; Xu, Chraibi, Seyfried 2021) stand in
-    `crowd_env.physics.walking.headway`.  Sees the terms ``velocity``, ``desired_speed`` (known up to 2 m/s) and
+    `crowd_env.headway`.  Sees the terms ``velocity``, ``desired_speed`` (known up to 2 m/s) and
     `PEOPLE_AHEAD`: the 16 nearest in front within 3 m, with the ways they want to go, which no standard term tells.  It differs
     from the manner in three points: it decides every decision step, it sees people through walls, and it counts no time
     waited, so that ``push`` is constant where the manner grows impatient.

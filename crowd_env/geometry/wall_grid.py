@@ -36,9 +36,9 @@ def no_wall_grid(geometries: int) -> WallGrid:
 
 
 def make_wall_grid(boundary: Boundary, reach: float) -> WallGrid:
-    """Return for every place of every geometry the walls that are nearer than ``reach`` [m] to its cell.
+    """Return the cells of every geometry, each with the walls that are nearer to it than ``reach`` [m].
 
-    Closed doors are walls here, open ones too: who reads it looks which of them stand.
+    The leaves of doors are among them, of open ones too: a reader of the grid looks which of them stand.
     """
     parts: list[tuple[Floats, float, tuple[int, int], Ints, Ints]] = []
     for first, stop in zip(boundary.wall_start[:-1], boundary.wall_start[1:], strict=True):
@@ -59,7 +59,7 @@ def _grid_of(wall: Floats, first: int, reach: float) -> tuple[Floats, float, tup
     """Return origin, cell size, shape, the number of walls of each cell, and these walls, of one geometry."""
     if not len(wall):
         return np.zeros(2), CELL, (0, 0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    low, high = wall.min(axis=(0, 1)), wall.max(axis=(0, 1))
+    low, high = wall.min(axis=(0, 1)) - reach, wall.max(axis=(0, 1)) + reach  # people walk beyond the last wall too
     size = max(CELL, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
     columns, rows = (np.floor((high - low) / size).astype(int) + 1).tolist()
     left, bottom = np.meshgrid(low[0] + size * np.arange(columns), low[1] + size * np.arange(rows))

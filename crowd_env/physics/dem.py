@@ -27,6 +27,7 @@ from crowd_env.physics.dem_lanes.partition import (
     count_slabs,
 )
 from crowd_env.physics.dem_lanes.stages import (
+    DECIDE,
     detect,
     leave,
     merge_slabs,
@@ -38,6 +39,7 @@ from crowd_env.physics.driving_force import Influences
 from crowd_env.physics.narrow_phase import find_contacts, gap_to_feature
 from crowd_env.physics.scheme import Call, ContactScheme, SchemeInfo
 from crowd_env.physics.step import contact_range, tick
+from crowd_env.physics.walking.decide import decide_share
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
 
@@ -254,6 +256,11 @@ def _advance_range(
             wait_for_all(partition.barrier, team)
             if not partition.run[e]:
                 break
+            if acting.walking is not None and partition.steering[e] == DECIDE:
+                for row in range(row_start, row_stop, team):
+                    # How everyone wants to walk.
+                    decide_share(e, row - SLABS * e, slabs, batch, batch.control.headway)
+                wait_for_all(partition.barrier, team)
             for row in range(row_start, row_stop, team):
                 # Regular forces: directions and desired velocities where they are due, social force.
                 regular_forces(e, row, batch, dt, acting.social, acting.walking)

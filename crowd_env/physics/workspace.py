@@ -14,7 +14,7 @@ from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.physics.constraints import Constraints, allocate_constraints
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.dem_lanes.buffers import SoABuffers, allocate_buffers
-from crowd_env.physics.dem_lanes.partition import Partition, allocate_partition
+from crowd_env.physics.dem_lanes.partition import Partition, allocate_partition, count_slabs
 from crowd_env.physics.neighbors.lists import NeighborList, allocate_neighbors, entries_per_person
 from crowd_env.routing.rules import Guidance
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
@@ -129,16 +129,19 @@ class SocialPairs(NamedTuple):
 
 
 class Walkers(NamedTuple):
-    """Scratch of a decision, (P,) each: by slot the way, then those around a cell, one behind the other."""
+    """Scratch of a decision."""
 
-    way_x: Floats  # unit vector along the way that one wants to take
+    way_x: Floats  # (P,)  unit vector along the way that everyone wants to take
     way_y: Floats
-    speed: Floats  # m/s  desired
-    slot: Indices
-    x: Floats  # m
+    speed: Floats  # (P,)  m/s  desired
+    reach: Floats  # (P,)  m    gap up to which others matter
+    x: Floats  # (P,)  m    positions and radii in the order of cells
     y: Floats
-    radius: Floats  # m
-    seen: Indices  # which of those around one sees in front
+    radius: Floats  # (P,)  m
+    slot: Indices  # (P,)  whose they are
+    columns: Ints  # (E,)  of cells
+    rows: Ints
+    seen: Indices  # (K P,)  places in that order of those in front of one; K lists side by side where a crowd is cut
 
 
 class Workspace(NamedTuple):
@@ -305,7 +308,7 @@ def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[st
         social_pairs=by_reference(
             SocialPairs(np.zeros(pairs, dtype=np.uint32), reals(pairs), reals(pairs), reals(pairs))
         ),
-        walkers=_allocate_walkers(room("walking")),
+        walkers=_allocate_walkers(room("walking"), bodies.env_start),
         inside=np.zeros(people, dtype=np.uint32),
         desired_velocity=reals(room("desired_velocity"), 2),
         heading=reals(room("heading"), 4),
@@ -318,10 +321,17 @@ def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[st
     )
 
 
-def _allocate_walkers(people: int) -> Walkers:
+def _allocate_walkers(people: int, env_start: Ints) -> Walkers:
     """Return room for the decisions of so many people."""
-    numbers = (np.zeros(people) for _ in Walkers._fields)
-    return Walkers._make(numbers)._replace(slot=np.zeros(people, np.uint32), seen=np.zeros(people, np.uint32))
+    numbers = {name: np.zeros(people) for name in ("way_x", "way_y", "speed", "reach", "x", "y", "radius")}
+    shares = count_slabs(int(np.diff(env_start).max()))
+    return Walkers(
+        **numbers,
+        slot=np.zeros(people, dtype=np.uint32),
+        columns=np.zeros(len(env_start) - 1, dtype=np.int64),
+        rows=np.zeros(len(env_start) - 1, dtype=np.int64),
+        seen=np.zeros(shares * people, dtype=np.uint32),
+    )
 
 
 def by_reference(arrays: Arrays) -> Arrays:

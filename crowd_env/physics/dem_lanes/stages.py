@@ -31,11 +31,12 @@ from crowd_env.physics.exits import mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
 from crowd_env.physics.social_force import SocialParams, add_social_forces
 from crowd_env.physics.steering import begin_look_up, follow_rules, is_decision_due, is_look_up_due, update_steering
-from crowd_env.physics.walking.decide import decide
+from crowd_env.physics.walking.around import look_around
 from crowd_env.physics.workspace import Batch
 
-# What a step has to do about desired velocities: keep them, compute them from the directions, or look up the directions first.
-KEEP, COMPUTE, LOOK_UP = 0, 1, 2
+# What a step has to do about desired velocities: keep them, compute them from the directions, look up the directions first, or
+# let people decide how to walk, who have looked up the directions already.
+KEEP, COMPUTE, LOOK_UP, DECIDE = 0, 1, 2, 3
 
 
 # ------------------------------------------------------------------------------------------------------------- contacts
@@ -77,20 +78,20 @@ def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None, walking
             interleave(begin, end, state.active, batch.workspace.soa.x, batch.workspace.soa.y, state.position)
             follow_rules(e, batch)
     if walking is not None and is_decision_due(e, batch, dt):
-        _let_decide(e, batch, dt)
+        _prepare_decision(e, batch, dt)
+        partition.steering[e] = DECIDE
 
 
 @inner_kernel
-def _let_decide(e: int, batch: Batch, dt: float) -> None:
-    """Let everyone look up the direction, where that is due, and decide how to walk."""
+def _prepare_decision(e: int, batch: Batch, dt: float) -> None:
+    """Let everyone look up the direction, where that is due, and look around."""
     partition, soa, state = batch.workspace.partition, batch.workspace.soa, batch.state
     begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     interleave(begin, end, state.active, soa.x, soa.y, state.position)
     interleave(begin, end, state.active, soa.vx, soa.vy, state.velocity)
     if partition.steering[e] == LOOK_UP:
         update_steering(e, begin, begin + partition.people_inside[e], batch, dt, partition.turn[e])
-    partition.steering[e] = COMPUTE
-    decide(e, batch, batch.control.headway)
+    look_around(e, batch, batch.control.headway)
 
 
 @inner_kernel

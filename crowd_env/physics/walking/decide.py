@@ -5,7 +5,8 @@ import numpy as np
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.wall_grid import free_path, is_hidden, walls_near
 from crowd_env.headway import HeadwayParams
-from crowd_env.physics.neighbors.lists import sort_into_cells
+from crowd_env.physics.neighbors.lists import first_cell
+from crowd_env.physics.walking.around import FARTHEST, look_around
 from crowd_env.physics.workspace import Batch
 
 _STILL = 0.02  # of the desired speed: slower counts as standing
@@ -19,61 +20,30 @@ def decide(e: int, batch: Batch, params: HeadwayParams) -> None:
 
     It depends on positions, velocities and ways at this moment alone, so on no order of people.
     """
-    slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    active, position, near = batch.state.active, batch.state.position, batch.workspace.neighbors
-    widest = _find_ways(slot_start, slot_stop, batch)
-    size = params.sight + 2.0 * widest
-    head, columns, rows = sort_into_cells(e, slot_start, slot_stop, active, position, near, size)
-    for cell in range(columns * rows):
-        item_start, item_stop = slot_start + near.cell_start[head + cell], slot_start + near.cell_start[head + cell + 1]
-        if item_start < item_stop:
-            seen = _gather_around(head, cell, columns, rows, slot_start, batch)
-            for item in range(index(item_start), index(item_stop)):
-                _decide_one(e, near.cell_item[item], slot_start, seen, batch, params)
+    look_around(e, batch, params)
+    decide_share(e, 0, 1, batch, params)
 
 
 @inner_kernel
-def _find_ways(slot_start: int, slot_stop: int, batch: Batch) -> float:
-    """Write the unit vector along everyone's way, and the desired speed [m/s]; returns the largest radius [m]."""
-    walkers, command, relative = batch.workspace.walkers, batch.control.command, batch.control.relative
-    direction, local_speed, radius = batch.history.direction, batch.history.local_speed, batch.bodies.radius
-    widest = 0.0
-    for i in range(index(slot_start), index(slot_stop)):
-        cx, cy = command[i, 0], command[i, 1]
-        if relative[i]:
-            ex, ey = direction[i, 0], direction[i, 1]
-            cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
-        size = np.sqrt(cx * cx + cy * cy)
-        walkers.way_x[i] = cx / size if size > 0.0 else 0.0
-        walkers.way_y[i] = cy / size if size > 0.0 else 0.0
-        walkers.speed[i] = size * local_speed[i]
-        widest = max(widest, radius[i])
-    return widest
-
-
-@inner_kernel
-def _gather_around(head: int, cell: int, columns: int, rows: int, slot_start: int, batch: Batch) -> int:
-    """Write positions and radii of those in a cell and beside it one behind the other; returns how many they are."""
-    near, walkers, position, radius = (
-        batch.workspace.neighbors,
+def decide_share(e: int, share: int, shares: int, batch: Batch, params: HeadwayParams) -> None:
+    """Let the people in one of so many parts of the cells decide; any thread may do so, after `look_around`."""
+    walkers, cell_start, slot_start = (
         batch.workspace.walkers,
-        batch.state.position,
-        batch.bodies.radius,
+        batch.workspace.neighbors.cell_start,
+        batch.bodies.env_start[e],
     )
-    row, column, count = cell // columns, cell % columns, index(slot_start)
-    for other in range(max(row - 1, 0), min(row + 2, rows)):
-        left, right = head + other * columns + max(column - 1, 0), head + other * columns + min(column + 2, columns)
-        for item in range(index(slot_start + near.cell_start[left]), index(slot_start + near.cell_start[right])):
-            j = near.cell_item[item]
-            walkers.slot[count] = j
-            walkers.x[count], walkers.y[count], walkers.radius[count] = position[j, 0], position[j, 1], radius[j]
-            count += index(1)
-    return int(np.int64(count))
+    cells, head = walkers.columns[e] * walkers.rows[e], first_cell(e, slot_start)
+    # Where the list of those seen is: each share has room for all people.
+    seen_start = slot_start * (len(walkers.seen) // len(walkers.x)) + share * cell_start[head + cells]
+    for cell in range(cells * share // shares, cells * (share + 1) // shares):
+        n_start, n_stop = slot_start + cell_start[head + cell], slot_start + cell_start[head + cell + 1]
+        for n in range(index(n_start), index(n_stop)):
+            _decide_one(e, walkers.slot[n], cell, seen_start, batch, params)
 
 
 @inner_kernel
-def _decide_one(e: int, i: int, slot_start: int, slot_stop: int, batch: Batch, params: HeadwayParams) -> None:
-    """Write what person ``i`` wants, who sees at most the people gathered in ``slot_start:slot_stop``."""
+def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: HeadwayParams) -> None:
+    """Write what person ``i`` wants, who stands in ``cell``; those seen are listed from ``seen_start`` on."""
     walkers, velocity, bodies, history = batch.workspace.walkers, batch.state.velocity, batch.bodies, batch.history
     walking = history.walking_velocity
     speed, way_x, way_y = walkers.speed[i], walkers.way_x[i], walkers.way_y[i]
@@ -87,12 +57,12 @@ def _decide_one(e: int, i: int, slot_start: int, slot_stop: int, batch: Batch, p
     push = bodies.push[i] if bodies.push[i] == bodies.push[i] else params.push
     u, v = velocity[i, 0], velocity[i, 1]
     push = _impatient(i, u, v, speed, push, batch, params)
-    count, aside = _look(e, i, slot_start, slot_stop, batch, params)
-    aside += _overtake(e, i, slot_start, slot_start + count, time_gap, speed, batch, params)
+    count, aside = _look(e, i, cell, seen_start, batch, params)
+    aside += _overtake(e, i, seen_start, seen_start + count, time_gap, speed, batch, params)
     aside = min(max((1.0 - push) * aside, -_MOST_ASIDE), _MOST_ASIDE)
     per_size = 1.0 / np.sqrt(1.0 + aside * aside)
     ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
-    gap, _ = _gap_ahead(i, slot_start, slot_start + count, ex, ey, batch, params.width)
+    gap, _ = _gap_ahead(i, seen_start, seen_start + count, ex, ey, batch, params.width)
     size = min(max(gap / time_gap, push * speed), speed)
     walking[i, 0], walking[i, 1] = size * ex, size * ey
 
@@ -109,7 +79,7 @@ def _impatient(i: int, u: float, v: float, speed: float, push: float, batch: Bat
 
 
 @inner_kernel
-def _look(e: int, i: int, slot_start: int, slot_stop: int, batch: Batch, params: HeadwayParams) -> tuple[int, float]:
+def _look(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: HeadwayParams) -> tuple[int, float]:
     """Write those whom ``i`` sees in front; returns how many they are, and how far to step aside (left > 0), of the way."""
     walkers, position, velocity, radius = (
         batch.workspace.walkers,
@@ -123,13 +93,18 @@ def _look(e: int, i: int, slot_start: int, slot_stop: int, batch: Batch, params:
     way_x, way_y = walkers.way_x[i], walkers.way_y[i]
     wall_first, wall_stop = walls_near(grid, g, x, y)
     seen, aside = walkers.seen, 0.0
-    count = index(slot_start)
-    for n in range(index(slot_start), index(slot_stop)):  # without a branch: most are too far, or behind
-        dx, dy, reach = walkers.x[n] - x, walkers.y[n] - y, params.sight + r + walkers.radius[n]
-        seen[count] = n
-        count += index((dx * dx + dy * dy < reach * reach) & (dx * way_x + dy * way_y > 0.0) & (walkers.slot[n] != i))
-    kept = index(slot_start)
-    for m in range(index(slot_start), count):
+    xs, ys, radii, cell_start = walkers.x, walkers.y, walkers.radius, batch.workspace.neighbors.cell_start
+    slot_start, columns, rows = batch.bodies.env_start[e], walkers.columns[e], walkers.rows[e]
+    head, row, column, limit = first_cell(e, slot_start), cell // columns, cell % columns, walkers.reach[i] + r
+    count = index(seen_start)
+    for above in range(max(row - 1, 0), min(row + 2, rows)):
+        left, right = head + above * columns + max(column - 1, 0), head + above * columns + min(column + 2, columns)
+        for n in range(index(slot_start + cell_start[left]), index(slot_start + cell_start[right])):
+            dx, dy, reach = xs[n] - x, ys[n] - y, limit + radii[n]
+            seen[count] = n  # without a branch: most are too far, or behind
+            count += index((dx * dx + dy * dy < reach * reach) & (dx * way_x + dy * way_y > 0.0))
+    kept = index(seen_start)
+    for m in range(index(seen_start), count):
         n = seen[m]
         dx, dy = walkers.x[n] - x, walkers.y[n] - y
         if is_hidden(grid, wall_first, wall_stop, wall, wall_door, door_open, x, y, dx, dy):
@@ -138,10 +113,9 @@ def _look(e: int, i: int, slot_start: int, slot_stop: int, batch: Batch, params:
         kept += index(1)
         j = walkers.slot[n]
         distance = np.sqrt(dx * dx + dy * dy)
-        gap, nx, ny = distance - r - radius[j], dx / distance, dy / distance
-        closing = (u - velocity[j, 0]) * nx + (v - velocity[j, 1]) * ny
-        foreseen = max(gap - params.anticipation * closing, 0.0)
-        if foreseen > 8.0 * params.length:
+        closing = ((u - velocity[j, 0]) * dx + (v - velocity[j, 1]) * dy) / distance
+        foreseen = max(distance - r - radii[n] - params.anticipation * closing, 0.0)
+        if foreseen > FARTHEST * params.length:
             continue
         same = way_x * walkers.way_x[j] + way_y * walkers.way_y[j]
         size = params.strength * (1.0 + params.oncoming * max(-same, 0.0)) * np.exp(-foreseen / params.length)
@@ -149,7 +123,7 @@ def _look(e: int, i: int, slot_start: int, slot_stop: int, batch: Batch, params:
             dx + params.anticipation * velocity[j, 0]
         )
         aside += size if sideways < 0.0 else -size  # away from there; to the right if it is straight ahead
-    return int(np.int64(kept - index(slot_start))), aside
+    return int(np.int64(kept - index(seen_start))), aside
 
 
 @inner_kernel
