@@ -24,7 +24,7 @@ from agents.training_config import (
 )
 from crowd_env import make_scenario
 from crowd_env.checks import whole
-from crowd_env.cli.console import friendly_errors, notes, progress_bar
+from crowd_env.cli.console import MannerName, friendly_errors, notes, progress_bar, run_title, with_manner
 from crowd_env.files.json_file import write_json
 from crowd_env.rendering.libraries import require_libraries
 
@@ -57,7 +57,9 @@ def train(folder: Path, config: dict[str, Any]) -> bool:
         max_seconds=60.0 * config["minutes"],
         eval_every=config["eval_every"],
         eval_runs=config["eval_runs"],
-        trained={name: config[name] for name in ("scenario", "scheme", "dt", "decision_dt", "seed", "versions")},
+        trained={
+            name: config[name] for name in ("scenario", "scheme", "manner", "dt", "decision_dt", "seed", "versions")
+        },
         curve=curve,
     )
     left = config["steps"] - model.num_timesteps
@@ -89,7 +91,11 @@ def compare(folder: Path, config: dict[str, Any], runs: int) -> list[Evaluation]
 
 
 def _physics(config: dict[str, Any]) -> dict[str, Any]:
-    return {name: config[name] for name in ("scheme", "dt", "decision_dt")}
+    return {name: config[name] for name in ("scheme", "dt", "decision_dt", "manner")}
+
+
+def _title(config: dict[str, Any]) -> str:
+    return run_title(with_manner(make_scenario(config["scenario"]), config["manner"]), config["scheme"])
 
 
 def draw(folder: Path, config: dict[str, Any], results: list[Evaluation]) -> None:
@@ -116,7 +122,7 @@ def draw(folder: Path, config: dict[str, Any], results: list[Evaluation]) -> Non
         xlabel="training steps, all pedestrian slots together",
     )
     shown = {result.policy: result.exit_times for result in results if result.policy in ("shortest", "learned")}
-    egress_curves(folder / "egress_curves.png", shown, title=f"{config['scenario']}, {config['scheme']}")
+    egress_curves(folder / "egress_curves.png", shown, title=_title(config))
     place = make_scenario(config["scenario"])
     films = [
         record(place, seed=HELD_OUT_SEED, title=title, driver=policy_driver(policy, place, **physics))
@@ -130,6 +136,7 @@ def main(
     scenario: Annotated[str, typer.Option(help="Scenario to train in: a name, or a file.")] = "room-v0",
     scheme: Annotated[str, typer.Option(help="Contact scheme.")] = "nsm2",
     dt: Annotated[float | None, typer.Option(help="Physics step in seconds.", show_default="the scheme's own")] = None,
+    manner: MannerName = None,
     minutes: Annotated[float, typer.Option(help="Training stops after this many minutes, if not by then done.")] = 7.5,
     steps: Annotated[int, typer.Option(help="Training steps, summed over all pedestrian slots.")] = 16_000_000,
     envs: Annotated[int, typer.Option(help="Rooms simulated side by side.")] = 64,
@@ -162,16 +169,16 @@ def main(
         if "resume" in given:
             folder, config = _resumed(root, resume, given)
         else:
-            config = default_config(scenario, scheme, seed, envs, steps, minutes, dt)
+            config = default_config(scenario, scheme, seed, envs, steps, minutes, dt, manner)
             check_config(config)
-            folder = new_folder(root, name or f"{Path(scenario).stem}-{scheme}-seed{seed}")
+            walk = "" if manner is None else f"-{manner}"
+            folder = new_folder(root, name or f"{Path(scenario).stem}-{scheme}{walk}-seed{seed}")
         write_json(folder / "config.json", config)
         notes.print(f"writing to {folder}/")
         if not train(folder, config):
             raise KeyboardInterrupt
         results = compare(folder, config, runs)
-        title = f"{config['scenario']}, {config['scheme']}, {runs} held-out draws"
-        table_console().print(comparison_table(results, title))
+        table_console().print(comparison_table(results, f"{_title(config)}, {runs} held-out draws"))
         draw(folder, config, results)
     notes.print(f"model, config, results.json, figures and film: {folder}/")
 

@@ -2,12 +2,18 @@
 
 from agents.policy import Policy
 from agents.rules import RandomWalk, ShortestPath, StandStill
+from agents.walking import DensityCap, Follow, HeadwayRule, RuleAtShare, Zipper
 
 # Name -> policy.  A path to a trained network (.npz) is a policy too: see `make_policy`.
 POLICIES: dict[str, type[Policy]] = {
     "random": RandomWalk,
     "stand-still": StandStill,
     "shortest": ShortestPath,
+    "rule-best-speed": RuleAtShare,
+    "density-cap": DensityCap,
+    "headway": HeadwayRule,
+    "follow": Follow,
+    "zipper": Zipper,
 }
 
 
@@ -34,4 +40,16 @@ def make_policy(policy: str | Policy, *, trust_pickle: bool = False) -> Policy:
     return POLICIES[policy]()
 
 
-__all__ = ["POLICIES", "Policy", "RandomWalk", "ShortestPath", "StandStill", "make_policy"]
+__all__ = [
+    "POLICIES",
+    "DensityCap",
+    "Follow",
+    "HeadwayRule",
+    "Policy",
+    "RandomWalk",
+    "RuleAtShare",
+    "ShortestPath",
+    "StandStill",
+    "Zipper",
+    "make_policy",
+]

@@ -17,11 +17,11 @@ from agents.runs import versions
 from agents.training_config import RUNS
 from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
 from crowd_env.checks import Range, whole
-from crowd_env.cli.console import friendly_errors, notes, progress_bar
+from crowd_env.cli.console import MannerName, friendly_errors, notes, progress_bar, run_title, with_manner
 from crowd_env.files.json_file import write_json
 from crowd_env.rendering.libraries import require_libraries
 
-_POLICIES, _SCHEMES = "--policies", "--schemes"
+_POLICIES, _POLICY, _SCHEMES = "--policies", "--policy", "--schemes"
 
 
 class _ListsOfNames(TyperCommand):
@@ -37,7 +37,7 @@ def _one_by_one(arguments: Sequence[str]) -> list[str]:
     option = None
     for argument in arguments:
         if argument.startswith("--"):
-            option = argument if argument in (_POLICIES, _SCHEMES) else None
+            option = argument if argument in (_POLICIES, _POLICY, _SCHEMES) else None
         elif option is not None and found[-1] != option:
             found.append(option)
         found.append(argument)
@@ -66,7 +66,7 @@ def compare(
             result = folder.load(entry, scheme) if folder is not None else None
             if result is None:
                 if not warm:
-                    _warm_up(scheme)
+                    _warm_up(scheme, scenario)
                     warm = True
                 result = _evaluate(entry, scenario, scheme, runs, seed, threads, f"{len(results) + 1}/{total}")
                 if folder is not None:
@@ -95,9 +95,9 @@ def _evaluate(
     return result
 
 
-def _warm_up(scheme: str) -> None:
+def _warm_up(scheme: str, scenario: Scenario) -> None:
     """Load the kernels, so that compiling them is not counted as computing."""
-    env = CrowdEnv("room-v0", scheme=scheme, strategy="fastest")
+    env = CrowdEnv("room-v0", scheme=scheme, strategy="fastest", manner=scenario.manner)
     env.reset(seed=0)
     env.step(None)
 
@@ -129,17 +129,20 @@ def main(
         list[str],
         typer.Option(
             _POLICIES,
+            _POLICY,
             metavar="POLICY ...",
             show_default="shortest fastest",
             help="shortest, nearest, fastest, comfortable; the name of a route or exit; rules: the shortest path with the "
-            "scenario's control rules in force, which are off for all others; random, stand-still; or a learned network "
-            "(.npz).  The others are compared with the first.",
+            "scenario's control rules in force, which are off for all others; random, stand-still; rules of walking: "
+            "rule-best-speed, density-cap, headway, follow, zipper; or a learned network (.npz).  The others are compared "
+            "with the first.",
         ),
     ] = ["shortest", "fastest"],  # noqa: B006  (typer copies it)
     schemes: Annotated[
         list[str],
         typer.Option(_SCHEMES, metavar="SCHEME ...", show_default="nsm2", help=", ".join(SCHEMES) + "."),
     ] = ["nsm2"],  # noqa: B006
+    manner: MannerName = None,
     runs: Annotated[int, typer.Option(help="Evacuations of each policy and scheme.")] = 100,
     seed: Annotated[int, typer.Option(help="Other draws; all are held out from training.")] = 0,
     threads: Annotated[int, typer.Option(help="Of the simulation; results do not depend on it.")] = 1,
@@ -164,7 +167,7 @@ def main(
     python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.npz --out comparison
     """
     with friendly_errors("" if out is None else "the same command goes on"):
-        place = make_scenario(scenario)
+        place = with_manner(make_scenario(scenario), manner)
         whole("--runs", runs, RUNS)
         whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
         whole("--threads", threads)
@@ -186,7 +189,7 @@ def main(
     if as_json:
         typer.echo(json.dumps(figures, allow_nan=False))
     else:
-        _show(results, f"{place.name}: {place.population.count} people, {runs} runs each")
+        _show(results, run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each"))
 
 
 def _write(

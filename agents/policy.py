@@ -16,8 +16,15 @@ class Policy(Protocol):
     env_options : options of `CrowdEnv` the policy was made for (frame, action, observation); empty if any will do.
     """
 
-    name: str
-    env_options: dict[str, Any]
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        ...
+
+    @property
+    def env_options(self) -> dict[str, Any]:
+        """Options of `CrowdEnv` the policy was made for."""
+        ...
 
     def reset(self, env_mask: np.ndarray) -> None:
         """Forget what belongs to the environments (E,) that start anew."""

@@ -10,6 +10,7 @@ from agents.runs import versions
 from crowd_env import CrowdEnv, ObservationLayout, make_scenario, make_scheme
 from crowd_env.checks import POSITIVE, Range, number, whole
 from crowd_env.files.json_file import read_json
+from crowd_env.headway import plain_manner
 
 # People simulated side by side in training: a rollout of more takes many gigabytes.
 MOST_PEOPLE = 200_000
@@ -19,9 +20,16 @@ SEEDS = Range(0, HELD_OUT_SEED - 1).because("larger ones are kept for evaluation
 
 
 def default_config(
-    scenario: str, scheme: str, seed: int, envs: int, steps: int, minutes: float, dt: float | None = None
+    scenario: str,
+    scheme: str,
+    seed: int,
+    envs: int,
+    steps: int,
+    minutes: float,
+    dt: float | None = None,
+    manner: str | None = None,
 ) -> dict[str, Any]:
-    """Return every parameter of a run; ``dt`` [s] is the scheme's own unless given."""
+    """Return every parameter of a run; unless given, ``dt`` [s] is the scheme's own and ``manner`` the scenario's."""
     from agents.learned import PPOSettings
     from agents.learned.callback import VALIDATION_SEED
 
@@ -34,6 +42,7 @@ def default_config(
         "minutes": minutes,
         "dt": make_scheme(scheme).info.default_dt if dt is None else dt,
         "decision_dt": 0.1,
+        "manner": plain_manner(make_scenario(scenario).manner_of_run(manner)),
         "frame": "path",
         "action": "continuous",
         "observation": ObservationLayout().as_table(),
@@ -49,7 +58,7 @@ def default_config(
 
 def make_env(config: Mapping[str, Any], envs: int | None = None) -> CrowdEnv:
     """Return the training batch, of ``envs`` rooms if that is given."""
-    options = ("scheme", "dt", "decision_dt", "frame", "action", "observation", "reward")
+    options = ("scheme", "dt", "decision_dt", "frame", "action", "observation", "reward", "manner")
     return CrowdEnv(
         config["scenario"],
         num_envs=config["envs"] if envs is None else envs,

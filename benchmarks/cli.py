@@ -12,7 +12,21 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import batch, big, cold, dictionaries, hall, jam, memory, plots, roofline, room20, scaling, train
+from benchmarks import (
+    batch,
+    big,
+    cold,
+    dictionaries,
+    hall,
+    headway,
+    jam,
+    memory,
+    plots,
+    roofline,
+    room20,
+    scaling,
+    train,
+)
 from benchmarks.measuring import Effort, Row
 from benchmarks.tables import Grid, grids
 from crowd_env.cli.console import check_folder, friendly_errors, notes
@@ -24,6 +38,7 @@ CASES: dict[str, Callable[[Effort], list[Row]]] = {
     "big": big.rows,
     "hall": hall.rows,
     "jam": jam.rows,
+    "headway": headway.rows,
     "batch": batch.rows,
     "dict": dictionaries.rows,
     "train": train.rows,

@@ -39,9 +39,17 @@ class Crowd:
     peer = None
 
     def __init__(
-        self, scene: Scene, scheme: str, dt: float, effort: Effort, field: Any, threads: int = 1, look: bool = False
+        self,
+        scene: Scene,
+        scheme: str,
+        dt: float,
+        effort: Effort,
+        field: Any,
+        threads: int = 1,
+        look: bool = False,
+        manner: str | None = None,
     ) -> None:
-        self.name = f"{scheme} {dt:g} s"
+        self.name = f"{scheme} {dt:g} s" + (f" {manner}" if manner else "")
         self.whole = scene.horizon
         self._scene = scene
         self._patience = _SETTLE_CPU * effort.seconds
@@ -54,6 +62,7 @@ class Crowd:
             dt=dt,
             fields=[field],
             threads=threads,
+            manner=manner,
         )
         self.depths = Depths(scene) if look else None
         self._begin = 0.0

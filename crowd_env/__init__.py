@@ -17,6 +17,7 @@ from crowd_env.envs.parallel import CrowdParallelEnv, parallel_env
 from crowd_env.envs.reward import RewardWeights
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.headway import MANNERS, Headway
 from crowd_env.navigation.field import OneWay
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
@@ -35,6 +36,7 @@ ROUTING = "crowd_env/Routing-v0"  # one controller that sends people to exits
 
 __all__ = [
     "DEM",
+    "MANNERS",
     "NSM1",
     "NSM2",
     "SCENARIOS",
@@ -53,6 +55,7 @@ __all__ = [
     "EpisodeMetrics",
     "Geometry",
     "Groups",
+    "Headway",
     "Hertz",
     "LogNormal",
     "Normal",

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowd_env._kernels.jit import kernel
+from crowd_env.checks import POSITIVE, SHARE
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -20,9 +21,12 @@ Indices = NDArray[np.uint32]  # unsigned, because numba checks every signed inde
 # m/s; nobody is faster, whoever pushes: the fastest that anyone is known to have run is 12.4 (Bolt, 100 m, Berlin 2009).
 MAX_SPEED = 12.5
 
+# How people press on, and which values are allowed; nan = as in the manner of the run.
+MOTIVATION = {"time_gap": POSITIVE, "push": SHARE}
+
 
 class Bodies(NamedTuple):
-    """What does not change within an episode."""
+    """What does not change within an episode, but for time gap and push: see `Simulation.set_motivation`."""
 
     radius: Floats  # (P,)    m
     mass: Floats  # (P,)    kg
@@ -30,6 +34,8 @@ class Bodies(NamedTuple):
     desired_speed: Floats  # (P,)    m/s
     relaxation_time: Floats  # (P,)    s
     response_time: Floats  # (P,)    s        stands still until then
+    time_gap: Floats  # (P,)    s        of the headway that is kept; nan = that of the manner of the run
+    push: Floats  # (P,)             share of the desired speed at which one presses on; nan = that of the manner
     env_start: Ints  # (E+1,)  first slot of each environment
 
 
@@ -68,6 +74,8 @@ def make_bodies(
     desired_speed: Floats | float = 0.0,
     relaxation_time: Floats | float = 0.5,
     response_time: Floats | float = 0.0,
+    time_gap: Floats | float = np.nan,
+    push: Floats | float = np.nan,
     env_start: Ints | None = None,
 ) -> Bodies:
     """Return `Bodies` with every array filled; the inertia is that of a solid disc, ``m r^2 / 2``.
@@ -96,6 +104,8 @@ def make_bodies(
         desired_speed=full("desired_speed", desired_speed),
         relaxation_time=full("relaxation_time", relaxation_time),
         response_time=full("response_time", response_time),
+        time_gap=full("time_gap", time_gap),
+        push=full("push", push),
         env_start=np.array([0, count]) if env_start is None else _whole_numbers("env_start", env_start),
     )
     check_bodies(bodies)
@@ -148,6 +158,8 @@ def check_bodies(bodies: Bodies) -> None:
         _require(name, getattr(bodies, name), positive=True)
     for name in ("desired_speed", "response_time"):
         _require(name, getattr(bodies, name), positive=False)
+    for name in MOTIVATION:
+        check_motivation(name, getattr(bodies, name))
     fastest = int(np.argmax(bodies.desired_speed))
     if bodies.desired_speed[fastest] > MAX_SPEED:
         speed = bodies.desired_speed[fastest]
@@ -159,6 +171,15 @@ def check_bodies(bodies: Bodies) -> None:
             f"bodies.env_start is {_short(start)}; it must ascend from 0 to the number of people, {count}, with at least one "
             "person in each environment"
         )
+
+
+def check_motivation(name: str, values: Floats) -> None:
+    """Raise ValueError unless everyone's time gap or push (N,) is one that is allowed; nan, that of the manner, is."""
+    allowed = MOTIVATION[name]
+    outside = (values <= allowed.low if allowed.above else values < allowed.low) | (values > allowed.high)
+    bad = np.flatnonzero(outside | np.isinf(values))
+    if len(bad):
+        raise ValueError(f"{name} of pedestrian {bad[0]} is {values[bad[0]]:g}; it must be {allowed}")
 
 
 def check_state(state: CrowdState, bodies: Bodies) -> None:

@@ -1,6 +1,7 @@
 """The command ``python -m validation``."""
 
 import json
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,10 +16,12 @@ from typer.core import TyperGroup
 from crowd_env import SCHEMES, make_scheme
 from crowd_env.cli.console import check_folder, friendly_errors, notes
 from crowd_env.files.json_file import write_json
+from crowd_env.headway import MANNERS, make_manner
 from validation.bits import ROOT, chosen, report
 from validation.bits_scenes import scenes
 from validation.cases import CASES
-from validation.cases.case import Figures, Row, Settings, rows
+from validation.cases.case import COMPARED, Case, Row, Setting
+from validation.cases.case import row as row_of
 from validation.pages import TABLES, fill, run
 from validation.positions import STORED, write
 
@@ -46,25 +49,32 @@ def _about() -> None:
 
 @app.command()
 def cases(
-    case: Annotated[
-        list[str] | None, typer.Argument(help=f"Cases: {', '.join(CASES)}; default all whose data is there.")
-    ] = None,
+    case: Annotated[list[str] | None, typer.Argument(help=f"Cases: {', '.join(CASES)}; default all.")] = None,
     schemes: Annotated[
         list[str] | None,
-        typer.Option(help=f"Contact scheme: {', '.join(SCHEMES)}; may be repeated; default those of the case."),
+        typer.Option(help=f"Contact scheme: {', '.join(SCHEMES)}; may be repeated; default {', '.join(COMPARED)}."),
+    ] = None,
+    manner: Annotated[
+        list[str] | None,
+        typer.Option(help=f"How people walk: {', '.join(MANNERS)}; may be repeated; default those of the case."),
     ] = None,
     data: Annotated[
         Path | None, typer.Option(help="Folder with the recordings, which are not part of the repository.")
     ] = None,
     draws: Annotated[
-        int | None, typer.Option(help="Evacuations of a scheme, each with other people; default the case's.", min=1)
+        int | None, typer.Option(help="Crowds of each experiment; default as many as the case takes.", min=1)
     ] = None,
+    seed: Annotated[
+        int, typer.Option(help="Of the crowds, which are the same for every scheme and manner.", min=0)
+    ] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a case, each on a line.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for CASE.json, and for pictures.")] = None,
 ) -> None:
-    """Hold simulations against recordings, laws and bounds: one row for each scheme; exit code 1 if one does not pass.
+    """Hold simulations against recordings, laws and bounds: rows for each scheme and manner; exit code 1 if one does not pass.
 
-    Example: python -m validation gate --data DIR --schemes dem --schemes nsm2
+    Everyone is of one population and one set of parameters a manner, whatever the case.
+
+    Example: python -m validation gate --data DIR --schemes dem --schemes nsm2 --manner hurried
     """
     passed = True
     with friendly_errors("" if out is None else f"the rows that were finished are in {out}/"):
@@ -73,22 +83,26 @@ def cases(
                 raise ValueError(f"unknown case {name!r}; known: {', '.join(CASES)}")
         for name in schemes or ():
             make_scheme(name)
+        for name in manner or ():
+            make_manner(name)
+        if data is not None and not data.exists():
+            raise ValueError(f"--data {data}: no such folder")
         if out is not None:
             check_folder("--out", out)
         for name in case or CASES:
-            if not case and CASES[name].needs_data and data is None:
-                notes.print(f"{name} is left out: it reads recordings, whose folder --data names", markup=False)
-                continue
             found: list[Row] = []
             try:
                 with notes.status(f"{name} ...") as status:
-                    asked = Settings(tuple(schemes or ()), data, draws, out, _teller(name, status))
-                    found.extend(rows(name, CASES[name], asked))
+                    for setting in _settings(CASES[name], schemes, manner, data, draws, seed, _teller(name, status)):
+                        found.extend(_run(name, setting))
+                draw = CASES[name].draw
+                if out is not None and draw is not None:
+                    draw(out, found)
             finally:  # also of a case that Ctrl-C ends
-                content = {"case": name, "rows": [row._asdict() for row in found]}
+                content = {"case": name, "rows": [one._asdict() for one in found]}
                 if out is not None and found:
                     write_json(out / f"{name}.json", content)
-            passed &= all(row.passed is not False for row in found)
+            passed &= all(one.passed is not False for one in found)
             if as_json:
                 typer.echo(json.dumps(content))
             else:
@@ -96,7 +110,31 @@ def cases(
     raise typer.Exit(0 if passed else 1)
 
 
-def _teller(case: str, status: Status) -> Any:
+def _run(name: str, setting: Setting) -> Iterator[Row]:
+    """Yield the rows of a case; one that says why, if the scheme refuses to go on with a crowd."""
+    try:
+        yield from CASES[name].run(setting)
+    except FloatingPointError as error:
+        yield row_of(name, setting, False, f"stopped: {error}", "the run comes to its end", CASES[name].source)
+
+
+def _settings(
+    case: Case,
+    schemes: list[str] | None,
+    manners: list[str] | None,
+    data: Path | None,
+    draws: int | None,
+    seed: int,
+    notify: Callable[[str], None],
+) -> Iterator[Setting]:
+    """Yield each scheme under each manner."""
+    for scheme in schemes or COMPARED:
+        for manner in manners or case.manners:
+            notify(f"{scheme}, {manner}")
+            yield Setting(scheme, manner, draws or case.draws, seed, data, notify=notify)
+
+
+def _teller(case: str, status: Status) -> Callable[[str], None]:
     """Return what tells of progress: on a terminal in place, else a line for each thing."""
 
     def notify(text: str) -> None:
@@ -109,26 +147,23 @@ def _teller(case: str, status: Status) -> Any:
 
 
 def _case_table(name: str, found: list[Row]) -> Table:
-    """Return the rows of a case as a table with a column for each figure that any of them has."""
-    caption = f"{CASES[name].criterion}\n{CASES[name].source}"
-    table = Table(title=f"{name}: {CASES[name].title}", caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    keys = dict.fromkeys(key for row in found for key in row.figure)
-    columns = [key for key in keys if any(row.figure.get(key) is not None for row in found)]
-    table.add_column("scheme", no_wrap=True)
-    for key in columns:
-        table.add_column(key.replace(", ", "\n"), justify="right")
-    table.add_column("passed")
-    for row in found:
-        passed = {True: "yes", False: "NO", None: "–"}[row.passed]
-        table.add_row(row.scheme, *(_cell(row.figure, key) for key in columns), passed)
+    """Return the rows of a case as a table; criterion and source below it if all rows share them."""
+    criteria = dict.fromkeys((one.criterion, one.source) for one in found)
+    shared = len(criteria) == 1
+    caption = "\n".join(next(iter(criteria))) if shared else CASES[name].source
+    table = Table(title=f"{name}: {CASES[name].title}", caption=escape(caption), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for column in ("scheme", "manner", "passed"):
+        table.add_column(column, no_wrap=True)
+    if not shared:
+        table.add_column("test")
+    table.add_column("figure")
+    if not shared:
+        table.add_column("criterion")
+    for one in found:
+        passed = {True: "yes", False: "NO", None: "–"}[one.passed]
+        test, criterion = ([one.source], [one.criterion]) if not shared else ([], [])
+        table.add_row(one.scheme, one.manner, passed, *(escape(cell) for cell in (*test, one.figure, *criterion)))
     return table
-
-
-def _cell(figure: Figures, key: str) -> str:
-    value = figure.get(key)
-    if isinstance(value, str) or value is None:
-        return escape(value or "–")
-    return str(value) if isinstance(value, int) else f"{value:.4g}"
 
 
 @app.command()

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from crowd_env.files.atomic import write_text
 from crowd_env.files.json_file import read_json
-from validation import reproduced, tables
+from validation import blocked, map_tables, reproduced, tables
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -128,6 +128,7 @@ def run(line: str) -> dict[str, Any]:
     return found
 
 
+_MAP_COMMAND = f"python -m validation {' '.join(map_tables.CASES)} --data DATA --out DIR"
 _GAPS = ("gaps", "mean, s", "sd / mean", "exponent α", "with open gaps", "against an exponential", "blocked")
 
 TABLES: dict[str, Table] = {
@@ -160,7 +161,20 @@ TABLES: dict[str, Table] = {
         tables.halls,
         made_by="python -m validation halls great-halls --out DIR",
     ),
+    "jambs": Table(
+        "docs/physics.md",
+        ("scheme", "manner", "door of 0.5 m", "door of 0.6 m", "door of 0.8 m"),
+        tables.jambs,
+        made_by="python -m validation jambs --out DIR",
+    ),
     "clogging": Table("docs/clogging.md", ("desired speed, m/s", *_GAPS), tables.clogging, tables.clogging_note),
+    "frozen": Table(
+        "docs/clogging.md",
+        blocked.HEAD,
+        blocked.frozen,
+        blocked.frozen_note,
+        made_by="python -m validation frozen --out DIR",
+    ),
     "forces": Table("docs/clogging.md", (), lambda _: [], tables.forces_note),
     "strategies": Table(
         "docs/routing.md",
@@ -189,13 +203,10 @@ TABLES: dict[str, Table] = {
         tables.training_note,
         made_by="python train.py --runs 500",
     ),
-    "gate": Table(
-        "docs/validation.md",
-        ("", "desired speed, m/s", *(f"{k}th, s" for k in (10, 20, 40, 60, 75)), "flow, 1/s", "runs that got stuck"),
-        tables.gate,
-        tables.gate_note,
-        made_by="python -m validation gate --data DATA --out DIR",
+    "map": Table(
+        "docs/validation.md", map_tables.PASSED_HEAD, map_tables.passed, map_tables.criteria, made_by=_MAP_COMMAND
     ),
+    "measured": Table("docs/validation.md", map_tables.FIGURES_HEAD, map_tables.figures, made_by=_MAP_COMMAND),
     "scenarios": Table(
         "docs/scenarios.md",
         ("runs with people left inside", *(f"`{scheme}`" for scheme in tables.SCENARIO_SCHEMES)),

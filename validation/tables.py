@@ -90,7 +90,7 @@ def halls(source: "Sources") -> Cells:
     found = [row for case in ("halls", "great-halls") for row in source.read(f"{case}.json")["rows"]]
     rows = []
     for scheme in dict.fromkeys(row["scheme"] for row in found):
-        figures = [row["figure"] for row in found if row["scheme"] == scheme]
+        figures = [row["more"] for row in found if row["scheme"] == scheme]
         sizes = dict.fromkeys(figure["people"] for figure in figures)
         fastest = [max(one["fastest, m/s"] for one in figures if one["people"] == people) for people in sizes]
         outside = sum(figure["outside"] for figure in figures)
@@ -98,6 +98,15 @@ def halls(source: "Sources") -> Cells:
         speeds = (f"{speed:.1f}" for speed in fastest)
         rows.append([f"`{scheme}`", "nobody" if not outside else str(outside), *speeds, f"{overlap:.3g}"])
     return rows
+
+
+def jambs(source: "Sources") -> Cells:
+    """One row a scheme and manner: of how many draws the door was stuck, door by door and radius by radius."""
+    rows: dict[tuple[str, str], list[str]] = {}
+    for row in source.read("jambs.json")["rows"]:
+        stuck = [str(value) for name, value in row["more"].items() if name.startswith("stuck")]
+        rows.setdefault((row["scheme"], row["manner"]), []).append(", ".join(stuck))
+    return [[f"`{scheme}`", manner, *cells] for (scheme, manner), cells in rows.items()]
 
 
 # -------------------------------------------------------------------------------------------------------------- clogging
@@ -124,7 +133,8 @@ def clogging(source: "Sources") -> Cells:
                 "–" if later is None else f"{later:.2f}",
                 f"{_signed(tail['ratio'], 1)} (p = {tail['p']:.2g})",
             ]
-        blocked = f"{found['blocked_runs']} of {found['runs']}"
+        low, high = (100.0 * bound for bound in found["blocked_share"]["ci95"])
+        blocked = f"{found['blocked_runs']} of {found['runs']} ({low:.0f} to {high:.0f} %)"
         rows.append([speed, str(gaps["count"]), f"{gaps['mean']:.2f}", f"{gaps['cv']:.2f}", *cells, blocked])
     return rows
 
@@ -272,41 +282,7 @@ def training_note(source: "Sources") -> str:
     )
 
 
-# ------------------------------------------------------------------------------------------------ ------------ experiments
-
-
-def gate(source: "Sources") -> Cells:
-    """The recording, then one row a scheme and desired speed."""
-    rows = []
-    for row in source.read("gate.json")["rows"]:
-        figure, recorded = row["figure"], row["scheme"] == "recorded"
-        times = [figure.get(f"{k}th, s") for k in (10, 20, 40, 60, 75)]
-        flow, sd = figure["flow, 1/s"], figure["sd of flow"]
-        rows.append(
-            [
-                row["scheme"] if recorded else f"`{row['scheme']}`",
-                figure["desired speed, m/s"] or "",
-                *("–" if time is None else f"{time:.1f}" for time in times),
-                "–" if flow is None else f"{flow:.2f}" + ("" if sd is None else f" ± {sd:.2f}"),
-                "" if recorded else f"{figure['stuck']} of {figure['runs']}",
-            ]
-        )
-    return rows
-
-
-def gate_note(source: "Sources") -> str:
-    """Say by how much the flow of the simulations is wrong."""
-    recorded, *rest = [row["figure"] for row in source.read("gate.json")["rows"]]
-    wrong: dict[str, list[float]] = {}
-    for figure in rest:
-        if figure["flow, 1/s"] is not None:
-            wrong.setdefault(figure["desired speed, m/s"], []).append(figure["flow, 1/s"] / recorded["flow, 1/s"])
-    factors = [f"{min(many):.1f} to {max(many):.1f} with {speed} m/s" for speed, many in wrong.items()]
-    return (
-        "When the k-th person passes the end of the gate, mean of the runs; flow ± standard deviation of the runs that did not "
-        f"get stuck. The simulated flow is wrong by a factor of {_listed(factors)}. Bodies are discs of "
-        f"{rest[0]['radius, m']:.3f} m; the students walked through the gate at {recorded['speed in the gate, m/s']:.2f} m/s."
-    )
+# ------------------------------------------------------------------------------------------------------------ scenarios
 
 
 def scenarios(source: "Sources") -> Cells:

@@ -82,7 +82,7 @@ def _policy_entry(policy: Policy, source: Path | None = None) -> Entry:
 def _learned_entry(path: Path, scenario: Scenario, trust_pickle: bool) -> Entry:
     """Return the entry of a network: its file says whether it is a policy or a controller.
 
-    A controller keeps the options of `RoutingBatch` that it was trained with, but for scenario, scheme and threads.
+    A controller keeps the options of `RoutingBatch` that it was trained with, but for what the evaluation itself says.
 
     Raises
     ------
@@ -92,7 +92,8 @@ def _learned_entry(path: Path, scenario: Scenario, trust_pickle: bool) -> Entry:
     found = load_trained(path, trust_pickle=trust_pickle)
     if isinstance(found, LearnedPolicy):
         return _policy_entry(found, path)
-    own = {key: value for key, value in found.options.items() if key not in ("scenario", "scheme", "dt", "threads")}
+    of_the_run = ("scenario", "scheme", "dt", "threads", "manner")
+    own = {key: value for key, value in found.options.items() if key not in of_the_run}
     own["sample_dt"] = SAMPLE
     try:
         batch = RoutingBatch(scenario, **own)

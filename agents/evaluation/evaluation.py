@@ -1,12 +1,12 @@
 """Evaluate policies on the same draws: the same people at the same starting positions, for every policy and scheme."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from agents.drivers import policy_driver
+from agents.drivers import PolicyBatches, policy_driver
 from agents.evaluation.measurements import Measured, MeasurementRecorder
 from agents.policy import Policy
 from crowd_env import EpisodeMetrics, Scenario, make_scenario
@@ -31,6 +31,7 @@ class Evaluation:
     time_limit: float  # s
     exit_names: tuple[str, ...] = ()  # of the rows of Geometry.exits
     measured: Measured | None = None
+    constants: dict[str, Any] = field(default_factory=dict)  # of a policy that is made of constants
 
     @property
     def runs(self) -> int:
@@ -66,6 +67,7 @@ class Evaluation:
         row = {
             "policy": self.policy,
             "scheme": self.scheme,
+            "constants": self.constants,
             **figures_of(self.episodes),
             "exit_time_95": named(self.exit_time_95()),
             "last_exit": float(out.max()) if len(out) else None,
@@ -167,4 +169,5 @@ def evaluate_driver(
         episodes[0].time_limit,
         scenario.geometry.exit_names,
         None if recorder is None else recorder.measured(episodes),
+        driver.constants if isinstance(driver, PolicyBatches) else {},
     )

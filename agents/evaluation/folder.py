@@ -18,6 +18,7 @@ from crowd_env import EpisodeMetrics, Scenario, make_scheme
 from crowd_env.files.array_file import read_arrays, write_arrays
 from crowd_env.files.csv_table import write_csv
 from crowd_env.files.json_file import read_json, write_json
+from crowd_env.headway import plain_manner
 
 _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"
@@ -32,7 +33,9 @@ def settings_of(scenario: Scenario, runs: int, seed: int) -> dict[str, Any]:
     held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     for name in ("name", "title", "reference"):
         del held[name]
-    return {"scenario": scenario.name, "digest": fingerprint(held), "runs": runs, "seed": seed}
+    headway = held["manner"] = scenario.manner_of_run()
+    facts = {"scenario": scenario.name, "manner": plain_manner(headway), "digest": fingerprint(held)}
+    return {**facts, "runs": runs, "seed": seed}
 
 
 def _made_by(entry: Entry, scheme: str) -> dict[str, Any]:
@@ -101,6 +104,7 @@ class EvaluationFolder:
             "time_limit": result.time_limit,
             "exit_names": result.exit_names,
             "origin": measured.grid.origin,
+            "constants": result.constants,
         }
         arrays = {name: getattr(measured, name) for name in _ARRAYS} | {
             "episodes": np.array(result.episodes, dtype=np.float64),
@@ -183,8 +187,17 @@ def _evaluation(policy: str, scheme: str, kept: dict[str, np.ndarray], facts: di
     grid = Grid(tuple(facts["origin"]), kept["maps"].shape[1:])
     of_runs: dict[str, Any] = {name: kept[name] for name in _ARRAYS} | {name: facts[name] for name in _NUMBERS}
     measured = Measured(maps=Maps(*kept["maps"]), grid=grid, **of_runs)
-    times, limit = list(kept["exit_times"]), facts["time_limit"]
-    return Evaluation(policy, scheme, episodes, times, kept["ended"], limit, tuple(facts["exit_names"]), measured)
+    return Evaluation(
+        policy,
+        scheme,
+        episodes,
+        list(kept["exit_times"]),
+        kept["ended"],
+        facts["time_limit"],
+        tuple(facts["exit_names"]),
+        measured,
+        facts["constants"],
+    )
 
 
 def _curves(results: Sequence[Evaluation]) -> dict[str, list[np.ndarray]]:

@@ -8,7 +8,9 @@ from agents.drivers import ControllerDriver, policy_driver, sample_step
 from agents.evaluation.evaluation import Evaluation, evaluate_driver
 from agents.rules import StrategyPolicy
 from crowd_env import Scenario
+from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.headway import plain_manner
 
 # What people do without a controller, by the strategy of `CrowdEnv`.
 STRATEGIES = {"nearest exit": "nearest", "shortest path": "shortest", "fastest path": "fastest"}
@@ -37,6 +39,7 @@ def evaluate_controller(
     """
     one = RoutingBatch(scenario, **options)
     simulation, sample_dt = one.env.simulation, sample_step(one.interval, one.env.simulation.dt)
+    driver: Callable[[int], Driver]
     if isinstance(controller, str):
         name = controller
         driver = policy_driver(
@@ -46,13 +49,16 @@ def evaluate_controller(
             dt=simulation.dt,
             decision_dt=sample_dt,
             threads=simulation.threads,
+            manner=plain_manner(simulation.manner),
             time_limit=float(one.env.time_limit[0]),
         )
     else:
         name = controller.name
 
-        def driver(num_envs: int) -> ControllerDriver:
+        def of_controller(num_envs: int) -> Driver:
             return ControllerDriver(controller, scenario, num_envs=num_envs, sample_dt=sample_dt, **options)
+
+        driver = of_controller
 
     return evaluate_driver(
         driver, one.scenario, name, simulation.scheme, runs=runs, first_seed=first_seed, progress=progress

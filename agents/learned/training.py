@@ -17,6 +17,7 @@ from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv, Scenario
 from crowd_env.cli.console import notes, stops_by
 from crowd_env.files.csv_table import write_csv
+from crowd_env.headway import plain_manner
 
 # evacuation_time and its standard error are over all validation draws, people left inside count as in
 # `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.
@@ -94,6 +95,7 @@ class PolicyCallback(TrainingCallback):
             first_seed=VALIDATION_SEED,
             dt=self.env.simulation.dt,
             decision_dt=self.env.decision_dt,
+            manner=plain_manner(self.env.simulation.manner),
         )
         row = self._row(result)
         best_before = min(map(score, self.curve), default=(np.inf, np.inf))

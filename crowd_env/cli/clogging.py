@@ -16,6 +16,7 @@ from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_r
 from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
 from crowd_env.cli.console import (
     AsJson,
+    MannerName,
     Runs,
     Seed,
     check_folder,
@@ -24,10 +25,13 @@ from crowd_env.cli.console import (
     friendly_errors,
     interrupted,
     notes,
+    run_title,
+    with_manner,
     with_people,
 )
-from crowd_env.envs.rollout import Episode, RunsInterrupted
+from crowd_env.envs.rollout import Episode, RunsInterrupted, share
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.headway import plain_manner
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.scenarios import SCENARIOS
 from crowd_env.scenarios.population import Uniform
@@ -48,6 +52,7 @@ def clog(
         float | None, typer.Option(help="Desired speed of everyone in m/s; default the scenario's.")
     ] = None,
     n: Annotated[int | None, typer.Option(help="Number of people; default the scenario's.", min=1)] = None,
+    manner: MannerName = None,
     runs: Runs = 10,
     seed: Seed = 0,
     dt: Annotated[float | None, typer.Option(help="Physics step in s; default the scheme's.")] = None,
@@ -85,7 +90,7 @@ def clog(
             people: dict[str, Any] = {} if n is None else {"count": n}
             if speed is not None:
                 people["desired_speed"] = Uniform(speed, speed)
-            place = with_people(scenario or "lin-room-v0", people)
+            place = with_manner(with_people(scenario or "lin-room-v0", people), manner)
             contact = make_scheme(scheme)
             name = _name(place, contact)
             blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
@@ -98,7 +103,10 @@ def clog(
         }
         paths = [] if out is None else _write(out, found, sets, [episode.seed for episode in episodes], per_exit)
     if as_json:
-        typer.echo(json.dumps({"sets": [{"name": name, **each.as_json()} for name, each in found.items()]}))
+        rows = [{"name": name, "manner": None, **_figures(each)} for name, each in found.items()]
+        if episodes:  # the simulated runs are the first set
+            rows[0]["manner"] = plain_manner(place.manner_of_run())
+        typer.echo(json.dumps({"sets": rows}))
     else:
         _show(found)
     if paths:
@@ -122,7 +130,7 @@ def _recorded(paths: Sequence[Path]) -> dict[str, list[RunExits]]:
 def _name(place: Scenario, scheme: ContactScheme) -> str:
     speed = place.population.desired_speed
     range = f"{speed.low:g}" if speed.low == speed.high else f"{speed.low:g} to {speed.high:g}"
-    return f"{place.name}, {scheme.info.name}, {counted(place.population.count, 'person', 'people')}, {range} m/s"
+    return f"{run_title(place, scheme.info.name)}, {counted(place.population.count, 'person', 'people')}, {range} m/s"
 
 
 def _write(
@@ -155,15 +163,20 @@ def _show(found: dict[str, Clogging]) -> None:
         table.add_column(name, justify="right")
         columns.append(_cells(each))
     for row, label in enumerate(columns[0]):
-        table.add_row(label, *(column[label] for column in columns), end_section=row in (2, 8, 11))
+        table.add_row(label, *(column[label] for column in columns), end_section=row in (3, 9, 12))
     console.print(table)
     for name, each in found.items():
         console.print(f"* {name}: {each.statement()}." if len(found) > 1 else f"{each.statement()}.", markup=False)
 
 
+def _figures(found: Clogging) -> dict[str, Any]:
+    """Return the figures ready for JSON, with Wilson's interval of the share of blocked runs."""
+    return {**found.as_json(), "blocked_share": share(found.blocked, found.runs)}
+
+
 def _cells(found: Clogging) -> dict[str, str]:
     """Return the rows of the table."""
-    figures = found.as_json()
+    figures = _figures(found)
     gaps, bursts, tail = figures["gaps"], figures["bursts"], figures["tail"] or {}
 
     def number(value: float | None, unit: str = "", digits: int = 2) -> str:
@@ -174,6 +187,9 @@ def _cells(found: Clogging) -> dict[str, str]:
     return {
         "runs": str(found.runs),
         "  unfinished, of these blocked": f"{found.unfinished}, {found.blocked}",
+        "  share blocked, 95 %": "{:.0f} to {:.0f} %".format(
+            *(100.0 * bound for bound in figures["blocked_share"]["ci95"])
+        ),
         "people out": str(found.exits),
         "gaps": str(gaps["count"]),
         "  mean": number(gaps["mean"], " s"),

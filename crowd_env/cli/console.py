@@ -6,6 +6,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any, NoReturn, TextIO
@@ -15,6 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
+from crowd_env.headway import MANNERS, make_manner, plain_manner
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
 
@@ -25,6 +27,14 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # Options that several commands have.
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Runs = Annotated[int, typer.Option(help="Number of evacuations, each with other people in other places.")]
+MannerName = Annotated[
+    str | None,
+    typer.Option(
+        "--manner",
+        metavar="NAME",
+        help=f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's.",
+    ),
+]
 Seed = Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0)]
 
 notes = Console(stderr=True, highlight=False)
@@ -157,6 +167,29 @@ def with_people(name: str, people: Mapping[str, Any], **options: Any) -> Scenari
     if people:
         options["population"] = make_scenario(name).population.changed(**people)
     return make_scenario(name, **options)
+
+
+def with_manner(place: Scenario, manner: str | None) -> Scenario:
+    """Return a scenario in which people walk in this manner; None = as it says.
+
+    Raises
+    ------
+    ValueError
+        If the manner is unknown.
+    """
+    if manner is None:
+        return place
+    make_manner(manner)
+    return replace(place, manner=manner)
+
+
+def run_title(place: Scenario, scheme: str = "", *, people: str = "", runs: str = "") -> str:
+    """Return "room-v0: 20 people, dem, calm, 5 runs": what is given, and how people walk if they keep a distance."""
+    headway = place.manner_of_run()
+    manner = plain_manner(headway)
+    walk = manner if isinstance(manner, str) else f"time gap {manner['time_gap']:g} s"
+    first = f"{place.name}: {people}" if people else place.name
+    return ", ".join(part for part in (first, scheme, walk if headway else "", runs) if part)
 
 
 def counted(count: int, one: str, many: str) -> str:

@@ -13,6 +13,7 @@ from rich.table import Table
 from crowd_env.cli.clogging import clog
 from crowd_env.cli.console import (
     AsJson,
+    MannerName,
     Runs,
     Seed,
     check_picture,
@@ -22,6 +23,8 @@ from crowd_env.cli.console import (
     interrupted,
     notes,
     progress_bar,
+    run_title,
+    with_manner,
     with_people,
 )
 from crowd_env.cli.reproduce import reproduce
@@ -136,6 +139,7 @@ def run(
         str,
         typer.Option(help="How people choose their way: shortest, nearest, fastest, comfortable, or a route or exit."),
     ] = "shortest",
+    manner: MannerName = None,
     rules: Annotated[bool, typer.Option(" /--no-rules", help="Leave out the scenario's control rules.")] = True,
     seed: Seed = 0,
     film: Annotated[Path | None, typer.Option(help="Also film the first run: .gif or .mp4.")] = None,
@@ -167,13 +171,13 @@ def run(
 
             check_picture("--film", film, tuple(FORMATS))
         _check_network(force_network, at, around)
-        place = _read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit, unit)
+        place = with_manner(_read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit, unit), manner)
         if at is not None and at > place.time_limit:
             raise ValueError(f"--at is {at:g} s; the evacuation ends after {place.time_limit:g} s at the latest")
         contact = make_scheme(scheme, social)
         options: dict[str, Any] = {"scheme": contact, "dt": dt, "strategy": strategy, "rules": rules}
         begin = time.monotonic()
-        episodes, stopped = evacuate(f"{place.name}, {scheme}", place, runs, seed=seed, **options)
+        episodes, stopped = evacuate(run_title(place, scheme), place, runs, seed=seed, **options)
         figures = report(place, scheme, episodes)
         if stopped is not None:
             figures["interrupted_of"] = stopped.runs
@@ -189,7 +193,7 @@ def run(
             from crowd_env.rendering import write_film
             from crowd_env.rendering.live import record
 
-            write_film(film, record(place, title=f"{place.name}, {contact.info.name}", seed=seed, **options))
+            write_film(film, record(place, title=run_title(place, contact.info.name), seed=seed, **options))
             notes.print(f"film: {film}", markup=False)
         if force_network is not None:
             _draw_network(force_network, place, contact, around, seed=seed, dt=dt, at=at)
@@ -210,7 +214,7 @@ def _draw_network(path: Path, place: Scenario, scheme: ContactScheme, around: fl
     from crowd_env.rendering.forces.moment import forces_of_run
 
     forces = forces_of_run(place, scheme, **moment)
-    write_force_network(path, forces, around=around, title=f"{place.name}, {scheme.info.name}")
+    write_force_network(path, forces, around=around, title=run_title(place, scheme.info.name))
     notes.print(f"forces: {path}, mean of 0.1 s until {forces.time:.1f} s", markup=False, soft_wrap=True)
 
 
@@ -223,7 +227,7 @@ def _table(place: Scenario, figures: dict[str, Any], seconds: float) -> Table:
 
     evacuation, flow = figures["evacuation_time"], figures["flow"]
     people, runs = counted(figures["people"], "person", "people"), counted(figures["runs"], "run", "runs")
-    title = f"{figures['scenario']}: {people}, {figures['scheme']}, {runs}"
+    title = run_title(place, figures["scheme"], people=people, runs=runs)
     table = Table(title=title, show_header=False, caption=f"{seconds:.1f} s of computing")
     x0, y0, x1, y1 = place.geometry.bounds
     table.add_row("plan", f"{place.geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env.checks import NOT_NEGATIVE, refuse, shown, whole
+from crowd_env.headway import MANNERS, Headway, Manner, plain_manner
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Bodies, Bools, make_bodies
 
@@ -30,6 +31,24 @@ def scenarios_of(scenario: Any) -> list[Any]:
     if not kinds:
         raise ValueError("no scenario; give at least one")
     return kinds
+
+
+def one_manner(scenarios: Sequence[Scenario], manner: Manner | None) -> Headway | None:
+    """Return how people walk in a batch: as ``manner`` says, or if it is None as the scenarios say.
+
+    Raises
+    ------
+    ValueError
+        If the manner is unknown, or the scenarios do not say the same.
+    """
+    found = [scenario.manner_of_run(manner) for scenario in scenarios]
+    for scenario, other in zip(scenarios, found, strict=True):
+        if other != found[0]:
+            told = f"{plain_manner(found[0])} in {scenarios[0].name}, {plain_manner(other)} in {scenario.name}"
+            raise ValueError(
+                f"the people of one batch walk in one manner, not {told}; say which: manner={next(iter(MANNERS))!r}"
+            )
+    return found[0]
 
 
 def check_size(scenarios: Sequence[Scenario], num_envs: int) -> None:

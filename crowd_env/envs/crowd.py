@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import gymnasium
 import numpy as np
@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike
 from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env.checks import COUNT, POSITIVE, Range, array, flag, known, number, text, whole
 from crowd_env.envs.action import FRAMES, ActionKind, Frame, make_action, to_command
-from crowd_env.envs.arguments import bodies_before_reset, check_size, parts_of, scenarios_of, seed_words
+from crowd_env.envs.arguments import bodies_before_reset, check_size, one_manner, parts_of, scenarios_of, seed_words
 from crowd_env.envs.episode import EnvCheckpoint, init_episode, update_episode
 from crowd_env.envs.metrics import EpisodeMetrics, summarise_exits
 from crowd_env.envs.observation.layout import ObservationLayout, make_layout
 from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.observation.view import allocate_route_ahead
 from crowd_env.envs.reward import RewardFunction, RewardWeights, Transition, make_weights
+from crowd_env.headway import Manner
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.groups import extreme_bodies
@@ -28,6 +29,7 @@ from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import Bools, Floats, Ints, make_state
 
 _THREADS = Range(1, 1024)
+ActsOn = Literal["everyone", "ruled"]
 
 
 class Step(NamedTuple):
@@ -77,6 +79,12 @@ class CrowdEnv:
     threads : spread environments over threads; results do not depend on it.
     strategy, rules : how people choose their route, and whether the scenario's control rules are in force, see
         `Scenario.route_set`.
+    manner : how people walk before they touch: a name in ``MANNERS``, a Headway, or a table of its parameters; by default as
+        the scenario says, and if that says nothing at full speed whatever is in front of them.
+    manner_for : whom the manner acts on.  "everyone": also those who have an action, which then says what one would do with
+        nobody in front.  "ruled": only those whom the rule leads; the others walk as their action says.
+    max_drive : N, the largest force with which a person drives forwards, by default as large as the papers make it (up to
+        2 kN); see `Simulation`.
     scenario_options : options of the scenario if it is given by name.
 
     Raises
@@ -110,10 +118,14 @@ class CrowdEnv:
         threads: int = 1,
         strategy: str = "shortest",
         rules: bool = True,
+        manner: Manner | None = None,
+        manner_for: ActsOn = "everyone",
+        max_drive: float | None = None,
         **scenario_options: Any,
     ) -> None:
         num_envs, threads = whole("num_envs", num_envs, COUNT), whole("threads", threads, _THREADS)
         known("frame", frame, FRAMES)
+        known("manner_for", manner_for, get_args(ActsOn))
         scheme = make_scheme(scheme)
         dt = scheme.info.default_dt if dt is None else number("dt", dt, POSITIVE, "s")
         decision_dt = number("decision_dt", decision_dt, POSITIVE, "s")
@@ -128,6 +140,7 @@ class CrowdEnv:
         self.num_envs = num_envs
         self.decision_dt = decision_dt
         self.frame: Frame = frame
+        self.manner_for: ActsOn = manner_for
         self.autoreset = autoreset
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
         self.single_action_space = copy.deepcopy(self.action_kind.space)  # whoever seeds it seeds no other
@@ -153,6 +166,8 @@ class CrowdEnv:
             fields=self.route_set,
             geometry_of_env=which,
             threads=threads,
+            manner=one_manner(self.scenarios, manner),
+            max_drive=max_drive,
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
         self._ahead = allocate_route_ahead(people)  # the observer writes it, the reward reads its potential
@@ -254,12 +269,12 @@ class CrowdEnv:
             raise ValueError(
                 "the simulation alone was restored, the environment was not; restore or reset the environment"
             )
-        command, relative = self._command(action, rule)
+        command, relative, gives_way = self._command(action, rule)
         transition, episode = self._transition.fields, self._episode.fields
         if not self._interrupted:  # else this step goes on with the one before: who got out in between has left
             transition.inside[:], episode.step_start[:] = state.active, state.time
         self._interrupted = True
-        simulation.advance(command, relative=relative, n_substeps=self.n_substeps)
+        simulation.advance(command, relative=relative, n_substeps=self.n_substeps, gives_way=gives_way)
         # Before the end of an episode takes out those who are truncated: they are still seen, by themselves and by others,
         # and what is left of their route is not yet 0, which would pay them as if they had got out.
         observation = self._observer.observe(transition.inside)
@@ -354,11 +369,14 @@ class CrowdEnv:
         self._transition.fields.inside[self.people(e)] = True
         self.finished[e] = False
 
-    def _command(self, action: ArrayLike | None, rule: ArrayLike | None) -> tuple[Floats | None, Bools | None]:
+    def _command(
+        self, action: ArrayLike | None, rule: ArrayLike | None
+    ) -> tuple[Floats | None, Bools | None, Bools | None]:
         if action is None:
-            return None, None
+            return None, None, None
         controlled = self.active
         if rule is not None:
             controlled &= ~array("rule", rule, (self.num_people,), "b")
         command = to_command(action, self.action_kind, controlled)
-        return command, (~controlled if self.frame == "world" else None)
+        ruled = ~controlled
+        return command, (ruled if self.frame == "world" else None), (ruled if self.manner_for == "ruled" else None)

@@ -43,13 +43,16 @@ class _Opening(NamedTuple):
 
 def _edges(area: Area) -> Floats:
     """Return the straight edges (N, 2, 2) of all rings of ``area``, the area to their left."""
-    edges = []
-    for polygon in shapely.get_parts(area):
-        polygon = orient(polygon)
-        for ring in (polygon.exterior, *polygon.interiors):
-            corners = _straighten(shapely.get_coordinates(ring)[:-1])
-            edges.append(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
-    return np.concatenate(edges)
+    rings = [ring for rings in rings_of(area) for ring in rings]
+    return np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
+
+
+def rings_of(area: Area) -> list[list[Floats]]:
+    """Return, for each polygon of ``area``, the corners (K, 2) [m] of its rings, shell first, the area to their left."""
+    return [
+        [_straighten(shapely.get_coordinates(ring)[:-1]) for ring in (polygon.exterior, *polygon.interiors)]
+        for polygon in map(orient, shapely.get_parts(area))
+    ]
 
 
 def _straighten(ring: Floats) -> Floats:

@@ -11,15 +11,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.checks import table
+from crowd_env.checks import NOT_NEGATIVE, table
+from crowd_env.checks import number as require_number
 from crowd_env.checks import text as require_text
 from crowd_env.geometry.boundary import open_boundary
+from crowd_env.geometry.corners import ends_together
 from crowd_env.geometry.depth import solid_depth
 from crowd_env.geometry.doors import read_doors
+from crowd_env.geometry.jambs import NO_ARCS, Arcs, deepen_exits, round_jambs
 from crowd_env.geometry.parsing import (
     SLIVER,
     Area,
@@ -33,28 +36,27 @@ from crowd_env.geometry.parsing import (
     require_inside,
 )
 from crowd_env.geometry.parts import closed_off, is_within, join_near_parts, say_left_out, split_by_exits
-from crowd_env.state import Bools, Floats, Ints, joined_starts, row_starts
+from crowd_env.state import Bools, Floats, Ints, joined_starts
 
 __all__ = ["Boundary", "Geometry", "box", "join_boundaries", "parse_exit"]
-
-_SAME = 1e-9  # m; ends of walls nearer than this are one corner
 
 
 class Boundary(NamedTuple):
     """What kernels read of the geometry; the arrays of G geometries lie one behind the other."""
 
-    wall: Floats  # (W, 2, 2)  m   ends a, b; walkable area to the left of a -> b
+    wall: Floats  # (W, 2, 2)  m   ends a, b; walkable area to the left of a -> b; the chords of round jambs last
     depth: Floats  # (W,)    m   half the thickness of what is solid behind the wall, 0.25 m at most
     two_sided: Bools  # (W,)    thin wall inside the area: touches from both sides
     wall_door: Ints  # (W,)    door of its geometry that the wall closes; -1 = it stands for good
     wall_start: Ints  # (G+1,)  first wall of each geometry
-    corner: Floats  # (V, 2)  m   distinct ends of walls: door jambs, corners of obstacles
+    chord_start: Ints  # (G,)    first chord of each geometry: nobody touches a chord, but the arc that it draws
+    corner: Floats  # (V, 2)  m   distinct ends of walls: door jambs, corners of obstacles; or the center of a round one
+    corner_radius: Floats  # (V,)    m   of a round jamb; 0 = a point
     corner_door: Ints  # (V,)    door of its geometry that the corner belongs to; -1 = none
     corner_start: Ints  # (G+1,)  first corner of each geometry
-    corner_wall_start: NDArray[
-        np.int64
-    ]  # (V+1,)  corner v ends corner_wall[corner_wall_start[v]:corner_wall_start[v+1]]
-    corner_wall: Ints  # (2W,)   rows of `wall`
+    corner_wall_start: Ints  # (V+1,)  corner v ends corner_wall[corner_wall_start[v]:corner_wall_start[v+1]]
+    corner_wall: Ints  # (N,)    rows of `wall`
+    corner_wall_end: Ints  # (N,)    the end of that wall which lies there: 0 = a, 1 = b
     exit: Floats  # (X, 2, 2)  m   ends a, b; walkable area to the left of a -> b
     exit_start: Ints  # (G+1,)  first exit of each geometry
 
@@ -68,7 +70,8 @@ class Geometry:
     walkable
         What may be walked on [m]; obstacles and polygonal exits are already cut out.
     walls
-        (W, 2, 2) straight walls [m], walkable area to the left; thin walls (``two_sided``) come last.
+        (W, 2, 2) straight walls [m], walkable area to the left; behind them thin walls and doors (``two_sided``), and last
+        the chords that draw round jambs.
     two_sided
         (W,) whether a wall is a line inside the area, touched from both sides.
     exits
@@ -85,6 +88,8 @@ class Geometry:
         For each door the name of the exit that it closes, or None if it stands inside.
     left_out
         Parts of what was drawn that have no exit; they are not walkable.
+    arcs
+        The round jambs.
     """
 
     walkable: Area
@@ -97,6 +102,7 @@ class Geometry:
     door_of_wall: Ints
     exits_of_door: tuple[str | None, ...]
     left_out: tuple[Polygon, ...] = ()
+    arcs: Arcs = NO_ARCS
 
     @classmethod
     def from_polygon(
@@ -108,6 +114,7 @@ class Geometry:
         thin_walls: Iterable[Shape] | BaseGeometry = (),
         regions: Mapping[str, Shape] | None = None,
         doors: Mapping[str, Shape] | None = None,
+        jamb_radius: float = 0.0,
     ) -> "Geometry":
         """Return the geometry of an area.
 
@@ -128,6 +135,9 @@ class Geometry:
             Name -> area that overlaps the walkable area.
         doors
             Name -> what can be closed: the name of an exit, or a line across a passage inside the area.
+        jamb_radius
+            Radius [m] of the corners that jut into the area: door jambs, corners of obstacles, the tips of thin walls; 0 for
+            sharp ones.  See `crowd_env.geometry.jambs`: passages and doors stay as wide as they are drawn.
 
         Raises
         ------
@@ -139,6 +149,7 @@ class Geometry:
         UserWarning
             If parts are joined or left out, or an exit is moved by more than 1 cm.
         """
+        radius = require_number("jamb_radius", jamb_radius, NOT_NEGATIVE, "m")
         regions = table("regions", {} if regions is None else regions, "names and areas")
         doors = table("doors", {} if doors is None else doors, "names and lines")
         area = join_near_parts(read_area(walkable, "walkable area"), "walkable area")
@@ -154,20 +165,29 @@ class Geometry:
             with warnings.catch_warnings():  # what it has to say has been said
                 warnings.simplefilter("ignore")
                 walls, exit_rows, exit_names = open_boundary(area, shapes)
+        if radius > 0.0:
+            area, shapes = deepen_exits(area, walls, exit_rows, exit_names, radius)
+            walls, exit_rows, exit_names = open_boundary(area, shapes)
         thin = _thin_walls(area, left_out, read_lines(thin_walls, "thin wall"))
+        arcs, chords = NO_ARCS, np.empty((0, 2, 2))
+        if radius > 0.0:
+            area, walls, thin, arcs, chords = round_jambs(area, walls, thin, exit_rows, radius)
         leaves, door_of_leaf, exits_of_door = read_doors(doors or {}, area, thin, exit_rows, exit_names)
-        fixed = len(walls) + len(thin)
+        fixed, sides = len(walls) + len(thin), [len(walls), len(thin) + len(leaves), len(chords)]
         return cls(
             walkable=area,
-            walls=np.concatenate([walls, thin, leaves]),
-            two_sided=np.arange(fixed + len(leaves)) >= len(walls),
+            walls=np.concatenate([walls, thin, leaves, chords]),
+            two_sided=np.repeat([False, True, False], sides),
             exits=exit_rows,
             exit_names=exit_names,
             regions=_regions(area, left_out, regions or {}, shapes),
             doors=tuple(doors or {}),
-            door_of_wall=np.concatenate([np.full(fixed, -1, dtype=np.int64), door_of_leaf]),
+            door_of_wall=np.concatenate(
+                [np.full(fixed, -1, dtype=np.int64), door_of_leaf, np.full(len(chords), -1, dtype=np.int64)]
+            ),
             exits_of_door=exits_of_door,
             left_out=tuple(left_out),
+            arcs=arcs,
         )
 
     @classmethod
@@ -178,7 +198,7 @@ class Geometry:
     def without_closed_off(self, radius: float, exits: Iterable[Shape]) -> "Geometry":
         """Return the place without what a body of ``radius`` [m] cannot leave through any passage, with a note.
 
-        It is made anew with ``exits``, as in `from_polygon`; walls inside, regions and doors it must not have.
+        It is made anew with ``exits``, as in `from_polygon`; walls inside, regions, doors and round jambs it must not have.
         """
         lost = closed_off(self.walkable, self.exits, radius)
         if not lost:
@@ -208,18 +228,32 @@ class Geometry:
     @cached_property
     def boundary(self) -> Boundary:
         """The arrays that kernels read, for this geometry alone (G = 1)."""
-        corner, start, rows = _corners(self.walls)
+        straight = len(self.walls) - self.arcs.chords
+        ends = self.walls[:straight].reshape(-1, 2)
+        on_arc = self.arcs.ends[self.arcs.ends >= 0]
+        sharp = np.delete(np.arange(len(ends)), on_arc)
+        start, members = ends_together(ends[sharp])
+        members = sharp[members]
+        # A leaf shares its ends with nothing that stands for good.
+        doors = self.door_of_wall[members[start[:-1]] // 2]
+        on_post = self.arcs.ends[:, 1] < 0
+        members = np.concatenate([members, self.arcs.ends[~on_post].ravel()])
+        round_start = start[-1] + np.cumsum(np.where(on_post, 0, 2))
+        corner = np.concatenate([ends[members[start[:-1]]], self.arcs.center])
         return Boundary(
             wall=self.walls,
             depth=solid_depth(self.walls, self.walkable),
             two_sided=self.two_sided,
             wall_door=self.door_of_wall,
             wall_start=np.array([0, len(self.walls)], dtype=np.int64),
+            chord_start=np.array([straight], dtype=np.int64),
             corner=corner,
-            corner_door=_doors_of_corners(self.door_of_wall, start, rows),
+            corner_radius=np.repeat([0.0, self.arcs.radius], [len(start) - 1, len(on_post)]),
+            corner_door=np.concatenate([doors, np.full(len(on_post), -1, dtype=np.int64)]),
             corner_start=np.array([0, len(corner)], dtype=np.int64),
-            corner_wall_start=start,
-            corner_wall=rows,
+            corner_wall_start=np.concatenate([start, round_start]),
+            corner_wall=members // 2,
+            corner_wall_end=members % 2,
             exit=self.exits,
             exit_start=np.array([0, len(self.exits)], dtype=np.int64),
         )
@@ -265,7 +299,13 @@ def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:
     for rows in ("wall", "corner", "exit", "corner_wall"):
         columns[f"{rows}_start"] = joined_starts([getattr(part, f"{rows}_start") for part in parts])
     first_wall = np.repeat(columns["wall_start"][:-1], [len(part.corner_wall) for part in parts])
-    return Boundary(**columns | {"corner_wall": columns["corner_wall"] + first_wall})
+    return Boundary(
+        **columns
+        | {
+            "corner_wall": columns["corner_wall"] + first_wall,
+            "chord_start": columns["chord_start"] + columns["wall_start"][:-1],
+        }
+    )
 
 
 def _without_obstacles(area: Area, obstacles: list[Area]) -> Area:
@@ -325,25 +365,3 @@ def _regions(
             raise ValueError(f"region {name!r} around {at} lies outside of the walkable area; it must overlap it")
         shapes[name] = shape
     return shapes
-
-
-def _corners(walls: Floats) -> tuple[Floats, Ints, Ints]:
-    """Return the distinct ends (V, 2) of ``walls`` and, as compressed rows (V+1,), (2W,), the walls that end at each."""
-    ends = walls.reshape(-1, 2)
-    if not len(ends):
-        return np.empty((0, 2)), np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.int64)
-    points = shapely.points(ends)
-    end, twin = shapely.STRtree(points).query(points, predicate="dwithin", distance=_SAME)
-    first = np.arange(len(ends))
-    np.minimum.at(first, end, twin)  # an end is called by the first end at its place
-    distinct, corner_of_end = np.unique(first, return_inverse=True)
-    order = np.argsort(corner_of_end, kind="stable")
-    start = row_starts(np.bincount(corner_of_end, minlength=len(distinct)))
-    return ends[distinct].copy(), start, (order // 2).astype(np.int64)
-
-
-def _doors_of_corners(door_of_wall: Ints, start: Ints, rows: Ints) -> Ints:
-    """Return the door (V,) that each corner belongs to: a leaf shares its ends with nothing that stands for good."""
-    if len(start) < 2:
-        return np.empty(0, dtype=np.int64)
-    return np.asarray(np.maximum.reduceat(door_of_wall[rows], start[:-1]), dtype=np.int64)

@@ -1,8 +1,9 @@
 """The fastest way through a crowd: a coarse travel-time field, marched anew with the speed that the crowd leaves.
 
-The speed at a place is that of the floor times what Weidmann (1993) found people to walk at the density there,
-    v / v_free = 1 - exp(-1.913 (1 / rho - 1 / 5.4)),  rho in 1/m2,
-but never less than `SLOWEST`: in front of a door a jam moves on, it only takes its time.
+A front of people takes as long as its queue takes at the narrowest place ahead (`crowd_env.navigation.fronts`).  Among the
+places in a front the time is split as the density there says (`crowd_env.navigation.fundamental_diagram`).  People who keep no
+distance are not slowed by density, only by the queue, and nobody gets past a queue by walking around those who stand in it:
+they leave the shortest way only where another door or exit is faster.
 """
 
 from collections.abc import Callable
@@ -16,19 +17,12 @@ from crowd_env.navigation.directions import cell_kinds, descend
 from crowd_env.navigation.domain import SOURCE
 from crowd_env.navigation.extension import fill_from_nearest
 from crowd_env.navigation.field import NavigationField
+from crowd_env.navigation.fronts import Fronts
+from crowd_env.navigation.fundamental_diagram import FundamentalDiagram
 from crowd_env.state import Bools, Floats
 
 SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
-SLOWEST = 0.08  # of the free speed: a jam of 5.4 /m2 passes 0.6 people per second and meter at 1.4 m/s
-_JAM = 5.4  # 1/m2
 _SMOOTHING = 0.5  # m, half width of the window that density is averaged over, twice
-
-
-def weidmann(density: Floats) -> Floats:
-    """Return the speed at a density [1/m2] as a share of the free speed (Weidmann 1993), at least `SLOWEST`."""
-    with np.errstate(divide="ignore", over="ignore"):
-        share = 1.0 - np.exp(-1.913 * (1.0 / np.maximum(density, 1e-9) - 1.0 / _JAM))
-    return np.clip(share, SLOWEST, 1.0)
 
 
 class CongestionField:
@@ -39,9 +33,12 @@ class CongestionField:
     fine : field on the full grid, to the exits (or the region) in question.
     walls : (W, 2, 2) m, those that stand.
     speed : speed (...) at points (..., 2) [m], relative to plain floor.
+    exits : (X, 2, 2) m, rows as in the field; None if it leads to a region.
     """
 
-    def __init__(self, fine: NavigationField, walls: Floats, speed: Callable[[Floats], Floats]) -> None:
+    def __init__(
+        self, fine: NavigationField, walls: Floats, speed: Callable[[Floats], Floats], exits: Floats | None
+    ) -> None:
         stride = max(1, int(min(SPACING, 0.8 * fine.radius) / fine.spacing + 1e-9))
         self.spacing = stride * fine.spacing
         self.origin = fine.origin
@@ -55,6 +52,7 @@ class CongestionField:
         # Within a meter of a door the straight line to it is the way, whatever the crowd.
         near_door = (fine.direct >= 0) & (fine.travel_time < 1.0)
         direct = np.where(near_door, fine.direct, -1)[::stride, ::stride]
+        self._direct, self._blocked = fine.direct[::stride, ::stride], blocked
         self._template = replace(
             fine,
             travel_time=np.where(self._inside, 0.0, np.nan),
@@ -65,6 +63,13 @@ class CongestionField:
             through=None,
             free=None,
         )
+        width = np.full(shape, np.inf)  # a region is no bottleneck
+        if exits is not None:
+            row = fine.direct[::stride, ::stride]
+            known = row >= 0
+            width[known] = np.maximum(np.hypot(*(exits[:, 1] - exits[:, 0]).T) - 2.0 * fine.radius, 0.0)[row[known]]
+        self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, width)
+        self._shortest = fine.direction[::stride, ::stride]
         level = self._first - SOURCE * self.spacing
         self._level = np.ma.MaskedArray(np.where(np.isfinite(level), level, 1e3), ~self._free)
 
@@ -78,9 +83,27 @@ class CongestionField:
             count, floor = _box_mean(count, half), _box_mean(floor, half)
         return np.asarray(np.divide(count, floor * self.spacing**2, out=np.zeros_like(count), where=floor > 1e-6))
 
-    def march(self, position: Floats | None = None) -> NavigationField:
-        """Return the field for people at ``position`` (K, 2) [m], or for an empty place."""
-        speed = self._speed if position is None or not len(position) else self._speed * weidmann(self.density(position))
+    def _crowded(self, position: Floats, people: FundamentalDiagram) -> tuple[Floats, Bools]:
+        """Return the speed (rows, cols) relative to plain floor, and where people keep to the shortest way."""
+        fronts, node = self._fronts, grid.nearest_nodes(position, self.origin, self.spacing, self._inside.shape)
+        queue, front = fronts.queue(node, people), fronts.front
+        if people.time_gap == 0.0:
+            return self._speed / self._mean_around(queue[front]), fronts.keeps_on(queue)[front]
+        slower = 1.0 / people.speed(self.density(position))
+        scale = self._mean_around((queue / fronts.mean_of_people(node, slower))[front])
+        return self._speed / np.maximum(slower * scale, 1.0), np.zeros_like(self._inside)
+
+    def _mean_around(self, values: Floats) -> Floats:
+        """Return the mean (rows, cols) of ``values`` over the floor around every node; 1 outside."""
+        half, floor = max(1, round(_SMOOTHING / self.spacing)), self._inside.astype(np.float64)
+        total, floor = _box_mean(values * floor, half), _box_mean(floor, half)
+        return np.divide(total, floor, out=np.ones_like(total), where=floor > 1e-6)
+
+    def march(self, position: Floats | None = None, people: FundamentalDiagram | None = None) -> NavigationField:
+        """Return the field for ``people`` at ``position`` (K, 2) [m], or for an empty place."""
+        speed, keeps_on = self._speed, np.zeros_like(self._inside)
+        if position is not None and people is not None and len(position):
+            speed, keeps_on = self._crowded(position, people)
         seeds = self._free & (self._first < SOURCE * self.spacing)
         time = np.where(seeds, self._first / speed, np.nan)
         if (self._free & ~seeds).any():
@@ -90,8 +113,13 @@ class CongestionField:
             time[far] = np.ma.getdata(marched)[far] + start
         known = ~np.isnan(time)
         direction = descend(time, self.spacing)
+        direction[keeps_on & known] = self._shortest[keeps_on & known]
         fill_from_nearest(time, direction, self._inside, known, self.spacing)
-        return replace(self._template, travel_time=time, direction=direction)
+        if not keeps_on.any():
+            return replace(self._template, travel_time=time, direction=direction)
+        direct = np.where(keeps_on, self._direct, self._template.direct)
+        cell = cell_kinds(self._template.travel_time, direct, self._blocked)
+        return replace(self._template, travel_time=time, direction=direction, direct=direct, cell=cell)
 
 
 def _any_near(fine: Bools, stride: int) -> Bools:

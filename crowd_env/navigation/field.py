@@ -214,15 +214,15 @@ def join_fields(
         spacing=np.array([field.spacing for field in every], dtype=np.float64),
         travel_time=np.concatenate([field.travel_time.ravel() for field in every]),
         direction=np.concatenate([field.direction.reshape(-1, 2) for field in every]),
-        direct=np.concatenate([_offset(field.direct, first) for field, first in made]),
+        direct=np.concatenate([rows_in_batch(field.direct, first) for field, first in made]),
         # Looked up by everyone a hundred times a second: as little to fetch from memory as can be.
-        cell=np.concatenate([_offset(field.cell, first) for field, first in made]).astype(np.int16),
+        cell=np.concatenate([rows_in_batch(field.cell, first) for field, first in made]).astype(np.int16),
         margin=np.array([field.margin for field in every], dtype=np.float64),
         through=np.concatenate([np.zeros_like(f.direct) if f.through is None else f.through for f in every], axis=None),
     )
 
 
-def _offset(exits: Ints, first: int) -> Ints:
+def rows_in_batch(exits: Ints, first: int) -> Ints:
     """Return rows of exits of one geometry as rows of the batch, flat; negative codes stay."""
     return np.where(exits >= 0, exits + first, exits).ravel()
 

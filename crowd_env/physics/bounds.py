@@ -18,6 +18,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
+from crowd_env.physics.narrow_phase import is_beyond_walls
 from crowd_env.physics.neighbors.update import TOO_FAST
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import MAX_SPEED, Floats, Indices
@@ -133,25 +134,24 @@ def stop_at_walls(
 ) -> tuple[float, float, float, float, float, float]:
     """Return the end of a path from 0 to 1 that crosses none of the walls ``begin:stop``, and the normals of those it met.
 
-    The first wall is slid along; a second one ends the path.  A normal of zero: no wall was met.
+    The first wall, or round jamb, is slid along; a second one ends the path.  A normal of zero: no wall was met.
     """
-    start, walls = boundary.wall_start[g], boundary.wall_start[g + 1] - boundary.wall_start[g]
-    part, wall, nx, ny = 2.0, -1, 0.0, 0.0
+    part, met, nx, ny = 2.0, np.int64(-1), 0.0, 0.0
     for entry in range(begin, stop):
         k = np.int64(partner[entry])
-        if k < walls:
-            share, ax, ay = _crossing(boundary, start + k, x0, y0, x1, y1)
-            if share < part:
-                part, wall, nx, ny = share, start + k, ax, ay
-    if wall < 0:
+        share, ax, ay = _crossing(boundary, g, k, x0, y0, x1, y1)
+        if share < part:
+            part, met, nx, ny = share, k, ax, ay
+    if met < 0:
         return x1, y1, 0.0, 0.0, 0.0, 0.0
-    height = nx * (x1 - boundary.wall[wall, 0, 0]) + ny * (y1 - boundary.wall[wall, 0, 1])
+    px, py = _point_of(boundary, g, met, nx, ny)
+    height = nx * (x1 - px) + ny * (y1 - py)
     x1, y1 = x1 + (MARGIN - height) * nx, y1 + (MARGIN - height) * ny
     part, mx, my = 1.0, 0.0, 0.0
     for entry in range(begin, stop):
         k = np.int64(partner[entry])
-        if k < walls and start + k != wall:
-            share, ax, ay = _crossing(boundary, start + k, x0, y0, x1, y1)
+        if k != met:
+            share, ax, ay = _crossing(boundary, g, k, x0, y0, x1, y1)
             if share < part:
                 part, mx, my = share, ax, ay
     if part < 1.0:
@@ -160,8 +160,61 @@ def stop_at_walls(
 
 
 @inner_kernel
-def _crossing(boundary: Boundary, k: int, x0: float, y0: float, x1: float, y1: float) -> tuple[float, float, float]:
-    """Return which part of the path from 0 to 1 lies before wall ``k``, 2 if it is not met, and the normal towards 0."""
+def _crossing(
+    boundary: Boundary, g: int, feature: int, x0: float, y0: float, x1: float, y1: float
+) -> tuple[float, float, float]:
+    """Return which part of the path from 0 to 1 lies before a wall feature, 2 if it is not met, and the normal towards 0."""
+    start = boundary.wall_start[g]
+    walls = boundary.chord_start[g] - start
+    if feature < walls:
+        return _crossing_wall(boundary, start + feature, x0, y0, x1, y1)
+    v = boundary.corner_start[g] + feature - walls
+    if boundary.corner_radius[v] > 0.0:
+        return _crossing_arc(boundary, v, x0, y0, x1, y1)
+    return 2.0, 0.0, 0.0  # a point is on the walls that end there
+
+
+@inner_kernel
+def _point_of(boundary: Boundary, g: int, feature: int, nx: float, ny: float) -> tuple[float, float]:
+    """Return a point of a wall, or the point of a round jamb whose normal is (nx, ny)."""
+    start = boundary.wall_start[g]
+    walls = boundary.chord_start[g] - start
+    if feature < walls:
+        return boundary.wall[start + feature, 0, 0], boundary.wall[start + feature, 0, 1]
+    v = boundary.corner_start[g] + feature - walls
+    rho = boundary.corner_radius[v]
+    return boundary.corner[v, 0] + rho * nx, boundary.corner[v, 1] + rho * ny
+
+
+@inner_kernel
+def _crossing_arc(boundary: Boundary, v: int, x0: float, y0: float, x1: float, y1: float) -> tuple[float, float, float]:
+    """Return what `_crossing` returns, for round jamb ``v``: where the path first comes within the margin of its circle."""
+    x, y, dx, dy = x0 - boundary.corner[v, 0], y0 - boundary.corner[v, 1], x1 - x0, y1 - y0
+    near = boundary.corner_radius[v] + MARGIN
+    square, inwards, away = dx * dx + dy * dy, -(x * dx + y * dy), x * x + y * y
+    behind = near - 2.0 * MARGIN
+    if inwards <= 0.0 or away < behind * behind:
+        return 2.0, 0.0, 0.0
+    part, before = 0.0, away - near * near
+    if before > 0.0:
+        under = inwards * inwards - square * before
+        if under <= 0.0:
+            return 2.0, 0.0, 0.0
+        part = before / (inwards + np.sqrt(under))
+        if part >= 1.0:
+            return 2.0, 0.0, 0.0
+    x, y = x + part * dx, y + part * dy
+    if not is_beyond_walls(x0 + part * dx, y0 + part * dy, boundary, v, MARGIN):
+        return 2.0, 0.0, 0.0
+    distance = np.sqrt(x * x + y * y)
+    return part, x / distance, y / distance
+
+
+@inner_kernel
+def _crossing_wall(
+    boundary: Boundary, k: int, x0: float, y0: float, x1: float, y1: float
+) -> tuple[float, float, float]:
+    """Return what `_crossing` returns, for wall ``k``."""
     wall = boundary.wall
     ax, ay = wall[k, 0, 0], wall[k, 0, 1]
     tx, ty = wall[k, 1, 0] - ax, wall[k, 1, 1] - ay

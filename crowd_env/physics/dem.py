@@ -27,6 +27,7 @@ from crowd_env.physics.dem_lanes.partition import (
     count_slabs,
 )
 from crowd_env.physics.dem_lanes.stages import (
+    DECIDE,
     detect,
     leave,
     merge_slabs,
@@ -38,6 +39,7 @@ from crowd_env.physics.driving_force import Influences
 from crowd_env.physics.narrow_phase import find_contacts, gap_to_feature
 from crowd_env.physics.scheme import Call, ContactScheme, SchemeInfo
 from crowd_env.physics.step import contact_range, tick
+from crowd_env.physics.walking.decide import decide_share
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Bodies
 
@@ -248,15 +250,20 @@ def _advance_range(
                 # Neighbors: a new list if the old one is stale.  Contacts are listed in the last step of the call alone.
                 partition.run[e] = detect(e, slabs, batch, n_substeps, acting.reach)
                 if partition.run[e]:
-                    plan_steering(e, batch, dt, acting.regions)
+                    plan_steering(e, batch, dt, acting.regions, acting.walking)
                     if substep[e] == n_substeps - 1:
                         _list_contacts(e, batch, dt, stiffness)
             wait_for_all(partition.barrier, team)
             if not partition.run[e]:
                 break
+            if acting.walking is not None and partition.steering[e] == DECIDE:
+                for row in range(row_start, row_stop, team):
+                    # How everyone wants to walk.
+                    decide_share(e, row - SLABS * e, slabs, batch, batch.control.headway)
+                wait_for_all(partition.barrier, team)
             for row in range(row_start, row_stop, team):
                 # Regular forces: directions and desired velocities where they are due, social force.
-                regular_forces(e, row, batch, dt, acting.social)
+                regular_forces(e, row, batch, dt, acting.social, acting.walking)
                 # The law: springs between people, and between people and walls.
                 _push_people(row, batch, stiffness)
                 _push_off_walls(e, row, batch, stiffness)
@@ -264,7 +271,7 @@ def _advance_range(
             for row in range(row_start, row_stop, team):
                 # Motion: the springs that reach from slab to slab, then velocities, positions, bounds and sums of impulses.
                 is_touched = _receive_forces(e, row, batch)
-                move_slab(e, row, batch, dt, is_touched)
+                move_slab(e, row, batch, dt, is_touched, acting.max_drive)
             wait_for_all(partition.barrier, team)
             if thread == 0:
                 # Diagnostics: the sums of all slabs; whether someone has gone too far.

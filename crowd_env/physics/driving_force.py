@@ -1,9 +1,12 @@
 """What a pedestrian wants: the desired velocity, the driving force that seeks it, and to keep a distance.
 
-Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a = m (v_d e_d - u) / tau.
+Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a = m (v_d e_d - u) / tau, as printed however
+large.  With a limit F it keeps its direction and is no larger than F: f_a min(1, F / |f_a|).
 """
 
 from typing import NamedTuple
+
+import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env._kernels.struct_ref import StructRef
@@ -17,17 +20,29 @@ class Influences(NamedTuple):
     social: SocialParams | None  # passive grains feel none
     reach: float  # m    of the social force; 0 without one
     regions: bool | None  # there are regions, and so perhaps rules
+    walking: bool | None  # people keep a headway
+    max_drive: float | None  # N    largest driving force of a person
 
 
 def influences(social: SocialForce | None, batch: StructRef) -> Influences:
     """Return what acts on a batch besides contact and drive."""
     params = social.params() if social is not None and batch.fields.control.driving else None
     regions = bool(batch.fields.world.guidance.region.shape.any())
-    return Influences(params, 0.0 if params is None else params.cutoff, regions or None)
+    walking = bool(batch.fields.control.keeps_headway and batch.fields.control.driving)
+    limit = batch.fields.control.max_drive
+    max_drive = limit if limit < np.inf and batch.fields.control.driving else None
+    return Influences(params, 0.0 if params is None else params.cutoff, regions or None, walking or None, max_drive)
 
 
 @inner_kernel
-def regular_forces(e: int, rank_stop: int, batch: Batch, social: SocialParams | None) -> None:
+def regular_forces(
+    e: int,
+    rank_stop: int,
+    batch: Batch,
+    social: SocialParams | None,
+    walking: bool | None,
+    max_drive: float | None,
+) -> None:
     """Write the sum of all forces but contact [N] into ``History.force`` (P, 2): external, driving and social.
 
     It is written for the people whom ``Workspace.inside`` lists up to ``rank_stop``; with it the desired velocity [m/s], into
@@ -35,14 +50,21 @@ def regular_forces(e: int, rank_stop: int, batch: Batch, social: SocialParams | 
     otherwise.  A relative command turns with the direction of the followed route (`steering.steer`): command (1, 0) is the
     rule "walk the way out".  With a social force the neighbor list must be complete up to its cut-off.
     """
-    _drive(e, rank_stop, batch)
+    _drive(e, rank_stop, batch, walking, max_drive)
     if social is not None:
         add_social_forces(e, rank_stop, batch, social)
 
 
 @inner_kernel
-def desired_velocity(i: int, time: float, batch: Batch) -> tuple[float, float]:
-    """Return the desired velocity [m/s]: the command, turned with the direction if it is relative, times the desired speed."""
+def desired_velocity(i: int, time: float, batch: Batch, walking: bool | None) -> tuple[float, float]:
+    """Return the desired velocity [m/s]: the command, turned with the direction if it is relative, times the desired speed.
+
+    Where people keep a headway (``walking``), what they have last decided of that.
+    """
+    if walking is not None:
+        if time >= batch.bodies.response_time[i]:
+            return batch.history.walking_velocity[i, 0], batch.history.walking_velocity[i, 1]
+        return 0.0, 0.0
     command, direction = batch.control.command, batch.history.direction
     speed = batch.history.local_speed[i] if time >= batch.bodies.response_time[i] else 0.0
     cx, cy = command[i, 0], command[i, 1]
@@ -53,7 +75,16 @@ def desired_velocity(i: int, time: float, batch: Batch) -> tuple[float, float]:
 
 
 @inner_kernel
-def _drive(e: int, rank_stop: int, batch: Batch) -> None:
+def limited(fx: float, fy: float, most: float) -> tuple[float, float]:
+    """Return the vector (fx, fy), shortened to the length ``most`` if it is longer."""
+    size = np.sqrt(fx * fx + fy * fy)
+    if size > most:
+        fx, fy = fx * (most / size), fy * (most / size)
+    return fx, fy
+
+
+@inner_kernel
+def _drive(e: int, rank_stop: int, batch: Batch, walking: bool | None, max_drive: float | None) -> None:
     """Write desired velocities, and external and driving forces (eq 11)."""
     bodies, driving, external = batch.bodies, batch.control.driving, batch.control.external_force
     mass, relaxation_time, velocity, time = (
@@ -65,11 +96,16 @@ def _drive(e: int, rank_stop: int, batch: Batch) -> None:
     inside, desired, force = batch.workspace.inside, batch.workspace.desired_velocity, batch.history.force
     for rank in range(index(bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
-        vx, vy = desired_velocity(i, time, batch)
+        vx, vy = desired_velocity(i, time, batch, walking)
         fx, fy = external[i, 0], external[i, 1]
         if driving:
             rate = mass[i] / relaxation_time[i]
-            fx += rate * (vx - velocity[i, 0])
-            fy += rate * (vy - velocity[i, 1])
+            if max_drive is not None:
+                gx, gy = limited(rate * (vx - velocity[i, 0]), rate * (vy - velocity[i, 1]), max_drive)
+                fx += gx
+                fy += gy
+            else:
+                fx += rate * (vx - velocity[i, 0])
+                fy += rate * (vy - velocity[i, 1])
         desired[i, 0], desired[i, 1] = vx, vy
         force[i, 0], force[i, 1] = fx, fy

@@ -12,6 +12,9 @@ length.  In two dimensions s is one number, in the frame that turns with the con
 Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new positions with the HALF-step velocity, half a kick.  The
 forces of the last step are kept for the first half kick of the next.
 
+alpha = sqrt(delta R) is the contact radius of two spheres, of which the paper speaks; discs in the plane would press nearly in
+proportion to their overlap.  Its moduli and damping beside those of others: docs/physics.md, "Materials of people".
+
 What the paper leaves open about WALLS decides whether the crowd blocks: with the friction of people (the literal reading) it
 freezes above 1 m/s already.  The default wall, mu = 0.1 and a social force of 300 N, is FITTED to the paper's Figure 7.
 """
@@ -84,7 +87,8 @@ class Hertz(ContactScheme):
     Parameters
     ----------
     youngs_modulus, poisson_ratio : Pa and 1, Table 1.
-    normal_damping, tangential_damping : gamma, 0.8 in Table 1, without a unit.
+    normal_damping, tangential_damping : gamma, 0.8 in Table 1, without a unit; as "rate per length" two hundredths of a
+        percent of the critical damping at 1 cm, so that people bounce.
     damping_unit : reading of gamma: "rate per length" [1/(m s)] as in eqs 3 and 4; "rate" [1/s], without alpha; "critical",
         the share of the critical damping of the contact at its present overlap.
     friction : Coulomb coefficient of people on people.
@@ -267,8 +271,8 @@ def _find_forces(
     e: int, rank_stop: int, batch: Batch, dt: float, elapsed: float, acting: Influences, params: HertzParams
 ) -> None:
     """Write all forces and torques at the present positions (eqs 1-6)."""
-    steer(e, rank_stop, batch, dt, acting.regions)
-    regular_forces(e, rank_stop, batch, acting.social)
+    steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
+    regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive)
     _clear_torques(e, batch)
     _add_contact_forces(e, batch, dt, elapsed, params)
 
@@ -280,6 +284,7 @@ def _first_forces(e: int, rank_stop: int, batch: Batch, dt: float, acting: Influ
         return False
     _find_forces(e, rank_stop, batch, dt, 0.0, acting, params)
     batch.history.direction_age[e] += dt  # counts as a step: the next look-up is not put off by it
+    batch.history.decision_age[e] += dt
     batch.history.phase[e] = _KNOWN
     return True
 

@@ -2,7 +2,8 @@
 
 A wall is a set of segments and of end points.  A disc touches the inside of a segment only where its center projects on it,
 and an end point only where every segment that ends there projects beyond it: each contact is found exactly once, at a door
-jamb, around the corner of an obstacle, and along a straight wall made of pieces.
+jamb, around the corner of an obstacle, and along a straight wall made of pieces.  A round jamb is an end point with a radius:
+a circle between the two walls that end on it, at the points where they are tangent to it.
 """
 
 import numpy as np
@@ -65,9 +66,10 @@ def _find_wall_candidates(e: int, entry_start: int, entry_stop: int, batch: Batc
     """
     near, boundary, g = batch.workspace.neighbors, batch.world.boundary, batch.world.geometry_of_env[e]
     owner, partner, wall, corner = near.owner, near.partner, boundary.wall, boundary.corner
+    corner_radius = boundary.corner_radius
     radius, position, candidates = batch.bodies.radius, batch.state.position, batch.workspace.narrow_phase.candidates
     wall_first, corner_first = boundary.wall_start[g], boundary.corner_start[g]
-    candidate, walls = entry_start, boundary.wall_start[g + 1] - wall_first
+    candidate, walls = entry_start, boundary.chord_start[g] - wall_first
     for entry in range(index(entry_start), index(entry_stop)):
         i, k = owner[entry], np.int64(partner[entry])
         x, y, limit = position[i, 0], position[i, 1], radius[i] + margin
@@ -81,8 +83,8 @@ def _find_wall_candidates(e: int, entry_start: int, entry_stop: int, batch: Batc
             candidate += cross * cross < 1.000001 * limit * limit * (tx * tx + ty * ty)
         else:
             k += corner_first - walls
-            dx, dy = x - corner[k, 0], y - corner[k, 1]
-            candidate += dx * dx + dy * dy < 1.000001 * limit * limit
+            dx, dy, far = x - corner[k, 0], y - corner[k, 1], limit + corner_radius[k]
+            candidate += dx * dx + dy * dy < 1.000001 * far * far
     return candidate
 
 
@@ -175,8 +177,8 @@ def gap_to_feature(
     x: float, y: float, radius: float, boundary: Boundary, g: int, feature: int
 ) -> tuple[float, float, float]:
     """Return gap and normal between a disc and wall feature ``feature`` of geometry ``g``; infinite if it does not face it."""
-    wall_first, wall_stop = boundary.wall_start[g], boundary.wall_start[g + 1]
-    walls = wall_stop - wall_first
+    wall_first = boundary.wall_start[g]
+    walls = boundary.chord_start[g] - wall_first
     if feature < walls:
         return _disc_on_wall(x, y, radius, boundary, wall_first + feature)
     return _disc_on_corner(x, y, radius, boundary, boundary.corner_start[g] + feature - walls)
@@ -216,16 +218,20 @@ def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int)
 
 @inner_kernel
 def _disc_on_corner(x: float, y: float, radius: float, boundary: Boundary, v: int) -> tuple[float, float, float]:
-    wall, corner_wall, start = boundary.wall, boundary.corner_wall, boundary.corner_wall_start
-    px, py = boundary.corner[v, 0], boundary.corner[v, 1]
-    for m in range(start[v], start[v + 1]):
-        k = corner_wall[m]
-        ax, ay = wall[k, 0, 0], wall[k, 0, 1]
-        bx, by = wall[k, 1, 0], wall[k, 1, 1]
-        if abs(ax - px) + abs(ay - py) > abs(bx - px) + abs(by - py):  # the far end
-            ox, oy = ax, ay
-        else:
-            ox, oy = bx, by
-        if (x - px) * (ox - px) + (y - py) * (oy - py) > 0.0:  # the segment itself is nearer
-            return np.inf, 0.0, 0.0
-    return _disc_on_point(x - px, y - py, radius)
+    if not is_beyond_walls(x, y, boundary, v, 0.0):
+        return np.inf, 0.0, 0.0
+    return _disc_on_point(x - boundary.corner[v, 0], y - boundary.corner[v, 1], radius + boundary.corner_radius[v])
+
+
+@inner_kernel
+def is_beyond_walls(x: float, y: float, boundary: Boundary, v: int, margin: float) -> bool:
+    """Whether a point lies beyond the end of every wall that ends at corner ``v``, or no further than ``margin`` [m] before."""
+    wall, corner_wall, corner_wall_end = boundary.wall, boundary.corner_wall, boundary.corner_wall_end
+    for m in range(boundary.corner_wall_start[v], boundary.corner_wall_start[v + 1]):
+        k, end = corner_wall[m], corner_wall_end[m]
+        px, py = wall[k, end, 0], wall[k, end, 1]
+        tx, ty = wall[k, 1 - end, 0] - px, wall[k, 1 - end, 1] - py
+        along = (x - px) * tx + (y - py) * ty
+        if along > 0.0 and along > margin * np.sqrt(tx * tx + ty * ty):  # the segment itself is nearer
+            return False
+    return True

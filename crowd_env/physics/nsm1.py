@@ -88,10 +88,14 @@ class NSM1(IterativeScheme):
         """Return 2 h tolerance: h times the residual, twice for safety against rounding."""
         return 2.0 * dt * self.tolerance
 
-    def check(self, driving: bool) -> None:
-        """Refuse passive grains without inertia."""
+    def check(self, driving: bool, max_drive: float | None = None) -> None:
+        """Refuse passive grains without inertia, and a limit of the drive where there is none."""
         if not driving and self.trial == "spontaneous":
             raise ValueError("nsm1: passive grains have no spontaneous velocity; use NSM1(trial='inertial')")
+        if max_drive is not None and self.trial == "spontaneous":
+            raise ValueError(
+                "nsm1: people take their desired velocity at once, by no force that max_drive could limit; use nsm1-inertial"
+            )
 
     def run_kernel(self, call: Call, thread: int, threads: int) -> None:
         """Advance the environments of a call in place."""
@@ -192,8 +196,8 @@ def _advance_range(
             if acting.social is not None and not find_neighbors(e, batch, acting.reach):
                 break
             # Where everyone wants to go, and all forces but contact.
-            steer(e, rank_stop, batch, dt, acting.regions)
-            regular_forces(e, rank_stop, batch, acting.social)
+            steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
+            regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive)
             # Trial velocities and their projection onto velocities without overlap (eqs 6, 7).
             if not _project(e, rank_stop, batch, dt, spontaneous, stopping, acting.reach):
                 break

@@ -246,8 +246,8 @@ def _advance_range(
             if not _detect(e, batch, params.k_tangent > 0.0, acting.reach):
                 break
             # Where everyone wants to go, and all forces but contact.
-            steer(e, rank_stop, batch, dt, acting.regions)
-            regular_forces(e, rank_stop, batch, acting.social)
+            steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
+            regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive)
             # Velocities u(n+1): regular forces, then percussions (eqs 8-10).
             _accelerate(e, rank_stop, batch, dt)
             deepest = _collide(e, batch, params, stopping)

@@ -68,8 +68,8 @@ class ContactScheme(ABC):
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return the overlap [m] below which the scheme stays in a room of people who push at their desired speed."""
 
-    def check(self, driving: bool) -> None:  # noqa: B027  # most schemes accept both
-        """Raise ValueError if the scheme cannot be used for pedestrians (``driving``) or for passive grains."""
+    def check(self, driving: bool, max_drive: float | None = None) -> None:  # noqa: B027  # most schemes accept all
+        """Raise ValueError if the scheme has no use for pedestrians (``driving``), passive grains, or a limited drive."""
 
     def slabs(self, people: int, driving: bool) -> int:
         """Return into how many slabs a crowd is cut that several threads can step together; 1 = it is not cut."""
@@ -129,7 +129,7 @@ class IterativeScheme(ContactScheme):
         return Stopping(self.tolerance, relative, self.max_iterations, self.solver != "gauss-seidel")
 
 
-def arrays_of(scheme: ContactScheme) -> frozenset[str]:
-    """Return which of the arrays in `workspace.OPTIONAL` a scheme works with."""
+def arrays_of(scheme: ContactScheme, keeps_headway: bool = False) -> frozenset[str]:
+    """Return which of the arrays in `workspace.OPTIONAL` a scheme works with, and people who keep a headway."""
     social = ("desired_velocity", "force", "heading", "social_pairs") if scheme.social is not None else ()
-    return frozenset((*scheme.info.uses, *social))
+    return frozenset((*scheme.info.uses, *social, *(("walking",) if keeps_headway else ())))

@@ -22,7 +22,17 @@ EVERY = 0.5  # s
 _CELL = 0.5  # m
 
 # The part of the history that only the physics reads: it lies in the order of space itself.
-_IN_ORDER = ("direction", "is_uniform", "lookup_turn", "region_bits", "local_speed", "force", "torque")
+_IN_ORDER = (
+    "direction",
+    "is_uniform",
+    "lookup_turn",
+    "region_bits",
+    "local_speed",
+    "force",
+    "torque",
+    "walking_velocity",
+    "waited",
+)
 
 
 class Order(NamedTuple):
@@ -79,7 +89,7 @@ class SortedCrowd:
     def restore(self, order: Order) -> None:
         """Take up an order; the history that lies in it is restored by itself."""
         self.slot[:], self._clock.due[:] = order
-        self._gather_bodies(slice(None))
+        self.gather_bodies(slice(None))
 
     def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
         """Return after how many steps the next environment is due; None if there is none."""
@@ -102,7 +112,7 @@ class SortedCrowd:
         for array in (getattr(self._in_slots.history, name) for name in _IN_ORDER):
             if len(array):  # not every scheme uses all
                 array[people] = array[people][order]
-        self._gather_bodies(people)
+        self.gather_bodies(people)
         rank = np.empty(len(order), dtype=np.int64)
         rank[order] = np.arange(len(order))
         _renumber(people.start, rank, contacts, rows)
@@ -111,14 +121,15 @@ class SortedCrowd:
         env_start = self._in_slots.bodies.env_start
         return slice(int(env_start[e]), int(env_start[e + 1]))
 
-    def _gather_bodies(self, people: slice) -> None:
+    def gather_bodies(self, people: slice) -> None:
+        """Read anew what the bodies of these people are, of whole environments."""
         for copy, array in zip(self.batch.bodies[:-1], self._in_slots.bodies[:-1], strict=True):
             copy[people] = array[self.slot[people]]
 
     def gather(self, asked: Command) -> None:
         """Read anew what others may have changed, and write what is asked for to where the physics reads it."""
         for people in self._small:
-            self._gather_bodies(people)
+            self.gather_bodies(people)
         for copy, array in self._shown():
             _gather(self.slot, array, copy)
         set_command(self.batch.control, asked, lambda array, values: _gather(self.slot, values, array))

@@ -4,6 +4,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.navigation.lookup import BLEND, blended_direction, exit_frame, quick_cell, through_exit, way_at
+from crowd_env.physics.walking.decide import decide
 from crowd_env.physics.workspace import LOOKUP_PERIOD, Batch
 from crowd_env.routing.rules import apply_rules, notice_regions
 from crowd_env.state import Floats
@@ -35,18 +36,30 @@ def reset_routes(e: int, batch: Batch, regions: bool | None) -> None:
 
 
 @inner_kernel
-def steer(e: int, rank_stop: int, batch: Batch, dt: float, regions: bool | None) -> None:
-    """Bring rules, routes and directions of environment ``e`` up to date if they are due."""
+def steer(e: int, rank_stop: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None) -> None:
+    """Bring rules, routes, directions and walking velocities of environment ``e`` up to date if they are due."""
     if is_look_up_due(e, batch, dt):
         if regions is not None:
             follow_rules(e, batch)
         update_steering(e, batch.bodies.env_start[e], rank_stop, batch, dt, begin_look_up(e, batch, regions))
+    if walking is not None and is_decision_due(e, batch, dt):
+        decide(e, batch, batch.control.headway)
 
 
 @inner_kernel
 def is_look_up_due(e: int, batch: Batch, dt: float) -> bool:
     """Whether directions are to be looked up in this step of environment ``e``; a step done again does not look again."""
     return not batch.history.directions_known[e] or batch.history.direction_age[e] > max(LOOK_EVERY - 0.5 * dt, 0.0)
+
+
+@inner_kernel
+def is_decision_due(e: int, batch: Batch, dt: float) -> bool:
+    """Whether people decide in this step how to walk, and if so note it: in a step done again they do not decide again."""
+    history, interval = batch.history, batch.control.headway.interval
+    if history.have_decided[e] and history.decision_age[e] <= max(interval - 0.5 * dt, 0.0):
+        return False
+    history.have_decided[e], history.decision_age[e] = True, 0.0
+    return True
 
 
 @inner_kernel

@@ -139,4 +139,5 @@ def tick(e: int, batch: Batch, dt: float) -> None:
     """Advance the clock of environment ``e`` by the step that is done."""
     batch.state.time[e] += dt
     batch.history.direction_age[e] += dt
+    batch.history.decision_age[e] += dt
     batch.workspace.substep[e] += 1

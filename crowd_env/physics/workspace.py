@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from crowd_env._kernels.struct_ref import StructRef, struct_ref
 from crowd_env.geometry.geometry import Boundary
+from crowd_env.geometry.wall_grid import WallGrid
+from crowd_env.headway import Headway, HeadwayParams
 from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.physics.constraints import Constraints, allocate_constraints
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.dem_lanes.buffers import SoABuffers, allocate_buffers
-from crowd_env.physics.dem_lanes.partition import Partition, allocate_partition
+from crowd_env.physics.dem_lanes.partition import Partition, allocate_partition, count_slabs
 from crowd_env.physics.neighbors.lists import NeighborList, allocate_neighbors, entries_per_person
 from crowd_env.routing.rules import Guidance
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
@@ -29,6 +31,7 @@ class World(NamedTuple):
     field: FieldArrays  # directions and travel times of all routes
     geometry_of_env: Ints  # (E,)
     guidance: Guidance  # routes, regions and control rules
+    wall_grid: WallGrid  # which walls may hide people from each other; empty where nobody keeps a headway
 
 
 class Control(NamedTuple):
@@ -37,6 +40,10 @@ class Control(NamedTuple):
     command: Floats  # (P, 2)  desired velocity as a multiple of the own desired speed
     relative: Bools  # (P,)    command turns with the direction of the shortest path; else along the world axes
     external_force: Floats  # (P, 2)  N
+    gives_way: Bools  # (P,)    keeps the headway, where people keep any
+    headway: HeadwayParams
+    keeps_headway: bool
+    max_drive: float  # N  largest driving force of a person; infinite = no limit
     driving: bool  # pedestrians (eq 11) or passive grains
     bounded: bool  # nobody is too fast, goes too far in a step, or through a wall: see `crowd_env.physics.bounds`
 
@@ -47,6 +54,7 @@ class Command(NamedTuple):
     command: Floats | None  # (1, 0): straight along the way
     relative: Bools | None  # True
     external_force: Floats | None  # 0
+    gives_way: Bools | None  # True
 
 
 class Diagnostics(NamedTuple):
@@ -97,6 +105,10 @@ class History(NamedTuple):
     rule_on: Bools  # (E, K)  control rules of each environment
     rule_since: Floats  # (E, K)  s  when they were switched on
     door_open: Bools  # (E, D)
+    walking_velocity: Floats  # (P, 2)  m/s  that everyone has last decided to walk at
+    waited: Floats  # (P,)    s  stood still
+    have_decided: Bools  # (E,)  how to walk, since the start
+    decision_age: Floats  # (E,)    s  since then
 
 
 class NarrowPhase(NamedTuple):
@@ -116,6 +128,22 @@ class SocialPairs(NamedTuple):
     size: Floats  # N
 
 
+class Walkers(NamedTuple):
+    """Scratch of a decision."""
+
+    way_x: Floats  # (P,)  unit vector along the way that everyone wants to take
+    way_y: Floats
+    speed: Floats  # (P,)  m/s  desired
+    reach: Floats  # (P,)  m    gap up to which others matter
+    x: Floats  # (P,)  m    positions and radii in the order of cells
+    y: Floats
+    radius: Floats  # (P,)  m
+    slot: Indices  # (P,)  whose they are
+    columns: Ints  # (E,)  of cells
+    rows: Ints
+    seen: Indices  # (K P,)  places in that order of those in front of one; K lists side by side where a crowd is cut
+
+
 class Workspace(NamedTuple):
     """Scratch: what is made anew whenever it is not there."""
 
@@ -125,6 +153,7 @@ class Workspace(NamedTuple):
     soa: SoABuffers
     partition: Partition
     social_pairs: SocialPairs
+    walkers: Walkers
     inside: Indices  # (P,)   who is inside, environment e from env_start[e] on: see `step.list_active`
     desired_velocity: Floats  # (P, 2) m/s
     heading: Floats  # (P, 4) desired direction times the anisotropy of the social force; the desired velocity it is of
@@ -152,15 +181,31 @@ class Batch(NamedTuple):
     workspace: Workspace
 
 
-def allocate_control(people: int, driving: bool, bounded: bool = True) -> Control:
+def allocate_control(
+    people: int,
+    driving: bool,
+    bounded: bool = True,
+    headway: Headway | None = None,
+    max_drive: float | None = None,
+) -> Control:
     """Return room for what is asked of so many people."""
-    return Control(np.zeros((people, 2)), np.ones(people, dtype=np.bool_), np.zeros((people, 2)), driving, bounded)
+    return Control(
+        np.zeros((people, 2)),
+        np.ones(people, dtype=np.bool_),
+        np.zeros((people, 2)),
+        np.ones(people, dtype=np.bool_),
+        (headway or Headway()).params(),
+        headway is not None,
+        np.inf if max_drive is None else max_drive,
+        driving,
+        bounded,
+    )
 
 
 def set_command(control: Control, asked: Command, copy: Callable[[Any, Any], None] = np.copyto) -> None:
     """Write what is asked for to where kernels read it; ``copy`` is given an array and what goes there."""
-    defaults: tuple[Any, ...] = ((1.0, 0.0), True, 0.0)
-    for array, values, default in zip(control[:3], asked, defaults, strict=True):
+    defaults: tuple[Any, ...] = ((1.0, 0.0), True, 0.0, True)
+    for array, values, default in zip(control[:4], asked, defaults, strict=True):
         if values is None:
             array[:] = default
         else:
@@ -200,6 +245,7 @@ OPTIONAL = (
     "correction_velocity",
     "force",
     "torque",
+    "walking",
 )
 
 
@@ -231,6 +277,10 @@ def allocate_history(
         rule_on=np.zeros((environments, rules), dtype=np.bool_),
         rule_since=np.zeros((environments, rules)),
         door_open=np.ones((environments, doors), dtype=np.bool_),
+        walking_velocity=np.zeros((people if "walking" in uses else 0, 2)),
+        waited=np.zeros(people if "walking" in uses else 0),
+        have_decided=np.zeros(environments, dtype=np.bool_),
+        decision_age=np.zeros(environments),
     )
 
 
@@ -258,6 +308,7 @@ def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[st
         social_pairs=by_reference(
             SocialPairs(np.zeros(pairs, dtype=np.uint32), reals(pairs), reals(pairs), reals(pairs))
         ),
+        walkers=_allocate_walkers(room("walking"), bodies.env_start),
         inside=np.zeros(people, dtype=np.uint32),
         desired_velocity=reals(room("desired_velocity"), 2),
         heading=reals(room("heading"), 4),
@@ -267,6 +318,19 @@ def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[st
         correction_velocity=reals(room("correction_velocity"), 2),
         substep=np.zeros(environments, dtype=np.int64),
         status=np.zeros(environments, dtype=np.int64),
+    )
+
+
+def _allocate_walkers(people: int, env_start: Ints) -> Walkers:
+    """Return room for the decisions of so many people."""
+    numbers = {name: np.zeros(people) for name in ("way_x", "way_y", "speed", "reach", "x", "y", "radius")}
+    shares = count_slabs(int(np.diff(env_start).max()))
+    return Walkers(
+        **numbers,
+        slot=np.zeros(people, dtype=np.uint32),
+        columns=np.zeros(len(env_start) - 1, dtype=np.int64),
+        rows=np.zeros(len(env_start) - 1, dtype=np.int64),
+        seen=np.zeros(shares * people, dtype=np.uint32),
     )
 
 

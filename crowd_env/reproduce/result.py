@@ -25,7 +25,7 @@ class Row:
     reading: str  # estimator and reading of the paper
     expected: float | None = None  # closed form of the same quantity
     sd: float | None = None  # over runs
-    ci95: tuple[float, float] | None = None  # of the mean, over runs
+    ci95: tuple[float, float] | None = None  # of the mean, over runs; of runs that are counted, of their share (Wilson)
     closes: bool = False  # the last of a section of the table
 
     @property
@@ -68,7 +68,9 @@ class Row:
             text += "; rounds to the printed one"
         if self.sd is not None:
             text += f"; sd {self.sd:.2f}"
-        if self.ci95 is not None:
+        if self.ci95 is not None and self.unit == "runs":
+            text += f"; of all runs, 95 %: {100 * self.ci95[0]:.0f} to {100 * self.ci95[1]:.0f} %"
+        elif self.ci95 is not None:
             text += f"; 95 % {self.ci95[0]:.2f} to {self.ci95[1]:.2f}"
         return text
 

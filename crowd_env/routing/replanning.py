@@ -9,7 +9,8 @@ import numpy as np
 
 from crowd_env.clock import DueClock
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.navigation.field import NavigationField, join_fields
+from crowd_env.navigation.field import NavigationField, join_fields, rows_in_batch
+from crowd_env.navigation.fundamental_diagram import FundamentalDiagram
 from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.routing.arrays import add_fields, join_routes
 from crowd_env.routing.regions import regions_along
@@ -41,6 +42,8 @@ class RoutePlanner:
     geometry_of_env : (E,)
     boundary : of all geometries.
     interval : s, how often a fastest way is found anew, counted from the start of each environment.
+    time_gap, push : s and a share of the own desired speed: the headway of people who have none of their own; without a
+        time gap nobody keeps a distance, whatever the own one.
 
     Attributes
     ----------
@@ -52,11 +55,19 @@ class RoutePlanner:
     """
 
     def __init__(
-        self, places: Sequence[Place], geometry_of_env: Ints, boundary: Boundary, interval: float = 1.0
+        self,
+        places: Sequence[Place],
+        geometry_of_env: Ints,
+        boundary: Boundary,
+        interval: float = 1.0,
+        *,
+        time_gap: float = 0.0,
+        push: float = 1.0,
     ) -> None:
         if not 0 < interval < np.inf:
             raise ValueError(f"replan_every is {interval!r} s; it must be > 0 and finite")
         self.places, self.interval = list(places), interval
+        self._time_gap, self._push = time_gap, push
         self.seconds, self.marches = 0.0, 0
         self._geometry_of_env, self._boundary = geometry_of_env, boundary
         joined = join_routes(self.places, geometry_of_env)
@@ -102,18 +113,28 @@ class RoutePlanner:
             if only not in (None, e) or not self._clock.is_due(e, state.time[e]):
                 continue
             people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
-            position = state.position[people][state.active[people]]
-            if not len(position):
+            inside = np.arange(people.start, people.stop)[state.active[people]]
+            if not len(inside):
                 continue
+            position, walking = state.position[inside], self._walking(bodies, inside)
             for r, way in enumerate(place.routes):
                 if way.congestion is not None:
-                    self._write(e, r, way.congestion.march(position), place)
+                    self._write(e, r, way.congestion.march(position, walking), place)
             self._clock.due[e] = state.time[e] + self.interval
         self.seconds += time.process_time() - begin
 
+    def _walking(self, bodies: Bodies, people: Ints) -> FundamentalDiagram:
+        """Return how these people walk in a crowd, in the mean."""
+        means = [float(bodies.radius[people].mean()), float(bodies.desired_speed[people].mean())]
+        for own, usual in ((bodies.time_gap, self._time_gap), (bodies.push, self._push)):
+            of_each = np.where(np.isnan(own[people]), usual, own[people])
+            means.append(float(of_each.mean()) if self._time_gap > 0.0 else usual)
+        return FundamentalDiagram(*means)
+
     def _write(self, e: int, r: int, field: NavigationField, place: RouteSet) -> None:
-        travel_time, direction, through = _of_field(self.field, int(self.guidance.field_of_route[e, r]))
+        travel_time, direction, cell, through = _of_field(self.field, int(self.guidance.field_of_route[e, r]))
         travel_time[:], direction[:] = field.travel_time.ravel(), field.direction.reshape(-1, 2)
+        cell[:] = rows_in_batch(field.cell, self._boundary.exit_start[self._geometry_of_env[e]])
         if place.plan.rules:
             through[:] = regions_along(field, place.geometry).ravel()
         self.marches += 1
@@ -136,7 +157,7 @@ class RoutePlanner:
             self._add(key, route_set, int(self._geometry_of_env[e]))
             before = self.field
             self.field = join_fields(self._fields, self._boundary, self._geometry_of_field)
-            for name in ("travel_time", "direction", "through"):  # as they were: some follow their crowd
+            for name in ("travel_time", "direction", "cell", "through"):  # as they were: some follow their crowd
                 known = getattr(before, name)
                 getattr(self.field, name)[: len(known)] = known
         count = len(route_set.routes)
@@ -188,7 +209,7 @@ class RoutePlanner:
         return (e if own else -1 - int(self._geometry_of_env[e])), closed
 
 
-def _of_field(field: FieldArrays, row: int) -> tuple[Floats, Floats, Ints]:
+def _of_field(field: FieldArrays, row: int) -> tuple[Floats, Floats, np.ndarray, Ints]:
     """Return what changes of a field when its ways are found anew, as views."""
     nodes = slice(int(field.node_start[row]), int(field.node_start[row + 1]))
-    return field.travel_time[nodes], field.direction[nodes], field.through[nodes]
+    return field.travel_time[nodes], field.direction[nodes], field.cell[nodes], field.through[nodes]

@@ -136,7 +136,12 @@ class RoutePlan:
                 raise ValueError(
                     f"route {name!r}: the {route.strategy} way does not know one-way doors; take another strategy"
                 )
-            congestion = CongestionField(found, self.geometry.walls_when(closed)[0], speed_map.walking)
+            congestion = CongestionField(
+                found,
+                self.geometry.walls_when(closed)[0],
+                speed_map.walking,
+                self.geometry.exits if via is None else None,
+            )
             found = congestion.march()
         elif self.target != "path" and via is None and strategy.speed is None:
             found = straight_field(found, self.geometry, _MARGINS[self.target])

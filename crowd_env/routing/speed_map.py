@@ -97,13 +97,13 @@ class SpeedMap:
 
 
 def jutting_corners(boundary: Boundary) -> Floats:
-    """Return the corners (V, 2) of a geometry that jut into the walkable area: where ways turn."""
+    """Return the corners (V, 2) of a geometry that jut into the walkable area, of round ones the centers: where ways turn."""
     found = []
     for v in np.flatnonzero(boundary.corner_door < 0):
-        rows = boundary.corner_wall[boundary.corner_wall_start[v] : boundary.corner_wall_start[v + 1]]
+        here = slice(boundary.corner_wall_start[v], boundary.corner_wall_start[v + 1])
+        rows, end = boundary.corner_wall[here], boundary.corner_wall_end[here]
         if len(rows) == 2 and not boundary.two_sided[rows].any():
-            into = boundary.wall[rows[np.hypot(*(boundary.wall[rows, 1] - boundary.corner[v]).T) < 1e-9]]
-            out = boundary.wall[rows[np.hypot(*(boundary.wall[rows, 0] - boundary.corner[v]).T) < 1e-9]]
+            into, out = boundary.wall[rows[end == 1]], boundary.wall[rows[end == 0]]
             if len(into) and len(out):
                 a, b = into[0, 1] - into[0, 0], out[0, 1] - out[0, 0]
                 turn = (a[0] * b[1] - a[1] * b[0]) / (np.hypot(*a) * np.hypot(*b))

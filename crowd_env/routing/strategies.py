@@ -18,7 +18,7 @@ class Strategy:
     ----------
     about : what it means, in a few words.
     speed : speed (rows, cols) relative to plain floor, of a speed map at nodes (rows, cols, 2); None = plain floor everywhere.
-    follows_crowd : the field is found anew with the speed that the crowd leaves (Weidmann 1993).
+    follows_crowd : the field is found anew with the speed that the crowd leaves, see `crowd_env.navigation.congestion`.
     per_exit : there is a route to every exit, and everyone keeps to the one that is shortest from where they start.
     """
 

@@ -12,7 +12,7 @@ from crowd_env.scenarios.file.errors import at
 from crowd_env.scenarios.placement import sample_positions
 from crowd_env.scenarios.population import DRAWN, Population, check_count, population_of
 from crowd_env.scenarios.starts import check_starts
-from crowd_env.state import Bodies, Floats, make_bodies
+from crowd_env.state import MOTIVATION, Bodies, Floats, make_bodies
 
 
 class Bounds(NamedTuple):
@@ -79,12 +79,13 @@ class Groups:
         ValueError
             If something else than a distribution or the number is given, or there are fewer people than groups.
         """
-        other = [name for name, value in options.items() if name not in DRAWN and value is not None]
+        common = (*DRAWN, *MOTIVATION)
+        other = [name for name, value in options.items() if name not in common and value is not None]
         if other:
-            raise ValueError(f"groups cannot share {other[0]!r}; give them a count or one of {', '.join(DRAWN)}")
+            raise ValueError(f"groups cannot share {other[0]!r}; give them a count or one of {', '.join(common)}")
         everyone = None if count is None else check_count("groups: count", count)
         counts = [part.count for part in self.parts] if everyone is None else self._shares(everyone)
-        shared = {name: value for name, value in options.items() if name in DRAWN}
+        shared = {name: value for name, value in options.items() if name in common}
         return Groups(tuple(part.changed(count=n, **shared) for part, n in zip(self.parts, counts, strict=True)))
 
     def _shares(self, count: int) -> list[int]:
@@ -128,7 +129,9 @@ class Groups:
             already = (position[stands], bodies.radius[stands]) if stands.any() else None
             position[people] = sample_positions(geometry, bodies.radius[people], rng, region, already)
             stands[people] = True
-        return bodies, position
+        motivated = [part.draw_motivation(rng, own) for part, own in zip(self.parts, drawn, strict=True)]
+        given = {name: np.concatenate([getattr(own, name) for own in motivated]) for name in MOTIVATION}
+        return bodies._replace(**given), position
 
     def _regions(self) -> list[str | None]:
         """Where people start: the named regions in the order of the groups, then anywhere."""

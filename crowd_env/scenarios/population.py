@@ -12,7 +12,7 @@ from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, U
 from crowd_env.scenarios.placement import CLOSEST_PACKING, sample_positions
 from crowd_env.scenarios.plain_data import as_distribution, as_positions
 from crowd_env.scenarios.starts import check_starts
-from crowd_env.state import MAX_SPEED, Bodies, Floats, make_bodies
+from crowd_env.state import MAX_SPEED, MOTIVATION, Bodies, Floats, make_bodies
 
 __all__ = ["Distribution", "LogNormal", "Normal", "Population", "Uniform"]
 
@@ -48,6 +48,9 @@ class Population:
     desired_speed : m/s, the speed at which a person wants to walk; uniform from 1.2 to 2 by default.
     relaxation_time : s, the time in which a person gets to the desired speed; uniform from 0.1 to 0.5 by default.
     response_time : s, the time until a person begins to walk; 0 by default.
+    time_gap : s, the time gap that a person keeps to the people in front; by default that of the manner of the run.
+    push : share of the desired speed at which a person presses on with no gap in front, 0 to 1; by default that of the manner
+        of the run.  A run without a manner, in which everyone walks at full speed, makes no use of time gap and push.
     start_region : name of the region in which people start; anywhere by default.
     starts : (K, 2) m, recorded positions or seats, copied; of more than ``count``, some are drawn.
     route : name of the route or exit that people take, whatever the strategy of the run.
@@ -66,6 +69,8 @@ class Population:
     desired_speed: Distribution = field(default_factory=lambda: Uniform(1.2, 2.0))
     relaxation_time: Distribution = field(default_factory=lambda: Uniform(0.1, 0.5))
     response_time: Distribution = field(default_factory=lambda: Uniform(0.0, 0.0))
+    time_gap: Distribution | None = None
+    push: Distribution | None = None
     start_region: str | None = None
     starts: Floats | None = None
     route: str | None = None
@@ -75,12 +80,15 @@ class Population:
     def __post_init__(self) -> None:
         check_fields("population", self)
         check_count("population: count", self.count)
-        for name, allowed in DRAWN.items():
+        for name, allowed in (DRAWN | MOTIVATION).items():
+            if getattr(self, name) is None and name in MOTIVATION:
+                continue
             law = as_distribution("population", name, getattr(self, name))
             object.__setattr__(self, name, law)
-            if law.low not in allowed:
-                bound = str(allowed).removesuffix(" and finite")
-                raise ValueError(f"population: {name} must be {bound}, but can be as low as {law.low:g}")
+            for bound, extreme in ((law.low, "low"), (law.high, "high")):
+                if bound not in allowed:
+                    must = str(allowed).removesuffix(" and finite")
+                    raise ValueError(f"population: {name} must be {must}, but can be as {extreme} as {bound:g}")
         if self.desired_speed.high > MAX_SPEED:
             most = self.desired_speed.high
             raise ValueError(
@@ -112,17 +120,29 @@ class Population:
         """
         bodies = self.draw_bodies(rng)
         if self.starts is not None:
-            return bodies, self.draw_starts(rng, geometry, bodies.radius)
-        return bodies, sample_positions(geometry, bodies.radius, rng, self.start_region)
+            position = self.draw_starts(rng, geometry, bodies.radius)
+        else:
+            position = sample_positions(geometry, bodies.radius, rng, self.start_region)
+        return self.draw_motivation(rng, bodies), position
 
     def draw_bodies(self, rng: np.random.Generator) -> Bodies:
-        """Draw the bodies alone."""
+        """Draw the bodies alone, their motivation being that of the manner of the run."""
         laws = {name: getattr(self, name) for name in DRAWN}
         drawn: dict[str, Any] = {name: law.sample(rng, self.count) for name, law in laws.items()}
         if not all(type(law) in _KEEP_THEIR_BOUNDS for law in laws.values()):
             return make_bodies(**drawn)
         inertia = 0.5 * drawn["mass"] * drawn["radius"] ** 2
-        return Bodies(inertia=inertia, env_start=np.array([0, self.count]), **drawn)
+        not_given = {name: np.full(self.count, np.nan) for name in MOTIVATION}
+        return Bodies(inertia=inertia, env_start=np.array([0, self.count]), **drawn, **not_given)
+
+    def draw_motivation(self, rng: np.random.Generator, bodies: Bodies) -> Bodies:
+        """Return these bodies with the time gaps and pushes that are drawn for them, where these are given.
+
+        Bodies and positions are drawn before, so that they are the same with and without.
+        """
+        laws: dict[str, Distribution | None] = {name: getattr(self, name) for name in MOTIVATION}
+        drawn: dict[str, Any] = {name: law.sample(rng, self.count) for name, law in laws.items() if law is not None}
+        return bodies._replace(**drawn)
 
     def draw_starts(self, rng: np.random.Generator, geometry: Geometry, radius: Floats) -> Floats:
         """Return the recorded positions (count, 2), or some drawn from them, checked for bodies of ``radius`` (count,)."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from crowd_env.checks import POSITIVE, Range, check_fields, flag, shown
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.headway import Headway, Manner, make_manner
 from crowd_env.navigation.domain import require_grid
 from crowd_env.navigation.field import NavigationField, OneWay
 from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
@@ -27,13 +28,16 @@ class Scenario:
     whatever stands between: to the "nearest" point that keeps the body off the jambs, to the "centre" of the door, or to the
     nearest point of its whole "width".  The straight ones are for comparison with models that have no path planning.
 
+    ``manner`` says how people walk before they touch, unless the run says otherwise: a name in ``MANNERS``, a Headway, or a
+    table of its parameters; by default at full speed, whatever is in front of them.
+
     An episode ends when everyone is out, at the time limit, or when nobody has got out for ``blocked_after`` seconds.
 
     Raises
     ------
     ValueError
         If the geometry has no exit, a time is not positive, people start or go somewhere that does not exist, there are
-        more of them than there can be room for, or the plan is too large for bodies so small.
+        more of them than there can be room for, the plan is too large for bodies so small, or the manner is unknown.
     """
 
     name: str
@@ -51,9 +55,13 @@ class Scenario:
     door_events: tuple[DoorEvent, ...] = ()
     one_way: tuple[OneWay, ...] = ()
     comfort: Comfort = field(default_factory=Comfort)
+    manner: Manner | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "population", as_people(self.population))
+        headway = make_manner(self.manner)
+        if not isinstance(self.manner, str):  # of a table the rule that it describes
+            object.__setattr__(self, "manner", headway)
         check_fields(f"scenario {shown(self.name)}", self, time_limit=POSITIVE, blocked_after=_PERHAPS_NEVER)
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
@@ -63,6 +71,16 @@ class Scenario:
             require_names("exit", part.exits, self._exits)
             require_names("route", [part.route], [*(route.name for route in self.routes), *self._exits])
         require_room(self.geometry, self.population.parts)
+
+    def manner_of_run(self, manner: Manner | None = None) -> Headway | None:
+        """Return how people walk in a run of this ``manner``; None = as the scenario says.
+
+        Raises
+        ------
+        ValueError
+            If the manner is unknown.
+        """
+        return make_manner(self.manner if manner is None else manner)
 
     @property
     def _exits(self) -> tuple[str, ...]:

@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.checks import POSITIVE, number, refuse
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import travel_time_field
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.workspace import Command
 from crowd_env.routing.replanning import Place
 from crowd_env.simulation.limits import check_stride
-from crowd_env.state import Bodies, Floats, Ints
+from crowd_env.state import Bodies, Bools, Floats, Ints, check_motivation
 
 
 def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable: bool = False) -> None:
@@ -26,6 +27,21 @@ def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable:
         )
     if not allow_unstable:
         check_stride(bodies, dt)
+
+
+def check_drive(max_drive: Any, driving: bool) -> float | None:
+    """Return the largest driving force [N] of a person, None = no limit.
+
+    Raises
+    ------
+    ValueError
+        If it is not positive, or nobody drives.
+    """
+    if max_drive is None:
+        return None
+    if not driving:
+        raise ValueError(f"max_drive is {max_drive!r} N, but passive grains (driving=False) have no drive to limit")
+    return number("max_drive", max_drive, POSITIVE, "N")
 
 
 def routes_of(route: Any, known: Ints) -> Ints:
@@ -104,6 +120,26 @@ def vectors(name: str, values: Floats, people: int) -> Floats:
     return array
 
 
+def motivation_of(name: str, value: Any, people: int) -> Floats:
+    """Return the time gap or push of each of so many people: one number for all, or one each; nan = as in the manner.
+
+    Raises
+    ------
+    ValueError
+        If these are not so many numbers, or one is out of range.
+    """
+    form = f"one number, or an array of {people}"
+    try:
+        values = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        refuse(name, value, form)
+    if values.shape not in ((), (people,)):
+        refuse(name, value, form)
+    values = np.broadcast_to(values, (people,))
+    check_motivation(name, values)
+    return values
+
+
 def check_command(asked: Command, people: int) -> Command:
     """Return what is asked of so many people as kernels want it.
 
@@ -112,13 +148,19 @@ def check_command(asked: Command, people: int) -> Command:
     ValueError
         If an array has another shape or holds something that is not finite.
     """
-    command, relative, force = asked
+    command, relative, force, gives_way = asked
     if command is not None:
         command = vectors("command", command, people)
-    if relative is not None:
-        relative = np.ascontiguousarray(relative, dtype=np.bool_)
-        if relative.shape != (people,):
-            raise ValueError(f"relative must have the shape ({people},), not {relative.shape}")
+    relative, gives_way = _flags("relative", relative, people), _flags("gives_way", gives_way, people)
     if force is not None:
         force = vectors("external_force", force, people)
-    return Command(command, relative, force)
+    return Command(command, relative, force, gives_way)
+
+
+def _flags(name: str, values: Any, people: int) -> Bools | None:
+    if values is None:
+        return None
+    flags = np.ascontiguousarray(values, dtype=np.bool_)
+    if flags.shape != (people,):
+        raise ValueError(f"{name} must have the shape ({people},), not {flags.shape}")
+    return flags

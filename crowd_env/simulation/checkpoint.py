@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.checks import shown
+from crowd_env.headway import Headway
 from crowd_env.physics.contacts import OF_A_CONTACT, Contacts, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.scheme import ContactScheme
@@ -92,11 +93,20 @@ def require_checkpoint(checkpoint: Any, kind: type, of: str) -> None:
 
 
 def made_by(
-    scheme: ContactScheme, dt: float, driving: bool, replan_every: float, bodies: Bodies, world: World
+    scheme: ContactScheme,
+    manner: Headway | None,
+    max_drive: float | None,
+    dt: float,
+    driving: bool,
+    replan_every: float,
+    bodies: Bodies,
+    world: World,
 ) -> dict[str, Any]:
     """Return what a simulation must have in common with another to take up a checkpoint of it."""
     return {
         "scheme": scheme,
+        "manner": manner,
+        "max_drive": max_drive,
         "dt": dt,
         "driving": driving,
         "replan_every": replan_every,

@@ -27,6 +27,10 @@ def begin_history(e: int, people: slice, history: History, workspace: Workspace,
     history.local_speed[people] = bodies.desired_speed[people]
     history.rule_on[e] = False
     history.door_open[e] = True
+    history.have_decided[e] = False
+    if len(history.waited):
+        history.waited[people] = 0.0
+        history.walking_velocity[people] = 0.0
     invalidate_lists(workspace.neighbors, e)
 
 

@@ -9,6 +9,8 @@ from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env.checks import known, whole
 from crowd_env.geometry.geometry import Geometry, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
+from crowd_env.geometry.wall_grid import make_wall_grid, no_wall_grid
+from crowd_env.headway import Manner, make_manner
 from crowd_env.navigation.field import NavigationField
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.contacts import rows_of
@@ -33,9 +35,11 @@ from crowd_env.routing.replanning import RoutePlanner
 from crowd_env.routing.route_set import RouteSet
 from crowd_env.simulation.arguments import (
     check_command,
+    check_drive,
     check_routes,
     check_step,
     fields_of,
+    motivation_of,
     routes_of,
     vectors,
     which_geometry,
@@ -73,6 +77,10 @@ class Simulation:
     driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
     threads : spread environments, or with `dem` the parts of one large crowd, over this many threads; the result does not
         depend on it.
+    manner : how people walk before they touch: a name in ``MANNERS``, a Headway, or a table of its parameters; by default they
+        walk at full speed whatever is in front of them.
+    max_drive : N, largest driving force of a person, as a push that one can go on exerting; None = as large as the papers
+        make it, m v_d / tau.  See `crowd_env.physics.driving_force`; `nsm1`, which has no such force, refuses it.
     allow_unstable : accept a ``dt`` above the scheme's stable step, and let everyone go as fast, as far in a step and through
         whatever the contact law alone allows (to show what happens); else see `crowd_env.physics.bounds`.
 
@@ -96,6 +104,8 @@ class Simulation:
         driving: bool = True,
         threads: int = 1,
         replan_every: float = 1.0,
+        manner: Manner | None = None,
+        max_drive: float | None = None,
         allow_unstable: bool = False,
     ) -> None:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
@@ -105,22 +115,26 @@ class Simulation:
         self.scheme = make_scheme(scheme)
         self.dt = dt = self.scheme.info.default_dt if dt is None else dt
         self.driving, self.allow_unstable = driving, allow_unstable
+        self.manner = headway = make_manner(manner)
         self.threads = whole("threads", threads)
-        self.scheme.check(driving)
+        self.max_drive = check_drive(max_drive, driving)
+        self.scheme.check(driving, self.max_drive)
         check_step(self.scheme, bodies, dt, allow_unstable)
         self.fields = fields_of(self.geometries, fields, bodies)
         environments = len(state.time)
         which = which_geometry(geometry_of_env, environments, len(self.geometries))
         boundary = join_boundaries(self.geometries)
-        self.planner = RoutePlanner(self.fields, which, boundary, replan_every)
+        kept = {} if headway is None else {"time_gap": headway.time_gap, "push": headway.push}
+        self.planner = RoutePlanner(self.fields, which, boundary, replan_every, **kept)
         guidance = self.planner.guidance
-        self.world = World(boundary, by_reference(self.planner.field), which, guidance)
+        walls = no_wall_grid(len(self.geometries)) if headway is None else make_wall_grid(boundary, headway.sight + 1.0)
+        self.world = World(boundary, by_reference(self.planner.field), which, guidance, walls)
         plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
         closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
         self._door_schedule = DoorSchedule(self.geometries, closed, events, which)
         doors = max(len(place.doors) for place in self.geometries)
         rules = int(np.diff(guidance.rule.start).max(initial=0))
-        uses = arrays_of(self.scheme)
+        uses = arrays_of(self.scheme, headway is not None)
         self.results = allocate_results(len(bodies.radius), environments)
         self.workspace = allocate_workspace(bodies, uses=uses)
         self.history = allocate_history(bodies, self.workspace.neighbors, rules, doors, uses)
@@ -134,7 +148,7 @@ class Simulation:
         # alone, whatever the contacts say.  Nobody should be.
         self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
-        control = allocate_control(len(bodies.radius), driving, bounded=not allow_unstable)
+        control = allocate_control(len(bodies.radius), driving, not allow_unstable, headway, self.max_drive)
         batch = Batch(self.world, bodies, state, control, self.results, self.history, self.workspace)
         self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
         self._stepper = Stepper(self.scheme, batch, self._sorted, self.threads)
@@ -164,6 +178,7 @@ class Simulation:
         relative: Bools | None = None,
         n_substeps: int = 1,
         external_force: Floats | None = None,
+        gives_way: Bools | None = None,
     ) -> None:
         """Advance every environment by ``n_substeps`` physics steps in one compiled call.
 
@@ -173,6 +188,7 @@ class Simulation:
         relative : (P,), True where the command turns with the direction of the shortest path (default), False where its
             axes are those of the world.
         external_force : (P, 2) N.
+        gives_way : (P,), False for people who walk as they are told, whatever the manner of the others; default True.
 
         Raises
         ------
@@ -181,7 +197,7 @@ class Simulation:
         FloatingPointError
             If someone would move further in one step than the own radius, or a position is no longer finite.
         """
-        asked = check_command(Command(command, relative, external_force), len(self.bodies.radius))
+        asked = check_command(Command(command, relative, external_force, gives_way), len(self.bodies.radius))
         if n_substeps < 0:
             raise ValueError(f"n_substeps is {n_substeps}; it must be >= 0")
         check_routes(self.state.route, self._routes_of_person)
@@ -262,10 +278,15 @@ class Simulation:
         self.escaped[people] = False
         self.planner.update(self.bodies, self.state, only=e)
 
+    def _made_by(self) -> dict[str, Any]:
+        """Return what a simulation must have in common with this one to take up a checkpoint of it."""
+        chosen = self.scheme, self.manner, self.max_drive, self.dt, self.driving, self.planner.interval
+        return made_by(*chosen, self.bodies, self.world)
+
     def checkpoint(self) -> Checkpoint:
         """Return a copy of all that the future depends on, to `restore` here, or in a simulation made like this one."""
         return Checkpoint(
-            made_by(self.scheme, self.dt, self.driving, self.planner.interval, self.bodies, self.world),
+            self._made_by(),
             Bodies._make(array.copy() for array in self.bodies),
             self.state.copy(),
             save_history(self.history, self.workspace.neighbors),
@@ -290,8 +311,7 @@ class Simulation:
             If the checkpoint is of a simulation of other people, places, scheme or steps.
         """
         require_checkpoint(checkpoint, Checkpoint, "a simulation")
-        here = made_by(self.scheme, self.dt, self.driving, self.planner.interval, self.bodies, self.world)
-        require_same(here, checkpoint.made_by)
+        require_same(self._made_by(), checkpoint.made_by)
         while not has_room(self.workspace, checkpoint.history):
             self._stepper.grow()
         load_history(self.history, self.workspace, checkpoint.history)
@@ -318,6 +338,36 @@ class Simulation:
         self.state.route[people] = wanted
         self.history.followed[people] = wanted
         self.history.directions_known[e] = False
+
+    def set_motivation(
+        self, e: int, *, time_gap: Floats | float | None = None, push: Floats | float | None = None
+    ) -> None:
+        """Let the people in environment ``e`` keep another distance from now on, until the environment restarts.
+
+        It counts from everyone's next decision on, at most `Headway.interval` later.
+
+        Parameters
+        ----------
+        time_gap : s, one number for all or one each (N,); nan = that of the manner; None = as before.
+        push : share of the desired speed at which one presses on with no gap in front, as ``time_gap``.
+
+        Raises
+        ------
+        ValueError
+            If there is no such environment, a value is none that it can have, or people keep no distance at all.
+        """
+        people = self._people(e)
+        if self.manner is None:
+            raise ValueError(
+                "people walk at full speed here, whatever is in front: a motivation needs a manner of the simulation"
+            )
+        count = people.stop - people.start
+        given = {name: value for name, value in (("time_gap", time_gap), ("push", push)) if value is not None}
+        wanted = {name: motivation_of(name, value, count) for name, value in given.items()}
+        for name, values in wanted.items():
+            getattr(self.bodies, name)[people] = values
+        if self._sorted is not None:
+            self._sorted.gather_bodies(people)
 
     def contacts(self, e: int = 0) -> ContactList:
         """Return a copy of the contacts of environment ``e``."""

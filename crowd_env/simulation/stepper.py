@@ -33,7 +33,7 @@ class Stepper:
         self.batch: StructRef = struct_ref(batch if order is None else order.batch)
         self._parts = _share_out(scheme, batch, threads)
         self._workers = Workers()
-        self._asked = Command(None, None, None)
+        self._asked = Command(None, None, None, None)
 
     def begin(self, asked: Command) -> None:
         """Begin a call: nothing has gone on in it yet, and this is what is asked for."""

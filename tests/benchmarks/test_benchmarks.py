@@ -16,6 +16,7 @@ from benchmarks import (
     cold,
     crowds,
     dictionaries,
+    headway,
     memory,
     plots,
     probes,
@@ -70,6 +71,15 @@ def test_crowds(scene):
     check(rows)
     names = {row.what.partition(",")[0] for row in rows}
     assert names == {f"{name} {dt:g} s" for name, dt in crowds.PAIRS}
+
+
+def test_headway(monkeypatch):
+    monkeypatch.setattr(headway, "SIZES", (30,))
+    monkeypatch.setattr(headway, "SCENES", {"jam": lambda count: scenes.jam(count)._replace(settle=0.0, horizon=0.02)})
+    rows = headway.rows(TINY, pairs=(("dem", 0.01), ("nsm2", 0.01)))
+    check(rows)
+    for without, calm, times in zip(*[iter(rows)] * 3, strict=True):
+        assert times.value == pytest.approx(calm.value / without.value, rel=0.02)
 
 
 def test_batch():

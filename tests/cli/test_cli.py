@@ -35,6 +35,7 @@ def folder(tmp_path, monkeypatch):
 KEYS = {
     "scenario": None,
     "scheme": None,
+    "manner": None,
     "runs": None,
     "unfinished": None,
     "evacuation_time": {"mean", "sd", "ci95"},

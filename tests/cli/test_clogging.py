@@ -54,10 +54,12 @@ def test_exits_out_of_order_are_taken_in_order_with_a_note(tmp_path):
 
 KEYS = {
     "name": None,
+    "manner": None,
     "runs": None,
     "exits": None,
     "unfinished_runs": None,
     "blocked_runs": None,
+    "blocked_share": {"mean", "ci95"},
     "gaps": {"count", "mean", "cv", "q90", "max", "open", "longest_open"},
     "bursts": {"pause", "count", "mean_size", "max_size", "sizes"},
     "tail": {"alpha", "error", "x_min", "n", "distance", "rate", "ratio", "p", "alpha_open"},
@@ -82,7 +84,7 @@ def test_the_command_prints_one_json_object_and_writes_what_it_saw(tmp_path):
     assert len((tmp_path / "gaps.csv").read_text().splitlines()) == 1 + 76
     again = CliRunner().invoke(app, ["clogging", "--times", str(tmp_path / "exits.csv"), "--json"])
     (read,) = json.loads(again.stdout)["sets"]
-    assert {**read, "name": None} == {**told, "name": None}
+    assert {**read, "name": None} == {**told, "name": None, "manner": None}
 
 
 @needs_powerlaw
@@ -110,6 +112,7 @@ def test_the_command_prints_a_table_and_sets_side_by_side(tmp_path):
     for words in ("room-v0, dem, 3 people, 1.5 m/s", "sheep.csv", "± ", "no exponent: 8 gaps", "diverges", "bursts"):
         assert words in " ".join(result.stdout.split()), words
     assert "nan" not in result.stdout
+    assert "share blocked, 95 % 0 to 49 % 0 to 79 %" in " ".join(result.stdout.split())  # none of 4 runs, none of 1
 
 
 @needs_powerlaw

@@ -79,6 +79,10 @@ def test_blocked_draws_are_counted_and_left_out_of_medians():
     assert "40 to 90" in clearance.reading and "2 of 5 blocked" in clearance.reading
     assert (blocked.here, blocked.n, blocked.unit) == (2, 5, "runs")
     assert blocked.reading == "since 0 to 20 s, 2 to 4 left"
+    # Wilson's interval of 2 of 5, as scipy.stats.binomtest has it.
+    np.testing.assert_allclose(blocked.ci95, (0.11762, 0.76927), atol=1e-5)
+    assert blocked.explained() == f"{blocked.reading}; of all runs, 95 %: 12 to 77 %"
+    assert found.blocked_share() == "2 of 5 blocked (95 %: 12 to 77 %)"
     stuck = sample(records, [runs[1], runs[3]])
     clearance, blocked = clearance_rows("1.8 m/s", stuck, "45")
     assert (clearance.here, clearance.shown(), clearance.difference(), clearance.n) == (None, "-", "-", 0)

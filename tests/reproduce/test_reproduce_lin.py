@@ -225,6 +225,7 @@ def test_a_broken_file_is_computed_again(spoil, tmp_path, computed):
     "change",
     [
         {"count": 7}, {"desired_speed": 1.1}, {"seed": 1}, {"strength": 200.0}, {"rotation": False}, {"dt": 2e-3},
+        {"friction": 0.25},
         {"wall_friction": 0.2}, {"wall_social": 0.0}, {"anisotropy": 0.2}, {"damping": "rate"}, {"cutoff": 0.3},
         {"target": "nearest"}, {"exit_depth": 0.1}, {"time_limit": 900.0}, {"blocked_after": 60.0},
     ],

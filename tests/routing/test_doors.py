@@ -246,7 +246,7 @@ def test_a_door_moves_at_the_same_time_however_calls_are_cut():
 def test_fastest_ways_behind_closed_doors_follow_the_crowd_of_their_own_environment():
     route_set = route_set_of(routes=(Route("quick", strategy="fastest"),))
     crowds = [[[x, y] for x in (6.0, 7.0, 8.0) for y in np.arange(0.5, 3.6, 0.5)], [[2.0, 2.0]], [[9.0, 2.0]]]
-    simulation = simulate(route_set, *crowds)
+    simulation = simulate(route_set, *crowds, manner="hurried")
     for e in (0, 1):
         simulation.close_doors(e, ["west door"])
     simulation.advance(n_substeps=1)

@@ -33,7 +33,7 @@ def test_a_plain_population_draws_what_it_always_drew():
     ]
     for seed, crowd in enumerate(crowds):
         bodies, position = crowd.draw(np.random.default_rng(seed), HALL)
-        for array in (*bodies, position):
+        for array in (*bodies[:6], bodies.env_start, position):  # there was no motivation then
             digest.update(np.ascontiguousarray(array).tobytes())
     assert digest.hexdigest() == "9ce1c9b9a82414ce1f29b6a0cd50da1170383ed7a4a7de5502e3c2eee98b61bb"
 

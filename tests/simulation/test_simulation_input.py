@@ -1,5 +1,7 @@
 """What a simulation is given: every array that does not fit is one sentence, before a kernel reads beyond its end."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -65,7 +67,7 @@ def test_an_array_that_kernels_cannot_work_on_is_refused(name, spoil):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 0.0])
-@pytest.mark.parametrize("name", Bodies._fields[:-1])
+@pytest.mark.parametrize("name", Bodies._fields[:6])
 def test_a_body_that_cannot_be_is_refused_by_name_and_number(name, value):
     bodies, state = crowd()
     getattr(bodies, name)[1] = value
@@ -73,6 +75,19 @@ def test_a_body_that_cannot_be_is_refused_by_name_and_number(name, value):
         Simulation(ROOM, bodies, state)
         return
     with pytest.raises(ValueError, match=rf"^{name} of pedestrian 1 is {value:g}; it must be finite and >=? 0$"):
+        Simulation(ROOM, bodies, state)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "bound"),
+    [(name, value, "> 0 and finite") for name in ["time_gap"] for value in (np.inf, -1.0, 0.0)]
+    + [("push", value, "in [0, 1]") for value in (np.inf, -0.1, 1.1)],
+)
+def test_what_people_mean_to_do_is_refused_by_name_and_number(name, value, bound):
+    bodies, state = crowd()
+    assert np.isnan(getattr(bodies, name)).all()  # as the manner of the run has it
+    getattr(bodies, name)[1] = value
+    with pytest.raises(ValueError, match=rf"^{name} of pedestrian 1 is {value:g}; it must be {re.escape(bound)}$"):
         Simulation(ROOM, bodies, state)
 
 

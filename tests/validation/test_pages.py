@@ -131,7 +131,7 @@ def finished(tmp_path, name, **files):
 def hall(scheme, people, speed, outside=0):
     return {
         "scheme": scheme,
-        "figure": {"people": people, "fastest, m/s": speed, "outside": outside, "overlap, mm": 20.25},
+        "more": {"people": people, "fastest, m/s": speed, "outside": outside, "overlap, mm": 20.25},
     }
 
 
@@ -143,23 +143,33 @@ def test_halls_are_told_by_scheme_and_size(tmp_path):
     assert "| `nsm2` | 3 |" in text
 
 
-def test_the_gate_is_told_beside_its_recording(tmp_path):
-    recorded = {
-        "desired speed, m/s": None,
-        "flow, 1/s": 1.0,
-        "sd of flow": None,
-        "10th, s": 9.0,
-        "speed in the gate, m/s": 0.7,
-    }
-    stuck = {
-        "desired speed, m/s": "0.6", "flow, 1/s": 2.5, "sd of flow": 0.2, "10th, s": None, "stuck": 1, "runs": 10,
-        "radius, m": 0.137,
+def row_of(case, scheme, passed, figure="1.13 /s", manner="calm", source="a paper"):
+    return {
+        "case": case, "scheme": scheme, "manner": manner, "passed": passed, "figure": figure, "criterion": "as recorded",
+        "source": source,
     }  # fmt: skip
-    rows = [{"scheme": "recorded", "figure": recorded}, {"scheme": "nsm2", "figure": stuck}]
-    text = finished(tmp_path, "gate", gate={"rows": rows})
-    assert "| recorded |  | 9.0 | – | – | – | – | 1.00 |  |" in text
-    assert "| `nsm2` | 0.6 | – | – | – | – | – | 2.50 ± 0.20 | 1 of 10 |" in text
-    assert "a factor of 2.5 to 2.5 with 0.6 m/s" in text
+
+
+def map_rows():
+    """Return a row each case under two schemes; of the tests of standards two, and one that is not supported."""
+    names = ("gate", "doors", "corridor", "ring", "counterflow", "crossing", "corner", "faster")
+    rows = {name: {"rows": [row_of(name, "dem", True), row_of(name, "hertz", False)]} for name in names}
+    tests = [row_of("rimea-1", "dem", True), row_of("rimea-1", "dem", None, manner="hurried")]
+    return rows | {"standards": {"rows": [*tests, row_of("not supported", "dem", None, "no lifts", source="NIST 2.7")]}}
+
+
+def test_the_map_says_what_passes_and_what_was_asked(tmp_path):
+    text = finished(tmp_path, "map", **map_rows())
+    assert "| `gate` | calm | yes |  |  |  | **no** |" in text
+    assert "| `rimea-1` | hurried | – |  |  |  |  |" in text
+    assert "* `doors`: as recorded (a paper)." in text
+    assert "* Not supported, NIST 2.7: no lifts." in text and "| `not supported`" not in text
+
+
+def test_the_map_has_the_figures_of_every_row(tmp_path):
+    text = finished(tmp_path, "measured", **map_rows())
+    assert "| `ring` | calm | `hertz` | **no** | 1.13 /s |" in text
+    assert text.count("| 1.13 /s |") == 18
 
 
 def controller(name, last, unfinished=0, **beside):
@@ -185,7 +195,7 @@ def test_controllers_are_told_beside_the_learned_one(tmp_path):
 def test_a_table_of_a_long_run_names_the_run(tmp_path):
     found = CliRunner().invoke(app, ["pages", "training"])
     assert found.exit_code == 2 and "python train.py --runs 500; name it by --from" in found.stderr
-    missing = CliRunner().invoke(app, ["pages", "gate", "--from", str(tmp_path)])
+    missing = CliRunner().invoke(app, ["pages", "map", "--from", str(tmp_path)])
     assert missing.exit_code == 2 and f"cannot read {tmp_path}/gate.json" in missing.stderr.replace("\n", "")
     unnamed = CliRunner().invoke(app, ["pages", "--from", str(tmp_path)])
     assert unnamed.exit_code == 2 and "name the tables" in unnamed.stderr

@@ -1,18 +1,16 @@
-"""The cases on made-up data: the gate with its recording, geometry, counts, figures and files; halls; and their command."""
+"""The command of the validation map: recordings that it reads, what it prints and writes; and crowded halls."""
 
 import gzip
 import json
-import shlex
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from crowd_env.cli.main import app as crowd_env_app
-from validation.cases import CASES
-from validation.cases.case import Case, Finding
-from validation.cases.gate import Counts, export, gate_geometry, gate_scenario, largest_radius, recorded, simulated
-from validation.cases.halls import Hall, empty, holds
+from crowd_env.headway import Headway
+from validation.cases import Case, Setting
+from validation.cases.case import COMPARED, row
+from validation.cases.halls import Hall, empty, holds, run_in, told
 from validation.cases.trajectories import find_recording, read_trajectories
 from validation.cli import app
 
@@ -49,7 +47,6 @@ def test_first_positions_and_times_at_the_line(data):
     np.testing.assert_allclose(trajectories.starts, STARTS)
     np.testing.assert_allclose(trajectories.crossing_times(-1.1), [1.5, 3.15, 2.1])
     assert np.isnan(trajectories.crossing_times(-10.0)).all()
-    np.testing.assert_allclose(recorded(trajectories).times, [[1.5, 2.1, 3.15]])
 
 
 def test_rows_in_any_order_and_packed(data, tmp_path):
@@ -95,81 +92,38 @@ def test_the_folder_must_hold_one_recording(tmp_path, data):
     assert "2 files" in result.output
 
 
-# ----------------------------------------------------------------------------------------------------- plan and people
+# ----------------------------------------------------------------------------------------------------- the command
 
 
-def test_the_plan_is_waiting_area_funnel_and_gate():
-    geometry = gate_geometry()
-    assert geometry.area == pytest.approx(5.6 * 6.7 + (0.8 + 0.5) / 2 * 0.15 + 0.5 * 0.95)
-    assert geometry.exit_names == ("gate",)
-    np.testing.assert_allclose(np.hypot(*(geometry.exits[0, 1] - geometry.exits[0, 0])), 0.5)
-    inside = geometry.contains([(0, 3), (0, -1), (0.3, -0.05), (0.3, -0.5), (2.9, 3), (0, -1.2)])
-    assert inside.tolist() == [True, True, True, False, False, False]
+def crowd(count):
+    return [(0.5 * (k % 8) - 1.75, 0.4 + 0.5 * (k // 8)) for k in range(count)]
 
 
-def test_the_largest_radius_is_the_largest_that_is_accepted():
-    starts = np.array([(0.0, 1.0), (0.33, 1.2), (-2.0, 3.0)])
-    geometry = gate_geometry()
-    radius = largest_radius(geometry, starts)
-    gate_scenario(starts, radius).population.draw(np.random.default_rng(0), geometry)
-    with pytest.raises(ValueError, match="overlap"):
-        gate_scenario(starts, radius + 1e-3).population.draw(np.random.default_rng(0), geometry)
-    assert largest_radius(geometry, np.array([(0.0, 3.0), (0.2, 3.0)])) == pytest.approx(0.1)
-    with pytest.raises(ValueError, match="person 2"):
-        largest_radius(geometry, np.array([(0.0, 3.0), (4.0, 3.0)]))
+@pytest.fixture
+def students(tmp_path):
+    """Return a folder with a recording of 75 people who stand, as far as the case looks at it."""
+    folder = tmp_path / "students"
+    folder.mkdir()
+    rows = [f"{i}\t{k}\t{x}\t{y - 0.3 * k}\t1.7" for i, (x, y) in enumerate(crowd(75)) for k in range(40)]
+    (folder / "run.txt").write_text(HEADER + "\n".join(rows) + "\n")
+    return folder
 
 
-def test_people_start_where_they_were_seen_and_leave_by_the_gate():
-    counts = simulated(gate_scenario(np.array(STARTS), 0.2), "nsm2", runs=2)
-    assert counts.times.shape == (2, 3)
-    assert np.isfinite(counts.times).all()
-    # The one in front has 1.5 m to go, at 1.2 to 2 m/s after getting up speed.
-    assert (counts.times[:, 0] > 1.5 / 2.0).all() and (counts.times[:, 0] < 1.5 / 1.2 + 0.5).all()
-    assert not np.array_equal(counts.times[0], counts.times[1])  # other speeds and masses
-
-
-# ------------------------------------------------------------------------------------------------------------- figures
-
-
-def figure(times):
-    return Counts("made up", times, "1", {}).finding().figure
-
-
-def test_a_run_that_got_stuck_counts_as_stuck():
-    found = figure(np.array([[1.0, 2.0, 3.0, 4.0], [1.0, 2.0, np.nan, np.nan]]))
-    assert (found["flow, 1/s"], found["sd of flow"]) == (1.0, None)  # of the run that finished
-    assert (found["left inside"], found["stuck"], found["runs"]) == (2, 1, 2)
-    assert found["4th, s"] is None
-
-
-def test_counted_persons():
-    found = figure(np.arange(1.0, 76.0)[None])
-    assert [key for key in found if key.endswith("th, s")] == ["10th, s", "20th, s", "40th, s", "60th, s", "75th, s"]
-    assert found["40th, s"] == 40.0
-
-
-def test_the_command_reports_draws_and_writes(data, tmp_path):
+def test_the_command_reports_draws_and_writes(students, tmp_path):
     out = tmp_path / "out"
-    words = ["gate", "--data", data, "--schemes", "nsm1", "--schemes", "dem", "--draws", 2, "--json", "--out", out]
-    result = run(*words)
-    assert result.exit_code == 0, result.output
+    words = ["gate", "--data", students, "--schemes", "nsm1", "--schemes", "dem", "--manner", "calm", "--draws", 1]
+    result = run(*words, "--json", "--out", out)
+    assert result.exit_code in (0, 1), result.output
     report = json.loads(result.stdout.splitlines()[-1])
-    assert [row["scheme"] for row in report["rows"]] == ["recorded", *["nsm1", "dem"] * 2]
-    recording, nsm1 = report["rows"][:2]
-    assert set(recording) == {"case", "scheme", "passed", "figure", "criterion", "source"}
-    assert "10.34735/ped.2018.1" in recording["source"] and recording["passed"] is None
-    assert recording["figure"]["speed in the gate, m/s"] == pytest.approx(1.0)
-    assert recording["figure"]["3th, s"] == pytest.approx(3.15)
-    assert (nsm1["figure"]["desired speed, m/s"], nsm1["figure"]["runs"]) == ("1.2 to 2", 2)
+    assert [(row["scheme"], row["manner"]) for row in report["rows"]] == [("nsm1", "calm"), ("dem", "calm")]
+    first = report["rows"][0]
+    assert set(first) == {"case", "scheme", "manner", "passed", "figure", "criterion", "source", "more"}
+    assert "10.34735/ped.2018.1" in first["source"]
+    assert first["more"]["starts"] == "recorded" and len(first["more"]["position"]) == 75
+    assert result.exit_code == (0 if all(row["passed"] for row in report["rows"]) else 1)
     assert json.loads((out / "gate.json").read_text()) == report
     assert (out / "gate.png").read_bytes().startswith(b"\x89PNG")
-    assert sorted(path.name for path in out.iterdir()) == ["gate.json", "gate.png", "gate.wkt", "starts.csv"]
-
-
-def test_the_command_prints_a_table(data):
-    result = run("gate", "--data", data, "--schemes", "nsm2", "--draws", 1)
-    assert result.exit_code == 0, result.output
-    assert "recorded" in result.stdout and "nsm2" in result.stdout
+    assert sorted(path.name for path in out.iterdir()) == ["gate.json", "gate.png"]
 
 
 @pytest.mark.parametrize(
@@ -177,8 +131,9 @@ def test_the_command_prints_a_table(data):
     [
         (["gate", "--schemes", "magic"], "unknown contact scheme"),
         (["--schemes", "magic"], "unknown contact scheme"),
-        (["nowhere"], "unknown case 'nowhere'; known: gate, halls, great-halls"),
-        (["gate"], "name their folder by --data"),
+        (["--manner", "rude"], "unknown manner"),
+        (["nowhere"], "unknown case 'nowhere'; known: gate, doors"),
+        (["gate", "--data", "nowhere"], "no such folder"),
         (["gate", "--out", __file__], "is not a folder"),
     ],
 )
@@ -188,67 +143,74 @@ def test_bad_input_is_said_plainly(words, said):
     assert said in result.output
 
 
+def made_up(run_case, **options):
+    return {"made-up": Case("t", run_case, "none", **options)}
+
+
 @pytest.mark.parametrize("passed", [True, False])
 def test_a_new_case_is_one_line_and_decides_the_exit_code(monkeypatch, passed):
     asked = []
 
-    def measure(settings):
-        asked.append(settings)
-        yield Finding("dem", passed, {"flow, 1/s": 1.25, "stopped": None})
+    def run_case(setting):
+        asked.append(setting)
+        return [row("made-up", setting, passed, "1.25 /s", "more is better", "none", flow=1.25)]
 
-    monkeypatch.setattr("validation.cli.CASES", {"made-up": Case("t", "more is better", "none", ("dem",), measure)})
-    result = run("--draws", 3)
+    monkeypatch.setattr("validation.cli.CASES", made_up(run_case, manners=("calm", "hurried"), draws=7))
+    result = run("--schemes", "dem", "--schemes", "nsm1")
     assert result.exit_code == (0 if passed else 1)
-    assert "more is better" in result.stdout and "1.25" in result.stdout and "stopped" not in result.stdout
-    assert (asked[0].schemes, asked[0].draws) == (("dem",), 3)
-    assert json.loads(run("made-up", "--json").stdout)["rows"][0]["passed"] is passed
+    assert "more is better" in result.stdout and "1.25" in result.stdout
+    assert [(one.scheme, one.manner, one.draws, one.seed) for one in asked] == [
+        (scheme, manner, 7, 0) for scheme in ("dem", "nsm1") for manner in ("calm", "hurried")
+    ]
+    again = run("made-up", "--json", "--manner", "competitive", "--draws", 3, "--seed", 5)
+    assert [(one["scheme"], one["passed"]) for one in json.loads(again.stdout)["rows"]] == [
+        (scheme, passed) for scheme in COMPARED
+    ]
+    assert (asked[-1].manner, asked[-1].draws, asked[-1].seed) == ("competitive", 3, 5)
+
+
+def test_a_crowd_that_a_scheme_refuses_is_a_row_and_not_the_end(monkeypatch):
+    def run_case(setting):
+        if setting.scheme == "nsm1":
+            raise FloatingPointError("pedestrian 3 would move 2 m in one step")
+        return [row("made-up", setting, True, "1.25 /s", "c", "s")]
+
+    monkeypatch.setattr("validation.cli.CASES", made_up(run_case, manners=("calm",)))
+    result = run("--schemes", "nsm1", "--schemes", "dem", "--json")
+    assert result.exit_code == 1
+    first, second = json.loads(result.stdout)["rows"]
+    assert (first["passed"], second["passed"]) == (False, True) and "pedestrian 3" in first["figure"]
 
 
 def test_an_interruption_loses_no_finished_row(monkeypatch, tmp_path):
-    def measure(settings):
-        yield Finding("dem", True, {"flow, 1/s": 1.25})
+    def run_case(setting):
+        yield row("made-up", setting, True, "1.25 /s", "c", "s")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("validation.cli.CASES", {"made-up": Case("t", "c", "s", ("dem",), measure)})
+    monkeypatch.setattr("validation.cli.CASES", made_up(run_case))
     result = run("--out", tmp_path / "out")
     assert result.exit_code == 130 and "finished are in" in result.stderr
     assert len(json.loads((tmp_path / "out" / "made-up.json").read_text())["rows"]) == 1
 
 
-def test_a_case_without_its_data_is_left_out_unless_it_is_named(monkeypatch):
-    monkeypatch.setattr("validation.cli.CASES", {"gate": CASES["gate"]})
-    result = run()
-    assert result.exit_code == 0 and "gate is left out" in result.stderr
-
-
-# ---------------------------------------------------------------------------------------------------------------- export
-
-
-def test_the_exported_files_run_and_give_the_same_evacuation(data, tmp_path):
-    starts = read_trajectories(find_recording(data)).starts
-    words = shlex.split(export(tmp_path / "plan", starts, 0.2))
-    assert words[:2] == ["crowd-env", "run"]
-    words[words.index("--runs") + 1] = "1"
-    rerun = CliRunner().invoke(crowd_env_app, [*words[1:], "--json"])
-    assert rerun.exit_code == 0, rerun.output
-    expected = simulated(gate_scenario(starts, 0.2), "nsm2", runs=1).times.max()
-    assert json.loads(rerun.stdout)["evacuation_time"]["mean"] == pytest.approx(expected, abs=1e-9)
-
-
-def test_export_writes_the_plan_and_the_starts(tmp_path):
-    command = export(tmp_path, np.array(STARTS), 0.2)
-    assert (tmp_path / "gate.wkt").read_text().startswith("POLYGON ((-2.8 6.7, -2.8 0, ")
-    assert (tmp_path / "starts.csv").read_text().splitlines()[:2] == ["x,y", "0.0000,0.4000"]
-    assert "--exit -0.25,-1.1,0.25,-1.1" in command
+def test_numbers_of_a_row_are_what_json_holds():
+    setting = Setting("dem", Headway(time_gap=0.7))
+    one = row("made-up", setting, None, "", "", "", a=np.arange(2), b=(np.float64("nan"), float("inf")), c={"d": True})
+    assert one.more == {"a": [0, 1], "b": [None, None], "c": {"d": True}}
+    assert "time_gap=0.7" in one.manner and json.dumps(one._asdict(), allow_nan=False)
 
 
 # ------------------------------------------------------------------------------------------------------------- halls
 
 
+PACKED = Setting("dem", "competitive", draws=1)
+
+
 def test_a_hall_is_emptied_with_nobody_outside():
-    found = empty(Hall(500, 4.0, 4.0), "dem", time_limit=3.0)
-    assert found.passed is True and found.figure["people"] == 500
-    assert found.figure["outside"] == 0 < found.figure["fastest, m/s"] <= 12.5
+    found = empty(Hall(500, 4.0, 4.0), PACKED, time_limit=3.0)
+    assert holds(found) and found["people"] == 500
+    assert found["outside"] == 0 < found["fastest, m/s"] <= 12.5
+    assert "nobody outside" in told(found)
 
 
 def test_a_step_that_is_refused_is_told_with_what_was_seen_until_then(monkeypatch):
@@ -256,13 +218,13 @@ def test_a_step_that_is_refused_is_told_with_what_was_seen_until_then(monkeypatc
         raise FloatingPointError("person 7 went too far")
 
     monkeypatch.setattr("crowd_env.envs.crowd.CrowdEnv.step", refused)
-    found = empty(Hall(500, 4.0, 4.0), "dem")
-    assert found.passed is False
-    assert (found.figure["stopped"], found.figure["left"]) == ("person 7 went too far", 500)
+    (one,) = run_in((Hall(500, 4.0, 4.0),), "halls")(PACKED)
+    assert one.passed is False and "person 7 went too far" in one.figure
+    assert (one.more["stopped"], one.more["left"]) == ("person 7 went too far", 500)
 
 
 def test_halls_that_do_not_hold_are_said_to():
-    figure = {"outside": 0, "stopped": None, "fastest, m/s": 12.5}
-    assert holds(figure)
+    found = {"outside": 0, "stopped": None, "fastest, m/s": 12.5}
+    assert holds(found)
     for bad in ({"outside": 1}, {"stopped": "went too far"}, {"fastest, m/s": 12.6}):
-        assert not holds(figure | bad)
+        assert not holds(found | bad)

@@ -1,10 +1,48 @@
-"""What is known about crowds, one file a case and one line each in `CASES`."""
+"""Experiments and tests of standards, one file each: geometry, people, what is measured, criterion and source."""
 
-from validation.cases import gate, halls
-from validation.cases.case import Case
+from validation.cases import (
+    corner,
+    corridor,
+    counterflow,
+    crossing,
+    doors,
+    faster,
+    frozen,
+    gate,
+    gate_figure,
+    halls,
+    jambs,
+    ring,
+    standards,
+)
+from validation.cases.case import Case, Row, Setting
 
-CASES: dict[str, Case] = {
-    "gate": gate.CASE,
-    "halls": halls.HALLS_CASE,
-    "great-halls": halls.GREAT_HALLS_CASE,
+CASES = {
+    "gate": Case("75 students and a gate of 0.5 m", gate.run, gate.SOURCE, draw=gate_figure.draw),
+    "doors": Case("doors of 0.5 to 5 m", doors.run, doors.SOURCE),
+    "corridor": Case("open corridor of 1.8 m, nine runs", corridor.run, corridor.SOURCE),
+    "ring": Case("single file around a ring of 27 m", ring.run, ring.SOURCE),
+    "counterflow": Case("two streams in a corridor of 4 m", counterflow.run, counterflow.SOURCE),
+    "crossing": Case("people of two rooms change places through a corridor", crossing.run, crossing.SOURCE),
+    "corner": Case("corner of a corridor of 2.4 m, ever denser", corner.run, corner.SOURCE),
+    "faster": Case("door of 0.8 m, by desired speed, push and friction", faster.run, faster.SOURCE, draws=5),
+    "frozen": Case(frozen.TITLE, frozen.run, frozen.SOURCE, draws=10, manners=("competitive",)),
+    "jambs": Case(jambs.TITLE, jambs.run, jambs.SOURCE, manners=("competitive", "hurried")),
+    "standards": Case("tests of RiMEA, ISO, NIST and IMO", standards.run, standards.SOURCE, draws=5),
+    "halls": Case(
+        "500 or 1000 people leave a crowded hall by one door, until all are out or nobody was for 30 s",
+        halls.run_in(halls.HALLS, "halls"),
+        halls.SOURCE,
+        draws=1,
+        manners=("competitive",),
+    ),
+    "great-halls": Case(
+        "2000 or 5000 people leave a crowded hall by one door, until all are out or nobody was for 30 s",
+        halls.run_in(halls.GREAT_HALLS, "great-halls"),
+        halls.SOURCE,
+        draws=1,
+        manners=("competitive",),
+    ),
 }
+
+__all__ = ["CASES", "Case", "Row", "Setting"]

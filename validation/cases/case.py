@@ -1,91 +1,118 @@
-"""What a case is: something that is known about crowds, and how the simulations do beside it."""
+"""What a case is: an experiment that is known, run under a contact scheme and a manner of walking, and judged."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-Figures = dict[str, float | str | None]  # name, with its unit -> what was measured; None where there is none
+import numpy as np
+
+from crowd_env import SCHEMES, Normal, Population, Uniform
+from crowd_env.headway import MANNERS, Headway
+
+# Schemes that are compared by default; what papers print and this package does otherwise is for comparison with them.
+COMPARED = tuple(name for name in SCHEMES if name not in ("nsm2-printed", "hertz-literal"))
 
 
 @dataclass(frozen=True)
-class Settings:
-    """What a case is asked for.
+class Setting:
+    """How people push and walk, and how often each experiment is run.
 
-    Attributes
+    Parameters
     ----------
-    schemes : contact schemes; those of the case if there are none.
-    data : folder with the recordings, which are no part of the repository.
-    draws : evacuations of each scheme, each with other people; as many as the case takes by default if None.
-    out : folder for the files of the case.
+    scheme : name in ``SCHEMES``, or a scheme.
+    manner : name in ``MANNERS``, a headway rule or a table of its parameters.
+    draws : number of crowds that are drawn; results are means over them.
+    seed : of the draws; crowds of one seed are the same under every scheme and manner.
+    data : folder with recordings, for cases that compare with one.
+    strategy : how people choose their way; a case may need another one and says so.
     notify : hears what is being computed.
     """
 
-    schemes: tuple[str, ...] = ()
+    scheme: Any = "nsm2"
+    manner: str | Mapping[str, Any] | Headway | None = "hurried"
+    draws: int = 5
+    seed: int = 0
     data: Path | None = None
-    draws: int | None = None
-    out: Path | None = None
+    strategy: str = "fastest"
     notify: Callable[[str], object] = lambda _: None
 
 
-class Finding(NamedTuple):
-    """What was found under one scheme.
+class Row(NamedTuple):
+    """What came of one case under one scheme and one manner.
 
     Attributes
     ----------
-    scheme : of the simulation, or "recorded".
-    passed : whether it meets the criterion of the case; None where there is no bar to pass.
-    figure : what was measured.
+    case, scheme, manner : their names.
+    passed : whether the criterion is met; None if there is none.
+    figure : the numbers, as a sentence.
+    criterion : what has to hold.
+    source : where the criterion comes from.
+    more : the numbers behind the figure, as JSON holds them.
     """
 
+    case: str
     scheme: str
+    manner: str
     passed: bool | None
-    figure: Figures
+    figure: str
+    criterion: str
+    source: str
+    more: dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Case:
-    """A case: everything but the geometry and the population, which its `measure` knows.
+    """An experiment that can be run under any scheme and manner.
 
-    Attributes
+    Parameters
     ----------
     title : what happens in it.
-    criterion : what has to hold, or what is compared.
-    source : of the data, or of the bounds.
-    schemes : that it takes by default.
-    measure : computes its findings one by one.
-    needs_data : whether it reads recordings.
+    run : computes its rows.
+    source : where its criterion and numbers come from.
+    draws : how many crowds it takes by default.
+    manners : those under which it is run by default.
+    draw : writes a picture of all its rows into a folder.
     """
 
     title: str
-    criterion: str
+    run: Callable[[Setting], Iterable[Row]]
     source: str
-    schemes: tuple[str, ...]
-    measure: Callable[[Settings], Iterator[Finding]]
-    needs_data: bool = False
+    draws: int = 20
+    manners: tuple[str, ...] = tuple(MANNERS)
+    draw: Callable[[Path, Sequence[Row]], None] | None = None
 
 
-class Row(NamedTuple):
-    """A line of the report: a finding, and what it was held against."""
-
-    case: str
-    scheme: str
-    passed: bool | None
-    figure: Figures
-    criterion: str
-    source: str
+def row(case: str, setting: Setting, passed: bool | None, figure: str, criterion: str, source: str, **more: Any) -> Row:
+    """Return a row under the names of scheme and manner."""
+    scheme = setting.scheme if isinstance(setting.scheme, str) else setting.scheme.info.name
+    manner = setting.manner if isinstance(setting.manner, str) else str(setting.manner)
+    return Row(case, scheme, manner, passed, figure, criterion, source, plain(more))
 
 
-def rows(name: str, case: Case, settings: Settings) -> Iterator[Row]:
-    """Compute a case and give its rows one by one.
+def number(value: float, digits: int = 2) -> str:
+    """Return a number with so many decimals, or a dash if there is none."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
-    Raises
-    ------
-    ValueError
-        If it needs recordings and there are none.
+
+def plain(value: Any) -> Any:
+    """Return numbers, arrays, lists and tables of them as JSON holds them; what is not finite becomes None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple | set):
+        return [plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def adults(count: int, **options: Any) -> Population:
+    """Return people as they are in every case unless a recording or a standard says otherwise.
+
+    Desired speeds are those of Weidmann 1993, 1.34 ± 0.26 m/s, cut to 0.8 to 1.9 m/s; discs of 0.30 to 0.38 m across, about
+    the depth of a chest and half the shoulders of adults, as wide as recorded people at the gate allow; masses and relaxation
+    times are those of the package.
     """
-    if case.needs_data and settings.data is None:
-        raise ValueError(f"case {name} reads recordings; name their folder by --data ({case.source})")
-    findings = case.measure(replace(settings, schemes=settings.schemes or case.schemes))
-    for finding in findings:
-        yield Row(name, *finding, case.criterion, case.source)
+    people: dict[str, Any] = {"desired_speed": Normal(1.34, 0.26, 0.8, 1.9), "radius": Uniform(0.15, 0.19)}
+    return Population(count, **(people | options))

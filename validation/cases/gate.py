@@ -1,184 +1,134 @@
-"""The gate experiment: 75 students leave a waiting area through a gate of 0.5 m (Wuppertal 2018, run 040_c_56_h-).
+"""The gate of 0.5 m: 75 students leave a waiting area (Wuppertal 2018, run 040_c_56_h-).
 
 Data: Jülich pedestrian dynamics data archive, series DOI 10.34735/ped.2018.1.  Paper: Adrian, Seyfried, Sieben 2020, "Crowds
 in front of bottlenecks at entrances from the perspective of physics and social psychology", J. R. Soc. Interface 17:20190871.
-
-What is compared is N(t), how many have passed the END of the gate (y = -1.1 m), over the time since the first frame.  There is
-no bar to pass: the first desired speeds are those of an emergency, in which the students were not.
 """
 
-import shlex
-from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from shapely.geometry import Polygon
+from shapely.geometry import box as rectangle
 
-from crowd_env import Geometry, Population, Scenario, Uniform
-from crowd_env.envs.metrics import flow_slope, summarise
-from crowd_env.envs.rollout import run_episodes
-from crowd_env.files.atomic import write_text
-from crowd_env.files.csv_table import write_csv
-from crowd_env.files.json_file import json_number
-from validation.cases.case import Case, Figures, Finding, Settings
-from validation.cases.trajectories import Trajectories, find_recording, read_trajectories
+from crowd_env import Geometry, Scenario, Uniform
+from validation.cases.case import Row, Setting, adults, number, row
+from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of, steady_flow
+from validation.cases.trajectories import find_recording, read_trajectories
 
-Floats = NDArray[np.float64]
+SOURCE = "Wuppertal 2018, run 040_c_56_h-, DOI 10.34735/ped.2018.1; Adrian, Seyfried, Sieben 2020"
+CRITERION = (
+    "flow 1.13 /s ± 15 %; 10th, 20th, 40th, 60th, 75th person within 15 % of 8.3, 16.2, 33.1, 51.4, 65.6 s; coefficient of "
+    "variation of the gaps at most 0.35; nobody stuck"
+)
+DATA = "bottleneck_wuppertal2018_040c56h"  # folder of the recording
 
-# Desired speeds in m/s: of an emergency (Table 4 of Pécol et al. 2011), and of a stroll.
-_SPEEDS = (Uniform(1.2, 2.0), Uniform(0.6, 0.6))
-_SOURCE = "Wuppertal 2018, run 040_c_56_h-, DOI 10.34735/ped.2018.1; Adrian, Seyfried, Sieben 2020"
-_COUNTED = (10, 20, 40, 60)  # persons, and the last
+FLOW = 1.13  # 1/s, slope of the recorded N(t)
+PASSED = {10: 8.3, 20: 16.2, 40: 33.1, 60: 51.4, 75: 65.6}  # person -> s, at the line
+WITHIN, MOST_VARIED = 0.15, 0.35
 
 # Barriers after the user guide of PedPy, which ships this run as its example: waiting area, funnel, gate.  The waiting area is
 # open at the back; here it is closed there (at y = 6.7 m), which nobody notices who walks to the gate.
-_HALF_WIDTH, _DEPTH = 2.8, 6.7  # m
+_HALF, _DEPTH = 2.8, 6.7  # m, half width and depth of the waiting area
 _MOUTH, _GATE = 0.4, 0.25  # m, half widths of the funnel's mouth and of the gate
-_THROAT, _END = -0.15, -1.1  # m, y where the gate begins and ends
-
+_THROAT, _LINE, _END = -0.15, -0.5, -1.1  # m, y where the gate begins, is counted and ends
+_BEYOND = 3.0  # m, free space behind
 PLAN = [
-    (-_HALF_WIDTH, _DEPTH),
-    (-_HALF_WIDTH, 0.0),
+    (-_HALF, _DEPTH),
+    (-_HALF, 0.0),
     (-_MOUTH, 0.0),
     (-_GATE, _THROAT),
     (-_GATE, _END),
     (_GATE, _END),
     (_GATE, _THROAT),
     (_MOUTH, 0.0),
-    (_HALF_WIDTH, 0.0),
-    (_HALF_WIDTH, _DEPTH),
+    (_HALF, 0.0),
+    (_HALF, _DEPTH),
 ]
-EXIT = [(-_GATE, _END), (_GATE, _END)]
+
+RADIUS = 0.17  # m
+_WAITING = (-2.56, 0.2, 2.16, 5.96)  # m, where the recorded people stood: 2.8 /m2
+_PATIENCE = 20.0  # s without a passage: stuck
+_ROUNDS = 2000
 
 
-def gate_geometry() -> Geometry:
-    """Return waiting area, funnel and gate; the exit line is the end of the gate."""
-    return Geometry.from_polygon(PLAN, exits={"gate": EXIT})
-
-
-def largest_radius(geometry: Geometry, starts: Floats) -> float:
-    """Return the largest radius [m] of equal discs on ``starts`` that overlap neither each other nor a wall.
-
-    Rounded down to 0.1 mm, so that the number that is printed can be used.
+def push_apart(starts: Floats, radius: float) -> Floats:
+    """Return recorded heads (N, 2), moved apart until discs of ``radius`` [m] fit between each other and the barriers.
 
     Raises
     ------
     ValueError
-        If a start lies outside of the plan.
+        If they do not come apart.
     """
-    outside = np.flatnonzero(~geometry.contains(starts))
-    if len(outside):
-        x, y = starts[outside[0]]
-        raise ValueError(
-            f"the first position of person {outside[0] + 1}, ({x:g}, {y:g}), is outside of the waiting area"
-        )
-    distance = np.hypot(*(starts[:, None] - starts[None]).transpose(2, 0, 1))
-    np.fill_diagonal(distance, np.inf)
-    free = min(0.5 * float(distance.min()), float(geometry.clearance(starts).min()), _GATE)
-    return float(np.floor(free * 1e4 + 1e-6) / 1e4)
+    place, least = starts.copy(), 2.0 * radius + 1e-6
+    for _ in range(_ROUNDS):
+        place[:, 0] = np.clip(place[:, 0], radius - _HALF, _HALF - radius)
+        place[:, 1] = np.clip(place[:, 1], radius, _DEPTH - radius)
+        between = place[:, None] - place[None]
+        distance = np.hypot(between[..., 0], between[..., 1])
+        np.fill_diagonal(distance, np.inf)
+        if distance.min() >= 2.0 * radius:
+            return place
+        overlap = np.maximum(least - distance, 0.0)
+        place += 0.5 * np.einsum("ij,ijk->ik", overlap / np.maximum(distance, 1e-9), between)
+    raise ValueError(f"people of radius {radius:g} m do not fit where they were recorded; take smaller bodies")
 
 
-def gate_scenario(starts: Floats, radius: float, speed: Uniform = _SPEEDS[0], time_limit: float = 300.0) -> Scenario:
-    """Return the experiment as a scenario: everyone, of one radius [m], starts where he was first seen."""
-    population = Population(len(starts), radius=Uniform(radius, radius), starts=starts, desired_speed=speed)
-    return Scenario("gate", gate_geometry(), population, time_limit, "gate of 0.5 m behind a waiting area", _SOURCE)
-
-
-@dataclass(frozen=True, eq=False)
-class Counts:
-    """When people passed the end of the gate: one row a run (1 for the recording)."""
-
-    name: str
-    times: Floats  # (runs, N) s, sorted along each row, nan last: still inside
-    desired_speed: str | None  # m/s, one or a range; None for the recording
-    figure: Figures  # what else was measured
-
-    def finding(self) -> Finding:
-        """Return the figures: times of the counted persons (mean over runs), flow.
-
-        A time is None unless the person passed in every run; the flow is over the runs in which everyone passed.
-        """
-        runs, people = self.times.shape
-        counted = [k for k in _COUNTED if k < people] + [people]
-        finished = np.isfinite(self.times).all(axis=1)
-        # The slope of a run that got stuck says how fast it went until then: it would flatter the mean.
-        flow = summarise([flow_slope(times) for times in self.times[finished]])
-        return Finding(
-            self.name,
-            None,
-            {
-                "desired speed, m/s": self.desired_speed,
-                **{f"{k}th, s": json_number(float(self.times[:, k - 1].mean())) for k in counted},
-                "flow, 1/s": json_number(flow.mean),
-                "sd of flow": json_number(flow.sd),
-                "runs": runs,
-                "stuck": int((~finished).sum()),
-                "left inside": int(np.isnan(self.times).sum()),
-                **self.figure,
-            },
-        )
-
-
-def recorded(trajectories: Trajectories) -> Counts:
-    """Return the experiment's own counts, and how fast people walked through the gate, mean over people."""
-    end, throat = trajectories.crossing_times(_END), trajectories.crossing_times(_THROAT)
-    speed = json_number(float(np.nanmean((_THROAT - _END) / (end - throat))))
-    return Counts("recorded", np.sort(end)[None], None, {"speed in the gate, m/s": speed})
-
-
-def simulated(scenario: Scenario, scheme: str, runs: int) -> Counts:
-    """Run the experiment ``runs`` times, each with other masses, speeds and relaxation times."""
-    episodes = run_episodes(scenario, runs, scheme=scheme)
-    speed, metrics = scenario.population.desired_speed, [episode.metrics for episode in episodes]
-    desired = " to ".join(f"{bound:g}" for bound in dict.fromkeys((speed.low, speed.high)))
-    figure: Figures = {
-        "radius, m": scenario.population.radius.high,
-        "overlap, mm": 1e3 * max(episode.max_overlap for episode in metrics),
-        "fastest, m/s": max(episode.max_speed for episode in metrics),
-        "outside": sum(episode.escaped for episode in metrics),
-    }
-    return Counts(scheme, np.sort([episode.exit_time for episode in episodes], axis=1), desired, figure)
-
-
-def measure(settings: Settings) -> Iterator[Finding]:
-    """Give the recording, then every scheme at every desired speed."""
-    assert settings.data is not None  # of a case that needs data
-    trajectories = read_trajectories(find_recording(settings.data))
-    starts, counts = trajectories.starts, [recorded(trajectories)]
-    radius = largest_radius(gate_geometry(), starts)
-    yield counts[0].finding()
-    for speed in _SPEEDS:
-        for scheme in settings.schemes:
-            settings.notify(f"{scheme}, desired speed up to {speed.high:g} m/s")
-            counts.append(simulated(gate_scenario(starts, radius, speed), scheme, settings.draws or 10))
-            yield counts[-1].finding()
-    if settings.out is not None:
-        from validation.cases.gate_figure import draw
-
-        draw(settings.out / "gate.png", counts[0], counts[1 : 1 + len(settings.schemes)], starts, radius)
-        settings.notify(f"the plan and the first positions: {export(settings.out, starts, radius)}")
-
-
-def export(folder: Path, starts: Floats, radius: float) -> str:
-    """Write ``gate.wkt`` and ``starts.csv``; return the command that runs them."""
-    plan, positions = folder / "gate.wkt", folder / "starts.csv"
-    corners = ", ".join(f"{x:g} {y:g}" for x, y in [*PLAN, PLAN[0]])
-    write_text(plan, f"POLYGON (({corners}))\n")
-    write_csv(positions, ("x", "y"), ([f"{x:.4f}", f"{y:.4f}"] for x, y in starts))
-    (x1, y1), (x2, y2) = EXIT
-    return (
-        f"crowd-env run {shlex.quote(str(plan))} --exit {x1:g},{y1:g},{x2:g},{y2:g} "
-        f"--starts {shlex.quote(str(positions))} "
-        f"--radius {radius:g} --time-limit 300 --runs 10"
+def gate(starts: Floats | None) -> Scenario:
+    """Return waiting area, funnel and gate with free space behind; without recorded starts people stand anywhere there."""
+    beyond = rectangle(-_HALF, _END - _BEYOND, _HALF, _END)
+    line = [(-_HALF, _END - _BEYOND), (_HALF, _END - _BEYOND)]
+    place = Geometry.from_polygon(
+        [Polygon(PLAN), beyond], exits={"out": line}, regions={"waiting": rectangle(*_WAITING)}
     )
+    size = Uniform(RADIUS, RADIUS)
+    if starts is None:
+        return Scenario("gate", place, adults(75, radius=size, start_region="waiting"), 300.0)
+    people = adults(len(starts), radius=size, starts=push_apart(starts, RADIUS))
+    return Scenario("gate", place, people, 300.0)
 
 
-CASE = Case(
-    title="75 students leave a waiting area through a gate of 0.5 m",
-    criterion="N(t), how many have passed the end of the gate: recorded and simulated, without a bar to pass",
-    source=_SOURCE,
-    schemes=("dem", "nsm1", "nsm2", "nsm2-printed"),
-    measure=measure,
-    needs_data=True,
-)
+def run(setting: Setting) -> list[Row]:
+    """Return the row."""
+    starts, recorded = None, None
+    if setting.data is not None:
+        folder = setting.data / DATA
+        trajectories = read_trajectories(find_recording(folder if folder.is_dir() else setting.data))
+        starts, recorded = trajectories.starts, np.sort(trajectories.crossing_times(_LINE))
+    crowds = draw_crowds([gate(starts)], setting)
+    began = crowds.simulation.state.position[crowds.people(0)].copy()
+    passages, stuck = Passages(crowds, 1, _LINE, sign=-1), set()
+    for before, now in crowds.moments(300.0):
+        passages.see(before, now)
+        stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
+    times = [passages.times(e) for e in range(crowds.count)]
+    figures = counted([each for e, each in enumerate(times) if e not in stuck])
+    figures |= {"stuck": len(stuck), "starts": "random" if starts is None else "recorded"}
+    more = figures | {"position": began, "passages": times, "recorded": recorded}
+    return [row("gate", setting, met(figures), told(figures, setting.draws), CRITERION, SOURCE, **more)]
+
+
+def counted(runs: list[Floats]) -> dict[str, Any]:
+    """Return the means over runs of passing times (N,): flow, times of the counted persons, variation of the gaps."""
+    gaps = [np.diff(times[np.isfinite(times)]) for times in runs]
+    return {
+        "flow": mean_of([steady_flow(times) for times in runs]),
+        "person": {k: mean_of([times[k - 1] for times in runs]) for k in PASSED},
+        "variation": mean_of([float(gap.std(ddof=1) / gap.mean()) for gap in gaps]),
+    }
+
+
+def met(figures: dict[str, Any]) -> bool:
+    """Whether the criterion is met."""
+    flow, person, variation = (figures[name] for name in ("flow", "person", "variation"))
+    near = [abs(person[k] / time - 1.0) <= WITHIN for k, time in PASSED.items()]
+    return bool(abs(flow / FLOW - 1.0) <= WITHIN and all(near) and variation <= MOST_VARIED and not figures["stuck"])
+
+
+def told(figures: dict[str, Any], draws: int) -> str:
+    """Return the figures as a sentence."""
+    person = ", ".join(number(time, 1) for time in figures["person"].values())
+    where = "" if figures["starts"] == "recorded" else "; starts at random, no recording given"
+    return (
+        f"{number(figures['flow'])} /s; {person} s; variation {number(figures['variation'])}; "
+        f"{figures['stuck']} of {draws} stuck{where}"
+    )

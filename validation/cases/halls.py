@@ -5,18 +5,21 @@ test; the largest speed is that after any physics step.  The crowds are denser a
 what holds here by some way holds there.
 """
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from shapely.geometry import box
 
-from crowd_env import SCHEMES, CrowdEnv, Geometry, Population, Scenario
+from crowd_env import CrowdEnv, Geometry, Population, Scenario
 from crowd_env.envs.crowd import Step
 from crowd_env.envs.rollout import rollout
 from crowd_env.state import MAX_SPEED
-from validation.cases.case import Case, Figures, Finding, Settings
+from validation.cases.case import Row, Setting, row
+
+SOURCE = "walls are walls; 12.4 m/s is the fastest that anyone is known to have run (Bolt, Berlin 2009)"
+CRITERION = f"nobody is outside of the plan at any decision, nobody is ever faster than {MAX_SPEED:g} m/s"
 
 _TIME_LIMIT = 3600.0  # s
 
@@ -67,20 +70,22 @@ class _Outside:
         return None
 
 
-def empty(hall: Hall, scheme: str, draw: int = 0, time_limit: float = _TIME_LIMIT) -> Finding:
+def empty(hall: Hall, setting: Setting, draw: int = 0, time_limit: float = _TIME_LIMIT) -> dict[str, Any]:
     """Let everyone walk out, until all are out, the door has been blocked for 30 s, or the time is over.
 
-    The finding holds who was outside of the plan at most at once, by shapely and by the simulation, the largest speed, the
+    What is returned holds who was outside of the plan at most at once, by shapely and by the simulation, the largest speed, the
     deepest overlaps, how many are left; or the sentence with which the run ended early.
     """
     outside, stopped = _Outside(), None
     try:
-        for _ in rollout(hall.scenario(time_limit), 1, seed=draw, recorder=outside, scheme=scheme):
+        for _ in rollout(
+            hall.scenario(time_limit), 1, seed=draw, recorder=outside, scheme=setting.scheme, manner=setting.manner
+        ):
             pass
     except FloatingPointError as error:
         stopped = str(error)
     episode = outside.env.metrics(0)
-    figure: Figures = {
+    return {
         "people": hall.people,
         "density, 1/m2": hall.density,
         "door, m": hall.door,
@@ -92,34 +97,31 @@ def empty(hall: Hall, scheme: str, draw: int = 0, time_limit: float = _TIME_LIMI
         "until, s": float(outside.env.simulation.state.time[0]),
         "stopped": stopped,
     }
-    return Finding(scheme, holds(figure), figure)
 
 
-def holds(figure: Figures) -> bool:
+def holds(found: dict[str, Any]) -> bool:
     """Whether nobody was outside, and nobody faster than the bound."""
-    return (
-        figure["outside"] == 0
-        and figure["stopped"] is None
-        and float(figure["fastest, m/s"] or 0.0) <= MAX_SPEED * (1.0 + 1e-12)
-    )
+    unstopped = found["outside"] == 0 and found["stopped"] is None
+    return bool(unstopped and found["fastest, m/s"] <= MAX_SPEED * (1.0 + 1e-12))
 
 
-def _case(halls: tuple[Hall, ...]) -> Case:
-    def measure(settings: Settings) -> Iterator[Finding]:
-        for scheme in settings.schemes:
-            for hall in halls:
-                for draw in range(settings.draws or 1):
-                    settings.notify(f"{scheme}, {hall.people} people, {hall.density:g} /m2, door {hall.door:g} m")
-                    yield empty(hall, scheme, draw)
-
-    sizes = " or ".join(str(people) for people in dict.fromkeys(hall.people for hall in halls))
-    return Case(
-        title=f"{sizes} people leave a crowded hall by one door, until all are out or nobody was for 30 s",
-        criterion=f"nobody is outside of the plan at any decision, nobody is ever faster than {MAX_SPEED:g} m/s",
-        source="walls are walls; 12.4 m/s is the fastest that anyone is known to have run (Bolt, Berlin 2009)",
-        schemes=tuple(name for name in SCHEMES if name != "nsm2-printed"),
-        measure=measure,
-    )
+def told(found: dict[str, Any]) -> str:
+    """Return what came of a run, as a sentence."""
+    hall = f"{found['people']} people at {found['density, 1/m2']:g} /m2, door of {found['door, m']:g} m: "
+    if found["stopped"]:
+        return hall + str(found["stopped"])
+    outside = f"{found['outside'] or 'nobody'} outside, fastest {found['fastest, m/s']:.1f} m/s"
+    return hall + f"{outside}, {found['left']} left after {found['until, s']:.0f} s"
 
 
-HALLS_CASE, GREAT_HALLS_CASE = _case(HALLS), _case(GREAT_HALLS)
+def run_in(halls: tuple[Hall, ...], name: str) -> Callable[[Setting], Iterator[Row]]:
+    """Return what runs the case of some halls, a row for each of them and each draw."""
+
+    def run(setting: Setting) -> Iterator[Row]:
+        for hall in halls:
+            for draw in range(setting.draws):
+                setting.notify(f"{hall.people} people, {hall.density:g} /m2, door {hall.door:g} m")
+                found = empty(hall, setting, draw)
+                yield row(name, setting, holds(found), told(found), CRITERION, SOURCE, **found)
+
+    return run

@@ -20,6 +20,7 @@ from crowd_env.envs.routing.layout import RoutingLayout, check_names, make_terms
 from crowd_env.envs.routing.regions import grid_regions, named_regions
 from crowd_env.envs.routing.terms import RoutingView, make_weights
 from crowd_env.envs.terms import RewardTerm
+from crowd_env.headway import Manner
 from crowd_env.navigation.field import NavigationField
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
@@ -62,6 +63,7 @@ class RoutingBatch:
         dt: float | None = None,
         time_limit: float | None = None,
         threads: int = 1,
+        manner: Manner | None = None,
         sample_dt: float | None = None,
         **scenario_options: Any,
     ) -> None:
@@ -83,6 +85,7 @@ class RoutingBatch:
             threads=threads,
             strategy="nearest",  # until the controller says otherwise; makes a route of every exit
             rules=rules,
+            manner=manner,
             **scenario_options,
         )
         self.scenario = self.env.scenarios[0]

@@ -6,6 +6,7 @@ from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.physics.bounds import MARGIN, slide, speed_limit, stop_at_walls
 from crowd_env.physics.dem_lanes.buffers import (
     FAR_AWAY,
+    SoABuffers,
     add_impulse,
     count_too_far,
     integrate_free,
@@ -25,15 +26,17 @@ from crowd_env.physics.dem_lanes.partition import (
     SLABS,
     TOO_FAR,
 )
-from crowd_env.physics.driving_force import desired_velocity
+from crowd_env.physics.driving_force import desired_velocity, limited
 from crowd_env.physics.exits import mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
 from crowd_env.physics.social_force import SocialParams, add_social_forces
-from crowd_env.physics.steering import begin_look_up, follow_rules, is_look_up_due, update_steering
+from crowd_env.physics.steering import begin_look_up, follow_rules, is_decision_due, is_look_up_due, update_steering
+from crowd_env.physics.walking.around import look_around
 from crowd_env.physics.workspace import Batch
 
-# What a step has to do about desired velocities: keep them, compute them from the directions, or look up the directions first.
-KEEP, COMPUTE, LOOK_UP = 0, 1, 2
+# What a step has to do about desired velocities: keep them, compute them from the directions, look up the directions first, or
+# let people decide how to walk, who have looked up the directions already.
+KEEP, COMPUTE, LOOK_UP, DECIDE = 0, 1, 2, 3
 
 
 # ------------------------------------------------------------------------------------------------------------- contacts
@@ -63,7 +66,7 @@ def detect(e: int, slabs: int, batch: Batch, n_substeps: int, cutoff: float) -> 
 
 
 @inner_kernel
-def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None) -> None:
+def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None) -> None:
     """Say what this step has to do about desired velocities, and let control rules act when directions are due."""
     partition, state = batch.workspace.partition, batch.state
     partition.steering[e] = COMPUTE if state.time[e] <= partition.desired_until[e] else KEEP
@@ -74,10 +77,27 @@ def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None) -> None
             begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
             interleave(begin, end, state.active, batch.workspace.soa.x, batch.workspace.soa.y, state.position)
             follow_rules(e, batch)
+    if walking is not None and is_decision_due(e, batch, dt):
+        _prepare_decision(e, batch, dt)
+        partition.steering[e] = DECIDE
 
 
 @inner_kernel
-def regular_forces(e: int, row: int, batch: Batch, dt: float, social: SocialParams | None) -> None:
+def _prepare_decision(e: int, batch: Batch, dt: float) -> None:
+    """Let everyone look up the direction, where that is due, and look around."""
+    partition, soa, state = batch.workspace.partition, batch.workspace.soa, batch.state
+    begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
+    interleave(begin, end, state.active, soa.x, soa.y, state.position)
+    interleave(begin, end, state.active, soa.vx, soa.vy, state.velocity)
+    if partition.steering[e] == LOOK_UP:
+        update_steering(e, begin, begin + partition.people_inside[e], batch, dt, partition.turn[e])
+    look_around(e, batch, batch.control.headway)
+
+
+@inner_kernel
+def regular_forces(
+    e: int, row: int, batch: Batch, dt: float, social: SocialParams | None, walking: bool | None
+) -> None:
     """Bring the desired velocities of one slab up to date, and the sum of external and social forces where there are any.
 
     The driving force needs no array: `integrate_velocity` forms it from the desired velocity.
@@ -92,7 +112,7 @@ def regular_forces(e: int, row: int, batch: Batch, dt: float, social: SocialPara
         time, desired_vx, desired_vy = state.time[e], soa.desired_vx, soa.desired_vy
         for rank in range(index(rank_start), index(rank_stop)):
             i = inside[rank]
-            desired_vx[i], desired_vy[i] = desired_velocity(i, time, batch)
+            desired_vx[i], desired_vy[i] = desired_velocity(i, time, batch, walking)
     if social is not None:
         force, external, active = batch.history.force, batch.control.external_force, state.active
         regular_fx, regular_fy = soa.regular_fx, soa.regular_fy
@@ -110,12 +130,14 @@ def regular_forces(e: int, row: int, batch: Batch, dt: float, social: SocialPara
 
 
 @inner_kernel
-def move_slab(e: int, row: int, batch: Batch, dt: float, is_touched: bool) -> None:
+def move_slab(e: int, row: int, batch: Batch, dt: float, is_touched: bool, max_drive: float | None) -> None:
     """Advance velocities, then positions, of one slab by symplectic Euler (eq 3), within the bounds of speed and of walls."""
     soa, partition, near = batch.workspace.soa, batch.workspace.partition, batch.workspace.neighbors
     begin, end, found = partition.slot_start[row], partition.slot_stop[row], partition.found
     vx, vy, inv_mass, inv_tau = soa.vx, soa.vy, soa.inv_mass, soa.inv_tau
-    if is_touched or partition.has_regular_force[e]:
+    if max_drive is not None:
+        _integrate_limited(begin, end, dt, soa, max_drive)
+    elif is_touched or partition.has_regular_force[e]:
         integrate_velocity(begin, end, dt, soa.fx, soa.regular_fx, inv_mass, soa.desired_vx, inv_tau, vx)
         integrate_velocity(begin, end, dt, soa.fy, soa.regular_fy, inv_mass, soa.desired_vy, inv_tau, vy)
     else:
@@ -132,6 +154,18 @@ def move_slab(e: int, row: int, batch: Batch, dt: float, is_touched: bool) -> No
         add_impulse(begin, end, dt, soa.fy, soa.impulse_y)
         add_impulse(begin, end, dt, soa.force_magnitude, soa.impulse_magnitude)
     found[row, TOO_FAR] = count_too_far(begin, end, soa, near)
+
+
+@inner_kernel
+def _integrate_limited(slot_begin: int, slot_end: int, dt: float, soa: SoABuffers, max_drive: float) -> None:
+    """Advance the velocity by  v += h ((g + f) / m + a),  a = (v_d - v) / tau cut to the length ``max_drive`` / m."""
+    vx, vy, fx, fy, regular_fx, regular_fy = soa.vx, soa.vy, soa.fx, soa.fy, soa.regular_fx, soa.regular_fy
+    desired_vx, desired_vy, inv_tau, inv_mass = soa.desired_vx, soa.desired_vy, soa.inv_tau, soa.inv_mass
+    for i in range(index(slot_begin), index(slot_end)):
+        ax, ay = (desired_vx[i] - vx[i]) * inv_tau[i], (desired_vy[i] - vy[i]) * inv_tau[i]
+        ax, ay = limited(ax, ay, max_drive * inv_mass[i])
+        vx[i] += dt * ((fx[i] + regular_fx[i]) * inv_mass[i] + ax)
+        vy[i] += dt * ((fy[i] + regular_fy[i]) * inv_mass[i] + ay)
 
 
 @inner_kernel

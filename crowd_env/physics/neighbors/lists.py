@@ -230,9 +230,10 @@ def list_walls(
     """Write the wall features nearer than ``reach`` to anyone, but for open doors; False if they do not fit."""
     slot_start, slot_stop, radius = bodies.env_start[e], bodies.env_start[e + 1], bodies.radius
     active, position = state.active, state.position
-    wall_first, wall_stop = boundary.wall_start[g], boundary.wall_start[g + 1]
+    wall_first, wall_stop = boundary.wall_start[g], boundary.chord_start[g]
     wall, wall_door = boundary.wall, boundary.wall_door
     corner, corner_door, corner_start = boundary.corner, boundary.corner_door, boundary.corner_start
+    corner_radius = boundary.corner_radius
     owner, partner, allowed = near.owner, near.partner, near.allowed
     entry, entry_stop = near.pair_end[e], near.entry_start[e + 1]
     for i in range(slot_start, slot_stop):
@@ -252,8 +253,8 @@ def list_walls(
                 owner[entry], partner[entry] = i, k - wall_first
                 entry += 1
         for k in range(corner_start[g], corner_start[g + 1]):
-            dx, dy = x - corner[k, 0], y - corner[k, 1]
-            if dx * dx + dy * dy < limit * limit:
+            dx, dy, far = x - corner[k, 0], y - corner[k, 1], limit + corner_radius[k]
+            if dx * dx + dy * dy < far * far:
                 if corner_door[k] >= 0 and door_open[e, corner_door[k]]:
                     continue
                 if entry == entry_stop:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from crowd_env.envs.metrics import share_interval
 from crowd_env.reproduce.lin2016.figures.flow import mean_flows
 from crowd_env.reproduce.lin2016.sample import Sample, raw_runs, result
 from crowd_env.reproduce.lin2016.settings import LinSettings
@@ -42,7 +43,7 @@ def _rows(found: Found, people: int) -> list[Row]:
         spread = f"median, {flows.min():.2f} to {flows.max():.2f}; " if len(flows) > 1 else ""
         value = float(np.median(flows)) if len(flows) else None
         last = speed == SPEEDS[-1]
-        reading = spread + draws.count_blocked()
+        reading = spread + draws.blocked_share()
         rows.append(Row(f"flow, {people} at {speed:.1f} m/s", None, value, "1/s", len(flows), reading, closes=last))
     return rows
 
@@ -71,7 +72,7 @@ def _separation(found: Found) -> list[Row]:
     reading = f"paper: from 1.22 /s to zero; {lost or 'none'} of {of} blocked"
     return [
         Row("highest, above 1.6 m/s", PRINTED_FASTEST, most, "1/s", len(flows), "draw that cleared"),
-        Row("blocked, above 1.6 m/s", None, lost / of, "share", of, reading),
+        Row("blocked, above 1.6 m/s", None, lost / of, "share", of, reading, ci95=share_interval(lost, of)),
     ]
 
 

@@ -44,6 +44,7 @@ class Run:
     seed: int = 0  # the draw of `crowd-env run` with this seed
     strength: float = 300.0  # N    A of the social force
     rotation: bool = True
+    friction: float = 0.5  # of people on people
     wall_friction: float = 0.1
     wall_social: float = 300.0  # N    A of the social force of walls
     anisotropy: float = 0.3  # phi
@@ -76,7 +77,13 @@ class Run:
             wall_strength=self.wall_social,
             cutoff=self.cutoff,
         )
-        return Hertz(wall_friction=self.wall_friction, rotation=self.rotation, damping_unit=self.damping, social=social)
+        return Hertz(
+            friction=self.friction,
+            wall_friction=self.wall_friction,
+            rotation=self.rotation,
+            damping_unit=self.damping,
+            social=social,
+        )
 
     def check(self) -> None:
         """Raise ValueError if this run, or another draw of it, cannot be made."""

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from crowd_env.envs.metrics import share_interval
 from crowd_env.rendering.canvas import hex_of
 from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.lin2016.record import Record
@@ -68,6 +69,11 @@ class Sample:
         text = f"{self.blocked or 'none'} of {len(self.records)} blocked"
         return text + (f", {self.unfinished} unfinished" if self.unfinished else "")
 
+    def blocked_share(self) -> str:
+        """Return "2 of 10 blocked (95 %: 6 to 51 %)", with Wilson's interval of the share."""
+        low, high = share_interval(self.blocked, len(self.records))
+        return f"{self.count_blocked()} (95 %: {100 * low:.0f} to {100 * high:.0f} %)"
+
 
 def sample(records: Mapping[Run, Record], runs: Sequence[Run]) -> Sample:
     """Return what came of the draws ``runs``."""
@@ -92,7 +98,9 @@ def blocked_row(of: str, found: Sample) -> Row:
     if ends:
         since, left = [end[0] for end in ends], [end[1] for end in ends]
         reading = f"since {_span(since)} s, {_span(left)} left"
-    return Row(f"blocked, {of}", None, found.blocked, "runs", len(found.records), reading, closes=True)
+    draws = len(found.records)
+    interval = share_interval(found.blocked, draws)
+    return Row(f"blocked, {of}", None, found.blocked, "runs", draws, reading, ci95=interval, closes=True)
 
 
 def _span(values: Sequence[float]) -> str:

@@ -33,6 +33,7 @@ class LinSettings(Settings):
         "text as printed",
     )
     dt: float = option(1e-3, "Time step, s")
+    friction: float = option(0.5, "Friction of people on people")
     wall_friction: float | None = option(None, "Friction of people on walls; calibrated 0.1, literal 0.5")
     wall_social: float | None = option(None, "Social force of walls at zero distance, N; calibrated 300, literal 0")
     anisotropy: float = option(0.3, "phi of the social force")
@@ -61,6 +62,7 @@ class LinSettings(Settings):
             count,
             desired_speed,
             rotation=not self.no_rotation,
+            friction=self.friction,
             wall_friction=friction,
             wall_social=social,
             anisotropy=self.anisotropy,

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from crowd_env.envs.metrics import share_interval
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, Estimate, run_slopes
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
@@ -96,7 +97,10 @@ def flow_rows(done: Evacuations) -> list[Row]:
     people, runs = done.unfinished
     where = "at the time limit"
     rows.append(Row(f"left inside, {done.scheme}", None, people, "people", done.exit_times.size, where))
-    rows.append(Row(f"unfinished, {done.scheme}", None, runs, "runs", len(done.exit_times), where, closes=True))
+    share = share_interval(runs, len(done.exit_times))
+    rows.append(
+        Row(f"unfinished, {done.scheme}", None, runs, "runs", len(done.exit_times), where, ci95=share, closes=True)
+    )
     return rows
 
 

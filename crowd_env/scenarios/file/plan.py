@@ -136,6 +136,9 @@ class Plan(Table):
     doors: dict[str, OneLine] = Field(
         {}, description="name = line across a passage, or the name of an exit that can be closed"
     )
+    jamb_radius: Number = Field(
+        0.0, description="radius in m of door jambs and all other corners that jut into the walkable area; 0 = sharp"
+    )
 
     def geometry(self) -> Geometry:
         """Return the geometry, checked."""
@@ -146,6 +149,7 @@ class Plan(Table):
             exits={name: shapes(one)[0] for name, one in self.exits.items()},
             regions={name: shapes(one) for name, one in self.regions.items()},
             doors={name: shapes(one)[0] for name, one in self.doors.items()},
+            jamb_radius=self.jamb_radius,
         )
 
 

@@ -5,6 +5,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, Tag, TypeAdapter, WithJsonSchema, WrapValidator, model_validator
 
+from crowd_env.checks import known
+from crowd_env.headway import MANNERS, Headway
 from crowd_env.navigation.field import OneWay
 from crowd_env.routing.route_set import Target
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
@@ -92,6 +94,17 @@ class People(
 
 _NOT_GIVEN: Any = dict  # looked for in ``model_fields_set``
 
+Manner = Annotated[
+    Annotated[
+        Text,
+        AfterValidator(lambda name: known("name", name, MANNERS)),
+        WithJsonSchema({"type": "string", "enum": list(MANNERS)}),
+        Tag("text"),
+    ]
+    | Annotated[Headway, FromFields(), Tag("table")],
+    one_of_kinds(f"the name of a manner ({', '.join(MANNERS)}) or a table of the parameters of a headway"),
+]
+
 
 class ScenarioTable(Table):
     """A scenario of crowd_env. Lengths are in m, times in s, speeds in m/s, masses in kg."""
@@ -129,6 +142,11 @@ class ScenarioTable(Table):
     door_events: list[Annotated[DoorEvent, FromFields()]] = Field([], description="events that open and close doors")
     one_way: list[Annotated[OneWay, FromFields()]] = Field(
         [], description="doors that people mean to pass one way only"
+    )
+    manner: Manner = Field(
+        default_factory=_NOT_GIVEN,
+        description="how people walk before they touch, unless the run says otherwise; by default at full speed, whatever "
+        "is in front of them",
     )
     comfort: Annotated[Comfort, FromFields()] = Field(
         default_factory=_NOT_GIVEN, description="costs that the most comfortable route keeps low"

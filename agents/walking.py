@@ -1,0 +1,273 @@
+"""Rules of walking that keep bodies apart: what a learned crowd has to beat beside the stampede.
+
+Each is a policy of constants that acts through the same actions as a learned one, every decision step (0.1 s), and returns a
+share of the own desired speed along the shortest path, never more than all of it.
+"""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from agents.surroundings import LEADER, PEOPLE_AHEAD, PREDECESSOR, read_leader, read_people_ahead
+from crowd_env import ObservationLayout, ObservationTerm
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+from crowd_env.envs.observation.neighbors import DENSITY_RADIUS, DENSITY_SCALE
+from crowd_env.envs.observation.view import SPEED_SCALE
+from crowd_env.state import Floats
+
+
+class WalkingRule:
+    """A rule that acts along and to the left of the shortest path, from the terms of an observation."""
+
+    name: ClassVar[str]
+    terms: ClassVar[tuple[str | ObservationTerm, ...]]
+    full_state: ClassVar[bool] = False  # it knows more than what is within 3 m
+
+    @property
+    def env_options(self) -> dict[str, Any]:
+        """Options of `CrowdEnv`: the terms that the rule sees, and the axes in which it acts."""
+        return {"observation": ObservationLayout(terms=self.terms), "frame": "path", "action": "continuous"}
+
+    def reset(self, env_mask: np.ndarray) -> None:
+        """Nothing to forget."""
+
+    def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
+        """Return the actions (P, 2) along and left of the shortest path.
+
+        Raises
+        ------
+        ValueError
+            If the observation lacks a term that the rule needs.
+        """
+        needed = [term if isinstance(term, str) else term.name for term in self.terms]
+        missing = [name for name in needed if name not in layout.names]
+        if missing:
+            what = "the full state, which only its own" if self.full_state else "its own"
+            raise ValueError(
+                f"policy {self.name!r} needs {what} observation holds: {', '.join(missing)} is not among the terms "
+                f"{', '.join(layout.names)}; make the environment with the env_options of the policy"
+            )
+        return self.decide(observation, layout)
+
+    def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
+        """Return the actions (P, 2) from an observation that holds all terms."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class RuleAtShare(WalkingRule):
+    """Walk the shortest path at a fixed share of the own desired speed.
+
+    Lin, Ma, Qin, Dong (2016) find that a crowd may clear sooner when it hurries less.  The share is given, or None: then
+    whatever evaluates the policy looks for the best in that scenario under that scheme, see `agents.drivers.best_share`.
+
+    Parameters
+    ----------
+    share : of the desired speed, 0 to 1.
+
+    Raises
+    ------
+    ValueError
+        If the share is out of range.
+    """
+
+    name = "rule-best-speed"
+    terms = ("desired_speed",)
+    share: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.share is not None:
+            check_fields(self.name, self, share=SHARE)
+
+    def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
+        """Return the share, whatever is seen."""
+        if self.share is None:
+            raise ValueError(f"policy {self.name!r} has no share of speed; give one, or let agents.evaluate find it")
+        return np.tile([self.share, 0.0], (len(observation), 1))
+
+
+@dataclass(frozen=True)
+class DensityCap(WalkingRule):
+    """Walk the shortest path, slowly where it is dense: ``V = min(v_0, c)`` if the density exceeds ``rho``, else ``v_0``.
+
+    Sees the terms ``density`` (people within 1 m of the own center, oneself included) and ``desired_speed`` (known up to
+    2 m/s).  It is the simplest rule that slows down at the door alone; a step where Weidmann (1993) has a smooth curve.
+
+    Parameters
+    ----------
+    density : 1/m2, ``rho``.
+    speed : m/s, ``c``.
+
+    Raises
+    ------
+    ValueError
+        If a constant is not positive.
+    """
+
+    name = "density-cap"
+    terms = ("density", "desired_speed")
+    density: float = 2.0
+    speed: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_fields(self.name, self, density=POSITIVE, speed=POSITIVE)
+
+    def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
+        """Return full speed, or the cap where it is dense."""
+        people = np.rint(observation[:, layout["density"]][:, 0] * (np.pi * DENSITY_RADIUS**2 * DENSITY_SCALE))
+        dense = people > self.density * np.pi * DENSITY_RADIUS**2
+        return _along(np.where(dense, self.speed, np.inf), _desired_speed(observation, layout))
+
+
+@dataclass(frozen=True)
+class HeadwayRule(WalkingRule):
+    """Walk as fast as the gap in front allows, and step aside: the rule of ``CrowdEnv(manner=...)`` as a policy.
+
+        V = clip(gap / T, p v_0, v_0)
+        aside = sum_j ± a (1 + w max(-e_0 . e_j, 0)) exp(-R_j / D),    R_j = max(gap_j - t_a (u_i - u_j) . n_j, 0)
+
+    The formulas and their sources (Tordeux, Chraibi, Seyfried 2016; Xu, Chraibi, Seyfried 2021) stand in
+    `crowd_env.headway`.  Sees the terms ``velocity``, ``desired_speed`` (known up to 2 m/s) and
+    `PEOPLE_AHEAD`: the 16 nearest in front within 3 m, with the ways they want to go, which no standard term tells.  It differs
+    from the manner in three points: it decides every decision step, it sees people through walls, and it counts no time
+    waited, so that ``push`` is constant where the manner grows impatient.
+
+    Parameters
+    ----------
+    time_gap : s, ``T``.
+    push : ``p``, share of the desired speed at which one presses on without a gap.
+    width : of the strip in front that has to be free, as a share of both widths.
+    strength, length, oncoming, anticipation : ``a``; ``D`` in m; ``w``; ``t_a`` in s.
+    sight : m, gap beyond which nobody is noticed.
+
+    Raises
+    ------
+    ValueError
+        If a constant is out of range.
+    """
+
+    name = "headway"
+    terms = ("velocity", "desired_speed", PEOPLE_AHEAD)
+    time_gap: float = 0.5
+    push: float = 0.1
+    width: float = 0.86
+    strength: float = 0.2
+    length: float = 0.1
+    oncoming: float = 8.0
+    anticipation: float = 0.5
+    sight: float = 2.0
+
+    def __post_init__(self) -> None:
+        of_strip = Range(0.0, 2.0, above=True)
+        check_fields(self.name, self, time_gap=POSITIVE, push=SHARE, width=of_strip, length=POSITIVE, sight=POSITIVE)
+        check_fields(self.name, self, strength=NOT_NEGATIVE, oncoming=NOT_NEGATIVE, anticipation=NOT_NEGATIVE)
+
+    def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
+        """Return the speed that the gap in front allows, in the direction away from those in front."""
+        ahead, speed = read_people_ahead(observation, layout), _desired_speed(observation, layout)
+        own = SPEED_SCALE * observation[:, None, layout["velocity"]].astype(np.float64)
+        noticed = ahead.gap < self.sight
+        distance = np.maximum(ahead.gap + ahead.reach, 1e-9)
+        closing = ((own - ahead.velocity) * ahead.offset).sum(axis=2) / distance
+        foreseen = np.maximum(ahead.gap - self.anticipation * closing, 0.0)
+        size = (
+            self.strength
+            * (1.0 + self.oncoming * np.maximum(-ahead.way[..., 0], 0.0))
+            * np.exp(-foreseen / self.length)
+        )
+        size *= noticed & (foreseen <= 8.0 * self.length)
+        left = ahead.offset[..., 1] + self.anticipation * ahead.velocity[..., 1] >= 0.0
+        aside = (1.0 - self.push) * np.where(left, -size, size).sum(axis=1)
+        direction = np.column_stack([np.ones(len(aside)), np.clip(aside, -2.0, 2.0)])
+        direction /= np.hypot(direction[:, 0], direction[:, 1])[:, None]
+        gap = np.where(noticed & self._in_strip(ahead.offset, ahead.reach, ahead.way, direction), ahead.gap, np.inf)
+        nearest = np.maximum(gap.min(axis=1), 0.0)
+        return np.clip(nearest / (self.time_gap * speed), self.push, 1.0)[:, None] * direction
+
+    def _in_strip(self, offset: Floats, reach: Floats, way: Floats, direction: Floats) -> np.ndarray:
+        """Return who (P, K) is in the strip in front, and is not one who is further behind and so gives way."""
+        along, across = _along_and_across(offset, direction[:, None, :])
+        ours, sideways = _along_and_across(offset, way)  # as the other one sees it, turned round
+        gives_way = (way[..., 0] > 0.0) & (-ours > offset[..., 0]) & (np.abs(sideways) < self.width * reach)
+        in_front: np.ndarray = (along > 0.0) & (np.abs(across) < self.width * reach) & ~gives_way
+        return in_front
+
+
+@dataclass(frozen=True)
+class Follow(WalkingRule):
+    """Keep a distance along the way to whoever is next nearer to the exit, of those in front within 3 m.
+
+        V = clip(u + (s_i - s_j - d) / T, -b v_0, v_0)
+
+    with the rest s of the way to the exit and the speed u of the leader j along the leader's way; full speed with nobody in
+    front.  Linear car following with relative speed (Helly 1959, with the rest of the way for the position in the lane), which
+    merges streams: people who come from different sides follow one another as in one lane.  Sees ``desired_speed`` (known up
+    to 2 m/s) and the term `LEADER`.  The constants are found by a search in Lin's room, see docs/training.md.
+
+    Parameters
+    ----------
+    spacing : m, ``d``, kept from center to center along the way.
+    time : s, ``T``, in which a difference from that is made up for.
+    back : ``b``, share of the desired speed at which one steps back at most.
+
+    Raises
+    ------
+    ValueError
+        If a constant is out of range.
+    """
+
+    name = "follow"
+    terms: ClassVar[tuple[str | ObservationTerm, ...]] = ("desired_speed", LEADER)
+    spacing: float = 0.53
+    time: float = 0.3
+    back: float = 0.33
+
+    def __post_init__(self) -> None:
+        check_fields(self.name, self, spacing=NOT_NEGATIVE, time=POSITIVE, back=SHARE)
+
+    def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
+        """Return the speed that keeps the distance to the leader."""
+        return _along(self._speed(observation, layout, LEADER), _desired_speed(observation, layout), self.back)
+
+    def _speed(self, observation: np.ndarray, layout: ObservationLayout, term: ObservationTerm) -> Floats:
+        """Return the speed (P,) [m/s] that keeps the distance; infinite where there is nobody to follow."""
+        leader = read_leader(observation, layout, term)
+        return np.where(leader.there, leader.speed + (leader.lead - self.spacing) / self.time, np.inf)
+
+
+@dataclass(frozen=True)
+class Zipper(Follow):
+    """Follow, in the order of distance to the exit, whoever is next nearer, wherever in the room that is.
+
+    `Follow` with one order of everyone on the same route instead of the people within 3 m: one after the other through the
+    door, as zips close.  That order is full state, which no pedestrian sees: the term `PREDECESSOR`.  A bound to aim at, and
+    no rule that people could walk by.  Where a route leads to several exits, people of all of them stand in one order.
+    """
+
+    name = "zipper"
+    terms = ("desired_speed", PREDECESSOR)
+    full_state = True
+    spacing: float = 0.43
+    time: float = 0.3
+    back: float = 0.5
+
+    def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
+        """Return the speed that keeps the distance to the one before in the order."""
+        return _along(self._speed(observation, layout, PREDECESSOR), _desired_speed(observation, layout), self.back)
+
+
+def _desired_speed(observation: np.ndarray, layout: ObservationLayout) -> Floats:
+    """Return the desired speed (P,) [m/s] that is observed, up to 2 m/s; rows of those who are out hold a tiny number."""
+    return np.maximum(SPEED_SCALE * observation[:, layout["desired_speed"]][:, 0].astype(np.float64), 1e-9)
+
+
+def _along(velocity: Floats, desired: Floats, back: float = 0.0) -> np.ndarray:
+    """Return the actions (P, 2) of velocities (P,) [m/s] along the way, within ``-back`` and 1 of the desired speed."""
+    return np.column_stack([np.clip(velocity / desired, -back, 1.0), np.zeros(len(velocity))])
+
+
+def _along_and_across(vector: Floats, unit: Floats) -> tuple[Floats, Floats]:
+    """Return the parts of vectors (..., 2) along unit vectors and to their left."""
+    x, y, ex, ey = vector[..., 0], vector[..., 1], unit[..., 0], unit[..., 1]
+    return x * ex + y * ey, y * ex - x * ey

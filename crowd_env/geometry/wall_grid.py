@@ -1,0 +1,141 @@
+"""Which walls are near a place: square cells over each geometry, each with the list of walls that come near it.
+
+A wall between two people hides them from each other, and who looks for it should not look at all walls of a building.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.geometry.geometry import Boundary
+from crowd_env.state import Bools, Floats, Ints
+
+CELL = 1.0  # m
+_MOST_CELLS = 1_000_000  # of one geometry: beyond, cells are larger
+
+
+class WallGrid(NamedTuple):
+    """The cells of G geometries, one behind the other; rows of a geometry follow each other from its origin upwards."""
+
+    origin: Floats  # (G, 2)  m    lower left corner of the first cell
+    size: Floats  # (G,)    m    of a cell
+    shape: Ints  # (G, 2)  rows and columns; 0 = there are no cells
+    cell_start: Ints  # (G,)    first cell of each geometry
+    wall_start: Ints  # (C+1,)  first entry of each cell in `wall`
+    wall: Ints  # (K,)    rows of `Boundary.wall`
+
+
+def no_wall_grid(geometries: int) -> WallGrid:
+    """Return a grid without any cell: nothing is near."""
+    nothing = np.zeros(geometries, dtype=np.int64)
+    empty = np.zeros(0, dtype=np.int64)
+    corner = np.zeros((geometries, 2))
+    return WallGrid(corner, np.ones(geometries), np.zeros((geometries, 2), dtype=np.int64), nothing, nothing[:1], empty)
+
+
+def make_wall_grid(boundary: Boundary, reach: float) -> WallGrid:
+    """Return the cells of every geometry, each with the walls that are nearer to it than ``reach`` [m].
+
+    The leaves of doors are among them, of open ones too: a reader of the grid looks which of them stand.
+    """
+    parts: list[tuple[Floats, float, tuple[int, int], Ints, Ints]] = []
+    for first, stop in zip(boundary.wall_start[:-1], boundary.wall_start[1:], strict=True):
+        parts.append(_grid_of(boundary.wall[first:stop], int(first), reach))
+    cells = [rows * columns for _, _, (rows, columns), _, _ in parts]
+    counts = np.concatenate([part[3] for part in parts])
+    return WallGrid(
+        origin=np.array([part[0] for part in parts]),
+        size=np.array([part[1] for part in parts]),
+        shape=np.array([part[2] for part in parts], dtype=np.int64),
+        cell_start=np.cumsum([0, *cells[:-1]]).astype(np.int64),
+        wall_start=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        wall=np.concatenate([part[4] for part in parts]).astype(np.int64),
+    )
+
+
+def _grid_of(wall: Floats, first: int, reach: float) -> tuple[Floats, float, tuple[int, int], Ints, Ints]:
+    """Return origin, cell size, shape, the number of walls of each cell, and these walls, of one geometry."""
+    if not len(wall):
+        return np.zeros(2), CELL, (0, 0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    low, high = wall.min(axis=(0, 1)) - reach, wall.max(axis=(0, 1)) + reach  # people walk beyond the last wall too
+    size = max(CELL, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
+    columns, rows = (np.floor((high - low) / size).astype(int) + 1).tolist()
+    left, bottom = np.meshgrid(low[0] + size * np.arange(columns), low[1] + size * np.arange(rows))
+    cells = shapely.box(left.ravel(), bottom.ravel(), left.ravel() + size, bottom.ravel() + size)
+    cell, near = shapely.STRtree(shapely.linestrings(wall)).query(cells, predicate="dwithin", distance=reach)
+    order = np.lexsort((near, cell))
+    return low, size, (rows, columns), np.bincount(cell, minlength=len(cells)), first + near[order]
+
+
+@inner_kernel
+def walls_near(grid: WallGrid, g: int, x: float, y: float) -> tuple[int, int]:
+    """Return the first entry of `WallGrid.wall` and one past the last of the walls near a point of geometry ``g``."""
+    rows, columns = grid.shape[g, 0], grid.shape[g, 1]
+    column = int(np.floor((x - grid.origin[g, 0]) / grid.size[g]))
+    row = int(np.floor((y - grid.origin[g, 1]) / grid.size[g]))
+    if row < 0 or row >= rows or column < 0 or column >= columns:
+        return 0, 0
+    cell = grid.cell_start[g] + row * columns + column
+    return grid.wall_start[cell], grid.wall_start[cell + 1]
+
+
+@inner_kernel
+def is_hidden(
+    grid: WallGrid,
+    entry_start: int,
+    entry_stop: int,
+    wall: Floats,
+    wall_door: Ints,
+    door_open: Bools,
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+) -> bool:
+    """Whether one of these walls stands between (x, y) and the point (dx, dy) [m] from there; an open door hides nothing."""
+    for entry in range(index(entry_start), index(entry_stop)):
+        k = grid.wall[entry]
+        ax, ay = wall[k, 0, 0] - x, wall[k, 0, 1] - y
+        bx, by = wall[k, 1, 0] - x, wall[k, 1, 1] - y
+        from_a, from_b = dx * ay - dy * ax, dx * by - dy * bx
+        if from_a * from_b > 0.0:
+            continue  # both ends on one side of the line of sight
+        here, there = ax * by - ay * bx, (ax - dx) * (by - dy) - (ay - dy) * (bx - dx)
+        if here * there > 0.0:
+            continue  # both people on one side of the wall
+        if wall_door[k] >= 0 and door_open[wall_door[k]]:
+            continue
+        return True
+    return False
+
+
+@inner_kernel
+def free_path(
+    grid: WallGrid,
+    entry_start: int,
+    entry_stop: int,
+    wall: Floats,
+    x: float,
+    y: float,
+    ex: float,
+    ey: float,
+    most: float,
+) -> float:
+    """Return how far [m] one gets from (x, y) along the unit vector (ex, ey) before one of these walls, at most ``most``.
+
+    Open doors stop it too: nobody overtakes through a doorway.
+    """
+    for entry in range(index(entry_start), index(entry_stop)):
+        k = grid.wall[entry]
+        ax, ay = wall[k, 0, 0] - x, wall[k, 0, 1] - y
+        bx, by = wall[k, 1, 0] - x, wall[k, 1, 1] - y
+        from_a, from_b = ex * ay - ey * ax, ex * by - ey * bx
+        if from_a * from_b > 0.0 or from_a == from_b:
+            continue  # the wall is on one side of the ray, or along it
+        share = from_a / (from_a - from_b)
+        distance = (ax + share * (bx - ax)) * ex + (ay + share * (by - ay)) * ey
+        if 0.0 < distance < most:
+            most = distance
+    return most

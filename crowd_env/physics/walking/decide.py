@@ -1,0 +1,178 @@
+"""One decision of everyone in an environment: how fast to walk, and where to."""
+
+import numpy as np
+
+from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.geometry.wall_grid import free_path, is_hidden, walls_near
+from crowd_env.headway import HeadwayParams
+from crowd_env.physics.neighbors.lists import first_cell
+from crowd_env.physics.walking.around import FARTHEST, look_around
+from crowd_env.physics.workspace import Batch
+
+_STILL = 0.02  # of the desired speed: slower counts as standing
+_SIDES = np.array([-0.13, 0.13, -0.27, 0.27, -0.58, 0.58])  # tangents of 7, 15 and 30 degrees to either side
+_MOST_ASIDE = 2.0  # people never turn further from their way than atan 2 = 63 degrees
+
+
+@inner_kernel
+def decide(e: int, batch: Batch, params: HeadwayParams) -> None:
+    """Write the velocity that everyone in environment ``e`` wants to walk at into `History.walking_velocity`.
+
+    It depends on positions, velocities and ways at this moment alone, so on no order of people.
+    """
+    look_around(e, batch, params)
+    decide_share(e, 0, 1, batch, params)
+
+
+@inner_kernel
+def decide_share(e: int, share: int, shares: int, batch: Batch, params: HeadwayParams) -> None:
+    """Let the people in one of so many parts of the cells decide; any thread may do so, after `look_around`."""
+    walkers, cell_start, slot_start = (
+        batch.workspace.walkers,
+        batch.workspace.neighbors.cell_start,
+        batch.bodies.env_start[e],
+    )
+    cells, head = walkers.columns[e] * walkers.rows[e], first_cell(e, slot_start)
+    # Where the list of those seen is: each share has room for all people.
+    seen_start = slot_start * (len(walkers.seen) // len(walkers.x)) + share * cell_start[head + cells]
+    for cell in range(cells * share // shares, cells * (share + 1) // shares):
+        n_start, n_stop = slot_start + cell_start[head + cell], slot_start + cell_start[head + cell + 1]
+        for n in range(index(n_start), index(n_stop)):
+            _decide_one(e, walkers.slot[n], cell, seen_start, batch, params)
+
+
+@inner_kernel
+def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: HeadwayParams) -> None:
+    """Write what person ``i`` wants, who stands in ``cell``; those seen are listed from ``seen_start`` on."""
+    walkers, velocity, bodies, history = batch.workspace.walkers, batch.state.velocity, batch.bodies, batch.history
+    walking = history.walking_velocity
+    speed, way_x, way_y = walkers.speed[i], walkers.way_x[i], walkers.way_y[i]
+    if speed == 0.0:
+        walking[i, 0], walking[i, 1] = 0.0, 0.0
+        return
+    if not batch.control.gives_way[i]:
+        walking[i, 0], walking[i, 1] = speed * way_x, speed * way_y
+        return
+    time_gap = bodies.time_gap[i] if bodies.time_gap[i] == bodies.time_gap[i] else params.time_gap
+    push = bodies.push[i] if bodies.push[i] == bodies.push[i] else params.push
+    u, v = velocity[i, 0], velocity[i, 1]
+    push = _impatient(i, u, v, speed, push, batch, params)
+    count, aside = _look(e, i, cell, seen_start, batch, params)
+    aside += _overtake(e, i, seen_start, seen_start + count, time_gap, speed, batch, params)
+    aside = min(max((1.0 - push) * aside, -_MOST_ASIDE), _MOST_ASIDE)
+    per_size = 1.0 / np.sqrt(1.0 + aside * aside)
+    ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
+    gap, _ = _gap_ahead(i, seen_start, seen_start + count, ex, ey, batch, params.width)
+    size = min(max(gap / time_gap, push * speed), speed)
+    walking[i, 0], walking[i, 1] = size * ex, size * ey
+
+
+@inner_kernel
+def _impatient(i: int, u: float, v: float, speed: float, push: float, batch: Batch, params: HeadwayParams) -> float:
+    """Return the push of someone who may have stood still for long, and count the time [s] on or back."""
+    waited = batch.history.waited
+    if u * u + v * v < (_STILL * speed) ** 2:
+        waited[i] += params.interval
+    else:
+        waited[i] = max(min(waited[i], params.patience + 1.0 / max(params.impatience, 1e-9)) - params.interval, 0.0)
+    return min(push + params.impatience * max(waited[i] - params.patience, 0.0), 1.0)
+
+
+@inner_kernel
+def _look(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: HeadwayParams) -> tuple[int, float]:
+    """Write those whom ``i`` sees in front; returns how many they are, and how far to step aside (left > 0), of the way."""
+    walkers, position, velocity, radius = (
+        batch.workspace.walkers,
+        batch.state.position,
+        batch.state.velocity,
+        batch.bodies.radius,
+    )
+    world, g, door_open = batch.world, batch.world.geometry_of_env[e], batch.history.door_open[e]
+    grid, wall, wall_door = world.wall_grid, world.boundary.wall, world.boundary.wall_door
+    x, y, r, u, v = position[i, 0], position[i, 1], radius[i], velocity[i, 0], velocity[i, 1]
+    way_x, way_y = walkers.way_x[i], walkers.way_y[i]
+    wall_first, wall_stop = walls_near(grid, g, x, y)
+    seen, aside = walkers.seen, 0.0
+    xs, ys, radii, cell_start = walkers.x, walkers.y, walkers.radius, batch.workspace.neighbors.cell_start
+    slot_start, columns, rows = batch.bodies.env_start[e], walkers.columns[e], walkers.rows[e]
+    head, row, column, limit = first_cell(e, slot_start), cell // columns, cell % columns, walkers.reach[i] + r
+    count = index(seen_start)
+    for above in range(max(row - 1, 0), min(row + 2, rows)):
+        left, right = head + above * columns + max(column - 1, 0), head + above * columns + min(column + 2, columns)
+        for n in range(index(slot_start + cell_start[left]), index(slot_start + cell_start[right])):
+            dx, dy, reach = xs[n] - x, ys[n] - y, limit + radii[n]
+            seen[count] = n  # without a branch: most are too far, or behind
+            count += index((dx * dx + dy * dy < reach * reach) & (dx * way_x + dy * way_y > 0.0))
+    kept = index(seen_start)
+    for m in range(index(seen_start), count):
+        n = seen[m]
+        dx, dy = walkers.x[n] - x, walkers.y[n] - y
+        if is_hidden(grid, wall_first, wall_stop, wall, wall_door, door_open, x, y, dx, dy):
+            continue
+        seen[kept] = n
+        kept += index(1)
+        j = walkers.slot[n]
+        distance = np.sqrt(dx * dx + dy * dy)
+        closing = ((u - velocity[j, 0]) * dx + (v - velocity[j, 1]) * dy) / distance
+        foreseen = max(distance - r - radii[n] - params.anticipation * closing, 0.0)
+        if foreseen > FARTHEST * params.length:
+            continue
+        same = way_x * walkers.way_x[j] + way_y * walkers.way_y[j]
+        size = params.strength * (1.0 + params.oncoming * max(-same, 0.0)) * np.exp(-foreseen / params.length)
+        sideways = way_x * (dy + params.anticipation * velocity[j, 1]) - way_y * (
+            dx + params.anticipation * velocity[j, 0]
+        )
+        aside += size if sideways < 0.0 else -size  # away from there; to the right if it is straight ahead
+    return int(np.int64(kept - index(seen_start))), aside
+
+
+@inner_kernel
+def _overtake(
+    e: int, i: int, slot_start: int, slot_stop: int, time_gap: float, speed: float, batch: Batch, params: HeadwayParams
+) -> float:
+    """Return how far to step aside, of the way, to get past someone slower; 0 if that gains too little, or in a queue."""
+    walkers, world, velocity = batch.workspace.walkers, batch.world, batch.state.velocity
+    x, y, r = batch.state.position[i, 0], batch.state.position[i, 1], batch.bodies.radius[i]
+    way_x, way_y = walkers.way_x[i], walkers.way_y[i]
+    gap, leader = _gap_ahead(i, slot_start, slot_stop, way_x, way_y, batch, params.width)
+    if gap >= time_gap * speed:
+        return 0.0
+    if velocity[leader, 0] * way_x + velocity[leader, 1] * way_y < params.overtaking:
+        return 0.0
+    first, stop = walls_near(world.wall_grid, world.geometry_of_env[e], x, y)
+    best, chosen = gap / time_gap + params.gain * speed, 0.0
+    for k in range(len(_SIDES)):
+        aside = _SIDES[k]
+        per_size = 1.0 / np.sqrt(1.0 + aside * aside)
+        ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
+        gap, _ = _gap_ahead(i, slot_start, slot_stop, ex, ey, batch, params.berth)
+        if per_size * min(gap / time_gap, speed) > best:
+            free = free_path(world.wall_grid, first, stop, world.boundary.wall, x, y, ex, ey, gap + r) - r
+            pace = per_size * min(free / time_gap, speed)
+            if pace > best:
+                best, chosen = pace, aside
+    return chosen
+
+
+@inner_kernel
+def _gap_ahead(
+    i: int, slot_start: int, slot_stop: int, ex: float, ey: float, batch: Batch, width: float
+) -> tuple[float, int]:
+    """Return the gap [m] to the nearest of those seen whose body overlaps the strip along (ex, ey), and who it is."""
+    walkers, position, radius = batch.workspace.walkers, batch.state.position, batch.bodies.radius
+    x, y, r, nearest, leader = position[i, 0], position[i, 1], radius[i], np.inf, i
+    way_x, way_y, gives_way = walkers.way_x[i], walkers.way_y[i], batch.control.gives_way
+    for m in range(index(slot_start), index(slot_stop)):
+        n = walkers.seen[m]
+        dx, dy, reach = walkers.x[n] - x, walkers.y[n] - y, r + walkers.radius[n]
+        along, across = dx * ex + dy * ey, dy * ex - dx * ey
+        if along > 0.0 and abs(across) < width * reach:
+            j = walkers.slot[n]
+            ux, uy = walkers.way_x[j], walkers.way_y[j]
+            is_ahead = way_x * ux + way_y * uy > 0.0 and -(dx * ux + dy * uy) > dx * way_x + dy * way_y
+            if is_ahead and abs(dy * ux - dx * uy) < width * reach and gives_way[j]:
+                continue  # the other has this one further in front, and gives way
+            gap = np.sqrt(dx * dx + dy * dy) - reach
+            if gap < nearest:
+                nearest, leader = gap, j
+    return max(nearest, 0.0), leader

@@ -1,0 +1,103 @@
+"""The manner in evaluations and in training: part of what was run."""
+
+import json
+
+import numpy as np
+import pytest
+from evaluations import SMALL, call, hall, run
+
+from agents.controllers import RandomController
+from agents.evaluation.evaluation import evaluate
+from agents.evaluation.folder import EvaluationFolder, settings_of
+from agents.evaluation.routing import evaluate_controller
+from agents.rules import StrategyPolicy
+from crowd_env import MANNERS
+
+CALM = hall(manner="calm")
+
+
+def test_entries_walk_in_the_manner_of_the_scenario():
+    usual, calm = run("shortest"), run("shortest", CALM)
+    assert repr(usual.episodes) != repr(calm.episodes)
+    assert repr(run("shortest", hall(manner="competitive")).episodes) == repr(usual.episodes)
+
+
+def test_policies_and_controllers_are_evaluated_in_a_manner():
+    shared = {"runs": 2, "first_seed": 5}
+    policy = StrategyPolicy("shortest", rules=False)
+    in_calm, calm = evaluate(policy, CALM, **shared), evaluate(policy, SMALL, manner="calm", **shared)
+    assert repr(in_calm.episodes) == repr(calm.episodes) != repr(evaluate(policy, SMALL, **shared).episodes)
+    for controller in (RandomController(), "fastest path"):
+        place = evaluate_controller(controller, CALM, **shared)
+        option = evaluate_controller(controller, SMALL, manner="calm", **shared)
+        back = evaluate_controller(controller, CALM, manner="competitive", **shared)
+        usual = evaluate_controller(controller, SMALL, **shared)
+        assert repr(place.episodes) == repr(option.episodes) != repr(usual.episodes) == repr(back.episodes)
+
+
+def test_a_folder_holds_one_manner(tmp_path):
+    usual, calm = settings_of(SMALL, 3, 0), settings_of(CALM, 3, 0)
+    assert (usual["manner"], calm["manner"]) == ("competitive", "calm") and usual["digest"] != calm["digest"]
+    assert settings_of(hall(manner="competitive"), 3, 0) == usual
+    assert settings_of(hall(manner=MANNERS["calm"]), 3, 0) == calm
+    EvaluationFolder(tmp_path, calm)
+    EvaluationFolder(tmp_path, settings_of(hall(manner=MANNERS["calm"]), 3, 0))
+    with pytest.raises(ValueError, match=r"another manner \(calm, now competitive\)"):
+        EvaluationFolder(tmp_path, usual)
+
+
+def test_the_command_takes_a_manner_and_prints_it():
+    code, out, _ = call("--policies", "shortest", "--runs", 2, "--manner", "calm", "--json")
+    assert code == 0 and json.loads(out)["manner"] == "calm"
+    code, _, err = call("--manner", "slow")
+    assert code == 2 and f"unknown manner 'slow'; known: {', '.join(MANNERS)}" in err
+
+
+def test_training_keeps_its_manner():
+    pytest.importorskip("stable_baselines3")
+    from agents.learned.ppo import PPOSettings
+    from agents.training_config import check_config, default_config, extended, make_env
+
+    usual = default_config("room-v0", "nsm2", 0, 2, 100, 1.0)
+    calm = default_config("room-v0", "nsm2", 0, 2, 100, 1.0, manner="calm")
+    assert (usual["manner"], calm["manner"]) == ("competitive", "calm") and PPOSettings(**calm["ppo"])
+    check_config(calm)
+    assert make_env(usual).simulation.manner is None and make_env(calm).simulation.manner == MANNERS["calm"]
+    with pytest.raises(ValueError, match="--manner is hurried, but x was begun with calm"):
+        extended(calm, {"manner": "hurried"}, [], "x")
+    with pytest.raises(ValueError, match="unknown manner 'slow'"):
+        default_config("room-v0", "nsm2", 0, 2, 100, 1.0, manner="slow")
+
+
+def test_a_policy_in_training_is_evaluated_in_its_manner(tmp_path, monkeypatch):
+    pytest.importorskip("stable_baselines3")
+    from training_runs import tiny
+
+    import train
+    from agents.network import read_network
+
+    seen = []
+
+    def spy(policy, scenario, **options):
+        seen.append(options["manner"])
+        return evaluate(policy, scenario, **options)
+
+    monkeypatch.setattr("agents.learned.training.evaluate", spy)
+    folder = tmp_path / "run"
+    assert train.train(folder, tiny(folder, manner="calm", steps=1500, eval_runs=1))
+    assert seen and set(seen) == {"calm"}
+    assert read_network(folder / "best.npz")[1]["trained"]["manner"] == "calm"
+
+
+def test_a_controller_is_judged_in_the_manner_of_the_evaluation(tmp_path):
+    from agents.evaluation.entries import make_entries
+    from agents.network import Network
+    from agents.trained import LearnedController
+    from crowd_env.envs.routing.batch import RoutingBatch
+
+    batch = RoutingBatch(SMALL)
+    outputs = int(batch.choices.sum())
+    network = Network((np.zeros((outputs, batch.layout.size)),), (np.zeros(outputs),))
+    LearnedController(network, batch.choices, {"scenario": "hall", "manner": "hurried"}).save(tmp_path / "c.npz")
+    (entry,) = make_entries([str(tmp_path / "c.npz")], CALM)
+    assert entry.driver(CALM, "nsm2", 1)(1).env.simulation.manner == MANNERS["calm"]

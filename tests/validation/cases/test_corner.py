@@ -1,0 +1,34 @@
+"""The corner case of the validation map: what counts as falling speed, the place, and one small run."""
+
+import numpy as np
+import pytest
+
+from validation.cases import Setting, corner
+
+DENSITY = np.array([0.2, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
+
+
+def test_speed_falls_only_if_it_does_so_nearly_everywhere_and_by_half():
+    falling = 1.3 - 0.28 * DENSITY
+    assert corner.falls(DENSITY, falling)
+    assert corner.falls(DENSITY[::-1], falling[::-1])  # whatever the order of the runs
+    assert not corner.falls(DENSITY, 1.3 - 0.1 * DENSITY)  # not by half
+    assert not corner.falls(DENSITY, np.full(7, 1.0) + 1e-3 * DENSITY)
+    assert not corner.falls(DENSITY, falling[[0, 4, 5, 3, 1, 2, 6]])  # up and down
+    assert not corner.falls(DENSITY, np.where(DENSITY > 3.5, np.nan, falling))
+
+
+def test_rank_correlation_is_spearmans():
+    assert corner.rank_correlation(DENSITY, np.exp(-DENSITY)) == pytest.approx(-1.0)
+    assert corner.rank_correlation(DENSITY, np.array([1, 2, 3, 4, 5, 7, 6.0])) == pytest.approx(1 - 6 * 2 / (7 * 48))
+
+
+def test_the_corner_is_where_it_says():
+    place = corner.corner(corner.RUNS[0]).geometry
+    points = [(7.0, 1.0), (6.1, 2.3), (5.9, 2.5), (7.0, 5.0), (8.5, 1.0), (-0.1, 1.44), (-0.1, 1.46)]
+    assert place.contains(points).tolist() == [True, True, False, True, False, True, False]
+
+
+def test_a_run_is_measured():
+    (found,) = corner.measure(Setting("dem", "calm", draws=1), (corner.Run(1.2, 2.4, 24),))
+    assert 0.05 < found["density"] < 4.0 and 0.3 < found["speed"] < 1.9 and 0.3 < found["flow"] < 8.0

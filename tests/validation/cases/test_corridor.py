@@ -1,0 +1,71 @@
+"""The open-corridor case of the validation map: density and speed by the Voronoi method, flow, and what is judged."""
+
+import numpy as np
+import pytest
+
+from crowd_env.geometry.geometry import box
+from validation.cases import Setting, corridor
+from validation.cases.voronoi import Look, cells, density_and_speed
+
+FLOOR, FIELD = box(0.0, -4.0, 1.8, 4.0), box(0.0, -2.0, 1.8, 0.0)
+
+
+def lattice(spacing):
+    """Return people in the middles of squares of ``spacing`` [m] that tile the corridor."""
+    x, y = np.meshgrid(np.arange(0.5 * spacing, 1.8, spacing), np.arange(-4.0 + 0.5 * spacing, 4.0, spacing))
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+@pytest.mark.parametrize("spacing", [0.2, 0.3, 0.6, 0.9])
+def test_people_in_squares_have_the_density_of_squares(spacing):
+    position = lattice(spacing)
+    field = box(0.0, -4.0, 1.8, -4.0 + 6 * spacing)  # whole squares
+    density, speed = density_and_speed(position, np.full(len(position), 0.7), FLOOR, field)
+    assert density == pytest.approx(1.0 / spacing**2, rel=1e-6)
+    assert speed == pytest.approx(0.7)
+
+
+def test_someone_alone_fills_a_disc_and_nobody_nothing():
+    (room,) = cells(np.array([(0.0, 0.0)]), box(-5.0, -5.0, 5.0, 5.0))
+    assert room.area == pytest.approx(np.pi, rel=0.01)
+    assert density_and_speed(np.empty((0, 2)), np.empty(0), FLOOR, FIELD)[0] == 0.0
+    assert np.isnan(density_and_speed(np.array([(0.9, 3.0)]), np.ones(1), FLOOR, FIELD)[1])  # too far to matter
+
+
+def test_the_speed_of_those_who_take_more_room_counts_more():
+    position = np.array([(0.9, -0.5), (0.9, -1.6)])
+    _, speed = density_and_speed(position, np.array([1.0, 0.0]), FLOOR, FIELD)
+    assert speed == pytest.approx(0.5 * (0.5 + 0.55) / 1.0, rel=0.02)  # borders: y = 0, the middle, y = -2
+
+
+def test_density_speed_and_flow_are_those_between_two_persons():
+    run = corridor.Run(1.8, 1.8, 20, 3, 13, 0.0, 0.0, 0.0)
+    times = 2.0 + 0.5 * np.arange(20.0)  # the third passes at 3 s, the thirteenth at 8 s
+    dense, thin = lattice(0.3), lattice(0.9)
+    looks = [
+        Look(0, t, thin if 3.0 <= t <= 8.0 else dense, np.ones(len(thin if 3.0 <= t <= 8.0 else dense)))
+        for t in np.arange(0.0, 12.0, 0.5)
+    ]
+    density, speed, flow = corridor.steady(run, times, looks)
+    assert (density, speed, flow) == pytest.approx((1.0 / 0.81, 1.0, 2.0), rel=0.1)
+    assert np.isnan(corridor.steady(run, np.where(times > 7.0, np.nan, times), looks)).all()
+
+
+def test_density_and_flow_are_judged_one_by_one():
+    run = corridor.RUNS[5]
+    assert corridor.near({"density": 1.24 * run.density, "flow": 0.86 * run.flow}, run) == (True, True)
+    assert corridor.near({"density": 0.74 * run.density, "flow": 1.16 * run.flow}, run) == (False, False)
+
+
+def test_corridors_are_as_narrow_as_they_say():
+    for run in corridor.RUNS:
+        place = corridor.corridor(run).geometry
+        there = [(0.9 + 0.5 * run.entrance - 0.01, 8.1), (0.9 + 0.5 * run.entrance + 0.01, 8.1)]
+        back = [(0.9 + 0.5 * run.exit - 0.01, -4.1), (0.9 + 0.5 * run.exit + 0.01, -4.1)]
+        assert place.contains([*there, *back, (1.79, 0.0), (1.81, 0.0)]).tolist() == [True, False] * 3
+
+
+def test_a_run_is_measured():
+    small = corridor.Run(1.0, 1.8, 24, 4, 20, 1.0, 1.0, 1.0)
+    (found,) = corridor.measure(Setting("dem", "calm", draws=1), (small,))
+    assert 0.1 < found["density"] < 4.0 and 0.1 < found["speed"] < 1.9 and 0.3 < found["flow"] < 6.0

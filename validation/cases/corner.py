@@ -1,0 +1,116 @@
+"""A corner: people turn left in a corridor of 2.4 m; the denser they come, the slower."""
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from crowd_env import Geometry, Scenario
+from crowd_env.geometry.geometry import box
+from validation.cases.case import Row, Setting, adults, number, row
+from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
+from validation.cases.voronoi import Look, look, mean_between
+
+SOURCE = (
+    "every measured fundamental diagram (such as Zhang et al. 2011, J. Stat. Mech. P06004); corner and bounds are ours"
+)
+CRITERION = (
+    "speed in the corner falls with density: rank correlation over seven runs at most -0.8, and at most half as fast in the "
+    "densest run as in the emptiest; nobody stuck"
+)
+RANK, HALVED = -0.8, 0.5
+
+
+class Run(NamedTuple):
+    """Widths [m] of entrance and exit, and people: enough for a queue to reach the corner."""
+
+    entrance: float
+    exit: float
+    people: int
+
+
+RUNS = (
+    *(Run(0.5, 2.4, 60), Run(0.8, 2.4, 80), Run(1.2, 2.4, 110), Run(1.8, 2.4, 150), Run(2.4, 2.4, 200)),
+    *(Run(2.4, 1.1, 220), Run(2.4, 0.7, 180)),
+)
+
+_WIDTH, _LEG = 2.4, 6.0  # m, width of the corridor and length of the first leg
+_FAR, _TOP, _MIDDLE = _WIDTH + _LEG, _WIDTH + 3.0, 0.5 * _WIDTH  # m, the second leg is 3 m long
+_NECK, _HALF, _DENSITY, _BEYOND = (
+    0.2,
+    4.0,
+    3.0,
+    3.0,
+)  # m, m, 1/m2, m: of necks, waiting area, people in it, opening behind
+_FIELD = box(_LEG, 0.0, _FAR, _WIDTH)
+_FLOOR = shapely.union(box(0.0, 0.0, _FAR, _WIDTH), box(_LEG, 0.0, _FAR, _TOP))
+_FIRST, _LAST = 0.5, 0.85  # shares of the people between whose passages everything is steady
+_PATIENCE, _LIMIT, _LOOKS = 20.0, 300.0, 5
+
+
+def corner(run: Run) -> Scenario:
+    """Return waiting area, entrance, both legs, exit and an opening; people walk east, then north."""
+    depth = run.people / (_DENSITY * 2.0 * _HALF) + 0.5
+    turn, top = _LEG + _MIDDLE, _TOP + _NECK
+    floor = [
+        box(-_NECK - depth, _MIDDLE - _HALF, -_NECK, _MIDDLE + _HALF),
+        box(-_NECK - 0.01, _MIDDLE - 0.5 * run.entrance, 0.01, _MIDDLE + 0.5 * run.entrance),
+        _FLOOR,
+        box(turn - 0.5 * run.exit, _TOP - 0.01, turn + 0.5 * run.exit, top + 0.01),
+        box(turn - 3.0, top, turn + 3.0, top + _BEYOND),
+    ]
+    place = Geometry.from_polygon(
+        floor,
+        exits={"out": [(turn - 3.0, top + _BEYOND), (turn + 3.0, top + _BEYOND)]},
+        regions={"waiting": box(-_NECK - depth, _MIDDLE - _HALF, -_NECK - 0.5, _MIDDLE + _HALF)},
+    )
+    return Scenario(f"corner-{run.entrance:g}-{run.exit:g}", place, adults(run.people, start_region="waiting"), _LIMIT)
+
+
+def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, float]]:
+    """Return density, speed, flow and the number of stuck draws of each run."""
+    crowds = draw_crowds([corner(run) for run in runs], setting)
+    passages, stuck = Passages(crowds, 1, _WIDTH), set()
+    looks: list[Look] = []
+    for k, (before, now) in enumerate(crowds.moments(_LIMIT)):
+        passages.see(before, now)
+        stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
+        if k % _LOOKS == 0:
+            x, y = now.position.T
+            looks += look(crowds, before, now, (x > _LEG - 2.0) & (y < _WIDTH + 2.0))
+    found = []
+    for k in range(len(runs)):
+        figures = []
+        for e in crowds.of(k):
+            times = passages.times(e)
+            begin, end = (times[round(share * len(times)) - 1] for share in (_FIRST, _LAST))
+            if np.isfinite(end):
+                flow = (round(_LAST * len(times)) - round(_FIRST * len(times))) / (end - begin)
+                mine = [one for one in looks if one.crowd == e]
+                figures.append((*mean_between(begin, end, mine, _FLOOR, _FIELD), flow))
+        density, speed, flow = (mean_of([one[part] for one in figures]) for part in range(3))
+        found.append({"density": density, "speed": speed, "flow": flow, "stuck": len(stuck & set(crowds.of(k)))})
+    return found
+
+
+def rank_correlation(x: Floats, y: Floats) -> float:
+    """Return Spearman's rank correlation of values without ties."""
+    return float(np.corrcoef(np.argsort(np.argsort(x)), np.argsort(np.argsort(y)))[0, 1])
+
+
+def falls(density: Floats, speed: Floats) -> bool:
+    """Return whether the speed falls with density as the criterion asks."""
+    if not (np.isfinite(density).all() and np.isfinite(speed).all()):
+        return False
+    order = np.argsort(density)
+    return rank_correlation(density, speed) <= RANK and bool(speed[order[-1]] <= HALVED * speed[order[0]])
+
+
+def run(setting: Setting) -> list[Row]:
+    """Return the row."""
+    found = measure(setting)
+    density, speed = (np.array([one[name] for one in found]) for name in ("density", "speed"))
+    stuck = int(sum(one["stuck"] for one in found))
+    pairs = ", ".join(f"{number(d)} /m2 {number(v)} m/s" for d, v in zip(density, speed, strict=True))
+    figure = pairs + (f"; {stuck} of {len(RUNS) * setting.draws} stuck" if stuck else "")
+    return [row("corner", setting, falls(density, speed) and not stuck, figure, CRITERION, SOURCE, runs=found)]

@@ -1,0 +1,133 @@
+"""The open corridor: nine runs through 1.8 m, held up at the entrance or at the exit (Hermes, Düsseldorf 2009)."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowd_env import Geometry, Scenario
+from crowd_env.geometry.geometry import box
+from validation.cases.case import Row, Setting, adults, number, row
+from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
+from validation.cases.voronoi import Look, look, mean_between
+
+SOURCE = (
+    "Zhang, Klingsch, Schadschneider, Seyfried 2011 (J. Stat. Mech. P06004), DOI 10.34735/ped.2009.14; figures computed from "
+    "the recordings by the Voronoi method"
+)
+CRITERION = "density within 25 % and flow within 15 % of the recorded in 7 or more of 9 runs"
+DENSITY_WITHIN, FLOW_WITHIN, ENOUGH = 0.25, 0.15, 7
+
+
+class Run(NamedTuple):
+    """What was done and measured: density, speed in the field, and flow at its line, while the flow was steady."""
+
+    entrance: float  # m
+    exit: float  # m
+    people: int
+    first: int  # the steady part: between the passages of these two persons
+    last: int
+    density: float  # 1/m2
+    speed: float  # m/s
+    flow: float  # 1/s
+
+
+RUNS = (
+    Run(0.50, 1.80, 61, 6, 52, 0.50, 1.34, 1.28),
+    Run(0.60, 1.80, 66, 8, 53, 0.54, 1.40, 1.38),
+    Run(0.70, 1.80, 111, 6, 98, 0.67, 1.35, 1.62),
+    Run(1.00, 1.80, 121, 16, 107, 1.14, 1.20, 2.48),
+    Run(1.45, 1.80, 175, 23, 162, 1.55, 1.01, 2.79),
+    Run(1.80, 1.80, 220, 48, 207, 1.68, 0.97, 2.89),
+    Run(1.80, 1.20, 170, 32, 152, 2.04, 0.67, 2.40),
+    Run(1.80, 0.95, 159, 35, 144, 2.45, 0.45, 1.82),
+    Run(1.80, 0.70, 148, 40, 137, 3.06, 0.35, 1.71),
+)
+
+_LEFT, _RIGHT, _MIDDLE = 0.0, 1.8, 0.9  # m, x of the corridor's walls and middle
+_TOP, _BOTTOM, _PASSAGE, _END = (
+    4.0,
+    -4.0,
+    8.0,
+    -6.5,
+)  # m, y: corridor, passage in front of it, end of the opening behind
+_NECK, _HALF, _DENSITY = 0.2, 4.0, 3.0  # m, m, 1/m2: length of entrance and exit; half width of the waiting area; in it
+_LINE = 0.0  # m, y of the counting line
+_FIELD = box(_LEFT, -2.0, _RIGHT, 0.0)
+_FLOOR = box(_LEFT, _BOTTOM, _RIGHT, _TOP)
+_NEAR = (-4.0, 2.0)  # m, y of those whose cells can matter
+_LOOKS = 5  # tenths of a second between two looks at the field
+_PATIENCE, _LIMIT = 20.0, 300.0  # s
+
+
+def corridor(run: Run) -> Scenario:
+    """Return waiting area, entrance, passage, corridor, exit and the opening behind; everyone walks towards smaller y."""
+    depth = run.people / (_DENSITY * 2.0 * _HALF) + 0.5
+    front = _PASSAGE + _NECK
+    floor = [
+        box(_MIDDLE - _HALF, front, _MIDDLE + _HALF, front + depth),
+        box(_MIDDLE - 0.5 * run.entrance, _PASSAGE - 0.01, _MIDDLE + 0.5 * run.entrance, front + 0.01),
+        box(_LEFT - 1.0, _TOP, _RIGHT + 1.0, _PASSAGE),
+        _FLOOR,
+        box(_MIDDLE - 0.5 * run.exit, _BOTTOM - _NECK - 0.01, _MIDDLE + 0.5 * run.exit, _BOTTOM + 0.01),
+        box(_LEFT - 1.0, _END, _RIGHT + 1.0, _BOTTOM - _NECK),
+    ]
+    place = Geometry.from_polygon(
+        floor,
+        exits={"out": [(_LEFT - 1.0, _END), (_RIGHT + 1.0, _END)]},
+        regions={"waiting": box(_MIDDLE - _HALF, front + 0.5, _MIDDLE + _HALF, front + depth)},
+    )
+    return Scenario(
+        f"corridor-{run.entrance:g}-{run.exit:g}", place, adults(run.people, start_region="waiting"), _LIMIT
+    )
+
+
+def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, float]]:
+    """Return density, speed, flow and the number of stuck draws of each run."""
+    crowds = draw_crowds([corridor(run) for run in runs], setting)
+    passages, stuck, looks = Passages(crowds, 1, _LINE, sign=-1), set(), []
+    for k, (before, now) in enumerate(crowds.moments(_LIMIT)):
+        passages.see(before, now)
+        stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
+        if k % _LOOKS == 0:
+            y = now.position[:, 1]
+            looks += look(crowds, before, now, (y > _NEAR[0]) & (y < _NEAR[1]))
+    found = []
+    for k, run in enumerate(runs):
+        figures = [steady(run, passages.times(e), [one for one in looks if one.crowd == e]) for e in crowds.of(k)]
+        means = (mean_of([one[part] for one in figures]) for part in range(3))
+        found.append(
+            dict(zip(("density", "speed", "flow"), means, strict=True)) | {"stuck": len(stuck & set(crowds.of(k)))}
+        )
+    return found
+
+
+def steady(run: Run, times: Floats, looks: list[Look]) -> tuple[float, float, float]:
+    """Return density, speed and flow between the passages of two persons; nan if the last of them did not pass."""
+    begin, end = times[run.first - 1], times[run.last - 1]
+    if not np.isfinite(end):
+        return float("nan"), float("nan"), float("nan")
+    density, speed = mean_between(begin, end, looks, _FLOOR, _FIELD)
+    return density, speed, float((run.last - run.first) / (end - begin))
+
+
+def near(found: dict[str, float], run: Run) -> tuple[bool, bool]:
+    """Return whether density and flow are near the recorded ones."""
+    density, flow = found["density"] / run.density - 1.0, found["flow"] / run.flow - 1.0
+    return abs(density) <= DENSITY_WITHIN, abs(flow) <= FLOW_WITHIN
+
+
+def run(setting: Setting) -> list[Row]:
+    """Return the row."""
+    found = measure(setting)
+    judged = np.array([near(one, recorded) for one, recorded in zip(found, RUNS, strict=True)])
+    density, flow = judged.sum(axis=0)
+    both, stuck = int(judged.all(axis=1).sum()), int(sum(one["stuck"] for one in found))
+    pairs = zip(found, RUNS, strict=True)
+    figures = ", ".join(
+        f"{number(one['density'])} ({r.density:.2f}) {number(one['flow'])} ({r.flow:.2f})" for one, r in pairs
+    )
+    figure = f"both in {both} of 9, density in {density}, flow in {flow}; density and flow (recorded): {figures}" + (
+        f"; {stuck} of {len(RUNS) * setting.draws} stuck" if stuck else ""
+    )
+    more: dict[str, Any] = {"runs": found, "recorded": [one._asdict() for one in RUNS], "both": both}
+    return [row("corridor", setting, both >= ENOUGH, figure, CRITERION, SOURCE, **more)]

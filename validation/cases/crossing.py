@@ -1,0 +1,60 @@
+"""NIST 2.8: people of two rooms change places through a corridor; the more come against them, the longer it takes."""
+
+import numpy as np
+
+from crowd_env import Geometry, Groups, Scenario
+from crowd_env.geometry.geometry import box
+from validation.cases.case import Row, Setting, adults, number, row
+from validation.cases.crowds import Passages, draw_crowds, mean_of
+
+SOURCE = "NIST TN 1822, test 2.8 (IMO MSC.1/Circ.1533, test 8)"
+CRITERION = "100 against 0, 10, 50, 100: the last of the 100 arrives the later, the more come; no deadlock with 50"
+AGAINST = (0, 10, 50, 100)
+
+_PEOPLE, _DENSITY = 100, 4.0  # 1/m2, at the far end of either room
+_ROOM, _LENGTH, _WIDTH = 10.0, 10.0, 2.0  # m, side of the rooms, length and width of the corridor
+_PATIENCE = 20.0  # s in which nobody arrives: deadlock
+
+
+def rooms(against: int) -> Scenario:
+    """Return 100 people in the western room and ``against`` in the eastern one, who change places and leave at the far wall."""
+    half, end = 0.5 * _ROOM, 2.0 * _ROOM + _LENGTH
+    depth = _PEOPLE / (_DENSITY * _ROOM) + 0.5
+    floor = [
+        box(0.0, -half, _ROOM, half),
+        box(_ROOM - 0.1, -0.5 * _WIDTH, _ROOM + _LENGTH + 0.1, 0.5 * _WIDTH),
+        box(end - _ROOM, -half, end, half),
+    ]
+    place = Geometry.from_polygon(
+        floor,
+        exits={"west": [(0.0, -half), (0.0, half)], "east": [(end, -half), (end, half)]},
+        regions={"far west": box(0.5, -half, depth, half), "far east": box(end - depth, -half, end - 0.5, half)},
+    )
+    people = adults(_PEOPLE, start_region="far west", route="east")
+    if not against:
+        return Scenario("crossing", place, people, 240.0)
+    return Scenario("crossing", place, Groups((people, adults(against, start_region="far east", route="west"))), 240.0)
+
+
+def run(setting: Setting) -> list[Row]:
+    """Return the row.  Everyone takes the shortest way: there is no other."""
+    crowds = draw_crowds([rooms(against) for against in AGAINST], setting)
+    slots = [crowds.people(e) for e in range(crowds.count)]
+    eastward = np.concatenate([np.arange(people.stop - people.start) < _PEOPLE for people in slots])
+    door = np.where(eastward, _ROOM + _LENGTH, _ROOM)
+    arrived, stuck = Passages(crowds, 0, door, np.where(eastward, 1, -1)), set()
+    for before, now in crowds.moments(240.0):
+        arrived.see(before, now)
+        stuck |= set(arrived.stop_the_stuck(now, _PATIENCE))
+    last = [float(np.max(arrived.time[people][:_PEOPLE])) for people in slots]  # nan if somebody did not arrive
+    times = [mean_of([last[e] for e in crowds.of(k)]) for k in range(len(AGAINST))]
+    deadlocks = [sum(e in stuck for e in crowds.of(k)) for k in range(len(AGAINST))]
+    rising = np.diff(np.nan_to_num(times, nan=np.inf)) > 0.0  # where all runs deadlock, it takes for ever
+    passed = bool(rising.all()) and deadlocks[AGAINST.index(50)] <= setting.draws // 20
+    figure = ", ".join(
+        f"{n}: {number(time, 1)} s" + (f" ({jams} of {setting.draws} deadlocked)" if jams else "")
+        for n, time, jams in zip(AGAINST, times, deadlocks, strict=True)
+    )
+    return [
+        row("crossing", setting, passed, figure, CRITERION, SOURCE, against=AGAINST, last=times, deadlocks=deadlocks)
+    ]

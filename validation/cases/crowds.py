@@ -1,0 +1,152 @@
+"""Crowds of one or several scenarios side by side, looked at every 0.1 s; when people pass a line."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowd_env import Bodies, Scenario, Simulation, make_state
+from crowd_env.envs.metrics import flow_slope
+from validation.cases.case import Setting
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+EVERY = 0.1  # s between two looks at a crowd
+
+
+class Moment(NamedTuple):
+    """Where everyone is; P people of all crowds."""
+
+    time: float  # s
+    position: Floats  # (P, 2) m
+    active: Bools  # (P,) still inside
+
+
+class Crowds:
+    """Draws of one or several experiments side by side: crowd ``k * draws + d`` is draw ``d`` of experiment ``k``."""
+
+    def __init__(self, simulation: Simulation, draws: int) -> None:
+        self.simulation, self.draws = simulation, draws
+        self.count = len(simulation.state.time)
+
+    def people(self, e: int) -> slice:
+        """Return the slots of the people of crowd ``e``."""
+        start = self.simulation.bodies.env_start
+        return slice(int(start[e]), int(start[e + 1]))
+
+    def of(self, experiment: int) -> range:
+        """Return the crowds that are draws of an experiment."""
+        return range(experiment * self.draws, (experiment + 1) * self.draws)
+
+    def stop(self, e: int) -> None:
+        """Take everyone out of crowd ``e``: its run is over."""
+        self.simulation.state.active[self.people(e)] = False
+
+    def moments(self, limit: float, command: Any = None) -> Iterator[tuple[Moment, Moment]]:
+        """Yield what was and what is after every 0.1 s, until everyone is out or for ``limit`` seconds.
+
+        Parameters
+        ----------
+        command : function of a `Moment` that returns desired velocities (P, 2) in the axes of the world, as multiples of the
+            own desired speed; by default everyone follows the own route.
+        """
+        simulation, state = self.simulation, self.simulation.state
+        steps, relative = round(EVERY / simulation.dt), np.zeros(len(state.active), dtype=np.bool_)
+        before = Moment(0.0, state.position.copy(), state.active.copy())
+        for k in range(1, round(limit / EVERY) + 1):
+            if not state.active.any():
+                return
+            if command is None:
+                simulation.advance(n_substeps=steps)
+            else:
+                simulation.advance(command(before), relative=relative, n_substeps=steps)
+            now = Moment(k * EVERY, state.position.copy(), state.active.copy())
+            yield before, now
+            before = now
+
+
+def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
+    """Return every draw of every scenario; draw ``d`` comes from `generator`, whatever the scheme and the manner."""
+    drawn = [
+        each.population.draw(generator(setting, d), each.geometry) for each in scenarios for d in range(setting.draws)
+    ]
+    simulation = Simulation(
+        [each.geometry for each in scenarios],
+        join_bodies([bodies for bodies, _ in drawn]),
+        make_state(np.concatenate([position for _, position in drawn]), environments=len(drawn)),
+        scheme=setting.scheme,
+        fields=[each.route_set(setting.strategy) for each in scenarios],
+        geometry_of_env=np.repeat(np.arange(len(scenarios)), setting.draws),
+        manner=setting.manner,
+    )
+    for e, (_, position) in enumerate(drawn):
+        route_set = simulation.planner.route_set(e)
+        assert route_set is not None  # every scenario has an exit
+        simulation.send(e, scenarios[e // setting.draws].choose(route_set, setting.strategy, position))
+    return Crowds(simulation, setting.draws)
+
+
+def generator(setting: Setting, draw: int) -> np.random.Generator:
+    """Return the generator of a draw."""
+    return np.random.default_rng([setting.seed, draw])
+
+
+def join_bodies(parts: Sequence[Bodies]) -> Bodies:
+    """Return the bodies of several crowds as those of one batch."""
+    columns = [np.concatenate(column) for column in zip(*(part[:-1] for part in parts), strict=True)]
+    return Bodies._make([*columns, np.cumsum([0, *(len(part.radius) for part in parts)])])
+
+
+class Passages:
+    """When people first pass a line of constant x or y, towards larger or smaller values; linear between two looks.
+
+    Parameters
+    ----------
+    axis : 0 or 1, of x or y.
+    at : m, where the line is: for all, or for each of them (P,).
+    sign : 1 or -1, the direction that counts: for all, or for each of them (P,).
+    """
+
+    def __init__(self, crowds: Crowds, axis: int, at: float | Floats, sign: int | Ints = 1) -> None:
+        self._crowds, self._axis, self._at, self._sign = crowds, axis, at, sign
+        self.time = np.full(len(crowds.simulation.state.active), np.nan)  # (P,) s; nan for those who have not
+        self.last = np.zeros(crowds.count)  # s, when somebody last passed, by crowd
+
+    def see(self, before: Moment, now: Moment) -> None:
+        """Count who has passed between two moments."""
+        then, here = (self._sign * (moment.position[:, self._axis] - self._at) for moment in (before, now))
+        passed = np.flatnonzero((then < 0.0) & (here >= 0.0) & before.active & np.isnan(self.time))
+        if len(passed):
+            share = then[passed] / (then[passed] - here[passed])
+            self.time[passed] = before.time + share * (now.time - before.time)
+            start = self._crowds.simulation.bodies.env_start
+            self.last[np.searchsorted(start, passed, side="right") - 1] = now.time
+
+    def stop_the_stuck(self, now: Moment, patience: float) -> list[int]:
+        """Stop crowds in which somebody has yet to pass and nobody has for ``patience`` seconds; return which."""
+        found = []
+        for e in np.flatnonzero(now.time - self.last > patience):
+            people = self._crowds.people(int(e))
+            if (now.active[people] & np.isnan(self.time[people])).any():
+                self._crowds.stop(int(e))
+                found.append(int(e))
+        return found
+
+    def times(self, e: int) -> Floats:
+        """Return when the people of crowd ``e`` passed, in order; nan last."""
+        return np.sort(self.time[self._crowds.people(e)])
+
+
+def steady_flow(times: Floats, first: float = 0.2, last: float = 0.9) -> float:
+    """Return the slope [1/s] of the number passed against time, from a share ``first`` of the people to a share ``last``."""
+    return flow_slope(times[round(first * len(times)) : round(last * len(times))])
+
+
+def mean_of(values: Sequence[float] | Floats) -> float:
+    """Return the mean of what is not nan; nan if nothing is."""
+    finite = np.asarray(values, dtype=np.float64)
+    finite = finite[np.isfinite(finite)]
+    return float(finite.mean()) if len(finite) else float("nan")

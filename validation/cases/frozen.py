@@ -1,0 +1,116 @@
+"""Faster is frozen: from which desired speed on does the exit of Lin, Ma, Lo block, and what sets that speed?
+
+The social force of Lin, Ma, Lo is not reciprocal: of two in file who just touch, the one behind is pushed back by A (1 + phi)
+and the one in front forward by A (1 - phi).  In a crowd in which everyone touches z others, evenly all around, the forces that
+these exert add up to (z / 2) phi A backwards, sum over n of A phi n (n . e).  The drive m v_0 / tau is held by it, with no
+body pressed, up to
+
+    v_0 = (z / 4) v*,    v* = 2 phi A tau / m
+
+and what is beyond that is left for contacts to bear, and for arches to be made of.  z is 6 in a dense packing of discs, 4 in
+the loosest rigid one.
+"""
+
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowd_env.envs.metrics import share_interval
+from crowd_env.reproduce.lin2016.run import Run
+from crowd_env.reproduce.pool import all_cores, complete
+from crowd_env.reproduce.store import Store
+from validation.cases.case import Row, Setting, row
+
+PEOPLE = 200
+SPEEDS = (1.2, 1.4)  # times v*: below and above the onset in the paper's Figure 7, 1.6 to 1.8 m/s
+_RELAXATION_TIME, _MASS = 0.5, 70.0  # s, kg: of the population of Lin, Ma, Lo, mean
+
+# What is varied, one at a time; the social force of walls keeps its ratio to that of people.
+VARIANTS: tuple[Mapping[str, Any], ...] = (
+    {"friction": 0.5},
+    {"friction": 0.0},
+    {"friction": 0.25},
+    {"friction": 1.0},
+    {"strength": 150.0},
+    {"strength": 600.0},
+    {"anisotropy": 0.15},
+    {"anisotropy": 0.6},
+)
+
+
+def characteristic_speed(run: Run) -> float:
+    """Return v* = 2 phi A tau / m [m/s] of a run."""
+    return 2.0 * run.anisotropy * run.strength * _RELAXATION_TIME / _MASS
+
+
+def onset(speeds: tuple[float, ...], shares: list[float]) -> float | None:
+    """Return the speed at which half of the draws block, linear between ``speeds``; None if that is not among them."""
+    for k in range(1, len(speeds)):
+        if shares[k - 1] < 0.5 <= shares[k]:
+            return float(np.interp(0.5, shares[k - 1 : k + 1], speeds[k - 1 : k + 1]))
+    return speeds[0] if shares[0] == 0.5 else None
+
+
+TITLE = f"{PEOPLE} people leave a room of 15 x 15 m through an exit of 1 m, or block it"
+CRITERION = (
+    f"half of the draws block between {SPEEDS[0]:g} and {SPEEDS[-1]:g} times v* = 2 phi A tau / m, whatever the friction of "
+    "people and the social force; the shares are of all draws, with Wilson's 95 % interval"
+)
+SOURCE = (
+    "Lin, Ma, Lo, Chinese Physics B 25 (2016) 034501, Figure 7; the balance of forces in validation/cases/frozen.py"
+)
+
+
+def run(setting: Setting) -> Iterable[Row]:
+    """Yield a row a variant: the share of blocked draws at every speed, and where it passes one half; for `hertz` alone."""
+    if setting.scheme == "hertz" and setting.manner == "competitive":
+        yield from _rows(setting)
+
+
+def _rows(setting: Setting) -> Iterator[Row]:
+    with tempfile.TemporaryDirectory() as folder:
+        store = Store(Path(folder))
+        for variant in VARIANTS:
+            usual = replace(Run(PEOPLE, 1.0), **variant)
+            usual = replace(usual, wall_social=usual.strength)
+            speed = characteristic_speed(usual)
+            # A band over frictions needs more draws than a scale with the force.
+            draws = setting.draws if "friction" in variant else max(setting.draws // 2, 1)
+            seeds = range(setting.seed, setting.seed + draws)
+            runs = {
+                times: [replace(usual, desired_speed=times * speed, seed=seed) for seed in seeds] for times in SPEEDS
+            }
+            at = ", ".join(f"{name} {value:g}" for name, value in variant.items())
+            setting.notify(f"{at}: {len(SPEEDS) * draws} evacuations")
+            every = [one for some in runs.values() for one in some]
+            records = complete(every, store, workers=all_cores(), progress=lambda _: None)
+            blocked = {times: [records[one].blocked_since is not None for one in some] for times, some in runs.items()}
+            yield finding(setting, usual, speed, blocked)
+
+
+def finding(setting: Setting, run: Run, speed: float, blocked: Mapping[float, list[bool]]) -> Row:
+    """Return the row of one variant; ``blocked`` says of every draw at every multiple of ``speed`` whether it did."""
+    half = onset(tuple(blocked), [float(np.mean(draws)) for draws in blocked.values()])
+    more: dict[str, Any] = {
+        "friction": run.friction,
+        "A, N": run.strength,
+        "phi": run.anisotropy,
+        "v*, m/s": speed,
+        "half block at, m/s": None if half is None else half * speed,
+        "half block at, v*": half,
+        "draws": len(next(iter(blocked.values()))),
+    }
+    for times, draws in blocked.items():
+        low, high = share_interval(sum(draws), len(draws))
+        more |= {
+            f"blocked at {times:g} v*": sum(draws),
+            f"blocked at {times:g} v*, least share": low,
+            f"blocked at {times:g} v*, most": high,
+        }
+    shares = ", ".join(f"{sum(draws)} of {len(draws)} at {times:g} v*" for times, draws in blocked.items())
+    figure = f"friction {run.friction:g}, A {run.strength:g} N, phi {run.anisotropy:g}: blocked {shares}"
+    return row("frozen", setting, half is not None, figure, CRITERION, SOURCE, **more)

@@ -1,0 +1,92 @@
+"""Single file: people walk one behind the other around a ring; how fast, at which line density?"""
+
+from typing import Any
+
+import numpy as np
+import shapely
+
+from crowd_env import Geometry, Simulation, make_state
+from validation.cases.case import Row, Setting, adults, row
+from validation.cases.crowds import Crowds, Floats, Moment, generator, join_bodies, mean_of
+
+SOURCE = (
+    "12 single-file experiments, each weighted alike (Zenodo 10.5281/zenodo.8378592), in place of the bands of RiMEA 16"
+)
+CRITERION = "mean speed between the 10 % and the 90 % speeds of the experiments at 9 or more of 11 line densities"
+ENOUGH = 9
+
+# Line density [1/m] (middle of a bin of 0.2 /m) -> 10 %, 50 % and 90 % of the recorded speeds [m/s].
+BANDS = {
+    0.5: (0.480, 0.883, 1.259),
+    0.7: (0.571, 0.962, 1.199),
+    0.9: (0.570, 0.947, 1.145),
+    1.1: (0.441, 0.694, 0.980),
+    1.3: (0.294, 0.559, 0.779),
+    1.5: (0.170, 0.342, 0.651),
+    1.7: (0.091, 0.224, 0.410),
+    1.9: (0.051, 0.193, 0.363),
+    2.1: (0.023, 0.147, 0.354),
+    2.3: (0.007, 0.133, 0.352),
+    2.5: (0.000, 0.125, 0.353),
+}
+
+_LENGTH, _WIDTH = 27.0, 0.6  # m, of the lane: bodies cannot overtake
+_RADIUS = _LENGTH / (2.0 * np.pi)
+_FROM, _UNTIL = 20.0, 60.0  # s, when speeds are measured: the start from rest is over
+
+
+def ring() -> Geometry:
+    """Return the lane, with no way out."""
+    center = shapely.Point(0.0, 0.0)
+    outer, inner = (center.buffer(_RADIUS + side * 0.5 * _WIDTH, quad_segs=24) for side in (1.0, -1.0))
+    return Geometry.from_polygon(outer.difference(inner))
+
+
+def onward(moment: Moment) -> Floats:
+    """Return the commands (P, 2) that lead everyone around, and gently back to the middle of the lane."""
+    x, y = moment.position.T
+    off = np.hypot(x, y)
+    radial = np.clip(2.0 * (_RADIUS - off), -0.3, 0.3)  # 0.1 m off the middle: 0.2 towards it
+    command = np.column_stack([-y + radial * x, x + radial * y]) / np.maximum(off, 1e-9)[:, None]
+    return np.asarray(command / np.maximum(np.hypot(*command.T), 1e-9)[:, None])
+
+
+def speeds(setting: Setting, densities: tuple[float, ...] = tuple(BANDS)) -> dict[float, float]:
+    """Return the mean speed [m/s] along the lane at each line density [1/m]."""
+    numbers = [round(density * _LENGTH) for density in densities]
+    drawn = [adults(n).draw_bodies(generator(setting, d)) for n in numbers for d in range(setting.draws)]
+    angles = [2.0 * np.pi / n * np.arange(n) for n in numbers for _ in range(setting.draws)]
+    position = _RADIUS * np.concatenate([np.column_stack([np.cos(angle), np.sin(angle)]) for angle in angles])
+    simulation = Simulation(
+        ring(),
+        join_bodies(drawn),
+        make_state(position, environments=len(drawn)),
+        scheme=setting.scheme,
+        manner=setting.manner,
+    )
+    crowds = Crowds(simulation, setting.draws)
+    walked, counted = np.zeros(len(position)), 0.0
+    for before, now in crowds.moments(_UNTIL, onward):
+        if before.time >= _FROM - 1e-9:
+            walked += _RADIUS * turned(before.position, now.position)
+            counted += now.time - before.time
+    found = [float(walked[crowds.people(e)].mean() / counted) for e in range(crowds.count)]
+    return {density: mean_of([found[e] for e in crowds.of(k)]) for k, density in enumerate(densities)}
+
+
+def turned(before: Floats, now: Floats) -> Floats:
+    """Return the angle [rad] between two positions (P, 2), counted around the center."""
+    cross = before[:, 0] * now[:, 1] - before[:, 1] * now[:, 0]
+    return np.asarray(np.arctan2(cross, np.einsum("ij,ij->i", before, now)))
+
+
+def run(setting: Setting) -> list[Row]:
+    """Return the row.  There are no routes: everyone is led along the lane."""
+    found = speeds(setting)
+    inside = [density for density, speed in found.items() if BANDS[density][0] <= speed <= BANDS[density][2]]
+    outside = ", ".join(
+        f"{speed:.2f} m/s at {density:g} /m" for density, speed in found.items() if density not in inside
+    )
+    figure = f"{len(inside)} of {len(found)} inside" + (f"; outside: {outside}" if outside else "")
+    more: dict[str, Any] = {"speed": found, "band": {density: BANDS[density] for density in found}}
+    return [row("ring", setting, len(inside) >= ENOUGH, figure, CRITERION, SOURCE, **more)]

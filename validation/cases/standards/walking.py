@@ -1,0 +1,142 @@
+"""Tests of how single people and small groups walk: speed, stairs, response times, corners, ages, densities."""
+
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from crowd_env import Geometry, LogNormal, Normal, Population, Scenario, Simulation, SpeedZone, Uniform, make_state
+from crowd_env.geometry.geometry import box
+from validation.cases.case import Setting, adults
+from validation.cases.crowds import Crowds, Floats, Moment, Passages, draw_crowds, generator, join_bodies, mean_of
+from validation.cases.standards.verdict import Verdict
+
+_ALL_AT = (1.33, 1.0)  # m/s, of the tests in a corridor of 40 m
+_STAIRS = 10.0  # m
+_DENSITIES = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)  # 1/m2
+_RADIUS, _WIDTH = 10.0, 2.4  # m, of the ring that stands for a corridor of 1000 m
+_MOVED = 0.02  # m: someone who has moved so far has started
+
+
+def corridor(people: Population, length: float = 40.0, zones: tuple[SpeedZone, ...] = ()) -> Scenario:
+    """Return a corridor 2 m wide in which everyone starts 0.4 to 0.6 m from one end and leaves at the other."""
+    place = Geometry.from_polygon(
+        box(0.0, -1.0, length, 1.0),
+        exits={"end": [(length, -1.0), (length, 1.0)]},
+        regions={"start": box(0.2, -0.5, 0.8, 0.5), "stairs": box(5.0, -1.0, 5.0 + _STAIRS, 1.0)},
+    )
+    return Scenario("corridor", place, people.changed(start_region="start"), 120.0, zones=zones)
+
+
+def alone(setting: Setting, scenario: Scenario, first: float, last: float) -> tuple[Floats, Floats, Floats]:
+    """Return what people who walk alone, one a draw, want [m/s], their speed between two lines, and when they are out [s]."""
+    crowds = draw_crowds([scenario], replace(setting, strategy="shortest"))  # there is one way
+    lines = [Passages(crowds, 0, at) for at in (first, last)]
+    for before, now in crowds.moments(scenario.time_limit):
+        for line in lines:
+            line.see(before, now)
+    state = crowds.simulation.state
+    return crowds.simulation.bodies.desired_speed, (last - first) / (lines[1].time - lines[0].time), state.exit_time
+
+
+def corridor_of_40_m(setting: Setting) -> Verdict:
+    """RiMEA 1, ISO 2, NIST 2.1, IMO 1: one person walks 40 m."""
+    found = []
+    for speed in _ALL_AT:
+        _, walked, out = alone(setting, corridor(adults(1, desired_speed=Uniform(speed, speed))), 5.0, 35.0)
+        found.append((mean_of(walked), mean_of(out)))
+    (_, took), (slow, _) = found
+    passed = 26.0 <= took <= 34.0 and abs(slow - 1.0) <= 0.05
+    return Verdict(passed, f"{took:.1f} s at 1.33 m/s; {slow:.3f} m/s at 1 m/s", {"time": took, "speed": slow})
+
+
+def stairs(setting: Setting) -> Verdict:
+    """RiMEA 2 and 3, ISO 3, NIST 2.2, IMO 2 and 3: one person on stairs, which are floor where people are half as fast."""
+    people = adults(1, desired_speed=Uniform(1.0, 1.0))
+    scenario = corridor(people, 20.0, (SpeedZone("stairs", factor=0.5),))
+    _, walked, _ = alone(setting, scenario, 6.0, 14.0)
+    speed = mean_of(walked)
+    return Verdict(abs(speed - 0.5) <= 0.05, f"{speed:.3f} m/s where 0.5 is set", {"speed": speed})
+
+
+def ages(setting: Setting) -> Verdict:
+    """RiMEA 7, IMO 7, ISO 5, NIST 2.4: people walk at the speeds that they were given."""
+    by_age = adults(1, desired_speed=Uniform(0.7, 1.6))
+    desired, walked, _ = alone(replace(setting, draws=50), corridor(by_age), 5.0, 35.0)
+    off = float(np.abs(walked / desired - 1.0).max())
+    drawn = adults(1, desired_speed=Normal(1.2, 0.2, 0.5, 1.9))
+    _, normal, _ = alone(replace(setting, draws=100), corridor(drawn), 5.0, 35.0)
+    mean, sd = mean_of(normal), float(np.nanstd(normal, ddof=1))
+    passed = off <= 0.05 and abs(mean - 1.2) <= 0.05 and abs(sd - 0.2) <= 0.05
+    figure = f"50 people of 0.7 to 1.6 m/s within {100 * off:.1f} %; 100 of 1.2 ± 0.2 m/s walk at {mean:.2f} ± {sd:.2f}"
+    return Verdict(passed, figure, {"largest_deviation": off, "mean": mean, "sd": sd})
+
+
+def response_times(setting: Setting) -> Verdict:
+    """RiMEA 5, ISO 1, NIST 1.1, IMO 5: ten people begin to walk when their own response time is over.
+
+    They stand side by side at the back, where nobody who walks can push somebody who waits.
+    """
+    place = Geometry.from_polygon(box(0.0, 0.0, 8.0, 5.0), exits={"door": [(8.0, 2.0), (8.0, 3.0)]})
+    starts = np.column_stack([np.full(10, 0.5), np.linspace(0.25, 4.75, 10)])
+    laws = (Uniform(10.0, 100.0), Normal(55.0, 15.0, 10.0, 100.0), LogNormal(98.1, 0.967, high=300.0, low=5.0))
+    scenarios = [Scenario("response", place, adults(10, response_time=law, starts=starts), 400.0) for law in laws]
+    crowds = draw_crowds(scenarios, setting)
+    start = crowds.simulation.state.position.copy()
+    began = np.full(len(start), np.nan)
+    for _, now in crowds.moments(400.0):
+        moved = np.hypot(*(now.position - start).T) > _MOVED
+        began[moved & np.isnan(began)] = now.time
+    late = began - crowds.simulation.bodies.response_time
+    passed = bool((late > 0.0).all() and (late < 1.0).all())
+    figure = f"people begin {late.min():.2f} to {late.max():.2f} s after their response time"
+    return Verdict(passed, figure, {"late": [float(late.min()), float(late.max())]})
+
+
+def corner(setting: Setting) -> Verdict:
+    """RiMEA 6, ISO 4, NIST 2.3, IMO 6: twenty people turn a corner, and nobody goes through a wall."""
+    floor = shapely.union(box(0.0, 0.0, 12.0, 2.0), box(10.0, 0.0, 12.0, 12.0))
+    place = Geometry.from_polygon(
+        floor, exits={"end": [(10.0, 12.0), (12.0, 12.0)]}, regions={"start": box(0.0, 0.0, 6.0, 2.0)}
+    )
+    crowds = draw_crowds([Scenario("corner", place, adults(20, start_region="start"), 120.0)], setting)
+    outside = 0
+    shapely.prepare(floor)
+    for _, now in crowds.moments(120.0):
+        outside += int((~shapely.intersects_xy(shapely.buffer(floor, 1e-3), *now.position[now.active].T)).sum())
+    left = int(crowds.simulation.state.active.sum())
+    return Verdict(left == 0 and outside == 0, f"{left} left, {outside} outside", {"left": left, "outside": outside})
+
+
+def fundamental_diagram(setting: Setting) -> Verdict:
+    """RiMEA 4, ISO 13: speed and flow by density, in a ring 2.4 m wide in place of a corridor of 1000 m."""
+    center = shapely.Point(0.0, 0.0)
+    outer, inner = (center.buffer(_RADIUS + side * 0.5 * _WIDTH, quad_segs=24) for side in (1.0, -1.0))
+    place = Geometry.from_polygon(outer.difference(inner))
+    numbers = [round(density * place.area) for density in _DENSITIES]
+    drawn = [adults(n, desired_speed=Uniform(1.2, 1.4)).draw(generator(setting, 0), place) for n in numbers]
+    simulation = Simulation(
+        place,
+        join_bodies([bodies for bodies, _ in drawn]),
+        make_state(np.concatenate([position for _, position in drawn]), environments=len(drawn)),
+        scheme=setting.scheme,
+        manner=setting.manner,
+    )
+    crowds = Crowds(simulation, 1)
+    walked = np.zeros(len(simulation.state.active))
+    for before, now in crowds.moments(30.0, along):
+        if before.time >= 10.0 - 1e-9:
+            walked += np.einsum("ij,ij->i", now.position - before.position, along(before)) / 20.0
+    speed = np.array([walked[crowds.people(e)].mean() for e in range(crowds.count)])
+    flow = speed * np.array(_DENSITIES)
+    best = int(np.argmax(flow))
+    passed = bool((np.diff(speed) < 0.0).all()) and 0 < best < len(flow) - 1
+    figure = ", ".join(f"{d:g} /m2 {v:.2f} m/s" for d, v in zip(_DENSITIES, speed, strict=True))
+    figure += f"; most flow, {flow[best]:.2f} /(m s), at {_DENSITIES[best]:g} /m2"
+    return Verdict(passed, figure, {"density": _DENSITIES, "speed": speed.tolist(), "flow": flow.tolist()})
+
+
+def along(moment: Moment) -> Floats:
+    """Return the unit vectors (P, 2) that lead around the ring."""
+    x, y = moment.position.T
+    return np.column_stack([-y, x]) / np.maximum(np.hypot(x, y), 1e-9)[:, None]

@@ -1,0 +1,76 @@
+"""Density and speed by the Voronoi method (Steffen, Seyfried 2010, doi 10.1016/j.physa.2009.12.015)."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+
+from validation.cases.crowds import Bools, Crowds, Floats, Moment, mean_of
+
+REACH = 1.0  # m: nobody takes up more room than a disc of this radius, as in PedPy's evaluations of these recordings
+
+
+def cells(position: Floats, floor: Polygon, reach: float = REACH) -> np.ndarray:
+    """Return the cell (N,) of each of some people on the floor: what is nearer to them than to anyone else, and near."""
+    discs = shapely.buffer(shapely.points(position), reach, quad_segs=8)
+    shapely.prepare(floor)
+    if len(position) > 1:
+        around = shapely.envelope(shapely.union(floor, shapely.multipoints(position))).buffer(2.0 * reach)
+        parts = shapely.get_parts(shapely.voronoi_polygons(shapely.multipoints(position), extend_to=around))
+        person, part = shapely.STRtree(parts).query(shapely.points(position), predicate="intersects")
+        own = np.empty(len(position), dtype=np.int64)
+        own[person] = part
+        discs = shapely.intersection(discs, parts[own])
+    return np.asarray(shapely.intersection(discs, floor))
+
+
+def density_and_speed(
+    position: Floats, speed: Floats, floor: Polygon, field: Polygon, reach: float = REACH
+) -> tuple[float, float]:
+    """Return density [1/m2] and mean speed [m/s] in a measurement field; the speed is nan where nobody is near.
+
+    Parameters
+    ----------
+    position : (N, 2) m, of people on the floor.
+    speed : (N,) m/s.
+    floor : what their cells are cut at.
+    field : part of the floor that is measured.
+    """
+    if not len(position):
+        return 0.0, float("nan")
+    room = cells(position, floor, reach)
+    shared = shapely.area(shapely.intersection(room, field))
+    if not shared.any():
+        return 0.0, float("nan")
+    density = float((shared / np.maximum(shapely.area(room), 1e-12)).sum() / field.area)
+    return density, float((shared * speed).sum() / shared.sum())
+
+
+class Look(NamedTuple):
+    """Who is near a measurement field at a moment."""
+
+    crowd: int
+    time: float  # s
+    position: Floats  # (K, 2) m
+    speed: Floats  # (K,) m/s
+
+
+def look(crowds: Crowds, before: Moment, now: Moment, near: Bools) -> list[Look]:
+    """Return those of ``near`` (P,) who are still there, crowd by crowd, and how fast they were since the moment before."""
+    speed = np.hypot(*(now.position - before.position).T) / (now.time - before.time)
+    near = near & now.active
+    slots = [np.arange(crowds.people(e).start, crowds.people(e).stop) for e in range(crowds.count)]
+    return [
+        Look(e, now.time, now.position[here], speed[here])
+        for e, here in enumerate(people[near[people]] for people in slots)
+    ]
+
+
+def mean_between(
+    begin: float, end: float, looks: Sequence[Look], floor: Polygon, field: Polygon
+) -> tuple[float, float]:
+    """Return the means of density [1/m2] and speed [m/s] in a field over the looks between two times [s]."""
+    seen = [density_and_speed(one.position, one.speed, floor, field) for one in looks if begin <= one.time <= end]
+    return mean_of([density for density, _ in seen]), mean_of([speed for _, speed in seen])

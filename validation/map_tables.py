@@ -1,0 +1,65 @@
+"""The validation map as tables of docs/validation.md: what passes under which scheme and manner, and the figures behind it."""
+
+from typing import TYPE_CHECKING, Any
+
+from validation.cases.case import COMPARED
+
+if TYPE_CHECKING:
+    from validation.pages import Sources
+
+Rows = list[dict[str, Any]]
+
+_ONE_ROW = ("gate", "doors", "corridor", "ring", "counterflow", "crossing", "corner", "faster")
+CASES = (*_ONE_ROW, "standards")
+_SAID = {True: "yes", False: "**no**", None: "–"}
+
+PASSED_HEAD = ("case or test", "manner", *(f"`{scheme}`" for scheme in COMPARED))
+FIGURES_HEAD = ("case or test", "manner", "scheme", "passed", "figures")
+
+
+def passed(source: "Sources") -> list[list[str]]:
+    """One row a case or test and manner, one column a scheme."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for row in _sorted(source):
+        found.setdefault((row["case"], row["manner"]), {})[row["scheme"]] = _SAID[row["passed"]]
+    return [
+        [f"`{case}`", manner, *(cells.get(scheme, "") for scheme in COMPARED)]
+        for (case, manner), cells in found.items()
+    ]
+
+
+def criteria(source: "Sources") -> str:
+    """Say what each case and test asks for, and which tests are not supported."""
+    asked = {row["case"]: f"{row['criterion']} ({row['source']})" for row in _sorted(source)}
+    missing = {row["source"]: row["figure"] for row in _read(source, "standards") if row["case"] == "not supported"}
+    lines = [f"* `{case}`: {text}." for case, text in asked.items()]
+    lines += [f"* Not supported, {tests}: {reason}." for tests, reason in missing.items()]
+    return "\n".join(lines)
+
+
+def figures(source: "Sources") -> list[list[str]]:
+    """One row a case or test, manner and scheme."""
+    return [
+        [f"`{row['case']}`", row["manner"], f"`{row['scheme']}`", _SAID[row["passed"]], row["figure"]]
+        for row in _sorted(source)
+    ]
+
+
+def _sorted(source: "Sources") -> Rows:
+    """Return all rows by case or test, then by manner, each in the order in which they come."""
+    rows = _cases(source) + _tests(source)
+    cases, manners = (list(dict.fromkeys(row[key] for row in rows)) for key in ("case", "manner"))
+    return sorted(rows, key=lambda row: (cases.index(row["case"]), manners.index(row["manner"])))
+
+
+def _cases(source: "Sources") -> Rows:
+    return [row for case in _ONE_ROW for row in _read(source, case)]
+
+
+def _tests(source: "Sources") -> Rows:
+    return [row for row in _read(source, "standards") if row["case"] != "not supported"]
+
+
+def _read(source: "Sources", case: str) -> Rows:
+    rows: Rows = source.read(f"{case}.json")["rows"]
+    return rows
