@@ -78,10 +78,10 @@ class Headway:
         If a value is out of range.
     """
 
-    time_gap: float = 0.6
+    time_gap: float = 0.55
     push: float = 0.0
     width: float = 0.8
-    strength: float = 0.25
+    strength: float = 0.2
     length: float = 0.2
     oncoming: float = 8.0
     anticipation: float = 0.5

@@ -1,9 +1,8 @@
 """The fastest way through a crowd: a coarse travel-time field, marched anew with the speed that the crowd leaves.
 
-A front of people takes as long as its queue takes at the narrowest place ahead (`crowd_env.navigation.fronts`).  Among the
-places in a front the time is split as the density there says (`crowd_env.navigation.fundamental_diagram`).  People who keep no
-distance are not slowed by density, only by the queue, and nobody gets past a queue by walking around those who stand in it:
-they leave the shortest way only where another door or exit is faster.
+People who keep a distance are slowed as the density says.  Those who keep none are slowed by queues alone: a front of them
+takes as long as its queue takes at the narrowest place ahead (`crowd_env.navigation.fronts`), nobody gets past a queue by
+walking around those who stand in it, and so they leave the shortest way only where another door or exit is faster.
 """
 
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from crowd_env.navigation.domain import SOURCE
 from crowd_env.navigation.extension import fill_from_nearest
 from crowd_env.navigation.field import NavigationField
 from crowd_env.navigation.fronts import Fronts
-from crowd_env.navigation.fundamental_diagram import FundamentalDiagram
+from crowd_env.navigation.fundamental_diagram import FundamentalDiagram, weidmann
 from crowd_env.state import Bools, Floats
 
 SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
@@ -85,13 +84,11 @@ class CongestionField:
 
     def _crowded(self, position: Floats, people: FundamentalDiagram) -> tuple[Floats, Bools]:
         """Return the speed (rows, cols) relative to plain floor, and where people keep to the shortest way."""
-        fronts, node = self._fronts, grid.nearest_nodes(position, self.origin, self.spacing, self._inside.shape)
-        queue, front = fronts.queue(node, people), fronts.front
         if people.time_gap == 0.0:
+            fronts, node = self._fronts, grid.nearest_nodes(position, self.origin, self.spacing, self._inside.shape)
+            queue, front = fronts.queue(node, people), fronts.front
             return self._speed / self._mean_around(queue[front]), fronts.keeps_on(queue)[front]
-        slower = 1.0 / people.speed(self.density(position))
-        scale = self._mean_around((queue / fronts.mean_of_people(node, slower))[front])
-        return self._speed / np.maximum(slower * scale, 1.0), np.zeros_like(self._inside)
+        return self._speed * weidmann(self.density(position)), np.zeros_like(self._inside)
 
     def _mean_around(self, values: Floats) -> Floats:
         """Return the mean (rows, cols) of ``values`` over the floor around every node; 1 outside."""

@@ -74,13 +74,6 @@ class Fronts:
         waiting[0] = 0.0
         return np.asarray(np.maximum(waiting * people.desired_speed / self._depth, 1.0))
 
-    def mean_of_people(self, node: tuple[Ints, Ints], values: Floats) -> Floats:
-        """Return the mean of ``values`` (rows, cols) over people at these nodes, in each front (K,); 1 where nobody is."""
-        front, count = self.front[node], len(self._narrowest)
-        number = np.bincount(front, minlength=count)
-        total = np.bincount(front, values[node], count)
-        return np.divide(total, number, out=np.ones(count), where=number > 0)
-
     def keeps_on(self, queue: Floats) -> Bools:
         """Return in which fronts (K,) the shortest way is the fastest, and stays so all the way out."""
         time, then = np.full(len(queue), np.inf), np.full(len(queue), -1)

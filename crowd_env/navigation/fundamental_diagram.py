@@ -1,10 +1,10 @@
 """How fast a crowd walks at a density, and how many pass an opening: what a congested way costs in time.
 
-People of radius r who keep a time gap T leave V T in front at speed V, so that at a density rho, packed in triangles,
-
-    V = clip((d - 2 r) / T, p v_0, v_0),  d = sqrt(2 / (sqrt(3) rho))
-
-(collision-free speed model: Tordeux, Chraibi, Seyfried 2016).  Who keeps no distance walks at full speed up to touching.
+People who keep a distance walk about as fast as Weidmann (1993) found people to walk at a density,
+    v / v_free = 1 - exp(-1.913 (1 / rho - 1 / 5.4)),  rho in 1/m2,
+but never slower than `SLOWEST`: a jam moves on, it only takes its time.  (What their rule gives in a crowd packed in triangles,
+(d - 2 r) / T, sends them around queues that they could join: at the recorded gate 0.95 instead of 1.13 people a second.)  Who
+keeps no distance walks at full speed up to touching; only the queue in front of an opening takes time.
 """
 
 from typing import NamedTuple
@@ -14,6 +14,7 @@ import numpy as np
 from crowd_env.state import Floats
 
 SLOWEST = 0.08  # of the free speed: a crowd that fills the floor moves on, it only takes its time
+_JAM = 5.4  # 1/m2
 _CLOSEST = np.sqrt(3.0) / 2.0  # m2 per person and square of the distance, packed in triangles
 
 
@@ -24,15 +25,6 @@ class FundamentalDiagram(NamedTuple):
     desired_speed: float
     time_gap: float = 0.0
     push: float = 1.0
-
-    def speed(self, density: Floats) -> Floats:
-        """Return the speed at a density [1/m2] as a share of the desired speed, at least `SLOWEST`."""
-        least = max(self.push, SLOWEST)
-        if least >= 1.0 or self.time_gap * self.desired_speed <= 0.0:
-            return np.ones_like(density)
-        distance = 1.0 / np.sqrt(_CLOSEST * np.maximum(density, 1e-9))
-        share = (distance - 2.0 * self.radius) / (self.time_gap * self.desired_speed)
-        return np.clip(share, least, 1.0)
 
     def flow(self, width: Floats) -> Floats:
         """Return how many pass an opening per second; ``width`` [m] is what the middle of a body has of it.
@@ -45,3 +37,10 @@ class FundamentalDiagram(NamedTuple):
         best = speed if room <= 0.0 else min(speed, 2.0 * self.radius / room)
         front = best / (_CLOSEST * (best * room + 2.0 * self.radius) ** 2)
         return np.maximum(file, front * width)
+
+
+def weidmann(density: Floats) -> Floats:
+    """Return the speed at a density [1/m2] as a share of the free speed (Weidmann 1993), at least `SLOWEST`."""
+    with np.errstate(divide="ignore", over="ignore"):
+        share = 1.0 - np.exp(-1.913 * (1.0 / np.maximum(density, 1e-9) - 1.0 / _JAM))
+    return np.clip(share, SLOWEST, 1.0)

@@ -14,7 +14,7 @@ from shapely.geometry import Point, box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import join_fields
-from crowd_env.navigation.fundamental_diagram import SLOWEST, FundamentalDiagram
+from crowd_env.navigation.fundamental_diagram import SLOWEST, FundamentalDiagram, weidmann
 from crowd_env.navigation.lookup import direction_at
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.routing.regions import region_masks
@@ -100,21 +100,19 @@ def test_density_integrates_to_the_number_of_people():
         assert density.max() < 30 / 1.0
 
 
-def test_speed_falls_with_density_as_the_headway_says():
-    # Packed in triangles at 2 /m2 the next one is 0.76 m away.
-    people = FundamentalDiagram(radius=0.2, desired_speed=1.4, time_gap=0.5, push=0.0)
-    for density, speed in ((1.0, 1.35), (2.0, 0.72), (3.0, 0.441), (4.0, 0.275)):
-        assert 1.4 * people.speed(np.array([density]))[0] == pytest.approx(speed, abs=0.005)
-    assert people.speed(np.array([0.0, 9.0])).tolist() == [1.0, SLOWEST]
-    assert people._replace(push=0.3).speed(np.array([9.0]))[0] == 0.3
-    assert people._replace(time_gap=0.0, push=1.0).speed(np.array([9.0]))[0] == 1.0
+def test_speed_falls_with_density_as_weidmann_says():
+    # Weidmann's (1993) fundamental diagram of level walkways, 1.34 m/s freely.
+    for density, speed in ((1.0, 1.06), (2.0, 0.61), (3.0, 0.33), (4.0, 0.16)):
+        assert 1.34 * weidmann(np.array([density]))[0] == pytest.approx(speed, abs=0.015)
+    assert weidmann(np.array([0.0, 5.4, 9.0])).tolist() == [1.0, SLOWEST, SLOWEST]
 
 
 def test_the_flow_through_a_door_is_that_of_one_file_or_of_a_front():
     people = FundamentalDiagram(radius=0.2, desired_speed=1.4, time_gap=0.5, push=0.0)
     assert people.flow(np.array([0.0]))[0] == pytest.approx(1.4 / (0.7 + 0.4))  # one after the other
     density = np.linspace(0.1, 6.0, 2000)
-    most = (density * 1.4 * people.speed(density))[density < 4.0].max()
+    distance = 1.0 / np.sqrt(np.sqrt(3.0) / 2.0 * density)  # to the next, packed in triangles
+    most = (density * np.clip((distance - 0.4) / 0.5, 0.0, 1.4)).max()
     assert people.flow(np.array([10.0]))[0] == pytest.approx(10.0 * most, rel=1e-3)
 
 
