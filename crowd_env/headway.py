@@ -78,7 +78,7 @@ class Headway:
         If a value is out of range.
     """
 
-    time_gap: float = 0.55
+    time_gap: float = 0.6
     push: float = 0.0
     width: float = 0.8
     strength: float = 0.2
