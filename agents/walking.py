@@ -130,8 +130,8 @@ class HeadwayRule(WalkingRule):
     The formulas and their sources (Tordeux, Chraibi, Seyfried 2016; Xu, Chraibi, Seyfried 2021) stand in
     `crowd_env.headway`.  Sees the terms ``velocity``, ``desired_speed`` (known up to 2 m/s) and
     `PEOPLE_AHEAD`: the 16 nearest in front within 3 m, with the ways they want to go, which no standard term tells.  It differs
-    from the manner in five points: it has constants of its own, it decides every decision step, it sees people through walls, it
-    overtakes nobody, and it counts no time waited, so that ``push`` is constant where the manner grows impatient.
+    from the manner in five points: it has constants of its own, it decides every decision step, it sees people through walls,
+    it overtakes nobody, and it counts no time waited, so that ``push`` is constant where the manner grows impatient.
 
     Parameters
     ----------

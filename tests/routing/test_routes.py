@@ -161,7 +161,10 @@ def test_around_or_through_slow_ground_whatever_is_quicker(share):
     # From (2, 1) through two meters of slow ground it takes 8 + 2 / share, around 10.9: they break even at 0.69.
     slow = box(5, 0, 7, 3)
     geometry = detour_hall(slow)
-    speed = lambda points: np.where(shapely.intersects_xy(slow, points[..., 0], points[..., 1]), share, 1.0)  # noqa: E731
+
+    def speed(points):
+        return np.where(shapely.intersects_xy(slow, points[..., 0], points[..., 1]), share, 1.0)
+
     arrays = join_fields([travel_time_field(geometry, RADIUS, speed=speed)], geometry.boundary)
     exact = min(8 + 2 / share, around((2, 1), slow))
     assert travel_time_at(arrays, geometry.boundary, 0, 2.0, 1.0, RADIUS) == pytest.approx(exact, rel=0.025)
