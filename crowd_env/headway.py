@@ -1,17 +1,19 @@
-"""Headway: people walk as fast as the gap in front of them allows, step aside and overtake; available to every scheme.
+"""Headway: people walk as fast as the room in front of them allows, step aside and overtake; available to every scheme.
 
-    V = clip(gap / T, p v_0, v_0)                                            speed; T time gap, p push, v_0 desired speed
+    V = clip(room / (T + t_a), p v_0, v_0)              speed; T time gap, t_a anticipation, p push, v_0 desired speed
+    room = min_j [gap_j + t_a max(u_j . e, 0) - s max(e_0 . e_j, 0)]         s gap between people who stand
     e ~ e_0 + [c + sum_j a (1 + w max(-e_0 . e_j, 0)) exp(-R_j / D) s_j] (1 - p) n_0          direction
     R_j = max(gap_j - t_a (u_i - u_j) . n_j, 0)                              the gap to j that is foreseen, t_a ahead
 
-``e_0`` is the way, ``n_0`` its normal.  The gap is that to the nearest person in front whose body overlaps the strip of the
-own body along the direction of motion (collision-free speed model: Tordeux, Chraibi, Seyfried 2016, doi
-10.1007/978-3-319-33482-0_29).  Whoever is seen in front makes people step aside by ``s_j`` = 1 or -1, away from where the
-other will be, and more so if the other comes towards them (anticipation velocity model: Xu, Chraibi, Seyfried 2021, doi
-10.1016/j.trc.2021.103464).  ``c`` is the side on which someone slower is overtaken, the one of a few that gets on fastest, as
-in the heuristics of Moussaïd, Helbing, Theraulaz 2011 (doi 10.1073/pnas.1016507108); people in a queue overtake
-nobody.  Contact laws take over when bodies meet, as where paper 1's own school has put behavioral rules on Frémond's law
-(Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
+``e_0`` is the way, ``n_0`` its normal, ``u`` a velocity.  The room is that to the people in front whose bodies overlap the
+strip of the own body along the direction of motion, where they will be in a moment: people who follow each other at one speed
+V are ``s + T V`` apart, as in the collision-free speed model (Tordeux, Chraibi, Seyfried 2016, doi
+10.1007/978-3-319-33482-0_29), and those who stand in a queue set out as soon as the one in front does.  Whoever is seen in
+front makes people step aside by ``s_j`` = 1 or -1, away from where the other will be, and more so if the other comes towards
+them (anticipation velocity model: Xu, Chraibi, Seyfried 2021, doi 10.1016/j.trc.2021.103464).  ``c`` is the side on which
+someone slower is overtaken, the one of a few that gets on fastest, as in the heuristics of Moussaïd, Helbing, Theraulaz 2011
+(doi 10.1073/pnas.1016507108); people in a queue overtake nobody.  Contact laws take over when bodies meet, as where paper 1's
+own school has put behavioral rules on Frémond's law (Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
 
 Three things are ours.  Of two who have each other in front and do not walk against each other, the one who is further ahead
 goes first.  The push grows while someone has to stand still, so that arches of people who wait for each other
@@ -19,9 +21,8 @@ dissolve.  People whom a wall hides are not seen.
 
 With p = 1 nobody gives way and nobody steps aside: that is the desired velocity of the papers.
 
-The numbers are fitted: time gap, widths and side steps were chosen under ``dem`` on the gate, the doors, the open corridor, the
-ring and the two streams of ``python -m validation``, one set for all but the time gap; other schemes and cases were not
-looked at.
+The numbers are fitted: times, widths and side steps were chosen under ``dem`` on the gate, the doors, the open corridor, the
+ring and the two streams of ``python -m validation``, one set for all but the time gap.  docs/walking.md says how.
 """
 
 from collections.abc import Mapping
@@ -36,6 +37,7 @@ class HeadwayParams(NamedTuple):
 
     time_gap: float
     push: float
+    standing: float
     width: float
     strength: float
     length: float
@@ -56,14 +58,15 @@ class Headway:
 
     Parameters
     ----------
-    time_gap : s, ``T``: who walks at speed V leaves a gap of V T in front.  Calibrated to about 1 s for people at ease.
+    time_gap : s, ``T``: who follows someone at speed V leaves a gap of s + V T.
     push : ``p``, share of the own desired speed at which one presses on with no gap in front: 0 = never, 1 = always at full
         speed, as in the papers.
+    standing : m, ``s``: the gap that people leave to those who stand in front of them on the same way.
     width : of the strip in front that has to be free, as a share of the own and the other's width.
     strength : ``a``: how far one steps aside for someone ahead, as a share of the way itself.
     length : m, ``D``: the foreseen gap over which that falls to 1/e.
     oncoming : ``w``: someone who comes straight towards one counts 1 + w times as much.
-    anticipation : s, ``t_a``: how far ahead people see each other's motion.
+    anticipation : s, ``t_a``: how far ahead people foresee each other's motion.
     overtaking : m/s: who is slower than this is queued behind and not overtaken; infinite = nobody is.
     gain : of speed that overtaking has to bring, as a share of the desired speed.
     berth : width of the strip that has to be free to overtake, as ``width``.
@@ -78,17 +81,18 @@ class Headway:
         If a value is out of range.
     """
 
-    time_gap: float = 0.6
+    time_gap: float = 0.5
     push: float = 0.0
+    standing: float = 0.15
     width: float = 0.8
     strength: float = 0.2
     length: float = 0.2
     oncoming: float = 8.0
-    anticipation: float = 0.5
+    anticipation: float = 0.4
     overtaking: float = 0.4
     gain: float = 0.1
     berth: float = 1.3
-    patience: float = 10.0
+    patience: float = 5.0
     impatience: float = 0.02
     sight: float = 2.0
     interval: float = 0.05
@@ -99,6 +103,7 @@ class Headway:
             self,
             time_gap=POSITIVE,
             push=SHARE,
+            standing=NOT_NEGATIVE,
             width=Range(0.0, 2.0, above=True),
             strength=NOT_NEGATIVE,
             length=POSITIVE,
@@ -124,7 +129,7 @@ Manner: TypeAlias = str | Mapping[str, Any] | Headway
 # Name -> how people walk, by description: who behaves so is said before any comparison, and one set of numbers serves all.
 MANNERS: dict[str, Headway | None] = {
     "competitive": None,  # an emergency: full speed whatever is in front, as in the papers
-    "hurried": Headway(time_gap=0.4),  # gate, concert entrance, lecture hall
+    "hurried": Headway(time_gap=0.3),  # gate, concert entrance, lecture hall
     "calm": Headway(),  # museum, corridor
 }
 

@@ -13,6 +13,7 @@ OPEN = Geometry.from_polygon(box(-100, -100, 100, 100))
 NUMBERS = {
     "time_gap": 0.8,
     "push": 0.0,
+    "standing": 0.1,
     "width": 0.86,
     "strength": 0.2,
     "length": 0.1,

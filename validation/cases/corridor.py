@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env import Geometry, Scenario
+from crowd_env import Geometry, Normal, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
@@ -55,6 +55,9 @@ _LINE = 0.0  # m, y of the counting line
 _FIELD = box(_LEFT, -2.0, _RIGHT, 0.0)
 _FLOOR = box(_LEFT, _BOTTOM, _RIGHT, _TOP)
 _NEAR = (-4.0, 2.0)  # m, y of those whose cells can matter
+_SPEED = Normal(
+    1.55, 0.18, 1.0, 2.1
+)  # m/s, measured free speed of the participants (section 2 of the paper: 42 of them)
 _LOOKS = 5  # tenths of a second between two looks at the field
 _PATIENCE, _LIMIT = 20.0, 300.0  # s
 
@@ -77,7 +80,10 @@ def corridor(run: Run) -> Scenario:
         regions={"waiting": box(_MIDDLE - _HALF, front + 0.5, _MIDDLE + _HALF, front + depth)},
     )
     return Scenario(
-        f"corridor-{run.entrance:g}-{run.exit:g}", place, adults(run.people, start_region="waiting"), _LIMIT
+        f"corridor-{run.entrance:g}-{run.exit:g}",
+        place,
+        adults(run.people, start_region="waiting", desired_speed=_SPEED),
+        _LIMIT,
     )
 
 

@@ -66,8 +66,8 @@ def decide_one(simulation, manner, e, i, inside, ways):
     aside = sum(step_aside(simulation, manner, i, j, left, ways) for j in seen)
     aside += overtake(simulation, manner, time_gap, i, seen, ways, e)
     heading = turned(way, np.clip((1.0 - push) * aside, -MOST_ASIDE, MOST_ASIDE))
-    gap, _ = gap_ahead(simulation, manner.width, i, heading, seen, ways)
-    return np.clip(gap / time_gap, push * speed, speed) * heading, waited
+    room, _ = room_ahead(simulation, manner, manner.width, i, heading, seen, ways)
+    return np.clip(room / (time_gap + manner.anticipation), push * speed, speed) * heading, waited
 
 
 def gap_to(simulation, i, j):
@@ -106,19 +106,20 @@ def step_aside(simulation, manner, i, j, left, ways):
 def overtake(simulation, manner, time_gap, i, seen, ways, e):
     """Return how far to step aside, as a share of the way, to get past someone slower who is not in a queue."""
     way, speed = ways[i]
-    gap, leader = gap_ahead(simulation, manner.width, i, way, seen, ways)
-    if gap >= time_gap * speed or simulation.state.velocity[leader] @ way < manner.overtaking:
+    needed = time_gap + manner.anticipation
+    room, leader = room_ahead(simulation, manner, manner.width, i, way, seen, ways)
+    if room >= needed * speed or simulation.state.velocity[leader] @ way < manner.overtaking:
         return 0.0
-    paces = {0.0: gap / time_gap + manner.gain * speed}
+    paces = {0.0: room / needed + manner.gain * speed}
     for aside in SIDES:
         heading = turned(way, aside)
-        gap, _ = gap_ahead(simulation, manner.berth, i, heading, seen, ways)
-        gap = min(gap, room_to_walls(simulation, e, i, heading))
-        paces[aside] = min(gap / time_gap, speed) * (heading @ way)
+        room, _ = room_ahead(simulation, manner, manner.berth, i, heading, seen, ways)
+        to_wall = gap_to_walls(simulation, e, i, heading)
+        paces[aside] = min(room / needed, to_wall / time_gap, speed) * (heading @ way)
     return max(paces, key=paces.__getitem__)  # the first of equal ones
 
 
-def room_to_walls(simulation, e, i, heading):
+def gap_to_walls(simulation, e, i, heading):
     """Return the gap [m] to the first wall or door, open or not, along a heading."""
     walls = simulation.geometries[simulation.world.geometry_of_env[e]].walls
     start = simulation.state.position[i]
@@ -133,11 +134,17 @@ def turned(way, aside):
     return heading / math.hypot(*heading)
 
 
-def gap_ahead(simulation, width, i, heading, seen, ways):
-    """Return the gap [m] to the nearest in the strip along a heading, infinite if there is nobody, and who that is."""
-    gaps = {j: gap_to(simulation, i, j) for j in seen if is_in_front(simulation, width, i, j, heading, ways)}
-    leader = min(gaps, key=gaps.__getitem__, default=None)
-    return (math.inf if leader is None else max(gaps[leader], 0.0)), leader
+def room_ahead(simulation, manner, width, i, heading, seen, ways):
+    """Return the least room [m] to anyone in the strip along a heading, infinite if there is nobody, and who that is."""
+    rooms = {
+        j: gap_to(simulation, i, j)
+        + manner.anticipation * max(simulation.state.velocity[j] @ heading, 0.0)
+        - manner.standing * max(ways[i][0] @ ways[j][0], 0.0)
+        for j in seen
+        if is_in_front(simulation, width, i, j, heading, ways)
+    }
+    leader = min(rooms, key=rooms.__getitem__, default=None)
+    return (math.inf if leader is None else max(rooms[leader], 0.0)), leader
 
 
 def is_in_front(simulation, width, i, j, heading, ways):
