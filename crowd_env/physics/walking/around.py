@@ -62,13 +62,9 @@ def _find_reach(slot_start: int, slot_stop: int, fastest: float, batch: Batch, p
     for i in range(index(slot_start), index(slot_stop)):
         time_gap = own_time_gap[i] if own_time_gap[i] == own_time_gap[i] else params.time_gap
         closing = np.sqrt(velocity[i, 0] ** 2 + velocity[i, 1] ** 2) + fastest
-        reach = (
-            max(
-                params.standing + (time_gap + params.anticipation) * walkers.speed[i],
-                FARTHEST * params.length + params.anticipation * closing,
-            )
-            + _MARGIN
-        )
+        foreseen = params.anticipation * closing
+        needed = params.standing + (time_gap + params.anticipation) * walkers.speed[i]
+        reach = max(needed, FARTHEST * params.length + foreseen) + _MARGIN
         walkers.reach[i] = min(reach, params.sight)
         farthest = max(farthest, walkers.reach[i])
     return farthest
