@@ -1,19 +1,21 @@
 """Headway: people walk as fast as the room in front of them allows, step aside and overtake; available to every scheme.
 
-    V = clip(room / (T + t_a), p v_0, v_0)              speed; T time gap, t_a anticipation, p push, v_0 desired speed
-    room = min_j [gap_j + t_a max(u_j . e, 0) - s max(e_0 . e_j, 0)]         s gap between people who stand
+    V = clip(min_j V_j, p v_0, v_0)                                     speed; p push, v_0 desired speed
+    V_j = (gap_j - c_j s + c_j t_a max(u_j . e, 0)) / (T + c_j t_a)     T time gap, t_a anticipation, s standing gap
+    c_j = max(e_0 . e_j, 0)                                             how far j goes the same way
     e ~ e_0 + [c + sum_j a (1 + w max(-e_0 . e_j, 0)) exp(-R_j / D) s_j] (1 - p) n_0          direction
-    R_j = max(gap_j - t_a (u_i - u_j) . n_j, 0)                              the gap to j that is foreseen, t_a ahead
+    R_j = max(gap_j - t_a (u_i - u_j) . n_j, 0)                         the gap to j that is foreseen, t_a ahead
 
-``e_0`` is the way, ``n_0`` its normal, ``u`` a velocity.  The room is that to the people in front whose bodies overlap the
-strip of the own body along the direction of motion, where they will be in a moment: people who follow each other at one speed
-V are ``s + T V`` apart, as in the collision-free speed model (Tordeux, Chraibi, Seyfried 2016, doi
-10.1007/978-3-319-33482-0_29), and those who stand in a queue set out as soon as the one in front does.  Whoever is seen in
-front makes people step aside by ``s_j`` = 1 or -1, away from where the other will be, and more so if the other comes towards
-them (anticipation velocity model: Xu, Chraibi, Seyfried 2021, doi 10.1016/j.trc.2021.103464).  ``c`` is the side on which
-someone slower is overtaken, the one of a few that gets on fastest, as in the heuristics of Moussaïd, Helbing, Theraulaz 2011
-(doi 10.1073/pnas.1016507108); people in a queue overtake nobody.  Contact laws take over when bodies meet, as where paper 1's
-own school has put behavioral rules on Frémond's law (Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
+``e_0`` is the way, ``n_0`` its normal, ``u`` a velocity.  Those count for the speed who are in front and whose bodies overlap
+the strip of the own body along the direction of motion.  People who follow each other at one speed V are ``s + T V`` apart, as
+in the collision-free speed model (Tordeux, Chraibi, Seyfried 2016, doi 10.1007/978-3-319-33482-0_29); since they foresee each
+other's motion, those in a queue set out as soon as the one in front does.  Whoever is seen in front makes people step aside by
+``s_j`` = 1 or -1, away from where the other will be, to the right if that is straight ahead, and more so if the other comes
+towards them (anticipation velocity model: Xu, Chraibi, Seyfried 2021, doi 10.1016/j.trc.2021.103464; that people prefer one
+side: Moussaïd et al. 2009, doi 10.1098/rspb.2009.0405).  ``c`` is the side on which someone slower is overtaken, the one of a
+few that gets on fastest, as in the heuristics of Moussaïd, Helbing, Theraulaz 2011 (doi 10.1073/pnas.1016507108); people in a
+queue overtake nobody.  Contact laws take over when bodies meet, as where paper 1's own school has put behavioral rules on
+Frémond's law (Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
 
 Three things are ours.  Of two who have each other in front and do not walk against each other, the one who is further ahead
 goes first.  The push grows while someone has to stand still, so that arches of people who wait for each other
@@ -22,7 +24,7 @@ dissolve.  People whom a wall hides are not seen.
 With p = 1 nobody gives way and nobody steps aside: that is the desired velocity of the papers.
 
 The numbers are fitted: times, widths and side steps were chosen under ``dem`` on the gate, the doors, the open corridor, the
-ring and the two streams of ``python -m validation``, one set for all but the time gap.  docs/walking.md says how.
+ring and the two kinds of counter-flow of ``python -m validation``, one set for all but the time gap.  docs/walking.md says how.
 """
 
 from collections.abc import Mapping
@@ -42,6 +44,7 @@ class HeadwayParams(NamedTuple):
     strength: float
     length: float
     oncoming: float
+    keep_right: float
     anticipation: float
     overtaking: float
     gain: float
@@ -66,6 +69,8 @@ class Headway:
     strength : ``a``: how far one steps aside for someone ahead, as a share of the way itself.
     length : m, ``D``: the foreseen gap over which that falls to 1/e.
     oncoming : ``w``: someone who comes straight towards one counts 1 + w times as much.
+    keep_right : m: someone who comes towards one is passed on the right, if not this far or further on that side already;
+        negative = on the left.
     anticipation : s, ``t_a``: how far ahead people foresee each other's motion.
     overtaking : m/s: who is slower than this is queued behind and not overtaken; infinite = nobody is.
     gain : of speed that overtaking has to bring, as a share of the desired speed.
@@ -88,6 +93,7 @@ class Headway:
     strength: float = 0.2
     length: float = 0.2
     oncoming: float = 8.0
+    keep_right: float = 0.2
     anticipation: float = 0.4
     overtaking: float = 0.4
     gain: float = 0.1
@@ -108,6 +114,7 @@ class Headway:
             strength=NOT_NEGATIVE,
             length=POSITIVE,
             oncoming=NOT_NEGATIVE,
+            keep_right=Range(-1.0, 1.0),
             anticipation=NOT_NEGATIVE,
             overtaking=Range(0.0, infinite=True),
             gain=NOT_NEGATIVE,

@@ -18,6 +18,7 @@ NUMBERS = {
     "strength": 0.2,
     "length": 0.1,
     "oncoming": 8.0,
+    "keep_right": 0.15,
     "anticipation": 0.5,
     "overtaking": 0.4,
     "gain": 0.1,

@@ -62,8 +62,8 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params
     aside = min(max((1.0 - push) * aside, -_MOST_ASIDE), _MOST_ASIDE)
     per_size = 1.0 / np.sqrt(1.0 + aside * aside)
     ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
-    room, _ = _room_ahead(i, seen_start, seen_start + count, ex, ey, batch, params, params.width)
-    size = min(max(room / (time_gap + params.anticipation), push * speed), speed)
+    behind, _ = _speed_behind(i, seen_start, seen_start + count, ex, ey, time_gap, batch, params, params.width)
+    size = min(max(behind, push * speed), speed)
     walking[i, 0], walking[i, 1] = size * ex, size * ey
 
 
@@ -122,7 +122,8 @@ def _look(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: Head
         sideways = way_x * (dy + params.anticipation * velocity[j, 1]) - way_y * (
             dx + params.anticipation * velocity[j, 0]
         )
-        aside += size if sideways < 0.0 else -size  # away from there; to the right if it is straight ahead
+        # Away from there; to the right if it is straight ahead, and of those who come towards one also a little beyond.
+        aside += size if sideways < -params.keep_right * max(-same, 0.0) else -size
     return int(np.int64(kept - index(seen_start))), aside
 
 
@@ -134,19 +135,19 @@ def _overtake(
     walkers, world, velocity = batch.workspace.walkers, batch.world, batch.state.velocity
     x, y, r = batch.state.position[i, 0], batch.state.position[i, 1], batch.bodies.radius[i]
     way_x, way_y = walkers.way_x[i], walkers.way_y[i]
-    room, leader = _room_ahead(i, slot_start, slot_stop, way_x, way_y, batch, params, params.width)
-    if room >= (time_gap + params.anticipation) * speed:
+    behind, leader = _speed_behind(i, slot_start, slot_stop, way_x, way_y, time_gap, batch, params, params.width)
+    if behind >= speed:
         return 0.0
     if velocity[leader, 0] * way_x + velocity[leader, 1] * way_y < params.overtaking:
         return 0.0
     first, stop = walls_near(world.wall_grid, world.geometry_of_env[e], x, y)
-    best, chosen = room / (time_gap + params.anticipation) + params.gain * speed, 0.0
+    best, chosen = behind + params.gain * speed, 0.0
     for k in range(len(_SIDES)):
         aside = _SIDES[k]
         per_size = 1.0 / np.sqrt(1.0 + aside * aside)
         ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
-        room, _ = _room_ahead(i, slot_start, slot_stop, ex, ey, batch, params, params.berth)
-        pace = per_size * min(room / (time_gap + params.anticipation), speed)
+        behind, _ = _speed_behind(i, slot_start, slot_stop, ex, ey, time_gap, batch, params, params.berth)
+        pace = per_size * min(behind, speed)
         if pace > best:
             free = free_path(world.wall_grid, first, stop, world.boundary.wall, x, y, ex, ey, time_gap * speed + r) - r
             pace = min(pace, per_size * free / time_gap)
@@ -156,16 +157,25 @@ def _overtake(
 
 
 @inner_kernel
-def _room_ahead(
-    i: int, slot_start: int, slot_stop: int, ex: float, ey: float, batch: Batch, params: HeadwayParams, width: float
+def _speed_behind(
+    i: int,
+    slot_start: int,
+    slot_stop: int,
+    ex: float,
+    ey: float,
+    time_gap: float,
+    batch: Batch,
+    params: HeadwayParams,
+    width: float,
 ) -> tuple[float, int]:
-    """Return the room [m] up to those seen whose bodies overlap the strip along (ex, ey), and who leaves the least.
-
-    It is the gap, with what the other walks on in the time that is foreseen, less what people leave who stand in a queue.
-    """
-    walkers, position, radius = batch.workspace.walkers, batch.state.position, batch.bodies.radius
-    velocity = batch.state.velocity
-    x, y, r, nearest, leader = position[i, 0], position[i, 1], radius[i], np.inf, i
+    """Return how fast [m/s] those seen whose bodies overlap the strip along (ex, ey) let ``i`` walk, and who slows most."""
+    walkers, position, velocity, radius = (
+        batch.workspace.walkers,
+        batch.state.position,
+        batch.state.velocity,
+        batch.bodies.radius,
+    )
+    x, y, r, slowest, leader = position[i, 0], position[i, 1], radius[i], np.inf, i
     way_x, way_y, gives_way = walkers.way_x[i], walkers.way_y[i], batch.control.gives_way
     for m in range(index(slot_start), index(slot_stop)):
         n = walkers.seen[m]
@@ -174,12 +184,13 @@ def _room_ahead(
         if along > 0.0 and abs(across) < width * reach:
             j = walkers.slot[n]
             ux, uy = walkers.way_x[j], walkers.way_y[j]
-            is_ahead = way_x * ux + way_y * uy > 0.0 and -(dx * ux + dy * uy) > dx * way_x + dy * way_y
+            same = max(way_x * ux + way_y * uy, 0.0)
+            is_ahead = same > 0.0 and -(dx * ux + dy * uy) > dx * way_x + dy * way_y
             if is_ahead and abs(dy * ux - dx * uy) < width * reach and gives_way[j]:
                 continue  # the other has this one further in front, and gives way
-            onward, same = velocity[j, 0] * ex + velocity[j, 1] * ey, way_x * ux + way_y * uy
-            room = np.sqrt(dx * dx + dy * dy) - reach - params.standing * max(same, 0.0)
-            room += params.anticipation * max(onward, 0.0)
-            if room < nearest:
-                nearest, leader = room, j
-    return max(nearest, 0.0), leader
+            foreseen = same * params.anticipation
+            onward = max(velocity[j, 0] * ex + velocity[j, 1] * ey, 0.0)
+            room = np.sqrt(dx * dx + dy * dy) - reach - same * params.standing + foreseen * onward
+            if room < slowest * (time_gap + foreseen):
+                slowest, leader = room / (time_gap + foreseen), j
+    return max(slowest, 0.0), leader

@@ -24,24 +24,25 @@ def ahead(gap, keeps=STRAIGHT, **options):
 @pytest.mark.parametrize("time_gap", [0.4, 1.1])
 @pytest.mark.parametrize("push", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("gap", [-0.05, 0.0, 0.1, 0.5, 1.0, 1.9])
-def test_the_speed_is_the_room_over_time_gap_and_anticipation(time_gap, push, gap):
-    velocity = ahead(gap, manner(strength=0.0, time_gap=time_gap, push=push, anticipation=0.5))
-    assert velocity == pytest.approx([np.clip(max(gap, 0.0) / (time_gap + 0.5), push * V0, V0), 0.0], abs=1e-12)
+def test_behind_someone_who_goes_nowhere_the_speed_is_the_gap_over_the_time_gap(time_gap, push, gap):
+    velocity = ahead(gap, manner(strength=0.0, time_gap=time_gap, push=push))
+    assert velocity == pytest.approx([np.clip(max(gap, 0.0) / time_gap, push * V0, V0), 0.0], abs=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("way", "walks", "room"),
+    ("way", "walks", "speed"),
     [
-        ([1, 0], [0.0, 0.0], 0.5 - 0.1),  # who stands on the same way is left the standing gap
-        ([1, 0], [0.6, 0.3], 0.5 - 0.1 + 0.4 * 0.6),  # who walks on leaves more room in a moment
-        ([0, 1], [0.0, 0.6], 0.5),  # who crosses does neither
-        ([-1, 0], [-0.6, 0.0], 0.5),
+        ([1, 0], [0.0, 0.0], (0.5 - 0.1) / 1.2),  # who stands on the same way is left the standing gap
+        ([1, 0], [0.6, 0.3], (0.5 - 0.1 + 0.4 * 0.6) / 1.2),  # who walks on leaves more room in a moment
+        ([0.6, 0.8], [0.6, 0.8], (0.5 - 0.06 + 0.24 * 0.6) / 1.04),
+        ([0, 1], [0.0, 0.6], 0.5 / 0.8),  # who crosses does neither
+        ([-1, 0], [-0.6, 0.0], 0.5 / 0.8),
     ],
 )
-def test_the_room_depends_on_where_the_other_goes(way, walks, room):
+def test_the_speed_depends_on_where_the_other_goes(way, walks, speed):
     keeps = manner(strength=0.0, standing=0.1, anticipation=0.4, time_gap=0.8, overtaking=np.inf)
     two = standing([[0, 0], [0.9, 0]], [[1, 0], way], keeps, velocity=[[0.0, 0.0], walks])
-    assert decided(*two)[0] == pytest.approx([room / 1.2, 0.0], abs=1e-12)
+    assert decided(*two)[0] == pytest.approx([speed, 0.0], abs=1e-12)
 
 
 def test_time_gap_and_push_of_a_person_come_before_those_of_the_manner():
@@ -50,7 +51,7 @@ def test_time_gap_and_push_of_a_person_come_before_those_of_the_manner():
     )
     pairs = [[0, 0], [1, 0], [0, 10], [1, 10]]  # with a gap of 0.6 m
     velocity = decided(*standing(pairs, [[1, 0], [-1, 0]] * 2, STRAIGHT, bodies=bodies))
-    assert velocity[:, 0] == pytest.approx([0.6 / 2.5, -0.6 / 1.0, 0.6 * V0, -0.6 / 1.0], abs=1e-12)
+    assert velocity[:, 0] == pytest.approx([0.6 / 2.0, -0.6 / 0.5, 0.6 * V0, -0.6 / 0.5], abs=1e-12)
 
 
 def test_nobody_beyond_the_range_of_sight_counts_and_nobody_behind():
@@ -73,7 +74,7 @@ def test_of_two_who_would_give_way_to_each_other_the_one_further_ahead_goes_firs
     speed = np.hypot(*velocity.T)
     assert speed[0] == pytest.approx(V0)
     room = math.hypot(0.03, 0.42) - 0.4 - 0.1 * math.cos(math.radians(86))
-    assert speed[1] == pytest.approx(room / (0.8 + 0.5))
+    assert speed[1] == pytest.approx(room / (0.8 + 0.5 * math.cos(math.radians(86))))
 
 
 def test_people_step_aside_away_from_where_the_other_will_be_and_to_the_right_if_that_is_straight_ahead():
@@ -82,6 +83,13 @@ def test_people_step_aside_away_from_where_the_other_will_be_and_to_the_right_if
             *standing([[0, 0], [0.6, across]], [[1, 0], [0, 0]], manner(), velocity=[[0.0, 0.0], [0.0, walks]])
         )
         assert np.sign(velocity[0, 1]) == expected
+
+
+@pytest.mark.parametrize("keep_right", [0.15, 0.0, -0.15])
+def test_oncoming_people_are_passed_on_the_right_unless_they_are_well_there(keep_right):
+    for across in (-0.2, -0.1, -0.01, 0.01, 0.1, 0.2):
+        two = standing([[0, 0], [0.6, across]], [[1, 0], [-1, 0]], manner(keep_right=keep_right))
+        assert np.sign(decided(*two)[0, 1]) == (1 if across < -keep_right else -1)
 
 
 def test_nobody_turns_back_and_who_pushes_fully_does_not_turn():
@@ -95,7 +103,7 @@ def test_nobody_turns_back_and_who_pushes_fully_does_not_turn():
 def test_who_does_not_give_way_walks_as_asked_and_others_see_that_person():
     simulation, asked = standing([[0, 0], [0.6, 0]], [[1, 0], [-1, 0]], STRAIGHT)
     velocity = decided(simulation, asked | {"gives_way": np.array([False, True])})
-    assert velocity == pytest.approx(np.array([[V0, 0.0], [-0.2 / 1.3, 0.0]]))
+    assert velocity == pytest.approx(np.array([[V0, 0.0], [-0.2 / 0.8, 0.0]]))
 
 
 def test_the_push_grows_with_the_time_that_one_stands_and_falls_back_when_one_walks():

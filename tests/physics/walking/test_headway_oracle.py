@@ -66,8 +66,8 @@ def decide_one(simulation, manner, e, i, inside, ways):
     aside = sum(step_aside(simulation, manner, i, j, left, ways) for j in seen)
     aside += overtake(simulation, manner, time_gap, i, seen, ways, e)
     heading = turned(way, np.clip((1.0 - push) * aside, -MOST_ASIDE, MOST_ASIDE))
-    room, _ = room_ahead(simulation, manner, manner.width, i, heading, seen, ways)
-    return np.clip(room / (time_gap + manner.anticipation), push * speed, speed) * heading, waited
+    behind, _ = speed_behind(simulation, manner, time_gap, manner.width, i, heading, seen, ways)
+    return np.clip(behind, push * speed, speed) * heading, waited
 
 
 def gap_to(simulation, i, j):
@@ -100,22 +100,21 @@ def step_aside(simulation, manner, i, j, left, ways):
     oncoming = max(-ways[i][0] @ ways[j][0], 0.0)
     size = manner.strength * (1.0 + manner.oncoming * oncoming) * math.exp(-foreseen / manner.length)
     will_be = away + manner.anticipation * velocity[j]
-    return size if will_be @ left < 0.0 else -size  # straight ahead: to the right
+    return size if will_be @ left < -manner.keep_right * oncoming else -size  # straight ahead: to the right
 
 
 def overtake(simulation, manner, time_gap, i, seen, ways, e):
     """Return how far to step aside, as a share of the way, to get past someone slower who is not in a queue."""
     way, speed = ways[i]
-    needed = time_gap + manner.anticipation
-    room, leader = room_ahead(simulation, manner, manner.width, i, way, seen, ways)
-    if room >= needed * speed or simulation.state.velocity[leader] @ way < manner.overtaking:
+    behind, leader = speed_behind(simulation, manner, time_gap, manner.width, i, way, seen, ways)
+    if behind >= speed or simulation.state.velocity[leader] @ way < manner.overtaking:
         return 0.0
-    paces = {0.0: room / needed + manner.gain * speed}
+    paces = {0.0: behind + manner.gain * speed}
     for aside in SIDES:
         heading = turned(way, aside)
-        room, _ = room_ahead(simulation, manner, manner.berth, i, heading, seen, ways)
+        behind, _ = speed_behind(simulation, manner, time_gap, manner.berth, i, heading, seen, ways)
         to_wall = gap_to_walls(simulation, e, i, heading)
-        paces[aside] = min(room / needed, to_wall / time_gap, speed) * (heading @ way)
+        paces[aside] = min(behind, to_wall / time_gap, speed) * (heading @ way)
     return max(paces, key=paces.__getitem__)  # the first of equal ones
 
 
@@ -134,17 +133,17 @@ def turned(way, aside):
     return heading / math.hypot(*heading)
 
 
-def room_ahead(simulation, manner, width, i, heading, seen, ways):
-    """Return the least room [m] to anyone in the strip along a heading, infinite if there is nobody, and who that is."""
-    rooms = {
-        j: gap_to(simulation, i, j)
-        + manner.anticipation * max(simulation.state.velocity[j] @ heading, 0.0)
-        - manner.standing * max(ways[i][0] @ ways[j][0], 0.0)
-        for j in seen
-        if is_in_front(simulation, width, i, j, heading, ways)
-    }
-    leader = min(rooms, key=rooms.__getitem__, default=None)
-    return (math.inf if leader is None else max(rooms[leader], 0.0)), leader
+def speed_behind(simulation, manner, time_gap, width, i, heading, seen, ways):
+    """Return the least speed [m/s] that anyone in the strip along a heading allows, infinite if nobody is, and who that is."""
+    speeds = {}
+    for j in seen:
+        if is_in_front(simulation, width, i, j, heading, ways):
+            same = max(ways[i][0] @ ways[j][0], 0.0)
+            onward = max(simulation.state.velocity[j] @ heading, 0.0)
+            room = gap_to(simulation, i, j) + same * (manner.anticipation * onward - manner.standing)
+            speeds[j] = room / (time_gap + same * manner.anticipation)
+    leader = min(speeds, key=speeds.__getitem__, default=None)
+    return (math.inf if leader is None else max(speeds[leader], 0.0)), leader
 
 
 def is_in_front(simulation, width, i, j, heading, ways):

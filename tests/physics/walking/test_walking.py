@@ -42,7 +42,7 @@ def test_on_a_ring_everyone_walks_as_fast_as_the_gap_allows(time_gap):
     gap = np.hypot(*(np.roll(x, -1, axis=0) - x).T) - 0.4
     assert np.hypot(*x.T) == pytest.approx(np.full(count, radius), rel=0.03)
     assert np.hypot(*simulation.state.velocity.T) == pytest.approx(
-        (gap - 0.1 * turn) / (time_gap + 0.5 * (1.0 - turn)), rel=0.02
+        (gap - 0.1 * turn) / (time_gap + 0.5 * turn * (1.0 - turn)), rel=0.02
     )
 
 
