@@ -14,6 +14,7 @@ from validation.cases import (
     gate_figure,
     halls,
     jambs,
+    laws,
     ring,
     ring_figure,
     row,
@@ -43,6 +44,7 @@ CASES = {
     "frozen": Case(frozen.TITLE, frozen.run, frozen.SOURCE, draws=10, manners=("competitive",)),
     "jambs": Case(jambs.TITLE, jambs.run, jambs.SOURCE, manners=("competitive", "hurried")),
     "standards": Case("tests of RiMEA, ISO, NIST and IMO", standards.run, standards.SOURCE, draws=5),
+    "laws": Case("laws in which one draw is enough", laws.run, laws.SOURCE, draws=1, manners=("calm", "hurried")),
     "halls": Case(
         "500 or 1000 people leave a crowded hall by one door, until all are out or nobody was for 30 s",
         halls.run_in(halls.HALLS, "halls"),
