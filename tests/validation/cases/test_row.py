@@ -41,7 +41,7 @@ def test_stronger_pushes_must_go_further_and_faster():
     assert row.met([1, 2, 5], [np.nan, 2.0, 3.0])
     assert not row.met([5, 3, 5], [1.0, 2.0, 3.0])
     assert not row.met([3, 5, 5], [1.0, 2.0, 1.5])
-    assert not row.met([3, 4, 4], [1.0, 2.0, 3.0])
+    assert not row.met([1, 1, 1], [np.nan, np.nan, np.nan])
 
 
 def test_bodies_of_the_rows_have_room_and_pushes_begin_and_end():
@@ -62,3 +62,8 @@ def test_what_a_push_gives_is_braked_by_the_drive(scheme):
     np.testing.assert_allclose(moved[:, -1] @ np.array(OPEN.mass), given, rtol=0.03)
     (one,) = row.run(Setting(scheme, "competitive"))
     assert one.passed and one.more["open"]["reached"] == [5, 5, 5]
+
+
+def test_what_people_do_without_a_push_does_not_count():
+    """Under hertz people who stand close step back from each other."""
+    assert not row.displacements(Setting("hertz", "competitive"), OPEN, (0.0,)).any()
