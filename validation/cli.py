@@ -156,7 +156,7 @@ def _settings(
 ) -> list[Setting]:
     """Return each scheme under each manner."""
     return [
-        Setting(scheme, manner, draws or case.draws, seed, data)
+        Setting(scheme, manner, draws or case.draws, seed, data if case.recordings else None)
         for scheme in schemes or COMPARED
         for manner in manners or case.manners
     ]

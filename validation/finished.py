@@ -45,7 +45,8 @@ class Finished:
             return None
         for name, value in identity(setting).items():
             if made_by.get(name) != value:
-                raise ValueError(f"{path} was finished with {_OTHER[name]}; choose another --out, or remove it")
+                other = ("recordings", "no recordings")[value] if name == "recordings" else _OTHER[name]
+                raise ValueError(f"{path} was finished with {other}; choose another --out, or remove it")
         return rows
 
     def keep(self, case: str, setting: Setting, rows: list[Row], complete: bool, seconds: float) -> None:
@@ -68,7 +69,6 @@ class Finished:
 _OTHER = {
     "draws": "another number of draws",
     "seed": "another seed",
-    "recordings": "or without recordings, unlike now",
     "walking": "other numbers of the manner",
     "kernels": "another version of the compiled physics",
 }

@@ -28,7 +28,7 @@ def asked(monkeypatch):
             raise KeyboardInterrupt
         yield row("made-up", setting, None, "second", "c", "s")
 
-    case = Case("t", run_case, "none", draws=7, manners=("calm",))
+    case = Case("t", run_case, "none", draws=7, manners=("calm",), recordings=True)
     monkeypatch.setattr("validation.cli.CASES", {"made-up": case})
     return settings
 
@@ -66,7 +66,7 @@ def test_processes_that_fill_one_folder_add_up_in_the_order_of_the_schemes(asked
     [
         (("--draws", 3), "another number of draws"),
         (("--seed", 1), "another seed"),
-        (("--data", "."), "or without recordings"),
+        (("--data", "."), "with no recordings"),
     ],
 )
 def test_rows_of_another_run_are_neither_taken_nor_replaced(asked, tmp_path, words, said):
@@ -75,6 +75,19 @@ def test_rows_of_another_run_are_neither_taken_nor_replaced(asked, tmp_path, wor
     other = run("--schemes", "nsm1", "--schemes", "dem", "--out", tmp_path, *words)
     assert other.exit_code == 2 and "dem-calm.json was finished with" in other.stderr and said in other.stderr
     assert asked == [("dem", "calm")] and (tmp_path / "made-up" / "dem-calm.json").read_bytes() == before
+
+
+def test_recordings_do_not_matter_to_a_case_that_reads_none(monkeypatch, tmp_path):
+    seen = []
+
+    def run_case(setting):
+        seen.append(setting.data)
+        yield row("made-up", setting, True, "", "c", "s")
+
+    monkeypatch.setattr("validation.cli.CASES", {"made-up": Case("t", run_case, "none", manners=("calm",))})
+    words = ("--schemes", "dem", "--out", tmp_path)
+    assert run(*words).exit_code == run(*words, "--data", ".").exit_code == 0
+    assert seen == [None]
 
 
 def test_rows_of_other_rules_are_not_taken(asked, tmp_path, monkeypatch):

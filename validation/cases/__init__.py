@@ -23,9 +23,11 @@ from validation.cases import (
 from validation.cases.case import Case, Row, Setting
 
 CASES = {
-    "gate": Case("75 students and a gate of 0.5 m", gate.run, gate.SOURCE, draw=gate_figure.draw),
+    "gate": Case("75 students and a gate of 0.5 m", gate.run, gate.SOURCE, recordings=True, draw=gate_figure.draw),
     "doors": Case("doors of 0.5 to 5 m", doors.run, doors.SOURCE),
-    "corridor": Case("open corridor of 1.8 m, nine runs", corridor.run, corridor.SOURCE, draw=corridor_figure.draw),
+    "corridor": Case(
+        "open corridor of 1.8 m, nine runs", corridor.run, corridor.SOURCE, recordings=True, draw=corridor_figure.draw
+    ),
     "ring": Case("single file around a ring of 27 m", ring.run, ring.SOURCE, draw=ring_figure.draw),
     "counterflow": Case("two streams in a corridor of 4 m", counterflow.run, counterflow.SOURCE),
     "crossing": Case("people of two rooms change places through a corridor", crossing.run, crossing.SOURCE),

@@ -73,6 +73,7 @@ class Case:
     source : where its criterion and numbers come from.
     draws : how many crowds it takes by default.
     manners : those under which it is run by default.
+    recordings : whether it looks at `Setting.data`.
     draw : writes a picture of all its rows into a folder.
     """
 
@@ -81,6 +82,7 @@ class Case:
     source: str
     draws: int = 20
     manners: tuple[str, ...] = tuple(MANNERS)
+    recordings: bool = False
     draw: Callable[[Path, Sequence[Row]], None] | None = None
 
 
