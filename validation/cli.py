@@ -129,20 +129,22 @@ def cases(
 
 
 def _run(name: str, setting: Setting, finished: Finished | None) -> list[Row]:
-    """Return the rows of a case; one that says why, if the scheme refuses to go on with a crowd.  Keep those that are there."""
+    """Return the rows of a case; one that says why, if the scheme refuses to go on with a crowd.  Keep each as it comes."""
     rows: list[Row] = []
-    complete, began = False, time.process_time()
-    try:
-        try:
-            for one in CASES[name].run(setting):
-                rows.append(one)
-        except FloatingPointError as error:
-            figure = f"stopped: {error}"
-            rows.append(row_of(name, setting, False, figure, "the run comes to its end", CASES[name].source))
-        complete = True
-    finally:  # also of a case that Ctrl-C ends
+    began = time.process_time()
+
+    def keep(complete: bool) -> None:
         if finished is not None and rows:
             finished.keep(name, setting, rows, complete, time.process_time() - began)
+
+    try:
+        for one in CASES[name].run(setting):
+            rows.append(one)
+            keep(False)
+    except FloatingPointError as error:
+        figure = f"stopped: {error}"
+        rows.append(row_of(name, setting, False, figure, "the run comes to its end", CASES[name].source))
+    keep(True)
     return rows
 
 

@@ -41,29 +41,30 @@ class Finished:
             complete, made_by, rows = content["complete"], content["made_by"], [Row(**one) for one in content["rows"]]
         except (KeyError, TypeError):
             raise ValueError(f"{path} does not hold rows of a case; choose another --out, or remove it") from None
-        if not complete:
-            return None
         for name, value in identity(setting).items():
             if made_by.get(name) != value:
                 other = ("recordings", "no recordings")[value] if name == "recordings" else _OTHER[name]
                 raise ValueError(f"{path} was finished with {other}; choose another --out, or remove it")
-        return rows
+        return rows if complete else None
 
     def keep(self, case: str, setting: Setting, rows: list[Row], complete: bool, seconds: float) -> None:
-        """Write the rows of a case under a setting, whole or not at all.
+        """Write the rows of a case under a setting, whole or not at all; a file that holds more of them stays as it is.
 
         Parameters
         ----------
         complete : these are all of them.
         seconds : s, processor time of this process that they took.
         """
+        path = self.path(case, setting)
+        if not complete and path.exists() and len(read_json(path)["rows"]) > len(rows):
+            return
         content = {
             "complete": complete,
             "made_by": identity(setting),
             "seconds": round(seconds, 1),
             "rows": [one._asdict() for one in rows],
         }
-        write_json(self.path(case, setting), content)
+        write_json(path, content)
 
 
 _OTHER = {

@@ -54,6 +54,23 @@ def test_an_interruption_loses_no_row_and_the_case_is_run_anew(asked, tmp_path):
     assert [one.scheme for one in complete_rows(tmp_path, "made-up")] == ["dem", "dem", "nsm2", "nsm2"]
 
 
+def test_a_second_interruption_loses_no_row_of_the_first(monkeypatch, tmp_path):
+    last = iter([3, 1, 9])
+
+    def run_case(setting):
+        end = next(last)
+        for k in range(5):
+            if k == end:
+                raise KeyboardInterrupt
+            yield row("made-up", setting, True, str(k), "c", "s")
+
+    monkeypatch.setattr("validation.cli.CASES", {"made-up": Case("t", run_case, "none", manners=("calm",))})
+    path = tmp_path / "made-up" / "dem-calm.json"
+    for count in (3, 3, 5):
+        run("--schemes", "dem", "--out", tmp_path)
+        assert len(json.loads(path.read_text())["rows"]) == count
+
+
 def test_processes_that_fill_one_folder_add_up_in_the_order_of_the_schemes(asked, tmp_path):
     for scheme, manner in (("hertz", "calm"), ("dem", "hurried"), ("dem", "calm")):
         run("--schemes", scheme, "--manner", manner, "--out", tmp_path)
