@@ -12,7 +12,7 @@ import numpy as np
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run
 from crowd_env.headway import make_manner
 from crowd_env.rendering.survival import survival_curves
-from validation.cases.case import Row, Setting, number, row
+from validation.cases.case import Row, Setting, number, row, share
 from validation.cases.crowds import Passages, draw_crowds
 from validation.cases.doors import door
 
@@ -55,7 +55,8 @@ def told(found: Clogging, runs: int) -> str:
         + (f", {number(found.tail.alpha_open)} with open gaps" if np.isfinite(found.tail.alpha_open) else "")
         + f"; against an exponential {found.tail.ratio:+.1f} (p = {found.tail.p:.2g})"
     )
-    return f"{tail}; {len(gaps)} gaps, sd / mean {number(spread)}; largest burst {largest}; {found.blocked} of {runs} blocked"
+    bursts = f"{len(gaps)} gaps, sd / mean {number(spread)}; largest burst {largest}"
+    return f"{tail}; {bursts}; {share(found.blocked, runs)} blocked"
 
 
 def met(found: Clogging) -> bool:

@@ -41,7 +41,7 @@ def test_draws_are_watched_until_nobody_gets_out_any_more(monkeypatch):
     assert len(blocked.time) == 50 and blocked.until == pytest.approx(35.1, abs=0.2)
     assert len(through.time) == 100 and np.isnan(through.until)
     found = clogging([blocked, through], blocked_after=29.0)
-    assert found.blocked == 1 and "1 of 2 blocked" in case.told(found, 2)
+    assert found.blocked == 1 and "1 of 2 (9 to 91 %) blocked" in case.told(found, 2)
 
 
 def test_only_people_who_press_on_are_judged(monkeypatch, tmp_path):
@@ -50,6 +50,6 @@ def test_only_people_who_press_on_are_judged(monkeypatch, tmp_path):
     monkeypatch.setattr(case, "exits", lambda setting: runs)
     (pressing,), (calm,) = (case.run(Setting("dem", manner)) for manner in ("competitive", "calm"))
     assert pressing.passed is not None and calm.passed is None
-    assert "1 of 2 blocked" in pressing.figure and pressing.more["until"] == [None, 40.0]
+    assert "1 of 2 (9 to 91 %) blocked" in pressing.figure and pressing.more["until"] == [None, 40.0]
     case.draw(tmp_path, [pressing, calm])
     assert (tmp_path / "clogging.png").read_bytes().startswith(b"\x89PNG")
