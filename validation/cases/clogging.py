@@ -12,7 +12,7 @@ import numpy as np
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run
 from crowd_env.headway import make_manner
 from crowd_env.rendering.survival import survival_curves
-from validation.cases.case import Row, Setting, number, row, share
+from validation.cases.case import COMPARED, Row, Setting, number, row, share
 from validation.cases.crowds import Passages, draw_crowds
 from validation.cases.doors import door
 
@@ -76,16 +76,17 @@ def run(setting: Setting) -> list[Row]:
 
 
 def draw(folder: Path, rows: Sequence[Row]) -> None:
-    """Write ``clogging.png``: the survival function of the gaps of every scheme and manner."""
-    sets = {}
-    for one in rows:
-        ends = (np.nan if until is None else until for until in one.more["until"])
-        runs = [
-            RunExits(np.array(times), np.zeros(len(times)), until)
-            for times, until in zip(one.more["exits"], ends, strict=True)
-        ]
-        found = clogging(runs, blocked_after=_PATIENCE - 1.0)
-        if found.gaps.closed.any():
-            sets[f"{one.scheme}, {one.manner}"] = found
-    if sets:
-        survival_curves(folder / "clogging.png", sets, title=f"gaps at a door of {_DOOR:g} m")
+    """Write ``clogging-MANNER.png``: the survival function of the gaps under each scheme that is compared by default."""
+    for manner in dict.fromkeys(one.manner for one in rows):
+        found = {one.scheme: _again(one) for one in rows if one.manner == manner and one.scheme in COMPARED}
+        sets = {scheme: each for scheme, each in found.items() if each.gaps.closed.any()}
+        if sets:
+            title = f"gaps at a door of {_DOOR:g} m, {manner}"
+            survival_curves(folder / f"clogging-{manner}.png", sets, title=title)
+
+
+def _again(one: Row) -> Clogging:
+    """Return the statistics of a row."""
+    ends = (np.nan if until is None else until for until in one.more["until"])
+    runs = (RunExits(np.array(t), np.zeros(len(t)), until) for t, until in zip(one.more["exits"], ends, strict=True))
+    return clogging(list(runs), blocked_after=_PATIENCE - 1.0)

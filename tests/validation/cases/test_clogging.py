@@ -52,4 +52,5 @@ def test_only_people_who_press_on_are_judged(monkeypatch, tmp_path):
     assert pressing.passed is not None and calm.passed is None
     assert "1 of 2 (9 to 91 %) blocked" in pressing.figure and pressing.more["until"] == [None, 40.0]
     case.draw(tmp_path, [pressing, calm])
-    assert (tmp_path / "clogging.png").read_bytes().startswith(b"\x89PNG")
+    for manner in ("competitive", "calm"):
+        assert (tmp_path / f"clogging-{manner}.png").read_bytes().startswith(b"\x89PNG")
