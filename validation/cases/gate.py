@@ -129,9 +129,10 @@ def met(figures: dict[str, Any]) -> bool:
 def told(figures: dict[str, Any], draws: int) -> str:
     """Return the figures as a sentence."""
     person = ", ".join(number(time, 1) for time in figures["person"].values())
+    error = f" ± {number(figures['flow_error'])}" if np.isfinite(figures["flow_error"]) else ""
     where = "" if figures["starts"] == "recorded" else "; starts at random, no recording given"
     return (
-        f"{number(figures['flow'])} ± {number(figures['flow_error'])} /s; {person} s; "
+        f"{number(figures['flow'])}{error} /s; {person} s; "
         f"variation {number(figures['variation'])}; "
         f"{share(figures['stuck'], draws)} stuck{where}"
     )

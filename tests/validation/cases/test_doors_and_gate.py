@@ -123,6 +123,7 @@ def test_the_recorded_counts_meet_the_criterion_and_others_do_not():
     assert figures["person"][40] == pytest.approx(33.1)
     assert figures["flow_error"] == pytest.approx(0.0) and np.isnan(gate.counted([recorded])["flow_error"])
     assert "± 0.00 /s" in gate.told(figures | {"stuck": 1, "starts": "recorded"}, 20)
+    assert "±" not in gate.told(gate.counted([recorded]) | {"stuck": 0, "starts": "recorded"}, 1)
     assert "1 of 20 (1 to 24 %) stuck" in gate.told(figures | {"stuck": 1, "starts": "recorded"}, 20)
     assert gate.met(figures | {"stuck": 0})
     assert not gate.met(figures | {"stuck": 1})
