@@ -10,11 +10,12 @@ PIP_INSTALL := $(BIN)/python -m pip install --no-input --disable-pip-version-che
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help train test kernels lint format bench hooks clean distclean
+.PHONY: help train test map kernels lint format bench hooks clean distclean
 
 help:
 	@echo "make train    train a policy, compare it with the rules, write runs/   (ARGS='--help' lists its options)"
 	@echo "make test     run the tests                                            (ARGS='-m slow' the slow ones)"
+	@echo "make map      hold crowds against laws, two minutes                    (ARGS='gate --data DIR' against recordings)"
 	@echo "make kernels  run the marked tests uncompiled, and say which lines of the kernels they reach"
 	@echo "make lint     check style, types and layers"
 	@echo "make format   format the code and mend what can be mended by machine"
@@ -28,6 +29,9 @@ train: $(VENV)/.train
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 2 --dist worksteal --durations 10 --durations-min 1 $(ARGS)
+
+map: $(VENV)/.dev
+	$(BIN)/python -m validation $(or $(ARGS),--quick)
 
 # Marked tests and the files that hold kernels are found by what stands in them, wherever they lie; the other tests are not
 # even imported: some make their plans as they are, which takes a minute uncompiled.

@@ -27,7 +27,7 @@ def _share(count: float, of: float, low: float, high: float) -> str:
 def frozen(source: "Sources") -> Cells:
     """One row a variant of Lin's room: how many draws block at each multiple of v*, and where half of them do."""
     rows = []
-    for row in source.read("frozen.json")["rows"]:
+    for row in source.rows("frozen"):
         figure, cells = row["more"], []
         for times in SPEEDS:
             name = f"blocked at {times:g} v*"
@@ -41,7 +41,7 @@ def frozen(source: "Sources") -> Cells:
 
 def frozen_note(source: "Sources") -> str:
     """Say within which band the onset lies, over frictions and over social forces."""
-    figures = [row["more"] for row in source.read("frozen.json")["rows"]]
+    figures = [row["more"] for row in source.rows("frozen")]
     usual = figures[0]
     bands = []
     for what, some in (

@@ -1,7 +1,9 @@
 """The command ``python -m validation``."""
 
 import json
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,13 +17,13 @@ from typer.core import TyperGroup
 
 from crowd_env import SCHEMES, make_scheme
 from crowd_env.cli.console import check_folder, friendly_errors, notes
-from crowd_env.files.json_file import write_json
 from crowd_env.headway import MANNERS, make_manner
 from validation.bits import ROOT, chosen, report
 from validation.bits_scenes import scenes
 from validation.cases import CASES
 from validation.cases.case import COMPARED, Case, Row, Setting
 from validation.cases.case import row as row_of
+from validation.finished import Finished, complete_rows
 from validation.pages import TABLES, fill, run
 from validation.positions import STORED, write
 
@@ -67,8 +69,17 @@ def cases(
     seed: Annotated[
         int, typer.Option(help="Of the crowds, which are the same for every scheme and manner.", min=0)
     ] = 0,
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="The case laws under dem alone, in a minute or two: what runs with the tests."),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a case, each on a line.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for CASE.json, and for pictures.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for CASE/SCHEME-MANNER.json, and for pictures; what is finished there is not run again."
+        ),
+    ] = None,
 ) -> None:
     """Hold simulations against recordings, laws and bounds: rows for each scheme and manner; exit code 1 if one does not pass.
 
@@ -78,6 +89,10 @@ def cases(
     """
     passed = True
     with friendly_errors("" if out is None else f"the rows that were finished are in {out}/"):
+        if quick and (case or schemes):
+            raise ValueError("--quick is one case and one scheme; give no others")
+        if quick:
+            case, schemes = ["laws"], ["dem"]
         for name in case or ():
             if name not in CASES:
                 raise ValueError(f"unknown case {name!r}; known: {', '.join(CASES)}")
@@ -89,33 +104,48 @@ def cases(
             raise ValueError(f"--data {data}: no such folder")
         if out is not None:
             check_folder("--out", out)
-        for name in case or CASES:
+        names = list(case or CASES)
+        asked = {name: _settings(CASES[name], schemes, manner, data, draws, seed) for name in names}
+        finished = None if out is None else Finished(out)
+        if finished is not None:  # before anything is run
+            before = {(name, k): finished.rows(name, one) for name in names for k, one in enumerate(asked[name])}
+        for name in names:
             found: list[Row] = []
-            try:
-                with notes.status(f"{name} ...") as status:
-                    for setting in _settings(CASES[name], schemes, manner, data, draws, seed, _teller(name, status)):
-                        found.extend(_run(name, setting))
-                draw = CASES[name].draw
-                if out is not None and draw is not None:
-                    draw(out, found)
-            finally:  # also of a case that Ctrl-C ends
-                content = {"case": name, "rows": [one._asdict() for one in found]}
-                if out is not None and found:
-                    write_json(out / f"{name}.json", content)
+            with notes.status(f"{name} ...") as status:
+                notify = _teller(name, status)
+                for k, setting in enumerate(asked[name]):
+                    known = None if finished is None else before[name, k]
+                    notify(f"{setting.scheme}, {setting.manner}" + (": finished before" if known is not None else ""))
+                    found += _run(name, replace(setting, notify=notify), finished) if known is None else known
+            draw = CASES[name].draw
+            if out is not None and draw is not None:
+                draw(out, complete_rows(out, name))
             passed &= all(one.passed is not False for one in found)
             if as_json:
-                typer.echo(json.dumps(content))
+                typer.echo(json.dumps({"case": name, "rows": [one._asdict() for one in found]}))
             else:
                 Console(width=None if notes.is_terminal else _WIDTH).print(_case_table(name, found))
     raise typer.Exit(0 if passed else 1)
 
 
-def _run(name: str, setting: Setting) -> Iterator[Row]:
-    """Yield the rows of a case; one that says why, if the scheme refuses to go on with a crowd."""
+def _run(name: str, setting: Setting, finished: Finished | None) -> list[Row]:
+    """Return the rows of a case; one that says why, if the scheme refuses to go on with a crowd.  Keep each as it comes."""
+    rows: list[Row] = []
+    began = time.process_time()
+
+    def keep(complete: bool) -> None:
+        if finished is not None and rows:
+            finished.keep(name, setting, rows, complete, time.process_time() - began)
+
     try:
-        yield from CASES[name].run(setting)
+        for one in CASES[name].run(setting):
+            rows.append(one)
+            keep(False)
     except FloatingPointError as error:
-        yield row_of(name, setting, False, f"stopped: {error}", "the run comes to its end", CASES[name].source)
+        figure = f"stopped: {error}"
+        rows.append(row_of(name, setting, False, figure, "the run comes to its end", CASES[name].source))
+    keep(True)
+    return rows
 
 
 def _settings(
@@ -125,13 +155,13 @@ def _settings(
     data: Path | None,
     draws: int | None,
     seed: int,
-    notify: Callable[[str], None],
-) -> Iterator[Setting]:
-    """Yield each scheme under each manner."""
-    for scheme in schemes or COMPARED:
-        for manner in manners or case.manners:
-            notify(f"{scheme}, {manner}")
-            yield Setting(scheme, manner, draws or case.draws, seed, data, notify=notify)
+) -> list[Setting]:
+    """Return each scheme under each manner."""
+    return [
+        Setting(scheme, manner, draws or case.draws, seed, data if case.recordings else None)
+        for scheme in schemes or COMPARED
+        for manner in manners or case.manners
+    ]
 
 
 def _teller(case: str, status: Status) -> Callable[[str], None]:

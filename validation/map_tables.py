@@ -9,11 +9,13 @@ if TYPE_CHECKING:
 
 Rows = list[dict[str, Any]]
 
-_ONE_ROW = ("gate", "doors", "corridor", "ring", "counterflow", "crossing", "corner", "faster")
+_ONE_ROW = ("gate", "doors", "corridor", "ring", "counterflow", "crossing", "corner", "faster", "clogging", "row")
 CASES = (*_ONE_ROW, "standards")
+# What the second paper prints stands beside what this package makes of it.
+SCHEMES = (*COMPARED, "hertz-literal")
 _SAID = {True: "yes", False: "**no**", None: "–"}
 
-PASSED_HEAD = ("case or test", "manner", *(f"`{scheme}`" for scheme in COMPARED))
+PASSED_HEAD = ("case or test", "manner", *(f"`{scheme}`" for scheme in SCHEMES))
 FIGURES_HEAD = ("case or test", "manner", "scheme", "passed", "figures")
 
 
@@ -23,16 +25,16 @@ def passed(source: "Sources") -> list[list[str]]:
     for row in _sorted(source):
         found.setdefault((row["case"], row["manner"]), {})[row["scheme"]] = _SAID[row["passed"]]
     return [
-        [f"`{case}`", manner, *(cells.get(scheme, "") for scheme in COMPARED)]
-        for (case, manner), cells in found.items()
+        [f"`{case}`", manner, *(cells.get(scheme, "") for scheme in SCHEMES)] for (case, manner), cells in found.items()
     ]
 
 
 def criteria(source: "Sources") -> str:
     """Say what each case and test asks for, and which tests are not supported."""
     asked = {row["case"]: f"{row['criterion']} ({row['source']})" for row in _sorted(source)}
+    made = {case: f"`{case}`, {source.draws(case)}" for case in _ONE_ROW if case in asked}
     missing = {row["source"]: row["figure"] for row in _read(source, "standards") if row["case"] == "not supported"}
-    lines = [f"* `{case}`: {text}." for case, text in asked.items()]
+    lines = [f"* {made.get(case, f'`{case}`')}: {text}." for case, text in asked.items()]
     lines += [f"* Not supported, {tests}: {reason}." for tests, reason in missing.items()]
     lines += [f"* `{case}` was not run for this table." for case in CASES if not _read(source, case)]
     return "\n".join(lines)
@@ -63,7 +65,4 @@ def _tests(source: "Sources") -> Rows:
 
 def _read(source: "Sources", case: str) -> Rows:
     """Return the rows of a case; none if the finished run holds the gate, the first one, but not this one."""
-    if case != _ONE_ROW[0] and not source.path(f"{case}.json").exists():
-        return []
-    rows: Rows = source.read(f"{case}.json")["rows"]
-    return rows
+    return source.rows(case) if case == _ONE_ROW[0] or source.path(case).exists() else []

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from crowd_env.files.atomic import write_text
 from crowd_env.files.json_file import read_json
 from validation import blocked, map_tables, reproduced, tables
+from validation.finished import complete_rows, draws
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -46,6 +47,18 @@ class Sources:
     def read(self, file: str) -> Any:
         """Return the content of a JSON file of the finished run; ValueError if there is none."""
         return read_json(self.path(file))
+
+    def rows(self, case: str) -> list[dict[str, Any]]:
+        """Return the finished rows of a case of ``python -m validation``; ValueError if there are none."""
+        found = [row._asdict() for row in complete_rows(self.path(""), case)]
+        if not found:
+            raise ValueError(f"{self.path(case)} holds no finished rows; made by python -m validation {case} --out DIR")
+        return found
+
+    def draws(self, case: str) -> str:
+        """Return how many draws a case has had, in words."""
+        least, most = draws(self.path(""), case)
+        return f"{least}{f' to {most}' if most > least else ''} draw{'s' if most > 1 else ''}"
 
 
 class Table(NamedTuple):

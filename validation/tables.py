@@ -87,7 +87,7 @@ def schemes_note(source: "Sources") -> str:
 
 def halls(source: "Sources") -> Cells:
     """One row a scheme: how many were outside of the plan, and the largest speed in the halls of each size."""
-    found = [row for case in ("halls", "great-halls") for row in source.read(f"{case}.json")["rows"]]
+    found = [row for case in ("halls", "great-halls") for row in source.rows(case)]
     rows = []
     for scheme in dict.fromkeys(row["scheme"] for row in found):
         figures = [row["more"] for row in found if row["scheme"] == scheme]
@@ -103,7 +103,7 @@ def halls(source: "Sources") -> Cells:
 def jambs(source: "Sources") -> Cells:
     """One row a scheme and manner: of how many draws the door was stuck, door by door and radius by radius."""
     rows: dict[tuple[str, str], list[str]] = {}
-    for row in source.read("jambs.json")["rows"]:
+    for row in source.rows("jambs"):
         stuck = [str(value) for name, value in row["more"].items() if name.startswith("stuck")]
         rows.setdefault((row["scheme"], row["manner"]), []).append(", ".join(stuck))
     return [[f"`{scheme}`", manner, *cells] for (scheme, manner), cells in rows.items()]

@@ -60,9 +60,9 @@ def test_a_finding_counts_every_draw_and_passes_if_half_block_in_between():
     assert never.passed is False
 
     class Source:
-        def read(self, file):
-            assert file == "frozen.json"
-            return {"rows": [{"more": usual.more}, {"more": never.more}]}
+        def rows(self, case):
+            assert case == "frozen"
+            return [{"more": usual.more}, {"more": never.more}]
 
     first, second = frozen(Source())
     assert len(first) == len(second) == len(HEAD)

@@ -7,7 +7,9 @@ import pytest
 from repository import ROOT
 from typer.testing import CliRunner
 
+from validation.cases.case import Row, Setting
 from validation.cli import app
+from validation.finished import Finished
 from validation.pages import TABLES, fill, run
 
 RUN = {
@@ -120,25 +122,37 @@ def finished(tmp_path, name, **files):
     folder = tmp_path / "run"
     folder.mkdir(exist_ok=True)
     for file, content in files.items():
-        (folder / f"{file.replace('_', '-')}.json").write_text(json.dumps(content))
+        (folder / f"{file}.json").write_text(json.dumps(content))
+    return finished_page(tmp_path, name)
+
+
+def finished_page(tmp_path, name):
     page = tmp_path / TABLES[name].page
     page.parent.mkdir(exist_ok=True)
     page.write_text(f"<!-- table: {name} -->\n<!-- end -->\n", encoding="utf-8")
-    fill(name, run, folder=folder, root=tmp_path)
+    fill(name, run, folder=tmp_path / "run", root=tmp_path)
     return page.read_text(encoding="utf-8")
 
 
+def of_cases(tmp_path, name, rows):
+    """Return what `fill` writes from a run of the map with these rows."""
+    finished = Finished(tmp_path / "run")
+    for case, some in rows.items():
+        for scheme, manner in {(one["scheme"], one["manner"]) for one in some}:
+            mine = [Row(**one) for one in some if (one["scheme"], one["manner"]) == (scheme, manner)]
+            finished.keep(case, Setting(scheme, manner), mine, True, 1.0)
+    return finished_page(tmp_path, name)
+
+
 def hall(scheme, people, speed, outside=0):
-    return {
-        "scheme": scheme,
-        "more": {"people": people, "fastest, m/s": speed, "outside": outside, "overlap, mm": 20.25},
-    }
+    figures = {"people": people, "fastest, m/s": speed, "outside": outside, "overlap, mm": 20.25}
+    return row_of("halls", scheme, outside == 0, manner="competitive") | {"more": figures}
 
 
 def test_halls_are_told_by_scheme_and_size(tmp_path):
     small = [hall("dem", 500, 3.0), hall("dem", 500, 4.04), hall("dem", 1000, 5.0), hall("nsm2", 500, 2.0, 3)]
     large = [hall("dem", 2000, 6.0), hall("dem", 5000, 12.5)]
-    text = finished(tmp_path, "halls", halls={"rows": small}, great_halls={"rows": large})
+    text = of_cases(tmp_path, "halls", {"halls": small, "great-halls": large})
     assert "| `dem` | nobody | 4.0 | 5.0 | 6.0 | 12.5 | 20.2 |" in text
     assert "| `nsm2` | 3 |" in text
 
@@ -146,30 +160,30 @@ def test_halls_are_told_by_scheme_and_size(tmp_path):
 def row_of(case, scheme, passed, figure="1.13 /s", manner="calm", source="a paper"):
     return {
         "case": case, "scheme": scheme, "manner": manner, "passed": passed, "figure": figure, "criterion": "as recorded",
-        "source": source,
+        "source": source, "more": {},
     }  # fmt: skip
 
 
 def map_rows():
     """Return a row each case under two schemes; of the tests of standards two, and one that is not supported."""
-    names = ("gate", "doors", "corridor", "ring", "counterflow", "crossing", "corner", "faster")
-    rows = {name: {"rows": [row_of(name, "dem", True), row_of(name, "hertz", False)]} for name in names}
+    names = ("gate", "doors", "corridor", "ring", "counterflow", "crossing", "corner", "faster", "clogging", "row")
+    rows = {name: [row_of(name, "dem", True), row_of(name, "hertz", False)] for name in names}
     tests = [row_of("rimea-1", "dem", True), row_of("rimea-1", "dem", None, manner="hurried")]
-    return rows | {"standards": {"rows": [*tests, row_of("not supported", "dem", None, "no lifts", source="NIST 2.7")]}}
+    return rows | {"standards": [*tests, row_of("not supported", "dem", None, "no lifts", source="NIST 2.7")]}
 
 
 def test_the_map_says_what_passes_and_what_was_asked(tmp_path):
-    text = finished(tmp_path, "map", **map_rows())
-    assert "| `gate` | calm | yes |  |  |  | **no** |" in text
-    assert "| `rimea-1` | hurried | – |  |  |  |  |" in text
-    assert "* `doors`: as recorded (a paper)." in text
+    text = of_cases(tmp_path, "map", map_rows())
+    assert "| `gate` | calm | yes |  |  |  | **no** |  |" in text
+    assert "| `rimea-1` | hurried | – |  |  |  |  |  |" in text
+    assert "* `doors`, 5 draws: as recorded (a paper)." in text
     assert "* Not supported, NIST 2.7: no lifts." in text and "| `not supported`" not in text
 
 
 def test_the_map_has_the_figures_of_every_row(tmp_path):
-    text = finished(tmp_path, "measured", **map_rows())
+    text = of_cases(tmp_path, "measured", map_rows())
     assert "| `ring` | calm | `hertz` | **no** | 1.13 /s |" in text
-    assert text.count("| 1.13 /s |") == 18
+    assert text.count("| 1.13 /s |") == 22
 
 
 def controller(name, last, unfinished=0, **beside):
@@ -196,6 +210,6 @@ def test_a_table_of_a_long_run_names_the_run(tmp_path):
     found = CliRunner().invoke(app, ["pages", "training"])
     assert found.exit_code == 2 and "python train.py --runs 500; name it by --from" in found.stderr
     missing = CliRunner().invoke(app, ["pages", "map", "--from", str(tmp_path)])
-    assert missing.exit_code == 2 and f"cannot read {tmp_path}/gate.json" in missing.stderr.replace("\n", "")
+    assert missing.exit_code == 2 and f"{tmp_path}/gate holds no finished rows" in missing.stderr.replace("\n", "")
     unnamed = CliRunner().invoke(app, ["pages", "--from", str(tmp_path)])
     assert unnamed.exit_code == 2 and "name the tables" in unnamed.stderr

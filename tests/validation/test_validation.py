@@ -121,9 +121,15 @@ def test_the_command_reports_draws_and_writes(students, tmp_path):
     assert "10.34735/ped.2018.1" in first["source"]
     assert first["more"]["starts"] == "recorded" and len(first["more"]["position"]) == 75
     assert result.exit_code == (0 if all(row["passed"] for row in report["rows"]) else 1)
-    assert json.loads((out / "gate.json").read_text()) == report
+    parts = [json.loads((out / "gate" / f"{scheme}-calm.json").read_text()) for scheme in ("nsm1", "dem")]
+    assert [part["rows"] for part in parts] == [[row] for row in report["rows"]]
     assert (out / "gate.png").read_bytes().startswith(b"\x89PNG")
-    assert sorted(path.name for path in out.iterdir()) == ["gate.json", "gate.png"]
+    assert sorted(path.name for path in out.rglob("*.*")) == [
+        "dem-calm.json",
+        "gate-gaps.png",
+        "gate.png",
+        "nsm1-calm.json",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -180,17 +186,6 @@ def test_a_crowd_that_a_scheme_refuses_is_a_row_and_not_the_end(monkeypatch):
     assert result.exit_code == 1
     first, second = json.loads(result.stdout)["rows"]
     assert (first["passed"], second["passed"]) == (False, True) and "pedestrian 3" in first["figure"]
-
-
-def test_an_interruption_loses_no_finished_row(monkeypatch, tmp_path):
-    def run_case(setting):
-        yield row("made-up", setting, True, "1.25 /s", "c", "s")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("validation.cli.CASES", made_up(run_case))
-    result = run("--out", tmp_path / "out")
-    assert result.exit_code == 130 and "finished are in" in result.stderr
-    assert len(json.loads((tmp_path / "out" / "made-up.json").read_text())["rows"]) == 1
 
 
 def test_numbers_of_a_row_are_what_json_holds():

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import SCHEMES, Normal, Population, Uniform
+from crowd_env.envs.metrics import share_interval
 from crowd_env.headway import MANNERS, Headway
 
 # Schemes that are compared by default; what papers print and this package does otherwise is for comparison with them.
@@ -73,6 +74,7 @@ class Case:
     source : where its criterion and numbers come from.
     draws : how many crowds it takes by default.
     manners : those under which it is run by default.
+    recordings : whether it looks at `Setting.data`.
     draw : writes a picture of all its rows into a folder.
     """
 
@@ -81,6 +83,7 @@ class Case:
     source: str
     draws: int = 20
     manners: tuple[str, ...] = tuple(MANNERS)
+    recordings: bool = False
     draw: Callable[[Path, Sequence[Row]], None] | None = None
 
 
@@ -94,6 +97,12 @@ def row(case: str, setting: Setting, passed: bool | None, figure: str, criterion
 def number(value: float, digits: int = 2) -> str:
     """Return a number with so many decimals, or a dash if there is none."""
     return f"{value:.{digits}f}" if math.isfinite(value) else "–"
+
+
+def share(count: int, of: int) -> str:
+    """Return "2 of 20 (3 to 30 %)": a count with the 95 % interval of its share (Wilson)."""
+    low, high = share_interval(count, of)
+    return f"{count} of {of} ({100.0 * low:.0f} to {100.0 * high:.0f} %)"
 
 
 def plain(value: Any) -> Any:

@@ -1,5 +1,6 @@
 """The open corridor: nine runs through 1.8 m, held up at the entrance or at the exit (Hermes, Düsseldorf 2009)."""
 
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,12 +9,14 @@ from crowd_env import Geometry, Normal, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
-from validation.cases.voronoi import Look, look, mean_between
+from validation.cases.trajectories import Trajectories, read_trajectories
+from validation.cases.voronoi import Look, fundamental_diagram, look, samples_between
 
 SOURCE = (
     "Zhang, Klingsch, Schadschneider, Seyfried 2011 (J. Stat. Mech. P06004), DOI 10.34735/ped.2009.14; figures computed from "
     "the recordings by the Voronoi method"
 )
+DATA = "corridor_hermes2009_uo"  # folder of the recordings
 CRITERION = "density within 25 % and flow within 15 % of the recorded in 7 or more of 9 runs"
 DENSITY_WITHIN, FLOW_WITHIN, ENOUGH = 0.25, 0.15, 7
 
@@ -51,8 +54,8 @@ _TOP, _BOTTOM, _PASSAGE, _END = (
     -6.5,
 )  # m, y: corridor, passage in front of it, end of the opening behind
 _NECK, _HALF, _DENSITY = 0.2, 4.0, 3.0  # m, m, 1/m2: length of entrance and exit; half width of the waiting area; in it
-_LINE = 0.0  # m, y of the counting line
-_FIELD = box(_LEFT, -2.0, _RIGHT, 0.0)
+LINE = 0.0  # m, y of the counting line
+FIELD = box(_LEFT, -2.0, _RIGHT, 0.0)
 _FLOOR = box(_LEFT, _BOTTOM, _RIGHT, _TOP)
 _NEAR = (-4.0, 2.0)  # m, y of those whose cells can matter
 _SPEED = Normal(
@@ -60,6 +63,7 @@ _SPEED = Normal(
 )  # m/s, measured free speed of the participants (section 2 of the paper: 42 of them)
 _LOOKS = 5  # tenths of a second between two looks at the field
 _PATIENCE, _LIMIT = 20.0, 300.0  # s
+_FRAMES = 16.0  # 1/s, of the recordings
 
 
 def corridor(run: Run) -> Scenario:
@@ -87,36 +91,71 @@ def corridor(run: Run) -> Scenario:
     )
 
 
-def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, float]]:
-    """Return density, speed, flow and the number of stuck draws of each run."""
+def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, Any]]:
+    """Return density, speed, flow and the number of stuck draws of each run, and densities and speeds at all looks (K, 2)."""
     crowds = draw_crowds([corridor(run) for run in runs], setting)
-    passages, stuck, looks = Passages(crowds, 1, _LINE, sign=-1), set(), []
+    passages, stuck, looks = Passages(crowds, 1, LINE, sign=-1), set(), []
     for k, (before, now) in enumerate(crowds.moments(_LIMIT)):
         passages.see(before, now)
         stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
         if k % _LOOKS == 0:
             y = now.position[:, 1]
             looks += look(crowds, before, now, (y > _NEAR[0]) & (y < _NEAR[1]))
-    found = []
+    found: list[dict[str, Any]] = []
     for k, run in enumerate(runs):
         figures = [steady(run, passages.times(e), [one for one in looks if one.crowd == e]) for e in crowds.of(k)]
-        means = (mean_of([one[part] for one in figures]) for part in range(3))
-        found.append(
-            dict(zip(("density", "speed", "flow"), means, strict=True)) | {"stuck": len(stuck & set(crowds.of(k)))}
-        )
+        samples = np.concatenate([each for each, _ in figures])
+        draws = [(mean_of(each[:, 0]), mean_of(each[:, 1]), flow) for each, flow in figures]
+        density, speed, flow = (mean_of([one[part] for one in draws]) for part in range(3))
+        blocked = len(stuck & set(crowds.of(k)))
+        found.append({"density": density, "speed": speed, "flow": flow, "stuck": blocked, "samples": samples})
     return found
 
 
-def steady(run: Run, times: Floats, looks: list[Look]) -> tuple[float, float, float]:
-    """Return density, speed and flow between the passages of two persons; nan if the last of them did not pass."""
+def steady(run: Run, times: Floats, looks: list[Look]) -> tuple[Floats, float]:
+    """Return densities and speeds (K, 2), and the flow between the passages of two persons; nan if the last did not pass."""
     begin, end = times[run.first - 1], times[run.last - 1]
     if not np.isfinite(end):
-        return float("nan"), float("nan"), float("nan")
-    density, speed = mean_between(begin, end, looks, _FLOOR, _FIELD)
-    return density, speed, float((run.last - run.first) / (end - begin))
+        return np.empty((0, 2)), float("nan")
+    return samples_between(begin, end, looks, _FLOOR, FIELD), float((run.last - run.first) / (end - begin))
 
 
-def near(found: dict[str, float], run: Run) -> tuple[bool, bool]:
+def recorded_diagram(folder: Path) -> dict[float, float] | None:
+    """Return the mean speed [m/s] in bins of density [1/m2] of the recorded runs; None if the folder does not hold them.
+
+    Measured as those of the simulated people, twice a second; speeds are those over 10 frames, 0.6 s, so that heads that
+    sway walk no faster.
+    """
+    if not folder.is_dir():
+        return None
+    samples = []
+    for run in RUNS:
+        name = f"uo-{100 * run.entrance:03.0f}-180-{100 * run.exit:03.0f}.txt"
+        path = folder / name if (folder / name).exists() else folder / f"{name}.gz"
+        recorded = read_trajectories(path, frame_rate=_FRAMES, unit=0.01)
+        times = np.sort(recorded.crossing_times(LINE))
+        samples.append(steady(run, times, recorded_looks(recorded, _FRAMES))[0])
+    return fundamental_diagram(np.concatenate(samples))
+
+
+def recorded_looks(recorded: Trajectories, frame_rate: float) -> list[Look]:
+    """Return who is in the corridor twice a second, and how fast they are."""
+    looks, half = [], 5
+    frame = np.round(recorded.time * frame_rate).astype(int)
+    same = np.zeros(len(frame), dtype=bool)
+    same[half:-half] = recorded.person[2 * half :] == recorded.person[: -2 * half]
+    speed = np.zeros(len(frame))
+    step = recorded.position[2 * half :] - recorded.position[: -2 * half]
+    speed[half:-half] = np.hypot(*step.T) * frame_rate / (2 * half)
+    y = recorded.position[:, 1]
+    here = same & (y > _BOTTOM) & (y < _TOP)
+    for at in range(int(frame.min()), int(frame.max()) + 1, round(0.5 * frame_rate)):
+        now = here & (frame == at)
+        looks.append(Look(0, at / frame_rate, recorded.position[now], speed[now]))
+    return looks
+
+
+def near(found: dict[str, Any], run: Run) -> tuple[bool, bool]:
     """Return whether density and flow are near the recorded ones."""
     density, flow = found["density"] / run.density - 1.0, found["flow"] / run.flow - 1.0
     return abs(density) <= DENSITY_WITHIN, abs(flow) <= FLOW_WITHIN
@@ -125,7 +164,9 @@ def near(found: dict[str, float], run: Run) -> tuple[bool, bool]:
 def run(setting: Setting) -> list[Row]:
     """Return the row."""
     found = measure(setting)
-    judged = np.array([near(one, recorded) for one, recorded in zip(found, RUNS, strict=True)])
+    diagram = fundamental_diagram(np.concatenate([one.pop("samples") for one in found]))
+    recorded = None if setting.data is None else recorded_diagram(setting.data / DATA)
+    judged = np.array([near(one, r) for one, r in zip(found, RUNS, strict=True)])
     density, flow = judged.sum(axis=0)
     both, stuck = int(judged.all(axis=1).sum()), int(sum(one["stuck"] for one in found))
     pairs = zip(found, RUNS, strict=True)
@@ -136,4 +177,5 @@ def run(setting: Setting) -> list[Row]:
         f"; {stuck} of {len(RUNS) * setting.draws} stuck" if stuck else ""
     )
     more: dict[str, Any] = {"runs": found, "recorded": [one._asdict() for one in RUNS], "both": both}
+    more |= {"diagram": diagram, "recorded_diagram": recorded}
     return [row("corridor", setting, both >= ENOUGH, figure, CRITERION, SOURCE, **more)]

@@ -6,7 +6,7 @@ import numpy as np
 
 from crowd_env import Geometry, Groups, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, number, row
+from validation.cases.case import Row, Setting, adults, number, row, share
 from validation.cases.crowds import Bools, Crowds, Floats, Passages, draw_crowds, mean_of
 
 SOURCE = (
@@ -88,7 +88,7 @@ def run(setting: Setting) -> list[Row]:
     passed = not stuck and 1.0 - two / one < 1.0 / 3.0 and above > 0.5
     figure = (
         f"{number(two)} m/s both ways, {number(one)} m/s one way; lane order {number(order)}, above shuffled at "
-        f"{number(100 * above, 0)} % of moments; {jams} of {setting.draws} gridlocked"
+        f"{number(100 * above, 0)} % of moments; {share(jams, setting.draws)} gridlocked"
     )
     if jams < len(stuck):
         figure += f", {len(stuck) - jams} stuck one way"

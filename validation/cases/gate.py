@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 from shapely.geometry import box as rectangle
 
 from crowd_env import Geometry, Scenario, Uniform
-from validation.cases.case import Row, Setting, adults, number, row
+from validation.cases.case import Row, Setting, adults, number, row, share
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of, steady_flow
 from validation.cases.trajectories import find_recording, read_trajectories
 
@@ -108,10 +108,12 @@ def run(setting: Setting) -> list[Row]:
 
 
 def counted(runs: list[Floats]) -> dict[str, Any]:
-    """Return the means over runs of passing times (N,): flow, times of the counted persons, variation of the gaps."""
+    """Return means over runs of passing times (N,): flow and its standard error, times of persons, variation of gaps."""
     gaps = [np.diff(times[np.isfinite(times)]) for times in runs]
+    flows = np.array([steady_flow(times) for times in runs])
     return {
-        "flow": mean_of([steady_flow(times) for times in runs]),
+        "flow": mean_of(flows),
+        "flow_error": float(flows.std(ddof=1) / np.sqrt(len(flows))) if len(flows) > 1 else float("nan"),
         "person": {k: mean_of([times[k - 1] for times in runs]) for k in PASSED},
         "variation": mean_of([float(gap.std(ddof=1) / gap.mean()) for gap in gaps]),
     }
@@ -127,8 +129,10 @@ def met(figures: dict[str, Any]) -> bool:
 def told(figures: dict[str, Any], draws: int) -> str:
     """Return the figures as a sentence."""
     person = ", ".join(number(time, 1) for time in figures["person"].values())
+    error = f" ± {number(figures['flow_error'])}" if np.isfinite(figures["flow_error"]) else ""
     where = "" if figures["starts"] == "recorded" else "; starts at random, no recording given"
     return (
-        f"{number(figures['flow'])} /s; {person} s; variation {number(figures['variation'])}; "
-        f"{figures['stuck']} of {draws} stuck{where}"
+        f"{number(figures['flow'])}{error} /s; {person} s; "
+        f"variation {number(figures['variation'])}; "
+        f"{share(figures['stuck'], draws)} stuck{where}"
     )

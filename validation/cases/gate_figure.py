@@ -1,8 +1,7 @@
-"""The figure of the gate: the plan with the first positions, and N(t) recorded and simulated."""
+"""The figures of the gate: the plan, N(t) recorded and simulated, and how long the gaps between people are."""
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -10,14 +9,17 @@ from crowd_env.rendering.canvas import new_figure, quiet_axes, save_figure
 from validation.cases.case import Row
 from validation.cases.crowds import Floats
 from validation.cases.gate import PASSED, PLAN, RADIUS
-
-# Told apart in print and by color-blind eyes; the recording is black.
-_COLORS = ("#0f7680", "#89478f", "#9e7a16", "#4a5ca0", "#a03c3c", "#5d7a2b", "#747b83")
-_WALL, _QUIET = "#37414d", "#747b83"
+from validation.cases.panels import COLORS, QUIET, WALL, Panel, manner_panels
 
 
 def draw(folder: Path, rows: Sequence[Row]) -> None:
-    """Write ``gate.png``: a panel each manner, in which every run is a thin line, flat to the right where it got stuck."""
+    """Write ``gate.png``, the counts, and ``gate-gaps.png``, the distribution of the gaps."""
+    _draw_gate(folder, rows)
+    _draw_gaps(folder, rows)
+
+
+def _draw_gate(folder: Path, rows: Sequence[Row]) -> None:
+    """Draw the plan, and a panel each manner, in which every run is a thin line, flat to the right where it got stuck."""
     from matplotlib.patches import Circle
 
     manners = list(dict.fromkeys(row.manner for row in rows))
@@ -25,32 +27,59 @@ def draw(folder: Path, rows: Sequence[Row]) -> None:
     left, *panels = figure.subplots(1, 1 + len(manners))
     corners = np.array(PLAN)
     quiet_axes(left, "x [m]", "y [m]")
-    left.plot(*corners[:5].T, color=_WALL, lw=2)
-    left.plot(*corners[5:].T, color=_WALL, lw=2)
+    left.plot(*corners[:5].T, color=WALL, lw=2)
+    left.plot(*corners[5:].T, color=WALL, lw=2)
     for x, y in rows[0].more["position"]:
-        left.add_patch(Circle((x, y), RADIUS, facecolor="#a8bccd", edgecolor=_WALL, lw=0.6))
+        left.add_patch(Circle((x, y), RADIUS, facecolor="#a8bccd", edgecolor=WALL, lw=0.6))
     left.set(aspect="equal", xlim=(-3.1, 3.1), ylim=(-1.4, 7.0))
-    left.set_title(f"first positions, radius {RADIUS:g} m", loc="left", fontsize=9, color=_QUIET)
-    for panel, manner in zip(panels, manners, strict=True):
-        _draw_counts(panel, manner, [row for row in rows if row.manner == manner])
+    left.set_title(f"first positions, radius {RADIUS:g} m", loc="left", fontsize=9, color=QUIET)
+    for axes, manner in zip(panels, manners, strict=True):
+        quiet_axes(axes, "time since the first frame [s]", "people in the gate")
+        _draw_counts(Panel(axes, manner, rows))
     save_figure(figure, folder / "gate.png")
 
 
-def _draw_counts(panel: Any, manner: str, rows: Sequence[Row]) -> None:
+def _draw_counts(panel: Panel) -> None:
     """Draw N(t) of every run of some schemes, and the recorded one."""
-    of_rows = [[np.array([t for t in run if t is not None]) for run in row.more["passages"]] for row in rows]
-    known, at = _recorded(rows[0])
+    of_rows = [_runs(row) for row in panel.rows]
+    known, at = _recorded(panel.rows[0])
     end = 1.05 * max(float(at[-1]), *(float(times[-1]) for runs in of_rows for times in runs if len(times)))
-    quiet_axes(panel, "time since the first frame [s]", "people in the gate")
-    for color, row, runs in zip(_COLORS, rows, of_rows, strict=False):
+    for row, runs in zip(panel.rows, of_rows, strict=True):
         for k, times in enumerate(runs):
             label = None if k else f"{row.scheme}: {row.figure.partition(';')[0]}"
-            panel.step(*_curve(times, end), where="post", color=color, lw=0.9, alpha=0.6, label=label)
-    panel.plot(at, known, color="black", lw=1.8, label="recorded: 1.13 /s")
-    panel.set(xlim=(0, end), ylim=(0, len(rows[0].more["position"]) + 1))
-    for line in panel.legend(frameon=False, loc="lower right", fontsize=9).get_lines():
-        line.set(linewidth=2.0, alpha=1.0)
-    panel.set_title(manner, loc="left", fontsize=9, color=_QUIET)
+            color = COLORS[row.scheme]
+            panel.axes.step(*_curve(times, end), where="post", color=color, lw=0.9, alpha=0.6, label=label)
+    panel.axes.plot(at, known, color="black", lw=1.8, label="recorded: 1.13 /s")
+    panel.axes.set(xlim=(0, end), ylim=(0, len(panel.rows[0].more["position"]) + 1))
+    panel.legend("lower right")
+
+
+def _draw_gaps(folder: Path, rows: Sequence[Row]) -> None:
+    """Draw the share of gaps that are longer than t: of all draws of a scheme together, and of the recording."""
+    figure, panels = manner_panels(rows, "gap $t$ between two people in the gate [s]", "P(gap > $t$)")
+    for panel in panels:
+        for row in panel.rows:
+            gaps = np.concatenate([np.empty(0), *(np.diff(times) for times in _runs(row))])
+            label = f"{row.scheme}: mean {gaps.mean():.2f} s" if len(gaps) else row.scheme
+            panel.axes.step(*longer(gaps), where="post", color=COLORS[row.scheme], lw=1.4, label=label)
+        recorded = panel.rows[0].more["recorded"]
+        if recorded is not None:
+            gaps = np.diff(recorded)
+            label = f"recorded: mean {gaps.mean():.2f} s"
+            panel.axes.step(*longer(gaps), where="post", color="black", lw=1.8, label=label)
+        panel.axes.set(xlim=(0, 4), ylim=(1e-3, 1.1), yscale="log")
+        panel.legend("upper right")
+    save_figure(figure, folder / "gate-gaps.png")
+
+
+def longer(gaps: Floats) -> tuple[Floats, Floats]:
+    """Return the gaps (K+1,) [s] in order, from 0 on, and the share of them that are longer."""
+    return np.concatenate([[0.0], np.sort(gaps)]), 1.0 - np.arange(len(gaps) + 1.0) / max(len(gaps), 1)
+
+
+def _runs(row: Row) -> list[Floats]:
+    """Return when people passed in each run."""
+    return [np.array([t for t in run if t is not None]) for run in row.more["passages"]]
 
 
 def _recorded(row: Row) -> tuple[Floats, Floats]:

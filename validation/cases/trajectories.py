@@ -56,10 +56,13 @@ def find_recording(data: Path) -> Path:
     return found[0]
 
 
-def read_trajectories(path: Path) -> Trajectories:
-    """Read a text file with comment lines (#), one of which holds "framerate: 25", and columns id, frame, x, y [m].
+def read_trajectories(path: Path, frame_rate: float | None = None, unit: float = 1.0) -> Trajectories:
+    """Read a text file with columns id, frame, x, y; further columns are ignored, and a name that ends in .gz is unpacked.
 
-    Further columns are ignored; a name that ends in .gz is unpacked.
+    Parameters
+    ----------
+    frame_rate : 1/s; by default that of a comment line such as "# framerate: 25".
+    unit : m, of the columns x and y.
 
     Raises
     ------
@@ -71,9 +74,11 @@ def read_trajectories(path: Path) -> Trajectories:
         text = (gzip.decompress(content) if path.suffix == ".gz" else content).decode("utf-8", errors="replace")
     except (OSError, EOFError) as error:
         raise ValueError(f"cannot read the trajectories {path}: {error}") from None
-    rate = re.search(r"^#.*framerate:\s*([0-9.]+)", text, re.MULTILINE)
-    if rate is None or not float(rate[1]) > 0:
-        raise ValueError(f"{path}: no comment line such as '# framerate: 25'")
+    if frame_rate is None:
+        rate = re.search(r"^#.*framerate:\s*([0-9.]+)", text, re.MULTILINE)
+        if rate is None or not float(rate[1]) > 0:
+            raise ValueError(f"{path}: no comment line such as '# framerate: 25'")
+        frame_rate = float(rate[1])
     lines = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
     try:
         rows = np.array([[float(word) for word in line[:4]] for line in lines])
@@ -82,4 +87,4 @@ def read_trajectories(path: Path) -> Trajectories:
     if rows.ndim != 2 or rows.shape[1] != 4 or not np.isfinite(rows).all():
         raise ValueError(f"{path}: every line needs at least the four numbers id, frame, x, y")
     rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
-    return Trajectories(rows[:, 0].astype(np.int64), rows[:, 1] / float(rate[1]), rows[:, 2:].copy())
+    return Trajectories(rows[:, 0].astype(np.int64), rows[:, 1] / frame_rate, unit * rows[:, 2:])

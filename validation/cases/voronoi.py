@@ -68,9 +68,23 @@ def look(crowds: Crowds, before: Moment, now: Moment, near: Bools) -> list[Look]
     ]
 
 
+def samples_between(begin: float, end: float, looks: Sequence[Look], floor: Polygon, field: Polygon) -> Floats:
+    """Return density [1/m2] and speed [m/s] in a field (K, 2) at each look between two times [s]."""
+    seen = [density_and_speed(one.position, one.speed, floor, field) for one in looks if begin <= one.time <= end]
+    return np.array(seen).reshape(-1, 2)
+
+
 def mean_between(
     begin: float, end: float, looks: Sequence[Look], floor: Polygon, field: Polygon
 ) -> tuple[float, float]:
     """Return the means of density [1/m2] and speed [m/s] in a field over the looks between two times [s]."""
-    seen = [density_and_speed(one.position, one.speed, floor, field) for one in looks if begin <= one.time <= end]
-    return mean_of([density for density, _ in seen]), mean_of([speed for _, speed in seen])
+    density, speed = samples_between(begin, end, looks, floor, field).T
+    return mean_of(density), mean_of(speed)
+
+
+def fundamental_diagram(samples: Floats, width: float = 0.25, least: int = 10) -> dict[float, float]:
+    """Return the mean speed [m/s] in bins of density [1/m2], by their middles, where there are enough of the samples (K, 2)."""
+    density, speed = samples[np.isfinite(samples).all(axis=1)].T
+    place = np.floor(density / width).astype(int)
+    bins = [k for k in np.unique(place) if (place == k).sum() >= least]
+    return {float((k + 0.5) * width): float(speed[place == k].mean()) for k in bins}

@@ -5,7 +5,8 @@ import pytest
 
 from crowd_env.geometry.geometry import box
 from validation.cases import Setting, corridor
-from validation.cases.voronoi import Look, cells, density_and_speed
+from validation.cases.trajectories import read_trajectories
+from validation.cases.voronoi import Look, cells, density_and_speed, fundamental_diagram
 
 FLOOR, FIELD = box(0.0, -4.0, 1.8, 4.0), box(0.0, -2.0, 1.8, 0.0)
 
@@ -46,9 +47,63 @@ def test_density_speed_and_flow_are_those_between_two_persons():
         Look(0, t, thin if 3.0 <= t <= 8.0 else dense, np.ones(len(thin if 3.0 <= t <= 8.0 else dense)))
         for t in np.arange(0.0, 12.0, 0.5)
     ]
-    density, speed, flow = corridor.steady(run, times, looks)
-    assert (density, speed, flow) == pytest.approx((1.0 / 0.81, 1.0, 2.0), rel=0.1)
-    assert np.isnan(corridor.steady(run, np.where(times > 7.0, np.nan, times), looks)).all()
+    samples, flow = corridor.steady(run, times, looks)
+    assert (*samples.mean(axis=0), flow) == pytest.approx((1.0 / 0.81, 1.0, 2.0), rel=0.1)
+    samples, flow = corridor.steady(run, np.where(times > 7.0, np.nan, times), looks)
+    assert len(samples) == 0 and np.isnan(flow)
+
+
+def test_densities_and_speeds_are_those_of_pedpy():
+    """Fifty moments of people at random, by PedPy (Schrödter et al., JOSS 10(111), 2025) and here."""
+    pedpy = pytest.importorskip("pedpy", reason="PedPy is not installed")
+    import pandas as pd
+
+    rng = np.random.default_rng(0)
+    position = np.column_stack([rng.uniform(0.05, 1.75, 1000), rng.uniform(-3.95, 3.95, 1000)]).reshape(50, 20, 2)
+    frame, person = np.repeat(np.arange(50), 20), np.tile(np.arange(20), 50)
+    x, y = position.reshape(-1, 2).T
+    speed = pd.DataFrame({"id": person, "frame": frame, "speed": rng.uniform(0.0, 1.5, 1000)})
+    moved = pedpy.TrajectoryData(pd.DataFrame({"id": person, "frame": frame, "x": x, "y": y}), frame_rate=10.0)
+    near = pedpy.Cutoff(radius=1.0, quad_segments=8)
+    rooms = pedpy.compute_individual_voronoi_polygons(
+        traj_data=moved, walkable_area=pedpy.WalkableArea(FLOOR), cut_off=near
+    )
+    area = pedpy.MeasurementArea(FIELD)
+    density, shared = pedpy.compute_voronoi_density(individual_voronoi_data=rooms, measurement_area=area)
+    mean = pedpy.compute_voronoi_speed(
+        traj_data=moved, individual_voronoi_intersection=shared, individual_speed=speed, measurement_area=area
+    )
+    ours = [
+        density_and_speed(at, moment, FLOOR, FIELD)
+        for at, moment in zip(position, speed.speed.to_numpy().reshape(50, 20), strict=True)
+    ]
+    # PedPy divides by the area of the field, where nobody is near too; here the speed is the mean over those who are.
+    covered = shared.intersection.map(lambda part: part.area).groupby(shared.frame).sum() / FIELD.area
+    theirs = np.column_stack([density.density, mean.speed.to_numpy() / covered.to_numpy()])
+    np.testing.assert_allclose(ours, theirs, rtol=1e-9)
+
+
+def test_a_fundamental_diagram_is_the_mean_speed_of_each_density():
+    density = np.repeat([0.3, 0.4, 1.1, 2.0], [6, 6, 12, 3])
+    samples = np.column_stack([density, 1.5 - 0.5 * density])
+    samples = np.vstack([samples, [[1.1, np.nan]]])
+    assert fundamental_diagram(samples) == pytest.approx({0.375: 1.5 - 0.5 * 0.35, 1.125: 0.95})
+
+
+def test_recordings_are_measured_as_simulated_people_are(tmp_path):
+    """People one behind the other at 1 m/s and 1 m apart, in centimetres at 16 frames a second."""
+    assert corridor.recorded_diagram(tmp_path / "nowhere") is None
+    walk = [f"{i} {k} {90} {100 * (12 + i - k / 16):.3f}" for i in range(30) for k in range(16 * 40)]
+    for run in corridor.RUNS:
+        name = f"uo-{100 * run.entrance:03.0f}-180-{100 * run.exit:03.0f}.txt"
+        (tmp_path / name).write_text("\n".join(walk))
+    path = tmp_path / "uo-050-180-180.txt"
+    recorded = read_trajectories(path, frame_rate=16.0, unit=0.01)
+    run = corridor.Run(1.8, 1.8, 30, 5, 25, 0.0, 0.0, 0.0)
+    samples, flow = corridor.steady(run, np.sort(recorded.crossing_times(0.0)), corridor.recorded_looks(recorded, 16.0))
+    assert flow == pytest.approx(1.0)
+    np.testing.assert_allclose(samples, [[1.0 / 1.8, 1.0]] * len(samples), rtol=0.02)
+    assert len(samples) == 41
 
 
 def test_density_and_flow_are_judged_one_by_one():

@@ -1,0 +1,142 @@
+"""A push through a row of five people who stand: how many does it move, and how fast does it travel?
+
+Two of the recorded pushes of Feldmann, Adrian 2023 (Safety Science 164:106173, doi 10.1016/j.ssci.2023.106173): a punching bag
+pushes the last of five people in a row.  Places and depths of the bodies, masses and the force over time are those that LEMONS
+gives for its own tutorial on them (Dufour, Stapelle, Nicolas 2026; repository Crowd-Mechanics/LEMONS, folder
+data/tutorial_mechanical_layer/push_Feldmann); the recorded heads can only be read by the program that wrote them.  So nothing
+here says how far these people moved: what is judged is what the abstract says of all pushes.
+
+Discs stand exactly one behind the other, as deep as the bodies: the sideways distances of the heads, up to 0.1 m, would let
+discs slide past each other where shoulders do not.  People stand by wanting no velocity: their drive brakes them,
+at the rate 1 / tau = 2 /s of the package's slowest; LEMONS takes 4.5 /s for the first of the pushes and 2 /s for the second.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from shapely.geometry import box
+
+from crowd_env import Geometry, Simulation, make_bodies, make_state
+from validation.cases.case import Row, Setting, number, row
+from validation.cases.crowds import Floats
+
+SOURCE = (
+    "Feldmann, Adrian 2023, doi 10.1016/j.ssci.2023.106173: distance and speed of a push are mainly functions of its strength "
+    "(that they grow with it is our reading); two of its pushes as in the repository Crowd-Mechanics/LEMONS"
+)
+CRITERION = (
+    "the stronger the push, the faster it travels, and no fewer people move; how many, how far and how fast is reported"
+)
+
+
+class Push(NamedTuple):
+    """A recorded push; five people from the pushed one on."""
+
+    place: tuple[float, ...]  # m, along the row
+    depth: tuple[float, ...]  # m, half the depth of the body
+    mass: tuple[float, ...]  # kg
+    wall: float | None  # m, where a wall is in front of the row
+    time: tuple[float, ...]  # s
+    force: tuple[float, ...]  # m/s2 at these times, per mass of the pushed person; linear in between
+
+
+PUSHES = {
+    "open": Push(  # Tue_15_m_noW_row2_15_w_s_b_p_n_d
+        (0.0, 0.358, 0.676, 1.007, 1.437),
+        (0.123, 0.153, 0.135, 0.1125, 0.1375),
+        (81.0, 105.0, 78.0, 63.0, 68.0),
+        None,
+        (0.0, 0.05, 0.15, 0.193, 0.242, 0.290, 0.338, 0.386, 0.435, 0.483, 0.531, 0.580, 0.628, 0.676, 0.725),
+        (0.0, 3.3, 5.2, 6.1, 30.7, 36.7, 36.1, 28.4, 29.8, 28.7, 15.3, 12.1, 11.2, 2.0, 0.0),
+    ),
+    "wall": Push(  # Wed_03_m_wiW_row4_14_w_s_b_p_n_u, from 2.3 s on
+        (0.0, 0.279, 0.692, 1.070, 1.448),
+        (0.1365, 0.1125, 0.1235, 0.1375, 0.135),
+        (89.0, 63.0, 86.0, 68.0, 78.0),
+        1.753,
+        (0.0, 0.11, 0.20, 0.23, 0.26, 0.29, 0.32, 0.38, 0.435, 0.465, 0.495, 0.525, 0.555),
+        (0.0, 2.0, 8.3, 12.7, 18.1, 22.4, 22.8, 20.2, 15.4, 11.2, 6.4, 2.1, 0.0),
+    ),
+}
+STRENGTHS = (0.25, 0.5, 1.0)  # times the recorded force
+MOVED = 0.05  # m, forward: who moves further has been reached by the push
+
+_EVERY, _UNTIL = 0.01, 3.0  # s
+_HALF = 2.0  # m, half the width of the floor: side walls are far away
+
+
+def displacements(setting: Setting, push: Push, strengths: tuple[float, ...] = STRENGTHS) -> Floats:
+    """Return how far forward (S, K, 5) [m] a push of each strength has moved the five people after every 0.01 s.
+
+    What people do without a push, such as stepping back from each other, does not count: it is taken off.
+    """
+    people, rows = len(push.place), (0.0, *strengths)
+    front = 10.0 if push.wall is None else push.wall
+    bodies = make_bodies(
+        np.tile(push.depth, len(rows)),
+        np.tile(push.mass, len(rows)),
+        desired_speed=1.34,
+        env_start=people * np.arange(len(rows) + 1),
+    )
+    start = np.column_stack([np.tile(push.place, len(rows)), np.zeros(people * len(rows))])
+    simulation = Simulation(
+        Geometry.from_polygon(box(-_HALF, -_HALF, front, _HALF)),
+        bodies,
+        make_state(start, environments=len(rows)),
+        scheme=setting.scheme,
+        manner=setting.manner,
+    )
+    stand, force = np.zeros_like(start), np.zeros_like(start)
+    world, steps = np.zeros(len(start), dtype=np.bool_), round(_EVERY / simulation.dt)
+    moved = np.empty((round(_UNTIL / _EVERY), len(rows), people))
+    for k in range(len(moved)):
+        pushed = np.interp((k + 0.5) * _EVERY, push.time, push.force) * push.mass[0]
+        force[::people, 0] = pushed * np.array(rows)
+        simulation.advance(stand, relative=world, external_force=force, n_substeps=steps)
+        moved[k] = (simulation.state.position - start)[:, 0].reshape(len(rows), people)
+    return np.moveaxis(moved[:, 1:] - moved[:, :1], 0, 1)
+
+
+def travel(moved: Floats, place: tuple[float, ...]) -> tuple[int, float]:
+    """Return how many people a push reaches without a break, and its speed [m/s] from person to person.
+
+    Parameters
+    ----------
+    moved : (K, 5) m, forward, after every 0.01 s.
+    place : m, along the row.
+    """
+    beyond = moved > MOVED
+    reached = int(np.cumprod(beyond.any(axis=0)).sum())
+    if reached < 2:
+        return reached, float("nan")
+    when = _EVERY * (1.0 + beyond[:, :reached].argmax(axis=0))
+    apart = when - when.mean()
+    # Least squares of times over places: steps of 0.01 s may give two people the same time.
+    slowness = float(apart @ np.array(place[:reached])) / float(np.var(place[:reached]) * reached)
+    return reached, 1.0 / slowness if slowness > 0.0 else float("inf")
+
+
+def met(reached: list[int], speed: list[float]) -> bool:
+    """Whether pushes of growing strength move no fewer people and travel faster, and the last one moves more than one."""
+    fast = [one for one in speed if not np.isnan(one)]
+    return bool(all(np.diff(reached) >= 0) and reached[-1] > 1 and all(np.diff(fast) > 0.0))
+
+
+def run(setting: Setting) -> list[Row]:
+    """Return the row.  People stand: how they would walk has no part in it."""
+    told, verdicts = [], []
+    more: dict[str, Any] = {"strength": STRENGTHS}
+    for name, push in PUSHES.items():
+        setting.notify(f"{setting.scheme}: {name}")
+        moved = displacements(setting, push)
+        reached, speed = zip(*(travel(one, push.place) for one in moved), strict=True)
+        verdicts.append(met(list(reached), list(speed)))
+        most = moved[-1].max(axis=0)
+        pushes = ", ".join(
+            f"{strength:g}: {count} at {number(pace, 1)} m/s"
+            for strength, count, pace in zip(STRENGTHS, reached, speed, strict=True)
+        )
+        where = "nothing in front" if push.wall is None else "wall in front"
+        told.append(f"{where}, by strength: {pushes}; furthest {', '.join(number(one) for one in most)} m")
+        more[name] = {"reached": reached, "speed": speed, "furthest": moved.max(axis=1)}
+    return [row("row", setting, all(verdicts), "; ".join(told), CRITERION, SOURCE, **more)]

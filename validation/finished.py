@@ -1,0 +1,114 @@
+"""What a run of the map has finished: a file for each case, scheme and manner, which is neither lost nor computed again.
+
+Several processes may fill one folder at the same time, each with other schemes, manners or cases: every file has one writer.
+"""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from crowd_env import SCHEMES
+from crowd_env._kernels import jit
+from crowd_env.files.json_file import read_json, write_json
+from crowd_env.headway import MANNERS, make_manner
+from validation.cases.case import Row, Setting
+
+
+class Finished:
+    """The folder of a run: ``CASE/SCHEME-MANNER.json``."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def path(self, case: str, setting: Setting) -> Path:
+        """Return the file of a case under a setting."""
+        return self.folder / case / f"{setting.scheme}-{setting.manner}.json"
+
+    def rows(self, case: str, setting: Setting) -> list[Row] | None:
+        """Return the rows of a case under a setting; None if they are not here, or not all of them.
+
+        Raises
+        ------
+        ValueError
+            If they are those of another number of draws, seed, manner or version of the compiled physics, or of runs with
+            recordings where now there are none; or if the file is broken.
+        """
+        path = self.path(case, setting)
+        if not path.exists():
+            return None
+        content = read_json(path)
+        try:
+            complete, made_by, rows = content["complete"], content["made_by"], [Row(**one) for one in content["rows"]]
+        except (KeyError, TypeError):
+            raise ValueError(f"{path} does not hold rows of a case; choose another --out, or remove it") from None
+        for name, value in identity(setting).items():
+            if made_by.get(name) != value:
+                other = ("recordings", "no recordings")[value] if name == "recordings" else _OTHER[name]
+                raise ValueError(f"{path} was finished with {other}; choose another --out, or remove it")
+        return rows if complete else None
+
+    def keep(self, case: str, setting: Setting, rows: list[Row], complete: bool, seconds: float) -> None:
+        """Write the rows of a case under a setting, whole or not at all; a file that holds more of them stays as it is.
+
+        Parameters
+        ----------
+        complete : these are all of them.
+        seconds : s, processor time of this process that they took.
+        """
+        path = self.path(case, setting)
+        if not complete and path.exists() and len(read_json(path)["rows"]) > len(rows):
+            return
+        content = {
+            "complete": complete,
+            "made_by": identity(setting),
+            "seconds": round(seconds, 1),
+            "rows": [one._asdict() for one in rows],
+        }
+        write_json(path, content)
+
+
+_OTHER = {
+    "draws": "another number of draws",
+    "seed": "another seed",
+    "walking": "other numbers of the manner",
+    "kernels": "another version of the compiled physics",
+}
+
+
+def identity(setting: Setting) -> dict[str, Any]:
+    """Return what decides the rows of a case beside scheme and manner, ready for JSON."""
+    walking = make_manner(setting.manner)
+    return {
+        "draws": setting.draws,
+        "seed": setting.seed,
+        "recordings": setting.data is not None,
+        "walking": None if walking is None else asdict(walking),
+        "kernels": jit.STAMP,
+    }
+
+
+def complete_rows(folder: Path, case: str) -> list[Row]:
+    """Return the rows of a case under all schemes and manners that are finished, in the order in which these are listed.
+
+    Raises
+    ------
+    ValueError
+        If a file is broken.
+    """
+    schemes, manners = list(SCHEMES), list(MANNERS)
+    found = []
+    for path, content in _complete(folder, case):
+        scheme, _, manner = path.stem.rpartition("-")
+        found.append((schemes.index(scheme), manners.index(manner), [Row(**one) for one in content["rows"]]))
+    return [one for *_, rows in sorted(found) for one in rows]
+
+
+def draws(folder: Path, case: str) -> tuple[int, int]:
+    """Return the fewest and the most draws of a case that is finished under some scheme and manner."""
+    found = [content["made_by"]["draws"] for _, content in _complete(folder, case)]
+    return min(found), max(found)
+
+
+def _complete(folder: Path, case: str) -> list[tuple[Path, dict[str, Any]]]:
+    every = [(path, read_json(path)) for path in (folder / case).glob("*.json")]
+    return [(path, content) for path, content in every if content["complete"]]
