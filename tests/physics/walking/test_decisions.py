@@ -191,7 +191,9 @@ def test_decisions_turn_with_the_place_and_are_mirrored_with_it(name):
     for seed in range(3):
         crowd = drawn_crowd(np.random.default_rng(seed))
         expected = decided_by(crowd, manner(), here) @ matrix.T
-        np.testing.assert_allclose(decided_by(turned(crowd, matrix), manner(), there), expected, rtol=0, atol=1e-9)
+        # In a mirror people keep to the other side.
+        keeps = manner(keep_right=NUMBERS["keep_right"] * np.linalg.det(matrix))
+        np.testing.assert_allclose(decided_by(turned(crowd, matrix), keeps, there), expected, rtol=0, atol=1e-9)
 
 
 def test_two_who_meet_exactly_head_on_both_go_right_in_the_mirror_too():
