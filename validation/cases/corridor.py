@@ -35,7 +35,7 @@ class Run(NamedTuple):
 
 
 RUNS = (
-    Run(0.50, 1.80, 61, 6, 52, 0.50, 1.34, 1.28),
+    Run(0.50, 1.80, 61, 6, 52, 0.50, 1.34, 1.21),
     Run(0.60, 1.80, 66, 8, 53, 0.54, 1.40, 1.38),
     Run(0.70, 1.80, 111, 6, 98, 0.67, 1.35, 1.62),
     Run(1.00, 1.80, 121, 16, 107, 1.14, 1.20, 2.48),
@@ -58,9 +58,7 @@ LINE = 0.0  # m, y of the counting line
 FIELD = box(_LEFT, -2.0, _RIGHT, 0.0)
 _FLOOR = box(_LEFT, _BOTTOM, _RIGHT, _TOP)
 _NEAR = (-4.0, 2.0)  # m, y of those whose cells can matter
-_SPEED = Normal(
-    1.55, 0.18, 1.0, 2.1
-)  # m/s, measured free speed of the participants (section 2 of the paper: 42 of them)
+_SPEED = Normal(1.55, 0.18, 1.0, 2.1)  # m/s, free speed of 42 of the participants as the paper gives it
 _LOOKS = 5  # tenths of a second between two looks at the field
 _PATIENCE, _LIMIT = 20.0, 300.0  # s
 _FRAMES = 16.0  # 1/s, of the recordings
