@@ -19,6 +19,7 @@ from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
 from crowd_env.checks import Range, whole
 from crowd_env.cli.console import MannerName, friendly_errors, notes, progress_bar, run_title, with_manner
 from crowd_env.files.json_file import write_json
+from crowd_env.headway import Headway
 from crowd_env.rendering.libraries import require_libraries
 
 _POLICIES, _POLICY, _SCHEMES = "--policies", "--policy", "--schemes"
@@ -61,13 +62,14 @@ def compare(
     results: list[Evaluation] = []
     total = len(schemes) * len(entries)
     for scheme in schemes:
-        warm = False
+        warm: set[bool] = set()  # whether people keep a distance: then more is compiled
         for entry in entries:
             result = folder.load(entry, scheme) if folder is not None else None
             if result is None:
-                if not warm:
-                    _warm_up(scheme, scenario)
-                    warm = True
+                headway = scenario.manner_of_run(entry.manner)
+                if (headway is None) not in warm:
+                    _warm_up(scheme, headway)
+                    warm.add(headway is None)
                 result = _evaluate(entry, scenario, scheme, runs, seed, threads, f"{len(results) + 1}/{total}")
                 if folder is not None:
                     folder.save(entry, scheme, result)
@@ -95,9 +97,9 @@ def _evaluate(
     return result
 
 
-def _warm_up(scheme: str, scenario: Scenario) -> None:
+def _warm_up(scheme: str, headway: Headway | None) -> None:
     """Load the kernels, so that compiling them is not counted as computing."""
-    env = CrowdEnv("room-v0", scheme=scheme, strategy="fastest", manner=scenario.manner)
+    env = CrowdEnv("room-v0", scheme=scheme, strategy="fastest", manner=headway)
     env.reset(seed=0)
     env.step(None)
 
@@ -134,8 +136,8 @@ def main(
             show_default="shortest fastest",
             help="shortest, nearest, fastest, comfortable; the name of a route or exit; rules: the shortest path with the "
             "scenario's control rules in force, which are off for all others; random, stand-still; rules of walking: "
-            "rule-best-speed, density-cap, headway, follow, zipper; or a learned network (.npz).  The others are compared "
-            "with the first.",
+            "rule-best-speed, density-cap, headway (the manner hurried), follow, zipper; or a learned network (.npz).  The "
+            "others are compared with the first.",
         ),
     ] = ["shortest", "fastest"],  # noqa: B006  (typer copies it)
     schemes: Annotated[

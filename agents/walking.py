@@ -9,11 +9,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from agents.surroundings import LEADER, PEOPLE_AHEAD, PREDECESSOR, read_leader, read_people_ahead
+from agents.surroundings import LEADER, PREDECESSOR, read_leader
 from crowd_env import ObservationLayout, ObservationTerm
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, check_fields
 from crowd_env.envs.observation.neighbors import DENSITY_RADIUS, DENSITY_SCALE
 from crowd_env.envs.observation.view import SPEED_SCALE
+from crowd_env.headway import Manner, make_manner
 from crowd_env.state import Floats
 
 
@@ -122,76 +123,36 @@ class DensityCap(WalkingRule):
 
 @dataclass(frozen=True)
 class HeadwayRule(WalkingRule):
-    """Walk as fast as the gap in front allows, and step aside: the rule of ``CrowdEnv(manner=...)`` as a policy.
+    """Keep a distance and step aside, as `crowd_env.headway` says: the manner of ``CrowdEnv(manner=...)`` as a policy.
 
-        V = clip(gap / T, p v_0, v_0)
-        aside = sum_j ± a (1 + w max(-e_0 . e_j, 0)) exp(-R_j / D),    R_j = max(gap_j - t_a (u_i - u_j) . n_j, 0)
-
-    The formulas and their sources (Tordeux, Chraibi, Seyfried 2016; Xu, Chraibi, Seyfried 2021) stand in
-    `crowd_env.headway`.  Sees the terms ``velocity``, ``desired_speed`` (known up to 2 m/s) and
-    `PEOPLE_AHEAD`: the 16 nearest in front within 3 m, with the ways they want to go, which no standard term tells.  It differs
-    from the manner in five points: it has constants of its own, it decides every decision step, it sees people through walls,
-    it overtakes nobody, and it counts no time waited, so that ``push`` is constant where the manner grows impatient.
+    It wants the shortest path at full speed, in an environment that it asks to be made with its manner: how fast and on which
+    side of that path people walk, the compiled rule decides.  It sees those in front within 2 m whom no wall hides.
 
     Parameters
     ----------
-    time_gap : s, ``T``.
-    push : ``p``, share of the desired speed at which one presses on without a gap.
-    width : of the strip in front that has to be free, as a share of both widths.
-    strength, length, oncoming, anticipation : ``a``; ``D`` in m; ``w``; ``t_a`` in s.
-    sight : m, gap beyond which nobody is noticed.
+    manner : a name in ``MANNERS``, a Headway, or a table of its parameters; it goes before that of the scenario or the run.
 
     Raises
     ------
     ValueError
-        If a constant is out of range.
+        If the manner is unknown or a parameter is out of range.
     """
 
     name = "headway"
-    terms = ("velocity", "desired_speed", PEOPLE_AHEAD)
-    time_gap: float = 0.5
-    push: float = 0.1
-    width: float = 0.86
-    strength: float = 0.2
-    length: float = 0.1
-    oncoming: float = 8.0
-    anticipation: float = 0.5
-    sight: float = 2.0
+    terms = ("desired_speed",)  # nobody reads it
+    manner: Manner = "hurried"
 
     def __post_init__(self) -> None:
-        of_strip = Range(0.0, 2.0, above=True)
-        check_fields(self.name, self, time_gap=POSITIVE, push=SHARE, width=of_strip, length=POSITIVE, sight=POSITIVE)
-        check_fields(self.name, self, strength=NOT_NEGATIVE, oncoming=NOT_NEGATIVE, anticipation=NOT_NEGATIVE)
+        make_manner(self.manner)
+
+    @property
+    def env_options(self) -> dict[str, Any]:
+        """Options of `CrowdEnv`, the manner among them: without it people would walk on at full speed."""
+        return {**super().env_options, "manner": self.manner, "manner_for": "everyone"}
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
-        """Return the speed that the gap in front allows, in the direction away from those in front."""
-        ahead, speed = read_people_ahead(observation, layout), _desired_speed(observation, layout)
-        own = SPEED_SCALE * observation[:, None, layout["velocity"]].astype(np.float64)
-        noticed = ahead.gap < self.sight
-        distance = np.maximum(ahead.gap + ahead.reach, 1e-9)
-        closing = ((own - ahead.velocity) * ahead.offset).sum(axis=2) / distance
-        foreseen = np.maximum(ahead.gap - self.anticipation * closing, 0.0)
-        size = (
-            self.strength
-            * (1.0 + self.oncoming * np.maximum(-ahead.way[..., 0], 0.0))
-            * np.exp(-foreseen / self.length)
-        )
-        size *= noticed & (foreseen <= 8.0 * self.length)
-        left = ahead.offset[..., 1] + self.anticipation * ahead.velocity[..., 1] >= 0.0
-        aside = (1.0 - self.push) * np.where(left, -size, size).sum(axis=1)
-        direction = np.column_stack([np.ones(len(aside)), np.clip(aside, -2.0, 2.0)])
-        direction /= np.hypot(direction[:, 0], direction[:, 1])[:, None]
-        gap = np.where(noticed & self._in_strip(ahead.offset, ahead.reach, ahead.way, direction), ahead.gap, np.inf)
-        nearest = np.maximum(gap.min(axis=1), 0.0)
-        return np.clip(nearest / (self.time_gap * speed), self.push, 1.0)[:, None] * direction
-
-    def _in_strip(self, offset: Floats, reach: Floats, way: Floats, direction: Floats) -> np.ndarray:
-        """Return who (P, K) is in the strip in front, and is not one who is further behind and so gives way."""
-        along, across = _along_and_across(offset, direction[:, None, :])
-        ours, sideways = _along_and_across(offset, way)  # as the other one sees it, turned round
-        gives_way = (way[..., 0] > 0.0) & (-ours > offset[..., 0]) & (np.abs(sideways) < self.width * reach)
-        in_front: np.ndarray = (along > 0.0) & (np.abs(across) < self.width * reach) & ~gives_way
-        return in_front
+        """Return full speed along the shortest path, whatever is seen: the rest is done by the environment."""
+        return np.tile([1.0, 0.0], (len(observation), 1))
 
 
 @dataclass(frozen=True)
@@ -265,9 +226,3 @@ def _desired_speed(observation: np.ndarray, layout: ObservationLayout) -> Floats
 def _along(velocity: Floats, desired: Floats, back: float = 0.0) -> np.ndarray:
     """Return the actions (P, 2) of velocities (P,) [m/s] along the way, within ``-back`` and 1 of the desired speed."""
     return np.column_stack([np.clip(velocity / desired, -back, 1.0), np.zeros(len(velocity))])
-
-
-def _along_and_across(vector: Floats, unit: Floats) -> tuple[Floats, Floats]:
-    """Return the parts of vectors (..., 2) along unit vectors and to their left."""
-    x, y, ex, ey = vector[..., 0], vector[..., 1], unit[..., 0], unit[..., 1]
-    return x * ex + y * ey, y * ex - x * ey

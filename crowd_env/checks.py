@@ -347,6 +347,23 @@ def from_data(what: str, kind: type[Thing], value: Any, allowed: str) -> Thing:
     return value
 
 
+def from_choice(what: str, kind: type[Thing], value: Any, choices: Mapping[str, Thing | None]) -> Thing | None:
+    """Return a dataclass that is given as an object, as plain data, as a name in ``choices``, or as None: none.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, an unknown name (the message lists the known ones), or for what `from_table` refuses.
+    """
+    if isinstance(value, str):
+        return choices[known(what, value, choices)]
+    if isinstance(value, Mapping):
+        return from_table(what, kind, value)
+    if value is not None and not isinstance(value, kind):
+        refuse(what, value, f"a {kind.__name__}, a table of its parameters, None or one of {', '.join(choices)}")
+    return value
+
+
 def check_keys(where: str, table: Mapping[str, Any], names: Collection[str]) -> None:
     """Raise ValueError, listing the known ones, if a key of plain data is not among ``names``."""
     for key in table:

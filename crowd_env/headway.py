@@ -31,7 +31,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple, TypeAlias
 
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_table, known, refuse
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_choice
 
 
 class HeadwayParams(NamedTuple):
@@ -149,13 +149,7 @@ def make_manner(manner: Manner | None) -> Headway | None:
     ValueError
         If it is something else, or a name is unknown.
     """
-    if isinstance(manner, str):
-        return MANNERS[known("manner", manner, MANNERS)]
-    if isinstance(manner, Mapping):
-        return from_table("manner", Headway, manner)
-    if manner is not None and not isinstance(manner, Headway):
-        refuse("manner", manner, f"a Headway, a table of its parameters, None or one of {', '.join(MANNERS)}")
-    return manner
+    return from_choice("manner", Headway, manner, MANNERS)
 
 
 def plain_manner(headway: Headway | None) -> str | dict[str, float]:

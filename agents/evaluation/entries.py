@@ -12,6 +12,7 @@ from agents.trained import LearnedPolicy, load_trained
 from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.headway import Manner
 from crowd_env.physics import ContactScheme
 from crowd_env.routing.strategies import STRATEGIES
 
@@ -28,11 +29,13 @@ class Entry:
     driver : takes a scenario, a scheme and a number of threads, and returns a maker of batches; that takes a number of
         evacuations.
     source : file of the network; None for a policy without one.
+    manner : how people walk under a policy that says so itself; None = as the run says.
     """
 
     name: str
     driver: Callable[[Scenario, str | ContactScheme, int], Callable[[int], Driver]]
     source: Path | None = None
+    manner: Manner | None = None
 
 
 def make_entries(names: Sequence[str], scenario: Scenario, *, trust_pickle: bool = False) -> list[Entry]:
@@ -76,7 +79,7 @@ def _policy_entry(policy: Policy, source: Path | None = None) -> Entry:
         # Rules are off unless the policy says otherwise: all entries walk in the same scenario.
         return policy_driver(policy, scenario, scheme=scheme, rules=False, decision_dt=SAMPLE, threads=threads)
 
-    return Entry(policy.name if source is None else source.stem, driver, source)
+    return Entry(policy.name if source is None else source.stem, driver, source, policy.env_options.get("manner"))
 
 
 def _learned_entry(path: Path, scenario: Scenario, trust_pickle: bool) -> Entry:

@@ -30,6 +30,7 @@ from crowd_env.cli.console import (
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.schema import schema
 from crowd_env.envs.rollout import report
+from crowd_env.headway import MANNERS, make_manner
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
 from crowd_env.scenarios import SCENARIOS, about, is_file, make_scenario
 from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt, unit_in_meters
@@ -308,6 +309,14 @@ def plan(
 @app.command()
 def warmup(
     scheme: Annotated[list[str] | None, typer.Option(help="Contact scheme; may be repeated; default all.")] = None,
+    manner: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help=f"Compile for people who walk in this manner: {', '.join(MANNERS)}; default competitive, "
+            "all others share their kernels.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Compile the kernels now, so that the first step of every later program starts at once."""
@@ -318,10 +327,11 @@ def warmup(
         chosen = scheme or list(SCHEMES)
         for name in chosen:
             make_scheme(name)
+        make_manner(manner)
         with progress_bar("compiling", len(chosen)) as progress:
             for name in chosen:
                 begin = time.monotonic()
-                env = CrowdEnv("room-v0", scheme=name)
+                env = CrowdEnv("room-v0", scheme=name, manner=manner)
                 env.reset(seed=0)
                 env.step(None)
                 seconds[name] = round(time.monotonic() - begin, 2)

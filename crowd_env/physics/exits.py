@@ -21,11 +21,13 @@ def leave(e: int, rank_stop: int, batch: Batch, dt: float) -> int:
         False,
     )
     inside, previous, position = batch.workspace.inside, batch.workspace.previous_position, batch.state.position
-    for exit_number in range(boundary.exit_start[g + 1] - boundary.exit_start[g]):
+    exit_line, first, stop = boundary.exit, boundary.exit_start[g], boundary.exit_start[g + 1]
+    for k in range(first, stop):
         for rank in range(index(slot_start), index(rank_stop)):
             i = inside[rank]
             x0, y0, x1, y1 = previous[i, 0], previous[i, 1], position[i, 0], position[i, 1]
-            left |= mark_crossing(e, i, exit_number, batch, dt, x0, y0, x1, y1)
+            if _crossing(exit_line, k, x0, y0, x1, y1) <= 1.0:  # seldom: only then what else there is to read
+                left |= mark_crossing(e, i, k - first, batch, dt, x0, y0, x1, y1)
     return list_active(e, batch) if left else rank_stop
 
 

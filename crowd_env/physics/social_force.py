@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_table, known, number, refuse
+from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_choice, number
 from crowd_env.physics.narrow_phase import gap_to_feature
 from crowd_env.physics.workspace import Batch
 from crowd_env.state import Floats
@@ -108,13 +108,7 @@ def make_social(social: str | Mapping[str, Any] | SocialForce | None) -> SocialF
     ValueError
         If it is something else, or a name is unknown.
     """
-    if isinstance(social, str):
-        return SOCIAL_FORCES[known("social force", social, SOCIAL_FORCES)]
-    if isinstance(social, Mapping):
-        return from_table("social force", SocialForce, social)
-    if social is not None and not isinstance(social, SocialForce):
-        refuse("social", social, f"a SocialForce, a table of its parameters, None or one of {', '.join(SOCIAL_FORCES)}")
-    return social
+    return from_choice("social force", SocialForce, social, SOCIAL_FORCES)
 
 
 _POWERS = 2.0 ** np.arange(-160.0, 161.0)

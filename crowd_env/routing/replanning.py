@@ -13,7 +13,6 @@ from crowd_env.navigation.field import NavigationField, join_fields, rows_in_bat
 from crowd_env.navigation.fundamental_diagram import FundamentalDiagram
 from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.routing.arrays import add_fields, join_routes
-from crowd_env.routing.regions import regions_along
 from crowd_env.routing.route_set import RouteSet
 from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
@@ -29,7 +28,7 @@ class PlannerState(NamedTuple):
     known: tuple[_Key, ...]  # whose fields have been made, in their order
     closed: tuple[frozenset[str], ...]  # doors that the ways of each environment are made for
     field_of_route: Ints  # (E, R)
-    found: dict[int, tuple[np.ndarray, ...]]  # travel times, directions and regions of the fields that follow a crowd
+    found: dict[int, tuple[np.ndarray, ...]]  # travel times, directions and cells of the fields that follow a crowd
     due: Floats  # (E,)  s
 
 
@@ -119,7 +118,7 @@ class RoutePlanner:
             position, walking = state.position[inside], self._walking(bodies, inside)
             for r, way in enumerate(place.routes):
                 if way.congestion is not None:
-                    self._write(e, r, way.congestion.march(position, walking), place)
+                    self._write(e, r, way.congestion.march(position, walking))
             self._clock.due[e] = state.time[e] + self.interval
         self.seconds += time.process_time() - begin
 
@@ -131,12 +130,10 @@ class RoutePlanner:
             means.append(float(of_each.mean()) if self._time_gap > 0.0 else usual)
         return FundamentalDiagram(*means)
 
-    def _write(self, e: int, r: int, field: NavigationField, place: RouteSet) -> None:
-        travel_time, direction, cell, through = _of_field(self.field, int(self.guidance.field_of_route[e, r]))
+    def _write(self, e: int, r: int, field: NavigationField) -> None:
+        travel_time, direction, cell = _of_field(self.field, int(self.guidance.field_of_route[e, r]))
         travel_time[:], direction[:] = field.travel_time.ravel(), field.direction.reshape(-1, 2)
         cell[:] = rows_in_batch(field.cell, self._boundary.exit_start[self._geometry_of_env[e]])
-        if place.plan.rules:
-            through[:] = regions_along(field, place.geometry).ravel()
         self.marches += 1
 
     def close(self, e: int, closed: frozenset[str]) -> None:
@@ -157,7 +154,7 @@ class RoutePlanner:
             self._add(key, route_set, int(self._geometry_of_env[e]))
             before = self.field
             self.field = join_fields(self._fields, self._boundary, self._geometry_of_field)
-            for name in ("travel_time", "direction", "cell", "through"):  # as they were: some follow their crowd
+            for name in ("travel_time", "direction", "cell"):  # as they were: some follow their crowd
                 known = getattr(before, name)
                 getattr(self.field, name)[: len(known)] = known
         count = len(route_set.routes)
@@ -209,7 +206,7 @@ class RoutePlanner:
         return (e if own else -1 - int(self._geometry_of_env[e])), closed
 
 
-def _of_field(field: FieldArrays, row: int) -> tuple[Floats, Floats, np.ndarray, Ints]:
+def _of_field(field: FieldArrays, row: int) -> tuple[Floats, Floats, np.ndarray]:
     """Return what changes of a field when its ways are found anew, as views."""
     nodes = slice(int(field.node_start[row]), int(field.node_start[row + 1]))
-    return field.travel_time[nodes], field.direction[nodes], field.cell[nodes], field.through[nodes]
+    return field.travel_time[nodes], field.direction[nodes], field.cell[nodes]

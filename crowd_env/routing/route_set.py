@@ -249,6 +249,9 @@ def _check_doors(plan: RoutePlan) -> None:
 
 
 def _with_regions(route: RouteField, geometry: Geometry) -> RouteField:
+    """Add to a route the regions that it leads through; one that follows the crowd names none, so no rule turns people away."""
+    if route.congestion is not None:
+        return route
     return route._replace(field=replace(route.field, through=regions_along(route.field, geometry)))
 
 
@@ -267,7 +270,7 @@ def _with_regions_beyond(route: RouteField, routes: Sequence[RouteField], geomet
     if route.following < 0 or route.field.through is None:
         return route
     rest, inside = routes[route.following].field, 1 << route.goal
-    assert rest.through is not None
+    assert rest.through is not None  # of the same strategy
     at_goal = (region_masks(geometry, rest.nodes()) & inside) > 0
     beyond = int(np.bitwise_or.reduce(rest.through[at_goal], initial=0)) & ~inside
     return route._replace(field=replace(route.field, through=route.field.through | beyond))

@@ -37,6 +37,9 @@ class Route:
 class ControlRule:
     """While a region is crowded, people elsewhere who would come through it take another route.
 
+    People on a "fastest" route are not turned away: their route weighs the crowd already, and both together would send them
+    to and fro.
+
     Parameters
     ----------
     region : name of the region in which people are counted.

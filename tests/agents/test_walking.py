@@ -12,12 +12,12 @@ from agents.drivers import PolicyDriver, best_share
 from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import evaluate
 from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.surroundings import MOST_AHEAD, remaining_way
+from agents.surroundings import remaining_way
 from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.envs.rollout import run_episodes
 
 RULES = (RuleAtShare(1.0), DensityCap(), HeadwayRule(), Follow(), Zipper())
-FOLLOWING = (HeadwayRule(), Follow(), Zipper())
+FOLLOWING = (Follow(), Zipper())
 RNG = np.random.default_rng(0)
 
 
@@ -59,7 +59,7 @@ def test_nobody_wants_to_be_faster_than_the_own_desired_speed(policy):
         assert (size <= 1.0 + 1e-12).all()
         slowest = min(slowest, size.min())
         observation = env.step(action).observation
-    assert policy.name == "rule-best-speed" or slowest < 0.9
+    assert policy.name in ("rule-best-speed", "headway") or slowest < 0.9
 
 
 @pytest.mark.parametrize("policy", FOLLOWING, ids=ids)
@@ -72,15 +72,21 @@ def test_the_first_of_a_row_walks_freely_and_the_others_do_not_walk_into_it(poli
     assert np.argsort(result.exit_times[0]).tolist() == list(range(6)) and result.column("contact_impulse")[0] == 0.0
 
 
-def test_who_sees_a_large_gap_walks_at_gap_over_time_gap():
-    scenario = hall(starts=[(1.0, 3.0), (2.0, 3.0)], speed=1.5)
-    _, action = decided(HeadwayRule(time_gap=0.8, strength=0.0), scenario)
-    np.testing.assert_allclose(action, [[1.0, 0.0], [0.6 / 0.8 / 1.5, 0.0]], atol=1e-6)
+@pytest.mark.parametrize("scheme", ["dem", "nsm2"])
+def test_the_headway_policy_is_the_manner_bit_by_bit(scheme):
+    place, shared = hall(30, speed=1.8), {"scheme": scheme, "runs": 2}
+    policy = evaluate(HeadwayRule(), place, **shared)
+    manner = run_episodes(place, 2, seed=1_000_000, scheme=scheme, manner="hurried")
+    assert repr(policy.episodes) == repr([episode.metrics for episode in manner])
+    assert repr(policy.episodes) != repr(evaluate(HeadwayRule("calm"), place, **shared).episodes)
+    # Whatever the manner of the run, and of the other policies in it.
+    assert repr(policy.episodes) == repr(evaluate(HeadwayRule(), hall(30, speed=1.8, manner="calm"), **shared).episodes)
 
 
-def test_with_full_push_the_headway_rule_is_the_shortest_path():
-    _, action = decided(HeadwayRule(push=1.0), hall(30), steps=10)
-    np.testing.assert_array_equal(action, np.tile([1.0, 0.0], (30, 1)))
+def test_full_push_is_the_shortest_path():
+    # The same wishes, turned into velocities at other moments: every 0.05 s.
+    pushing, shortest = (evaluate(rule, hall(20), runs=3) for rule in (HeadwayRule({"push": 1.0}), RuleAtShare(1.0)))
+    assert pushing.column("mean_exit_time").mean() == pytest.approx(shortest.column("mean_exit_time").mean(), rel=0.05)
 
 
 def test_all_of_the_speed_is_the_rule_of_the_environment_bit_by_bit():
@@ -131,42 +137,7 @@ def assert_alike(policy, env, observation, expected):
     np.testing.assert_allclose(policy.act(observation, env.layout, RNG)[inside], expected[inside], atol=2e-5)
 
 
-def test_headway_of_all_is_the_headway_of_each():
-    policy = HeadwayRule()
-    env, observation = crowd(policy)
-    state, bodies, ways = env.simulation.state, env.simulation.bodies, env._ahead.direction
-    x, v, r = state.position, state.velocity, bodies.radius
-
-    def decide(i, others):
-        e, speed = ways[i], bodies.desired_speed[i]
-        left = np.array([-e[1], e[0]])
-        front = [j for j in others if (x[j] - x[i]) @ e > 0 and np.hypot(*(x[j] - x[i])) < 3.0]
-        gaps = {j: np.hypot(*(x[j] - x[i])) - r[i] - r[j] for j in front}
-        seen = [j for j in sorted(front, key=gaps.get)[:MOST_AHEAD] if gaps[j] < policy.sight]
-        aside = 0.0
-        for j in seen:
-            d = x[j] - x[i]
-            foreseen = max(gaps[j] - policy.anticipation * (v[i] - v[j]) @ d / np.hypot(*d), 0.0)
-            if foreseen <= 8.0 * policy.length:
-                size = policy.strength * (1.0 + policy.oncoming * max(-ways[j] @ e, 0.0))
-                size *= np.exp(-foreseen / policy.length)
-                aside += size if (d + policy.anticipation * v[j]) @ left < 0.0 else -size
-        aside = np.clip((1.0 - policy.push) * aside, -2.0, 2.0)
-        turned = np.array([1.0, aside]) / np.hypot(1.0, aside)
-        along = turned[0] * e + turned[1] * left
-        gap = np.inf
-        for j in seen:
-            d, strip = x[j] - x[i], policy.width * (r[i] + r[j])
-            if d @ along > 0.0 and abs(along[0] * d[1] - along[1] * d[0]) < strip:
-                u = ways[j]
-                if not (u @ e > 0.0 and -d @ u > d @ e and abs(u[0] * d[1] - u[1] * d[0]) < strip):
-                    gap = min(gap, gaps[j])
-        return np.clip(max(gap, 0.0) / policy.time_gap, policy.push * speed, speed) / speed * turned
-
-    assert_alike(policy, env, observation, one_by_one(env, decide))
-
-
-@pytest.mark.parametrize("policy", [Follow(), Zipper()], ids=ids)
+@pytest.mark.parametrize("policy", FOLLOWING, ids=ids)
 def test_following_of_all_is_the_following_of_each(policy):
     env, observation = crowd(policy)
     state, bodies, ways = env.simulation.state, env.simulation.bodies, env._ahead.direction
@@ -202,9 +173,8 @@ def test_what_is_decided_in_one_environment_depends_on_no_other(policy):
     [
         (Zipper(), "policy 'zipper' needs the full state.*predecessor is not among"),
         (Follow(), "policy 'follow' needs its own observation.*leader is not among"),
-        (HeadwayRule(), "policy 'headway' needs .*people_ahead is not among"),
     ],
-    ids=["zipper", "follow", "headway"],
+    ids=["zipper", "follow"],
 )
 def test_a_rule_without_what_it_sees_is_refused(policy, words):
     env = CrowdEnv(hall(3))
@@ -218,7 +188,8 @@ def test_a_rule_without_what_it_sees_is_refused(policy, words):
     [
         (RuleAtShare, {"share": 1.2}, "share is 1.2"),
         (DensityCap, {"speed": 0.0}, "speed is 0"),
-        (HeadwayRule, {"push": -0.1}, "push is -0.1"),
+        (HeadwayRule, {"manner": {"push": -0.1}}, "push is -0.1"),
+        (HeadwayRule, {"manner": "rude"}, "unknown manner 'rude'"),
         (Follow, {"time": 0.0}, "follow.*time is 0"),
         (Zipper, {"back": 2.0}, "zipper.*back is 2"),
     ],
@@ -261,7 +232,7 @@ def test_the_command_takes_the_rules_by_name_and_tells_their_constants(small):
     rows = json.loads(out)["rows"]
     assert code == 0 and [row["policy"] for row in rows] == names
     assert 0.2 <= rows[0]["constants"]["share"] <= 1.0
-    assert rows[1]["constants"] == {"density": 2.0, "speed": 1.0}
+    assert rows[1]["constants"] == {"density": 2.0, "speed": 1.0} and rows[2]["constants"] == {"manner": "hurried"}
     assert all(row["blocked_share"]["ci95"][1] < 1.0 for row in rows)
 
 

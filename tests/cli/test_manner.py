@@ -6,7 +6,7 @@ import pytest
 from clogging_samples import needs_powerlaw
 from commands import call, figures
 
-from crowd_env import MANNERS
+from crowd_env import MANNERS, CrowdEnv
 from crowd_env.cli.console import run_title, with_manner
 from crowd_env.scenarios import make_scenario
 
@@ -48,7 +48,21 @@ def test_clogging_names_the_manner():
     assert found["manner"] == "hurried" and found["name"].startswith("lin-room-v0, nsm2, hurried, 10 people")
 
 
-@pytest.mark.parametrize("command", ["run room-v0", "clogging lin-room-v0"])
+def test_warmup_compiles_the_manner_that_is_asked_for(monkeypatch):
+    seen = []
+
+    class Watched(CrowdEnv):
+        def __init__(self, *args, **options):
+            super().__init__(*args, **options)
+            seen.append(self.simulation.manner)
+
+    monkeypatch.setattr("crowd_env.envs.crowd.CrowdEnv", Watched)
+    assert call("warmup --scheme dem --scheme nsm2 --manner calm").exit_code == 0
+    assert call("warmup --scheme dem").exit_code == 0
+    assert seen == [MANNERS["calm"], MANNERS["calm"], None]
+
+
+@pytest.mark.parametrize("command", ["run room-v0", "clogging lin-room-v0", "warmup --scheme dem"])
 def test_an_unknown_manner_is_refused_in_one_line(command):
     result = call(f"{command} --manner slow")
     assert result.exit_code == 2

@@ -184,3 +184,15 @@ def test_everybody_gets_out(scheme):
         assert metrics.unfinished == 0 and 40.0 < metrics.evacuation_time < 100.0
     names = np.array(THEATRE.geometry.exit_names)[env.simulation.state.exit_index]
     assert 30 * 2 < (names == "A").sum() < 55 * 2
+
+
+def test_rules_turn_nobody_away_from_the_fastest_way_which_is_faster_than_the_shortest():
+    options = {"scheme": "dem", "num_envs": 3, "seed": [1, 2, 3]}
+    shortest = evacuated("theatre-v0", **options).simulation.state.exit_time
+    quick, free = (
+        evacuated("theatre-v0", strategy="fastest", rules=rules, **options).simulation.state.exit_time
+        for rules in (True, False)
+    )
+    np.testing.assert_array_equal(quick, free)
+    assert (quick.reshape(3, -1).max(axis=1) < shortest.reshape(3, -1).max(axis=1)).all()
+    assert quick.mean() < shortest.mean()
