@@ -84,7 +84,7 @@ class CongestionField:
 
     def _crowded(self, position: Floats, people: FundamentalDiagram) -> tuple[Floats, Bools]:
         """Return the speed (rows, cols) relative to plain floor, and where people keep to the shortest way."""
-        if people.time_gap == 0.0:
+        if not people.keeps_distance:
             fronts, node = self._fronts, grid.nearest_nodes(position, self.origin, self.spacing, self._inside.shape)
             queue, front = fronts.queue(node, people), fronts.front
             return self._speed / self._mean_around(queue[front]), fronts.keeps_on(queue)[front]

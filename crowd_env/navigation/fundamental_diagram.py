@@ -19,23 +19,19 @@ _CLOSEST = np.sqrt(3.0) / 2.0  # m2 per person and square of the distance, packe
 
 
 class FundamentalDiagram(NamedTuple):
-    """The means of a crowd: ``radius`` [m], ``desired_speed`` [m/s], ``time_gap`` [s] and ``push`` (share of that speed)."""
+    """How a crowd walks: the means of ``radius`` [m] and ``desired_speed`` [m/s], and whether people keep a distance."""
 
     radius: float
     desired_speed: float
-    time_gap: float = 0.0
-    push: float = 1.0
+    keeps_distance: bool = False
 
     def flow(self, width: Floats) -> Floats:
-        """Return how many pass an opening per second; ``width`` [m] is what the middle of a body has of it.
+        """Return how many who keep no distance pass an opening per second.
 
-        At least one file of people who walk freely at their distance; more where the greatest flow of a wide front is more.
+        ``width`` [m] is what the middle of a body has of it.  At least one file passes; more where a wide front lets more pass.
         """
-        room = self.time_gap * (1.0 - self.push)  # those who push keep less
-        speed = self.desired_speed
-        file = speed / (speed * room + 2.0 * self.radius)
-        best = speed if room <= 0.0 else min(speed, 2.0 * self.radius / room)
-        front = best / (_CLOSEST * (best * room + 2.0 * self.radius) ** 2)
+        file = self.desired_speed / (2.0 * self.radius)
+        front = self.desired_speed / (_CLOSEST * (2.0 * self.radius) ** 2)
         return np.maximum(file, front * width)
 
 

@@ -41,8 +41,7 @@ class RoutePlanner:
     geometry_of_env : (E,)
     boundary : of all geometries.
     interval : s, how often a fastest way is found anew, counted from the start of each environment.
-    time_gap, push : s and a share of the own desired speed: the headway of people who have none of their own; without a
-        time gap nobody keeps a distance, whatever the own one.
+    keep_distance : whether people do.
 
     Attributes
     ----------
@@ -60,13 +59,12 @@ class RoutePlanner:
         boundary: Boundary,
         interval: float = 1.0,
         *,
-        time_gap: float = 0.0,
-        push: float = 1.0,
+        keep_distance: bool = False,
     ) -> None:
         if not 0 < interval < np.inf:
             raise ValueError(f"replan_every is {interval!r} s; it must be > 0 and finite")
         self.places, self.interval = list(places), interval
-        self._time_gap, self._push = time_gap, push
+        self._keep_distance = keep_distance
         self.seconds, self.marches = 0.0, 0
         self._geometry_of_env, self._boundary = geometry_of_env, boundary
         joined = join_routes(self.places, geometry_of_env)
@@ -124,11 +122,8 @@ class RoutePlanner:
 
     def _walking(self, bodies: Bodies, people: Ints) -> FundamentalDiagram:
         """Return how these people walk in a crowd, in the mean."""
-        means = [float(bodies.radius[people].mean()), float(bodies.desired_speed[people].mean())]
-        for own, usual in ((bodies.time_gap, self._time_gap), (bodies.push, self._push)):
-            of_each = np.where(np.isnan(own[people]), usual, own[people])
-            means.append(float(of_each.mean()) if self._time_gap > 0.0 else usual)
-        return FundamentalDiagram(*means)
+        radius, speed = float(bodies.radius[people].mean()), float(bodies.desired_speed[people].mean())
+        return FundamentalDiagram(radius, speed, self._keep_distance)
 
     def _write(self, e: int, r: int, field: NavigationField) -> None:
         travel_time, direction, cell = _of_field(self.field, int(self.guidance.field_of_route[e, r]))

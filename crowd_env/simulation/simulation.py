@@ -124,8 +124,8 @@ class Simulation:
         environments = len(state.time)
         which = which_geometry(geometry_of_env, environments, len(self.geometries))
         boundary = join_boundaries(self.geometries)
-        kept = {} if headway is None else {"time_gap": headway.time_gap, "push": headway.push}
-        self.planner = RoutePlanner(self.fields, which, boundary, replan_every, **kept)
+        keep_distance = headway is not None
+        self.planner = RoutePlanner(self.fields, which, boundary, replan_every, keep_distance=keep_distance)
         guidance = self.planner.guidance
         walls = no_wall_grid(len(self.geometries)) if headway is None else make_wall_grid(boundary, headway.sight + 1.0)
         self.world = World(boundary, by_reference(self.planner.field), which, guidance, walls)

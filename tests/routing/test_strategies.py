@@ -108,12 +108,10 @@ def test_speed_falls_with_density_as_weidmann_says():
 
 
 def test_the_flow_through_a_door_is_that_of_one_file_or_of_a_front():
-    people = FundamentalDiagram(radius=0.2, desired_speed=1.4, time_gap=0.5, push=0.0)
-    assert people.flow(np.array([0.0]))[0] == pytest.approx(1.4 / (0.7 + 0.4))  # one after the other
-    density = np.linspace(0.1, 6.0, 2000)
-    distance = 1.0 / np.sqrt(np.sqrt(3.0) / 2.0 * density)  # to the next, packed in triangles
-    most = (density * np.clip((distance - 0.4) / 0.5, 0.0, 1.4)).max()
-    assert people.flow(np.array([10.0]))[0] == pytest.approx(10.0 * most, rel=1e-3)
+    people = FundamentalDiagram(radius=0.2, desired_speed=1.4)
+    assert people.flow(np.array([0.0]))[0] == pytest.approx(1.4 / 0.4)  # one behind the other, touching
+    touching = 1.0 / (0.4**2 * np.sqrt(3.0) / 2.0)  # 1/m2, packed in triangles
+    assert people.flow(np.array([10.0]))[0] == pytest.approx(10.0 * 1.4 * touching)
 
 
 def one_exit_times(route, manner, seed):
