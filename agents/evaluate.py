@@ -17,8 +17,17 @@ from agents.runs import versions
 from agents.training_config import RUNS
 from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
 from crowd_env.checks import Range, whole
-from crowd_env.cli.console import MannerName, friendly_errors, notes, progress_bar, run_title, with_manner
+from crowd_env.cli.console import (
+    MannerName,
+    OutlineOption,
+    friendly_errors,
+    notes,
+    progress_bar,
+    run_title,
+    with_manner,
+)
 from crowd_env.files.json_file import write_json
+from crowd_env.physics import check_outline
 from crowd_env.rendering.libraries import require_libraries
 
 _POLICIES, _POLICY, _SCHEMES = "--policies", "--policy", "--schemes"
@@ -97,7 +106,7 @@ def _evaluate(
 
 def _warm_up(scheme: str, scenario: Scenario) -> None:
     """Load the kernels, so that compiling them is not counted as computing."""
-    env = CrowdEnv("room-v0", scheme=scheme, strategy="fastest", manner=scenario.manner)
+    env = CrowdEnv("room-v0", scheme=scheme, strategy="fastest", manner=scenario.manner, outline=scenario.outline)
     env.reset(seed=0)
     env.step(None)
 
@@ -143,6 +152,7 @@ def main(
         typer.Option(_SCHEMES, metavar="SCHEME ...", show_default="nsm2", help=", ".join(SCHEMES) + "."),
     ] = ["nsm2"],  # noqa: B006
     manner: MannerName = None,
+    outline: OutlineOption = None,
     runs: Annotated[int, typer.Option(help="Evacuations of each policy and scheme.")] = 100,
     seed: Annotated[int, typer.Option(help="Other draws; all are held out from training.")] = 0,
     threads: Annotated[int, typer.Option(help="Of the simulation; results do not depend on it.")] = 1,
@@ -167,13 +177,13 @@ def main(
     python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.npz --out comparison
     """
     with friendly_errors("" if out is None else "the same command goes on"):
-        place = with_manner(make_scenario(scenario), manner)
+        place = with_manner(make_scenario(scenario), manner, outline)
         whole("--runs", runs, RUNS)
         whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
         whole("--threads", threads)
         schemes = list(dict.fromkeys(schemes))
         for scheme in schemes:
-            make_scheme(scheme)
+            check_outline(place.outline_of_run(), make_scheme(scheme))
         entries = make_entries(policies, place, trust_pickle=trust_pickle)
         if "rules" in policies and not place.rules:
             notes.print(f"note: {place.name} has no control rules; rules is shortest there", markup=False)

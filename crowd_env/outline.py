@@ -12,6 +12,7 @@ the Visible Human and the measures of ANSUR II: bideltoid breadth 0.471 m, chest
 1.48 kg m^2.  A turning time of 0.45 s damps spin at 2 / t = 4.4 /s, LEMONS does so at 4.5 /s.  The largest torque is assumed.
 """
 
+import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -91,7 +92,7 @@ def _free_arcs(k: int, x: Floats, y: Floats, r: Floats) -> list[tuple[float, flo
             edges += [(np.arctan2(dy, dx) + side) % (2.0 * np.pi) for side in (-half, half)]
     edges.sort()
     free = []
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in itertools.pairwise(edges):
         middle = 0.5 * (begin + end)
         away = np.hypot(x[k] + r[k] * np.cos(middle) - x, y[k] + r[k] * np.sin(middle) - y) - r
         inside = away < -1e-12 * r[k]

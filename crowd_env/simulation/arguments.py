@@ -8,8 +8,7 @@ import numpy as np
 from crowd_env.checks import POSITIVE, number, refuse
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import travel_time_field
-from crowd_env.outline import Outline, plain_outline
-from crowd_env.physics import SCHEMES
+from crowd_env.outline import Outline
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.workspace import Command
 from crowd_env.routing.replanning import Place
@@ -50,18 +49,6 @@ def check_drive(max_drive: Any, driving: bool) -> float | None:
     if not driving:
         raise ValueError(f"max_drive is {max_drive!r} N, but passive grains (driving=False) have no drive to limit")
     return number("max_drive", max_drive, POSITIVE, "N")
-
-
-def check_outline(outline: Outline | None, scheme: ContactScheme) -> None:
-    """Raise ValueError if bodies have an outline and the scheme does not turn them."""
-    if outline is not None and not scheme.turns_bodies:
-        turning = ", ".join(name for name, known_scheme in SCHEMES.items() if known_scheme.turns_bodies)
-        has_switch = any(type(scheme) is type(SCHEMES[name]) for name in turning.split(", "))
-        name = f"{scheme.info.name} with rotation=False" if has_switch else scheme.info.name
-        raise ValueError(
-            f"{name} does not turn bodies, so outline is {plain_outline(outline)!r} in vain; it must be 'disc', or the scheme one of "
-            f"{turning}"
-        )
 
 
 def routes_of(route: Any, known: Ints) -> Ints:

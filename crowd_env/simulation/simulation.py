@@ -13,7 +13,7 @@ from crowd_env.geometry.wall_grid import make_wall_grid, no_wall_grid
 from crowd_env.headway import Manner, make_manner
 from crowd_env.navigation.field import NavigationField
 from crowd_env.outline import NO_OUTLINE, OutlineName, make_outline
-from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.physics import ContactScheme, check_outline, make_scheme
 from crowd_env.physics.contacts import rows_of
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.scheme import arrays_of
@@ -37,7 +37,6 @@ from crowd_env.routing.route_set import RouteSet
 from crowd_env.simulation.arguments import (
     check_command,
     check_drive,
-    check_outline,
     check_routes,
     check_step,
     fields_of,
@@ -83,7 +82,7 @@ class Simulation:
         walk at full speed whatever is in front of them.
     max_drive : N, largest driving force of a person, as a push that one can go on exerting; None = as large as the papers
         make it, m v_d / tau.  See `crowd_env.physics.driving_force`; `nsm1`, which has no such force, refuses it.
-    outline : what shape bodies have: a name in ``OUTLINES``, an Outline, or a table of its parameters; by default they are discs.
+    outline : shape of all bodies: a name in ``OUTLINES``, an Outline, or a table of its parameters; by default they are discs.
         `hertz` and `hertz-literal`, under which bodies turn, take one.  ``bodies.inertia`` becomes that of the outline, and
         pedestrians face their way when they begin, unless an angle in ``state`` is set.
     allow_unstable : accept a ``dt`` above the scheme's stable step, and let everyone go as fast, as far in a step and through

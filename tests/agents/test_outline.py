@@ -1,0 +1,43 @@
+"""The outline in evaluations: part of what was run."""
+
+import json
+
+import pytest
+from evaluations import call, hall
+
+from agents.controllers import RandomController
+from agents.evaluation.evaluation import evaluate
+from agents.evaluation.folder import EvaluationFolder, settings_of
+from agents.evaluation.routing import evaluate_controller
+from agents.rules import StrategyPolicy
+from crowd_env import OUTLINES
+
+
+def test_a_folder_holds_one_outline(tmp_path):
+    usual, torso = settings_of(hall(), 3, 0), settings_of(hall(outline="torso"), 3, 0)
+    assert (usual["outline"], torso["outline"]) == ("disc", "torso") and usual["digest"] != torso["digest"]
+    assert settings_of(hall(outline="disc"), 3, 0) == usual
+    assert settings_of(hall(outline=OUTLINES["torso"]), 3, 0) == torso
+    EvaluationFolder(tmp_path, torso)
+    with pytest.raises(ValueError, match=r"another outline \(torso, now disc\)"):
+        EvaluationFolder(tmp_path, usual)
+
+
+def test_policies_and_controllers_are_evaluated_with_an_outline():
+    shared = {"runs": 1, "first_seed": 5, "scheme": "hertz"}
+    place, usual = hall(outline="torso"), hall()
+    policy = StrategyPolicy("shortest", rules=False)
+    found = repr(evaluate(policy, place, **shared).episodes)
+    assert found == repr(evaluate(policy, usual, outline="torso", **shared).episodes)
+    assert found != repr(evaluate(policy, usual, **shared).episodes)
+    for controller in (RandomController(), "fastest path"):
+        own = evaluate_controller(controller, place, **shared)
+        option = evaluate_controller(controller, usual, outline="torso", **shared)
+        assert repr(own.episodes) == repr(option.episodes)
+
+
+def test_the_command_takes_an_outline_and_refuses_it_before_anything_is_run():
+    code, out, _ = call("--policies", "shortest", "--schemes", "hertz", "--runs", 1, "--outline", "torso", "--json")
+    assert code == 0 and json.loads(out)["outline"] == "torso"
+    code, _, err = call("--schemes", "hertz", "nsm2", "--outline", "torso")
+    assert code == 2 and "nsm2 does not turn bodies, so it cannot have the outline 'torso'" in err
