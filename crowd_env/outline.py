@@ -157,6 +157,13 @@ class Outline:
         """Return the moments of inertia (N,) [kg m^2] of bodies of this outline about the vertical axis."""
         return np.asarray(self.shape.inertia * mass * radius**2)
 
+    def place_discs(self, position: Floats, radius: Floats, angle: Floats) -> tuple[Floats, Floats]:
+        """Return centers (N, K, 2) and radii (N, K) [m] of the discs of N bodies that face ``angle`` (N,) [rad]."""
+        x, y, size, _, _ = self.shape
+        cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
+        away = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
+        return position[:, None] + radius[:, None, None] * away, radius[:, None] * size
+
     def params(self) -> OutlineParams:
         """Return the outline as kernels read it."""
         return OutlineParams(*self.shape[:4], self.turning_time, self.max_torque)
