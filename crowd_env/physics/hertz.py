@@ -9,6 +9,9 @@ With overlap d, R = r_i r_j / (r_i + r_j), m = m_i m_j / (m_i + m_j), alpha = sq
 The formulas and parameters are those of granular flow codes, which settles what the paper leaves open: gamma is a rate per
 length.  In two dimensions s is one number, in the frame that turns with the contact; `Contacts.history` keeps it.
 
+Bodies may have an outline of several discs (`crowd_env.outline`): then r is the radius of the disc that touches, and normal
+forces turn a body too.  The paper has discs.
+
 Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new positions with the HALF-step velocity, half a kick.  The
 forces of the last step are kept for the first half kick of the next.
 

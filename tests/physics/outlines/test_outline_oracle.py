@@ -14,8 +14,6 @@ from shapely.geometry import box
 
 from crowd_env import Geometry, Hertz, Outline, Simulation, make_bodies, make_state
 
-pytestmark = pytest.mark.kernels
-
 
 def nearest_points(walls, center):
     """Yield the nearest point of each wall, and which it is; a corner only if nearest on every wall that ends there, once."""
@@ -120,6 +118,7 @@ def crowd(seed, count, side, spread=0.0):
     return bodies, state
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("seed", [0, 2, 4])
 def test_whole_runs_with_walls_friction_and_ways(seed):
     # In a room of 2.2 m whose pillar has four corners: pressed together, and turning.
@@ -149,6 +148,7 @@ def test_whole_runs_with_walls_friction_and_ways(seed):
         np.testing.assert_allclose(getattr(state, name), getattr(own, name), rtol=0, atol=1e-6, err_msg=name)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("plan", PLANS)
 @pytest.mark.parametrize("count", [25, 120])
 def test_contacts_are_all_that_there_are(plan, count):
@@ -179,6 +179,7 @@ def test_contacts_are_all_that_there_are(plan, count):
     assert total > 60
 
 
+@pytest.mark.kernels
 def test_bodies_touch_where_their_outlines_overlap():
     _, state = crowd(3, 40, 2.5)
     simulation = grains(state.position, state.angle, LIMP, dt=1e-9)
@@ -230,6 +231,7 @@ def test_a_shoulder_in_a_corner_of_the_room_comes_back():
     assert shape.difference(box(0, 0, 3, 3)).area < 1e-4
 
 
+@pytest.mark.kernels
 def test_a_body_astride_of_the_end_of_a_thin_wall_touches_it_from_both_sides():
     thin = Geometry.from_polygon(box(-3, -3, 3, 3), thin_walls=[[(0, -2), (0, 0)]])
     simulation = grains([(0.0, 0.1)], 0.5 * np.pi, LIMP, place=thin, dt=1e-9)  # facing along the wall, beyond its end

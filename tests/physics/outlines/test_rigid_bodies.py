@@ -8,7 +8,6 @@ from outlined_crowds import DISC, DUMBBELL, ELASTIC, LIMP, TORSO, before_a_door,
 from crowd_env import Hertz, Outline, Simulation, make_bodies, make_state
 from crowd_env.physics import SCHEMES
 
-pytestmark = pytest.mark.kernels
 HARD = Hertz(
     youngs_modulus=5e11, normal_damping=0.0, tangential_damping=0.0, friction=0.0, wall_friction=0.0, social=None
 )
@@ -158,6 +157,7 @@ def test_people_turn_into_their_way_critically_damped(start):
     assert abs(angle[-1] - whole) < 0.05 * abs(start - whole)
 
 
+@pytest.mark.kernels
 def test_the_torque_has_a_limit_and_contacts_can_be_stronger():
     outline = Outline(TORSO.discs, turning_time=0.3, max_torque=5.0)
     (_, spin), simulation = turning(outline, 2.0, seconds=0.1)
