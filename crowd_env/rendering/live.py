@@ -69,6 +69,8 @@ class FilmRecorder:
         columns = zip(*self._moments[e], strict=True)
         time, position, velocity, active, pressure, angle = (np.array(column) for column in columns)
         people, outline = env.people(e), env.simulation.outline
+        if len(angle) > 1:
+            angle[0] = angle[1]  # people face their way from the first step on
         return Recording(
             time=time,
             position=position,

@@ -36,6 +36,35 @@ def test_policies_and_controllers_are_evaluated_with_an_outline():
         assert repr(own.episodes) == repr(option.episodes)
 
 
+def test_training_keeps_its_outline(tmp_path, monkeypatch):
+    pytest.importorskip("stable_baselines3")
+    from training_runs import tiny
+
+    import train
+    from agents.network import read_network
+    from agents.training_config import check_config, default_config, extended, make_env
+
+    usual = default_config("room-v0", "hertz", 0, 2, 100, 1.0)
+    torso = default_config("room-v0", "hertz", 0, 2, 100, 1.0, outline="torso")
+    assert (usual["outline"], torso["outline"]) == ("disc", "torso")
+    check_config(torso)
+    assert make_env(usual).simulation.outline is None and make_env(torso).simulation.outline == OUTLINES["torso"]
+    with pytest.raises(ValueError, match="--outline is disc, but x was begun with torso"):
+        extended(torso, {"outline": "disc"}, [], "x")
+    with pytest.raises(ValueError, match="nsm2 does not turn bodies"):
+        check_config(default_config("room-v0", "nsm2", 0, 2, 100, 1.0, outline="torso"))
+    folder, seen = tmp_path / "run", []
+
+    def spy(policy, scenario, **options):
+        seen.append(options["outline"])
+        return evaluate(policy, scenario, **options)
+
+    monkeypatch.setattr("agents.learned.training.evaluate", spy)
+    assert train.train(folder, tiny(folder, scheme="hertz", dt=0.001, outline="torso", steps=1500, eval_runs=1))
+    assert seen and set(seen) == {"torso"}
+    assert read_network(folder / "best.npz")[1]["trained"]["outline"] == "torso"
+
+
 def test_the_command_takes_an_outline_and_refuses_it_before_anything_is_run():
     code, out, _ = call("--policies", "shortest", "--schemes", "hertz", "--runs", 1, "--outline", "torso", "--json")
     assert code == 0 and json.loads(out)["outline"] == "torso"

@@ -61,6 +61,7 @@ def test_environments_and_recordings_show_shoulders():
     place = make_scenario("room-v0", side=6.0, count=5)
     film = record(place, seed=1, scheme="hertz", outline="torso")
     assert film.outline == TORSO and film.angle.shape == film.position.shape[:2]
+    np.testing.assert_array_equal(film.angle[0], film.angle[1])
     half = film.at(0.5 * (film.time[3] + film.time[4]))
     np.testing.assert_allclose(half.angle, 0.5 * (film.angle[3] + film.angle[4]))
     assert record(place, seed=1, scheme="hertz").at(0.2).angle is None
