@@ -36,7 +36,7 @@ class Disc(NamedTuple):
     radius: float  # m
 
 
-class Shape(NamedTuple):
+class UnitShape(NamedTuple):
     """An outline in units of the radius of the disc of the same area, about its centroid."""
 
     x: Floats  # (K,)  centers of the discs, forwards
@@ -49,7 +49,7 @@ class Shape(NamedTuple):
 class OutlineParams(NamedTuple):
     """An outline as kernels read it; no discs where bodies are discs."""
 
-    x: Floats  # (K,)  see `Shape`
+    x: Floats  # (K,)  see `UnitShape`
     y: Floats
     radius: Floats
     reach: float
@@ -132,7 +132,7 @@ class Outline:
         check_fields("outline", self, turning_time=_PERHAPS_NEVER, max_torque=_PERHAPS_NEVER)
 
     @cached_property
-    def shape(self) -> Shape:
+    def shape(self) -> UnitShape:
         """The outline in units of the nominal radius, about its centroid."""
         x, y, r = np.array(self.discs).T
         area, mean_x, mean_y, second = _moments(x, y, r)
@@ -140,7 +140,7 @@ class Outline:
         # Rounded: a single disc is then exactly a disc.
         x, y, r = (np.round(values / unit, 12) + 0.0 for values in (x - mean_x, y - mean_y, r))
         inertia = (second / area - mean_x**2 - mean_y**2) / unit**2
-        return Shape(x, y, r, float((np.hypot(x, y) + r).max()), round(float(inertia), 12))
+        return UnitShape(x, y, r, float((np.hypot(x, y) + r).max()), round(float(inertia), 12))
 
     @property
     def step_share(self) -> float:
@@ -179,7 +179,7 @@ _TORSO = (
     Disc(-0.014, -0.150, 0.08556),
 )
 
-OutlineName: TypeAlias = str | Mapping[str, Any] | Outline
+BodyShape: TypeAlias = str | Mapping[str, Any] | Outline
 """How callers say what shape bodies have: a name in `OUTLINES`, a table of the parameters of an `Outline`, or one."""
 
 # Name -> shape of everybody.
@@ -189,9 +189,10 @@ OUTLINES: dict[str, Outline | None] = {
 }
 
 
-def make_outline(outline: OutlineName | None) -> Outline | None:
-    """Return the outline of a name in `OUTLINES`, of plain data such as ``{"discs": [[0, 0.1, 0.1], [0, -0.1, 0.1]]}``, or that
-    is given; None = discs.
+def make_outline(outline: BodyShape | None) -> Outline | None:
+    """Return the outline of a name in `OUTLINES`, of plain data such as ``{"discs": [[0, 0, 0.2]]}``, or that is given.
+
+    None stands for discs.
 
     Raises
     ------

@@ -8,7 +8,7 @@ import numpy as np
 
 from crowd_env.checks import NOT_NEGATIVE, refuse, shown, whole
 from crowd_env.headway import MANNERS, Headway, Manner, plain_manner
-from crowd_env.outline import OUTLINES, Outline, OutlineName, plain_outline
+from crowd_env.outline import OUTLINES, BodyShape, Outline, plain_outline
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Bodies, Bools, make_bodies
 
@@ -52,7 +52,7 @@ def one_manner(scenarios: Sequence[Scenario], manner: Manner | None) -> Headway 
     return found[0]
 
 
-def one_outline(scenarios: Sequence[Scenario], outline: OutlineName | None) -> Outline | None:
+def one_outline(scenarios: Sequence[Scenario], outline: BodyShape | None) -> Outline | None:
     """Return what shape bodies have in a batch: as ``outline`` says, or if it is None as the scenarios say.
 
     Raises

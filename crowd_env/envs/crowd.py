@@ -27,7 +27,7 @@ from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.observation.view import allocate_route_ahead
 from crowd_env.envs.reward import RewardFunction, RewardWeights, Transition, make_weights
 from crowd_env.headway import Manner
-from crowd_env.outline import OutlineName, room_of
+from crowd_env.outline import BodyShape, room_of
 from crowd_env.physics import ContactScheme, check_outline, make_scheme
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.groups import extreme_bodies
@@ -131,7 +131,7 @@ class CrowdEnv:
         rules: bool = True,
         manner: Manner | None = None,
         manner_for: ActsOn = "everyone",
-        outline: OutlineName | None = None,
+        outline: BodyShape | None = None,
         max_drive: float | None = None,
         **scenario_options: Any,
     ) -> None:

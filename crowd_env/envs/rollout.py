@@ -10,7 +10,7 @@ from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.metrics import EpisodeMetrics, share_interval, summarise
 from crowd_env.files.json_file import json_number
 from crowd_env.headway import Manner, plain_manner
-from crowd_env.outline import OutlineName, plain_outline
+from crowd_env.outline import BodyShape, plain_outline
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Floats, Ints
@@ -183,7 +183,7 @@ def report(
     scheme: str | ContactScheme,
     episodes: Sequence[Episode],
     manner: Manner | None = None,
-    outline: OutlineName | None = None,
+    outline: BodyShape | None = None,
 ) -> dict[str, Any]:
     """Return the figures of many evacuations, ready for JSON: times in s, flow in 1/s, lengths in mm, residual in m/s.
 

@@ -9,7 +9,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.headway import Headway, Manner, make_manner
 from crowd_env.navigation.domain import require_grid
 from crowd_env.navigation.field import NavigationField, OneWay
-from crowd_env.outline import Outline, OutlineName, make_outline, room_of
+from crowd_env.outline import BodyShape, Outline, make_outline, room_of
 from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
 from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
@@ -61,7 +61,7 @@ class Scenario:
     one_way: tuple[OneWay, ...] = ()
     comfort: Comfort = field(default_factory=Comfort)
     manner: Manner | None = None
-    outline: OutlineName | None = None
+    outline: BodyShape | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "population", as_people(self.population))
@@ -91,7 +91,7 @@ class Scenario:
         """
         return make_manner(self.manner if manner is None else manner)
 
-    def outline_of_run(self, outline: OutlineName | None = None) -> Outline | None:
+    def outline_of_run(self, outline: BodyShape | None = None) -> Outline | None:
         """Return what shape bodies have in a run of this ``outline``; None = as the scenario says.
 
         Raises

@@ -12,7 +12,7 @@ from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.geometry.wall_grid import make_wall_grid, no_wall_grid
 from crowd_env.headway import Manner, make_manner
 from crowd_env.navigation.field import NavigationField
-from crowd_env.outline import NO_OUTLINE, OutlineName, make_outline
+from crowd_env.outline import NO_OUTLINE, BodyShape, make_outline
 from crowd_env.physics import ContactScheme, check_outline, make_scheme
 from crowd_env.physics.contacts import rows_of
 from crowd_env.physics.neighbors.lists import invalidate_lists
@@ -110,7 +110,7 @@ class Simulation:
         replan_every: float = 1.0,
         manner: Manner | None = None,
         max_drive: float | None = None,
-        outline: OutlineName | None = None,
+        outline: BodyShape | None = None,
         allow_unstable: bool = False,
     ) -> None:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)

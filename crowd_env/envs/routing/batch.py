@@ -22,7 +22,7 @@ from crowd_env.envs.routing.terms import RoutingView, make_weights
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.headway import Manner
 from crowd_env.navigation.field import NavigationField
-from crowd_env.outline import OutlineName
+from crowd_env.outline import BodyShape
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Bools, Floats, as_grid
@@ -65,7 +65,7 @@ class RoutingBatch:
         time_limit: float | None = None,
         threads: int = 1,
         manner: Manner | None = None,
-        outline: OutlineName | None = None,
+        outline: BodyShape | None = None,
         sample_dt: float | None = None,
         **scenario_options: Any,
     ) -> None:
