@@ -24,7 +24,15 @@ from agents.training_config import (
 )
 from crowd_env import make_scenario
 from crowd_env.checks import whole
-from crowd_env.cli.console import MannerName, friendly_errors, notes, progress_bar, run_title, with_manner
+from crowd_env.cli.console import (
+    MannerName,
+    OutlineOption,
+    friendly_errors,
+    notes,
+    progress_bar,
+    run_title,
+    with_manner,
+)
 from crowd_env.files.json_file import write_json
 from crowd_env.rendering.libraries import require_libraries
 
@@ -58,7 +66,10 @@ def train(folder: Path, config: dict[str, Any]) -> bool:
         eval_every=config["eval_every"],
         eval_runs=config["eval_runs"],
         trained={
-            name: config[name] for name in ("scenario", "scheme", "manner", "dt", "decision_dt", "seed", "versions")
+            "scenario": config["scenario"],
+            **_physics(config),
+            "seed": config["seed"],
+            "versions": config["versions"],
         },
         curve=curve,
     )
@@ -91,11 +102,12 @@ def compare(folder: Path, config: dict[str, Any], runs: int) -> list[Evaluation]
 
 
 def _physics(config: dict[str, Any]) -> dict[str, Any]:
-    return {name: config[name] for name in ("scheme", "dt", "decision_dt", "manner")}
+    return {name: config[name] for name in ("scheme", "manner", "outline", "dt", "decision_dt")}
 
 
 def _title(config: dict[str, Any]) -> str:
-    return run_title(with_manner(make_scenario(config["scenario"]), config["manner"]), config["scheme"])
+    place = with_manner(make_scenario(config["scenario"]), config["manner"], config["outline"])
+    return run_title(place, config["scheme"])
 
 
 def draw(folder: Path, config: dict[str, Any], results: list[Evaluation]) -> None:
@@ -137,6 +149,7 @@ def main(
     scheme: Annotated[str, typer.Option(help="Contact scheme.")] = "nsm2",
     dt: Annotated[float | None, typer.Option(help="Physics step in seconds.", show_default="the scheme's own")] = None,
     manner: MannerName = None,
+    outline: OutlineOption = None,
     minutes: Annotated[float, typer.Option(help="Training stops after this many minutes, if not by then done.")] = 7.5,
     steps: Annotated[int, typer.Option(help="Training steps, summed over all pedestrian slots.")] = 16_000_000,
     envs: Annotated[int, typer.Option(help="Rooms simulated side by side.")] = 64,
@@ -169,10 +182,10 @@ def main(
         if "resume" in given:
             folder, config = _resumed(root, resume, given)
         else:
-            config = default_config(scenario, scheme, seed, envs, steps, minutes, dt, manner)
+            config = default_config(scenario, scheme, seed, envs, steps, minutes, dt, manner, outline)
             check_config(config)
-            walk = "" if manner is None else f"-{manner}"
-            folder = new_folder(root, name or f"{Path(scenario).stem}-{scheme}{walk}-seed{seed}")
+            who = "".join(f"-{given_name}" for given_name in (manner, outline) if given_name is not None)
+            folder = new_folder(root, name or f"{Path(scenario).stem}-{scheme}{who}-seed{seed}")
         write_json(folder / "config.json", config)
         notes.print(f"writing to {folder}/")
         if not train(folder, config):

@@ -17,9 +17,19 @@ from agents.runs import versions
 from agents.training_config import RUNS
 from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
 from crowd_env.checks import Range, whole
-from crowd_env.cli.console import MannerName, friendly_errors, notes, progress_bar, run_title, with_manner
+from crowd_env.cli.console import (
+    MannerName,
+    OutlineOption,
+    friendly_errors,
+    notes,
+    progress_bar,
+    run_title,
+    with_manner,
+)
 from crowd_env.files.json_file import write_json
 from crowd_env.headway import Headway
+from crowd_env.outline import Outline
+from crowd_env.physics import check_outline
 from crowd_env.rendering.libraries import require_libraries
 
 _POLICIES, _POLICY, _SCHEMES = "--policies", "--policy", "--schemes"
@@ -68,7 +78,7 @@ def compare(
             if result is None:
                 headway = scenario.manner_of_run(entry.manner)
                 if (headway is None) not in warm:
-                    _warm_up(scheme, headway)
+                    _warm_up(scheme, headway, scenario.outline_of_run())
                     warm.add(headway is None)
                 result = _evaluate(entry, scenario, scheme, runs, seed, threads, f"{len(results) + 1}/{total}")
                 if folder is not None:
@@ -97,9 +107,9 @@ def _evaluate(
     return result
 
 
-def _warm_up(scheme: str, headway: Headway | None) -> None:
+def _warm_up(scheme: str, headway: Headway | None, outline: Outline | None) -> None:
     """Load the kernels, so that compiling them is not counted as computing."""
-    env = CrowdEnv("room-v0", scheme=scheme, strategy="fastest", manner=headway)
+    env = CrowdEnv("room-v0", scheme=scheme, strategy="fastest", manner=headway, outline=outline)
     env.reset(seed=0)
     env.step(None)
 
@@ -145,6 +155,7 @@ def main(
         typer.Option(_SCHEMES, metavar="SCHEME ...", show_default="nsm2", help=", ".join(SCHEMES) + "."),
     ] = ["nsm2"],  # noqa: B006
     manner: MannerName = None,
+    outline: OutlineOption = None,
     runs: Annotated[int, typer.Option(help="Evacuations of each policy and scheme.")] = 100,
     seed: Annotated[int, typer.Option(help="Other draws; all are held out from training.")] = 0,
     threads: Annotated[int, typer.Option(help="Of the simulation; results do not depend on it.")] = 1,
@@ -169,13 +180,13 @@ def main(
     python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.npz --out comparison
     """
     with friendly_errors("" if out is None else "the same command goes on"):
-        place = with_manner(make_scenario(scenario), manner)
+        place = with_manner(make_scenario(scenario), manner, outline)
         whole("--runs", runs, RUNS)
         whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
         whole("--threads", threads)
         schemes = list(dict.fromkeys(schemes))
         for scheme in schemes:
-            make_scheme(scheme)
+            check_outline(place.outline_of_run(), make_scheme(scheme))
         entries = make_entries(policies, place, trust_pickle=trust_pickle)
         if "rules" in policies and not place.rules:
             notes.print(f"note: {place.name} has no control rules; rules is shortest there", markup=False)

@@ -15,11 +15,12 @@ from agents.runs import new_folder, versions
 from agents.trained import LearnedController
 from agents.training_config import RUNS, SEEDS, check_budget, check_envs, check_libraries
 from crowd_env.checks import number, whole
-from crowd_env.cli.console import MannerName, friendly_errors, notes, progress_bar
+from crowd_env.cli.console import MannerName, OutlineOption, friendly_errors, notes, progress_bar
 from crowd_env.envs.rollout import named
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.files.json_file import write_json
 from crowd_env.headway import plain_manner
+from crowd_env.outline import plain_outline
 from crowd_env.scenarios import make_scenario
 
 _MOST_CELLS = 10_000  # nobody decides about more, and their names alone fill memory
@@ -47,6 +48,7 @@ def main(
     scenario: Annotated[str, typer.Option(help="Scenario to train in.")] = "two-exit-hall-v0",
     scheme: Annotated[str, typer.Option(help="Contact scheme.")] = "nsm2",
     manner: MannerName = None,
+    outline: OutlineOption = None,
     seconds: Annotated[float, typer.Option(help="Training stops after so long, if not done by then.")] = 600.0,
     steps: Annotated[int, typer.Option(help="Decisions to train for, summed over all evacuations.")] = 120_000,
     envs: Annotated[int, typer.Option(help="Evacuations simulated side by side.")] = 32,
@@ -75,10 +77,11 @@ def main(
     results: dict[str, Any] = {}
     judged: list[Evaluation] = []
     try:
-        with friendly_errors(lambda: _left_behind(folder, scenario, scheme, manner)):
+        with friendly_errors(lambda: _left_behind(folder, scenario, scheme, manner, outline)):
             whole("--runs", runs, RUNS)
             check_libraries()
             options["manner"] = config["manner"] = plain_manner(make_scenario(scenario).manner_of_run(manner))
+            options["outline"] = config["outline"] = plain_outline(make_scenario(scenario).outline_of_run(outline))
             _check(options, seed, split, seconds=seconds, steps=steps, envs=envs)
             from agents.learned.routing import train_controller
 
@@ -118,14 +121,16 @@ def _check(options: dict[str, Any], seed: int, split: float, **budget: float) ->
     check_envs(int(budget["envs"]), batch.env.num_people)
 
 
-def _left_behind(folder: Path | None, scenario: str, scheme: str, manner: str | None) -> str:
+def _left_behind(folder: Path | None, scenario: str, scheme: str, manner: str | None, outline: str | None) -> str:
     """Return in words what an interrupted run has kept, and how to evaluate it."""
     if folder is None or not (folder / "best.npz").exists():
         return ""
     if (folder / "results.json").exists():
         return f"what was evaluated by then is in {folder}/results.json"
-    walk = "" if manner is None else f" --manner {manner}"
-    again = f"python -m agents.evaluate --scenario {scenario}{walk} --schemes {scheme} --policies nearest fastest"
+    who = "".join(
+        f" --{option} {name}" for option, name in (("manner", manner), ("outline", outline)) if name is not None
+    )
+    again = f"python -m agents.evaluate --scenario {scenario}{who} --schemes {scheme} --policies nearest fastest"
     return f"the best controller so far is {folder}/best.npz; evaluate it with: {again} {folder}/best.npz"
 
 

@@ -11,6 +11,7 @@ from crowd_env import CrowdEnv, ObservationLayout, make_scenario, make_scheme
 from crowd_env.checks import POSITIVE, Range, number, whole
 from crowd_env.files.json_file import read_json
 from crowd_env.headway import plain_manner
+from crowd_env.outline import plain_outline
 
 # People simulated side by side in training: a rollout of more takes many gigabytes.
 MOST_PEOPLE = 200_000
@@ -28,8 +29,9 @@ def default_config(
     minutes: float,
     dt: float | None = None,
     manner: str | None = None,
+    outline: str | None = None,
 ) -> dict[str, Any]:
-    """Return every parameter of a run; unless given, ``dt`` [s] is the scheme's own and ``manner`` the scenario's."""
+    """Return every parameter of a run; unless given, ``dt`` [s] is the scheme's own, manner and outline are the scenario's."""
     from agents.learned import PPOSettings
     from agents.learned.callback import VALIDATION_SEED
 
@@ -43,6 +45,7 @@ def default_config(
         "dt": make_scheme(scheme).info.default_dt if dt is None else dt,
         "decision_dt": 0.1,
         "manner": plain_manner(make_scenario(scenario).manner_of_run(manner)),
+        "outline": plain_outline(make_scenario(scenario).outline_of_run(outline)),
         "frame": "path",
         "action": "continuous",
         "observation": ObservationLayout().as_table(),
@@ -58,7 +61,7 @@ def default_config(
 
 def make_env(config: Mapping[str, Any], envs: int | None = None) -> CrowdEnv:
     """Return the training batch, of ``envs`` rooms if that is given."""
-    options = ("scheme", "dt", "decision_dt", "frame", "action", "observation", "reward", "manner")
+    options = ("scheme", "dt", "decision_dt", "frame", "action", "observation", "reward", "manner", "outline")
     return CrowdEnv(
         config["scenario"],
         num_envs=config["envs"] if envs is None else envs,

@@ -19,6 +19,7 @@ from crowd_env.envs.terms import RewardTerm
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.headway import MANNERS, Headway
 from crowd_env.navigation.field import OneWay
+from crowd_env.outline import OUTLINES, Disc, Outline
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
@@ -39,6 +40,7 @@ __all__ = [
     "MANNERS",
     "NSM1",
     "NSM2",
+    "OUTLINES",
     "SCENARIOS",
     "SCHEMES",
     "SOCIAL_FORCES",
@@ -51,6 +53,7 @@ __all__ = [
     "CrowdParallelEnv",
     "CrowdState",
     "CrowdVectorEnv",
+    "Disc",
     "DoorEvent",
     "EpisodeMetrics",
     "Geometry",
@@ -62,6 +65,7 @@ __all__ = [
     "ObservationLayout",
     "ObservationTerm",
     "OneWay",
+    "Outline",
     "Population",
     "RewardTerm",
     "RewardWeights",

@@ -44,7 +44,7 @@ class CrowdState(NamedTuple):
 
     position: Floats  # (P, 2)  m
     velocity: Floats  # (P, 2)  m/s
-    angle: Floats  # (P,)    rad
+    angle: Floats  # (P,)    rad      0 = facing +x
     spin: Floats  # (P,)    rad/s
     active: Bools  # (P,)    still inside
     exit_time: Floats  # (P,)    s        when the center crossed an exit line, interpolated within the step; nan before

@@ -95,7 +95,7 @@ def _learned_entry(path: Path, scenario: Scenario, trust_pickle: bool) -> Entry:
     found = load_trained(path, trust_pickle=trust_pickle)
     if isinstance(found, LearnedPolicy):
         return _policy_entry(found, path)
-    of_the_run = ("scenario", "scheme", "dt", "threads", "manner")
+    of_the_run = ("scenario", "scheme", "dt", "threads", "manner", "outline")
     own = {key: value for key, value in found.options.items() if key not in of_the_run}
     own["sample_dt"] = SAMPLE
     try:

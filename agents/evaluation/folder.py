@@ -19,6 +19,7 @@ from crowd_env.files.array_file import read_arrays, write_arrays
 from crowd_env.files.csv_table import write_csv
 from crowd_env.files.json_file import read_json, write_json
 from crowd_env.headway import plain_manner
+from crowd_env.outline import plain_outline
 
 _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"
@@ -33,9 +34,10 @@ def settings_of(scenario: Scenario, runs: int, seed: int) -> dict[str, Any]:
     held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     for name in ("name", "title", "reference"):
         del held[name]
-    headway = held["manner"] = scenario.manner_of_run()
-    facts = {"scenario": scenario.name, "manner": plain_manner(headway), "digest": fingerprint(held)}
-    return {**facts, "runs": runs, "seed": seed}
+    headway, outline = scenario.manner_of_run(), scenario.outline_of_run()
+    held |= {"manner": headway, "outline": outline}
+    facts = {"scenario": scenario.name, "manner": plain_manner(headway), "outline": plain_outline(outline)}
+    return {**facts, "digest": fingerprint(held), "runs": runs, "seed": seed}
 
 
 def _made_by(entry: Entry, scheme: str) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.headway import plain_manner
+from crowd_env.outline import plain_outline
 
 # What people do without a controller, by the strategy of `CrowdEnv`.
 STRATEGIES = {"nearest exit": "nearest", "shortest path": "shortest", "fastest path": "fastest"}
@@ -50,6 +51,7 @@ def evaluate_controller(
             decision_dt=sample_dt,
             threads=simulation.threads,
             manner=plain_manner(simulation.manner),
+            outline=plain_outline(simulation.outline),
             time_limit=float(one.env.time_limit[0]),
         )
     else:

@@ -18,6 +18,7 @@ from crowd_env import CrowdEnv, Scenario
 from crowd_env.cli.console import notes, stops_by
 from crowd_env.files.csv_table import write_csv
 from crowd_env.headway import plain_manner
+from crowd_env.outline import plain_outline
 
 # evacuation_time and its standard error are over all validation draws, people left inside count as in
 # `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.
@@ -96,6 +97,7 @@ class PolicyCallback(TrainingCallback):
             dt=self.env.simulation.dt,
             decision_dt=self.env.decision_dt,
             manner=plain_manner(self.env.simulation.manner),
+            outline=plain_outline(self.env.simulation.outline),
         )
         row = self._row(result)
         best_before = min(map(score, self.curve), default=(np.inf, np.inf))

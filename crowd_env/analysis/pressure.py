@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from crowd_env._kernels.jit import kernel
 from crowd_env.checks import POSITIVE, array, number, require_all
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.outline import Outline
 from crowd_env.physics.neighbors.lists import NeighborList, sort_into_cells
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import Bools, CrowdState, Floats, Ints
@@ -26,6 +27,8 @@ class ContactForces(NamedTuple):
     j: Ints  # (C,)    other person > i, or -1 - k: wall feature k
     at: Floats  # (C, 2)  m, the center of j, or where i touches the wall
     force: Floats  # (C,)    N, normal; > 0 pushes apart
+    angle: Floats | None = None  # (N,)    rad
+    outline: Outline | None = None  # shape of all bodies; None = discs
 
 
 def contact_pressure(impulse: ArrayLike, duration: float, radius: ArrayLike) -> Floats:
@@ -52,15 +55,22 @@ def contact_pressure(impulse: ArrayLike, duration: float, radius: ArrayLike) -> 
 def contact_forces(simulation: Simulation, e: int = 0) -> ContactForces:
     """Return the contacts of environment ``e`` with their normal forces: the normal impulses of the last step over its length.
 
+    What the discs of two bodies with an outline do to each other, or those of one and a wall, is added up.
+
     Solvers of impulses leave forces that flicker from step to step; `mean_contact_forces` of many steps is calmer.
     """
     people = slice(int(simulation.bodies.env_start[e]), int(simulation.bodies.env_start[e + 1]))
     position, radius = simulation.state.position[people].copy(), simulation.bodies.radius[people].copy()
+    angle, outline = simulation.state.angle[people].copy(), simulation.outline
     active, contacts = simulation.state.active[people].copy(), simulation.contacts(e)
     inside = _both_inside(active, contacts.i, contacts.j)
     i, j = contacts.i[inside], contacts.j[inside]
-    touch = position[i] - contacts.normal[inside] * (radius[i] + contacts.gap[inside])[:, None]
-    return ContactForces(
+    center, size = position[i], radius[i]
+    if outline is not None and contacts.disc_i is not None:
+        of_all = outline.place_discs(position, radius, angle)
+        center, size = (array[i, contacts.disc_i[inside]] for array in of_all)
+    touch = center - contacts.normal[inside] * (size + contacts.gap[inside])[:, None]
+    forces = ContactForces(
         geometry=simulation.geometries[simulation.world.geometry_of_env[e]],
         time=float(simulation.state.time[e]),
         position=position,
@@ -70,7 +80,10 @@ def contact_forces(simulation: Simulation, e: int = 0) -> ContactForces:
         j=j,
         at=np.where((j < 0)[:, None], touch, position[np.maximum(j, 0)]),
         force=contacts.impulse[inside, 0] / simulation.dt,
+        angle=angle,
+        outline=outline,
     )
+    return forces if outline is None else mean_contact_forces([forces])
 
 
 def mean_contact_forces(samples: Sequence[ContactForces]) -> ContactForces:

@@ -17,6 +17,7 @@ from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
 from crowd_env.cli.console import (
     AsJson,
     MannerName,
+    OutlineOption,
     Runs,
     Seed,
     check_folder,
@@ -32,6 +33,7 @@ from crowd_env.cli.console import (
 from crowd_env.envs.rollout import Episode, RunsInterrupted, share
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.headway import plain_manner
+from crowd_env.outline import plain_outline
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.scenarios import SCENARIOS
 from crowd_env.scenarios.population import Uniform
@@ -53,6 +55,7 @@ def clog(
     ] = None,
     n: Annotated[int | None, typer.Option(help="Number of people; default the scenario's.", min=1)] = None,
     manner: MannerName = None,
+    outline: OutlineOption = None,
     runs: Runs = 10,
     seed: Seed = 0,
     dt: Annotated[float | None, typer.Option(help="Physics step in s; default the scheme's.")] = None,
@@ -90,7 +93,7 @@ def clog(
             people: dict[str, Any] = {} if n is None else {"count": n}
             if speed is not None:
                 people["desired_speed"] = Uniform(speed, speed)
-            place = with_manner(with_people(scenario or "lin-room-v0", people), manner)
+            place = with_manner(with_people(scenario or "lin-room-v0", people), manner, outline)
             contact = make_scheme(scheme)
             name = _name(place, contact)
             blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
@@ -103,9 +106,10 @@ def clog(
         }
         paths = [] if out is None else _write(out, found, sets, [episode.seed for episode in episodes], per_exit)
     if as_json:
-        rows = [{"name": name, "manner": None, **_figures(each)} for name, each in found.items()]
+        rows = [{"name": name, "manner": None, "outline": None, **_figures(each)} for name, each in found.items()]
         if episodes:  # the simulated runs are the first set
             rows[0]["manner"] = plain_manner(place.manner_of_run())
+            rows[0]["outline"] = plain_outline(place.outline_of_run())
         typer.echo(json.dumps({"sets": rows}))
     else:
         _show(found)

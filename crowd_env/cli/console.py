@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
 from crowd_env.headway import MANNERS, make_manner, plain_manner
+from crowd_env.outline import OUTLINES, make_outline, plain_outline
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
 
@@ -33,6 +34,14 @@ MannerName = Annotated[
         "--manner",
         metavar="NAME",
         help=f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's.",
+    ),
+]
+OutlineOption = Annotated[
+    str | None,
+    typer.Option(
+        "--outline",
+        metavar="NAME",
+        help=f"What shape bodies have: {', '.join(OUTLINES)} (hertz alone); default the scenario's.",
     ),
 ]
 Seed = Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0)]
@@ -169,27 +178,33 @@ def with_people(name: str, people: Mapping[str, Any], **options: Any) -> Scenari
     return make_scenario(name, **options)
 
 
-def with_manner(place: Scenario, manner: str | None) -> Scenario:
-    """Return a scenario in which people walk in this manner; None = as it says.
+def with_manner(place: Scenario, manner: str | None, outline: str | None = None) -> Scenario:
+    """Return a scenario in which people walk in this manner and have this outline; None = as it says.
 
     Raises
     ------
     ValueError
-        If the manner is unknown.
+        If the manner or the outline is unknown, or people of this outline do not fit.
     """
-    if manner is None:
-        return place
     make_manner(manner)
-    return replace(place, manner=manner)
+    make_outline(outline)
+    given: dict[str, Any] = {
+        name: value for name, value in (("manner", manner), ("outline", outline)) if value is not None
+    }
+    return replace(place, **given) if given else place
 
 
 def run_title(place: Scenario, scheme: str = "", *, people: str = "", runs: str = "") -> str:
-    """Return "room-v0: 20 people, dem, calm, 5 runs": what is given, and how people walk if they keep a distance."""
+    """Return "room-v0: 20 people, hertz, calm, torso, 5 runs": what is given, and how people walk and are shaped."""
     headway = place.manner_of_run()
     manner = plain_manner(headway)
     walk = manner if isinstance(manner, str) else f"time gap {manner['time_gap']:g} s"
     first = f"{place.name}: {people}" if people else place.name
-    return ", ".join(part for part in (first, scheme, walk if headway else "", runs) if part)
+    outline = place.outline_of_run()
+    shape = plain_outline(outline)
+    body = shape if isinstance(shape, str) else f"{len(shape['discs'])} discs a body"
+    parts = (first, scheme, walk if headway else "", body if outline else "", runs)
+    return ", ".join(part for part in parts if part)
 
 
 def counted(count: int, one: str, many: str) -> str:

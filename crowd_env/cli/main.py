@@ -14,6 +14,7 @@ from crowd_env.cli.clogging import clog
 from crowd_env.cli.console import (
     AsJson,
     MannerName,
+    OutlineOption,
     Runs,
     Seed,
     check_picture,
@@ -141,6 +142,7 @@ def run(
         typer.Option(help="How people choose their way: shortest, nearest, fastest, comfortable, or a route or exit."),
     ] = "shortest",
     manner: MannerName = None,
+    outline: OutlineOption = None,
     rules: Annotated[bool, typer.Option(" /--no-rules", help="Leave out the scenario's control rules.")] = True,
     seed: Seed = 0,
     film: Annotated[Path | None, typer.Option(help="Also film the first run: .gif or .mp4.")] = None,
@@ -172,7 +174,8 @@ def run(
 
             check_picture("--film", film, tuple(FORMATS))
         _check_network(force_network, at, around)
-        place = with_manner(_read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit, unit), manner)
+        found = _read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit, unit)
+        place = with_manner(found, manner, outline)
         if at is not None and at > place.time_limit:
             raise ValueError(f"--at is {at:g} s; the evacuation ends after {place.time_limit:g} s at the latest")
         contact = make_scheme(scheme, social)

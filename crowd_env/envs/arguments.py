@@ -8,6 +8,7 @@ import numpy as np
 
 from crowd_env.checks import NOT_NEGATIVE, refuse, shown, whole
 from crowd_env.headway import MANNERS, Headway, Manner, plain_manner
+from crowd_env.outline import OUTLINES, BodyShape, Outline, plain_outline
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Bodies, Bools, make_bodies
 
@@ -47,6 +48,24 @@ def one_manner(scenarios: Sequence[Scenario], manner: Manner | None) -> Headway 
             told = f"{plain_manner(found[0])} in {scenarios[0].name}, {plain_manner(other)} in {scenario.name}"
             raise ValueError(
                 f"the people of one batch walk in one manner, not {told}; say which: manner={next(iter(MANNERS))!r}"
+            )
+    return found[0]
+
+
+def one_outline(scenarios: Sequence[Scenario], outline: BodyShape | None) -> Outline | None:
+    """Return what shape bodies have in a batch: as ``outline`` says, or if it is None as the scenarios say.
+
+    Raises
+    ------
+    ValueError
+        If the outline is unknown, or the scenarios do not say the same.
+    """
+    found = [scenario.outline_of_run(outline) for scenario in scenarios]
+    for scenario, other in zip(scenarios, found, strict=True):
+        if other != found[0]:
+            told = f"{plain_outline(found[0])} in {scenarios[0].name}, {plain_outline(other)} in {scenario.name}"
+            raise ValueError(
+                f"the people of one batch have one outline, not {told}; say which: outline={next(iter(OUTLINES))!r}"
             )
     return found[0]
 

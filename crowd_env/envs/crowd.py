@@ -11,7 +11,15 @@ from numpy.typing import ArrayLike
 from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env.checks import COUNT, POSITIVE, Range, array, flag, known, number, text, whole
 from crowd_env.envs.action import FRAMES, ActionKind, Frame, make_action, to_command
-from crowd_env.envs.arguments import bodies_before_reset, check_size, one_manner, parts_of, scenarios_of, seed_words
+from crowd_env.envs.arguments import (
+    bodies_before_reset,
+    check_size,
+    one_manner,
+    one_outline,
+    parts_of,
+    scenarios_of,
+    seed_words,
+)
 from crowd_env.envs.episode import EnvCheckpoint, init_episode, update_episode
 from crowd_env.envs.metrics import EpisodeMetrics, summarise_exits
 from crowd_env.envs.observation.layout import ObservationLayout, make_layout
@@ -19,7 +27,8 @@ from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.observation.view import allocate_route_ahead
 from crowd_env.envs.reward import RewardFunction, RewardWeights, Transition, make_weights
 from crowd_env.headway import Manner
-from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.outline import BodyShape, room_of
+from crowd_env.physics import ContactScheme, check_outline, make_scheme
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.groups import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
@@ -83,6 +92,8 @@ class CrowdEnv:
         the scenario says, and if that says nothing at full speed whatever is in front of them.
     manner_for : whom the manner acts on.  "everyone": also those who have an action, which then says what one would do with
         nobody in front.  "ruled": only those whom the rule leads; the others walk as their action says.
+    outline : shape of all bodies: a name in ``OUTLINES``, an Outline, or a table of its parameters; by default as the scenario
+        says, and if that says nothing they are discs.  Only `hertz` and `hertz-literal`, under which bodies turn, take another.
     max_drive : N, the largest force with which a person drives forwards, by default as large as the papers make it (up to
         2 kN); see `Simulation`.
     scenario_options : options of the scenario if it is given by name.
@@ -120,6 +131,7 @@ class CrowdEnv:
         rules: bool = True,
         manner: Manner | None = None,
         manner_for: ActsOn = "everyone",
+        outline: BodyShape | None = None,
         max_drive: float | None = None,
         **scenario_options: Any,
     ) -> None:
@@ -145,8 +157,10 @@ class CrowdEnv:
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
         self.single_action_space = copy.deepcopy(self.action_kind.space)  # whoever seeds it seeds no other
         check_size(self.scenarios, num_envs)
+        shape = one_outline(self.scenarios, outline)
+        check_outline(shape, scheme)
         for each in self.scenarios:
-            check_step(scheme, extreme_bodies(each.population), dt)  # every draw, not only the first
+            check_step(scheme, extreme_bodies(each.population), dt, outline=shape)  # every draw, not only the first
         which = np.arange(num_envs) % len(self.scenarios)
         self.scenario_of_env = [self.scenarios[k] for k in which]
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
@@ -167,6 +181,7 @@ class CrowdEnv:
             geometry_of_env=which,
             threads=threads,
             manner=one_manner(self.scenarios, manner),
+            outline=shape,
             max_drive=max_drive,
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
@@ -352,7 +367,9 @@ class CrowdEnv:
 
     def _restart(self, e: int) -> None:
         scenario = self.scenario_of_env[e]
-        bodies, position = scenario.population.draw(self._generators[e], scenario.geometry)
+        bodies, position = scenario.population.draw(
+            self._generators[e], scenario.geometry, room_of(self.simulation.outline)
+        )
         kind = e % len(self.scenarios)
         route = self._usual_route[kind]
         self.simulation.restart(e, bodies, position, route=0 if route is None else route)

@@ -10,6 +10,7 @@ from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.metrics import EpisodeMetrics, share_interval, summarise
 from crowd_env.files.json_file import json_number
 from crowd_env.headway import Manner, plain_manner
+from crowd_env.outline import BodyShape, plain_outline
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Floats, Ints
@@ -178,11 +179,15 @@ def run_episodes(scenario: Scenario, runs: int, **options: Any) -> list[Episode]
 
 
 def report(
-    scenario: Scenario, scheme: str | ContactScheme, episodes: Sequence[Episode], manner: Manner | None = None
+    scenario: Scenario,
+    scheme: str | ContactScheme,
+    episodes: Sequence[Episode],
+    manner: Manner | None = None,
+    outline: BodyShape | None = None,
 ) -> dict[str, Any]:
     """Return the figures of many evacuations, ready for JSON: times in s, flow in 1/s, lengths in mm, residual in m/s.
 
-    ``manner`` is that of the run, by default the scenario's.
+    ``manner`` and ``outline`` are those of the run, by default the scenario's.
 
     ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
     ``evacuation_time`` and ``flow`` (per-run least-squares slopes) are over the runs in which everyone, or at least three
@@ -195,6 +200,7 @@ def report(
         "scenario": scenario.name,
         "scheme": make_scheme(scheme).info.name,
         "manner": plain_manner(scenario.manner_of_run(manner)),
+        "outline": plain_outline(scenario.outline_of_run(outline)),
         "people": scenario.population.count,
         **figures_of(metrics),
         "blocked": [

@@ -11,7 +11,8 @@ every step ends with three bounds:
   against a perfectly inelastic obstacle.  The center stays `MARGIN` away from the wall.
 
 The path of a step can reach a wall only if the wall lay within it at the start.  A wall so near is a contact deeper than the
-radius less the path; where no contact of a step is so deep, there is nothing to do.
+radius less the path; where no contact of a step is so deep, there is nothing to do.  How near a wall the center of a body of
+several discs is does not follow from what these touch: there it is always looked.
 """
 
 import numpy as np

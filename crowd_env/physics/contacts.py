@@ -1,5 +1,7 @@
 """The waist of the hourglass: every contact of disc and disc, wall or corner, as one struct of arrays.
 
+Bodies with an outline have several discs: then two of them, or one and a wall feature, may have several contacts.
+
 Sign conventions: ``gap`` is the distance between the surfaces (negative = overlap); the unit ``normal`` points from ``j`` to
 ``i``, so a positive normal impulse pushes ``i`` along ``+normal`` and ``j`` along ``-normal``; the tangent is the normal turned
 left by 90 degrees.  ``j < 0`` is a wall feature: it does not move.  `crowd_env.physics.narrow_phase` finds them.
@@ -25,15 +27,19 @@ class Contacts(NamedTuple):
     impulse: Floats  # (M, 2)  N s   normal, tangential, of the current step
     history: Floats  # (M, 2)  what the scheme keeps of a contact while it lasts; 0 at first
     #                nsm1, nsm2: normal and tangential impulse of the last step [N s]; hertz: tangential elongation [m], 0
+    disc_i: Ints  # (M,)    which disc of i; without an outline there is but one, and these two are empty
+    disc_j: Ints  # (M,)    which disc of j; -1 of a wall
 
 
-# What there is of each contact: the rest of `Contacts` is of an environment.
-OF_A_CONTACT = Contacts._fields[1:]
+def of_a_contact(contacts: Contacts) -> list[str]:
+    """Return the names of what there is of each contact; the rest of `Contacts` is of an environment, or empty."""
+    return [name for name in Contacts._fields[1:] if len(getattr(contacts, name))]
 
 
-def allocate_contacts(near: NeighborList) -> Contacts:
+def allocate_contacts(near: NeighborList, with_discs: bool = False) -> Contacts:
     """Return no contacts, with as much room as the neighbor list."""
     entries = len(near.contact_distance)
+    of_discs = entries if with_discs else 0
     return Contacts(
         number=np.zeros(len(near.reach), dtype=np.int64),
         i=np.zeros(entries, dtype=np.int64),
@@ -42,6 +48,8 @@ def allocate_contacts(near: NeighborList) -> Contacts:
         normal=np.zeros((entries, 2)),
         impulse=np.zeros((entries, 2)),
         history=np.zeros((entries, 2)),
+        disc_i=np.zeros(of_discs, dtype=np.int64),
+        disc_j=np.zeros(of_discs, dtype=np.int64),
     )
 
 
@@ -56,7 +64,7 @@ def move_contacts(old: Contacts, old_near: NeighborList, new: Contacts, new_near
     new.number[:] = old.number
     for e in range(len(old.number)):
         source, target = rows_of(e, old, old_near), rows_of(e, new, new_near)
-        for name in OF_A_CONTACT:
+        for name in of_a_contact(new):
             getattr(new, name)[target] = getattr(old, name)[source]
 
 
@@ -66,6 +74,15 @@ def contact_key(i: int, j: int) -> int:
     return (i << 32) + (j if j >= 0 else (1 << 31) - 1 - j)
 
 
-def contact_keys(i: Ints, j: Ints) -> Ints:
-    """Return `contact_key` of arrays (C,)."""
-    return np.asarray((i << 32) + np.where(j >= 0, j, (1 << 31) - 1 - j))
+@inner_kernel
+def contact_of_key(key: int) -> tuple[int, int]:
+    """Return the (i, j) that `contact_key` made a number of."""
+    i = key >> 32
+    j = key - (i << 32)
+    return i, (j if j < (1 << 31) else (1 << 31) - 1 - j)
+
+
+def order_of_contacts(i: Ints, j: Ints, disc_i: Ints, disc_j: Ints) -> Ints:
+    """Return the order (C,) of contacts by (i, j, discs), walls last; without an outline there are no discs to go by."""
+    keys = (i << 32) + np.where(j >= 0, j, (1 << 31) - 1 - j)  # see `contact_key`
+    return np.argsort(keys) if not len(disc_i) else np.lexsort((disc_j, disc_i, keys))

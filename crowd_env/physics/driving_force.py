@@ -22,6 +22,7 @@ class Influences(NamedTuple):
     regions: bool | None  # there are regions, and so perhaps rules
     walking: bool | None  # people keep a headway
     max_drive: float | None  # N    largest driving force of a person
+    outline: bool | None  # bodies are of several discs
 
 
 def influences(social: SocialForce | None, batch: StructRef) -> Influences:
@@ -31,7 +32,9 @@ def influences(social: SocialForce | None, batch: StructRef) -> Influences:
     walking = bool(batch.fields.control.keeps_headway and batch.fields.control.driving)
     limit = batch.fields.control.max_drive
     max_drive = limit if limit < np.inf and batch.fields.control.driving else None
-    return Influences(params, 0.0 if params is None else params.cutoff, regions or None, walking or None, max_drive)
+    outline = bool(len(batch.fields.world.outline.radius))
+    reach = 0.0 if params is None else params.cutoff
+    return Influences(params, reach, regions or None, walking or None, max_drive, outline or None)
 
 
 @inner_kernel
@@ -56,6 +59,17 @@ def regular_forces(
 
 
 @inner_kernel
+def asked_of(i: int, batch: Batch) -> tuple[float, float]:
+    """Return the command, turned with the direction if it is relative: along the way that a person wants to take."""
+    command, direction = batch.control.command, batch.history.direction
+    cx, cy = command[i, 0], command[i, 1]
+    if batch.control.relative[i]:
+        ex, ey = direction[i, 0], direction[i, 1]
+        cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
+    return cx, cy
+
+
+@inner_kernel
 def desired_velocity(i: int, time: float, batch: Batch, walking: bool | None) -> tuple[float, float]:
     """Return the desired velocity [m/s]: the command, turned with the direction if it is relative, times the desired speed.
 
@@ -65,12 +79,8 @@ def desired_velocity(i: int, time: float, batch: Batch, walking: bool | None) ->
         if time >= batch.bodies.response_time[i]:
             return batch.history.walking_velocity[i, 0], batch.history.walking_velocity[i, 1]
         return 0.0, 0.0
-    command, direction = batch.control.command, batch.history.direction
     speed = batch.history.local_speed[i] if time >= batch.bodies.response_time[i] else 0.0
-    cx, cy = command[i, 0], command[i, 1]
-    if batch.control.relative[i]:
-        ex, ey = direction[i, 0], direction[i, 1]
-        cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
+    cx, cy = asked_of(i, batch)
     return speed * cx, speed * cy
 
 

@@ -9,6 +9,9 @@ With overlap d, R = r_i r_j / (r_i + r_j), m = m_i m_j / (m_i + m_j), alpha = sq
 The formulas and parameters are those of granular flow codes, which settles what the paper leaves open: gamma is a rate per
 length.  In two dimensions s is one number, in the frame that turns with the contact; `Contacts.history` keeps it.
 
+Bodies may have an outline of several discs (`crowd_env.outline`): then r is the radius of the disc that touches, and normal
+forces turn a body too.  The paper has discs.
+
 Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new positions with the HALF-step velocity, half a kick.  The
 forces of the last step are kept for the first half kick of the next.
 
@@ -29,6 +32,8 @@ from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields
 from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
 from crowd_env.physics.driving_force import Influences, regular_forces
 from crowd_env.physics.exits import leave
+from crowd_env.physics.outlines.contacts import detect_discs
+from crowd_env.physics.outlines.turning import add_turning_torques, begin_to_face, lever
 from crowd_env.physics.scheme import Call, ContactScheme, SchemeInfo
 from crowd_env.physics.social_force import SocialForce
 from crowd_env.physics.steering import steer
@@ -134,6 +139,11 @@ class Hertz(ContactScheme):
         return LITERAL if walls_are_people else INFO
 
     @property
+    def turns_bodies(self) -> bool:
+        """Whether contacts turn bodies: not without ``rotation``."""
+        return self.rotation
+
+    @property
     def normal_stiffness(self) -> float:
         """``k_n`` [Pa]."""
         return 2.0 * self.youngs_modulus / (3.0 * (1.0 + self.poisson_ratio) * (1.0 - self.poisson_ratio))
@@ -214,11 +224,16 @@ def _clear_torques(e: int, batch: Batch) -> None:
 
 
 @inner_kernel
-def _add_contact_forces(e: int, batch: Batch, dt: float, elapsed: float, params: HertzParams) -> None:
+def _add_contact_forces(
+    e: int, batch: Batch, dt: float, elapsed: float, params: HertzParams, outline: bool | None
+) -> None:
     """Add the forces and torques of all contacts (eqs 3, 4, 6); ``elapsed`` is the time over which the springs stretch.
 
     With the normal from j to i and the tangent t = normal turned left, the contact point of i moves with v_i - w_i r_i t and
     that of j with v_j + w_j r_j t; a tangential force F_t t on i turns both the same way, by -r F_t.
+
+    With an ``outline`` r is the radius of the disc that touches.  Its center lies (a, b) from that of the body along normal and
+    tangent, so that of i the lever arm of the tangential force is r - a, of j r + a, and that of the normal force is b.
     """
     contacts, radius, masses = batch.history.contacts, batch.bodies.radius, batch.bodies.mass
     contact_i, contact_j, gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
@@ -230,12 +245,24 @@ def _add_contact_forces(e: int, batch: Batch, dt: float, elapsed: float, params:
         i, j, overlap = contact_i[c], contact_j[c], -gap[c]
         nx, ny = normal[c, 0], normal[c, 1]
         reduced, mass, friction = radius[i], masses[i], params.wall_friction
-        ux, uy, turn = velocity[i, 0], velocity[i, 1], radius[i] * spin[i]
+        arm, side, other_arm, other_side = radius[i], 0.0, 0.0, 0.0
+        if outline is not None:
+            reduced, ahead, side = lever(batch, i, contacts.disc_i[c], nx, ny)
+            arm = reduced - ahead
+        ux, uy, turn = velocity[i, 0], velocity[i, 1], arm * spin[i]
         if j >= 0:
             other, heft = radius[j], masses[j]
+            other_arm = other
+            if outline is not None:
+                other, ahead, other_side = lever(batch, j, contacts.disc_j[c], nx, ny)
+                other_arm = other + ahead
             reduced, mass, friction = reduced * other / (reduced + other), mass * heft / (mass + heft), params.friction
-            ux, uy, turn = ux - velocity[j, 0], uy - velocity[j, 1], turn + other * spin[j]
+            ux, uy, turn = ux - velocity[j, 0], uy - velocity[j, 1], turn + other_arm * spin[j]
         closing, slip = -(ux * nx + uy * ny), uy * nx - ux * ny - turn
+        if outline is not None:
+            closing += side * spin[i]
+            if j >= 0:
+                closing -= other_side * spin[j]
         alpha = np.sqrt(overlap * reduced)
         cn, ct = mass * params.normal_damping, mass * params.tangential_damping  # N s/m, per alpha
         if params.damping_unit == 1:
@@ -258,31 +285,56 @@ def _add_contact_forces(e: int, batch: Batch, dt: float, elapsed: float, params:
         force[i, 0] += fx
         force[i, 1] += fy
         if turning:
-            torque[i] -= radius[i] * ft
+            torque[i] -= arm * ft
+            if outline is not None:
+                torque[i] -= side * fn
         if j >= 0:
             force[j, 0] -= fx
             force[j, 1] -= fy
             if turning:
-                torque[j] -= radius[j] * ft
+                torque[j] -= other_arm * ft
+                if outline is not None:
+                    torque[j] += other_side * fn
 
 
 @inner_kernel
 def _find_forces(
-    e: int, rank_stop: int, batch: Batch, dt: float, elapsed: float, acting: Influences, params: HertzParams
+    e: int,
+    rank_stop: int,
+    batch: Batch,
+    dt: float,
+    elapsed: float,
+    acting: Influences,
+    params: HertzParams,
+    outline: bool | None,
 ) -> None:
     """Write all forces and torques at the present positions (eqs 1-6)."""
     steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
     regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive)
     _clear_torques(e, batch)
-    _add_contact_forces(e, batch, dt, elapsed, params)
+    if outline is not None:
+        add_turning_torques(e, rank_stop, batch)
+    _add_contact_forces(e, batch, dt, elapsed, params, outline)
 
 
 @inner_kernel
-def _first_forces(e: int, rank_stop: int, batch: Batch, dt: float, acting: Influences, params: HertzParams) -> bool:
+def _detect(e: int, rank_stop: int, batch: Batch, cutoff: float, outline: bool | None) -> bool:
+    """Bring neighbors and contacts up to date, of the discs of bodies that have an ``outline``; False if they do not fit."""
+    if outline is not None:
+        return bool(detect_discs(e, rank_stop, batch, cutoff))
+    return bool(detect(e, batch, 0.0, cutoff))
+
+
+@inner_kernel
+def _first_forces(
+    e: int, rank_stop: int, batch: Batch, dt: float, acting: Influences, params: HertzParams, outline: bool | None
+) -> bool:
     """Find the forces before the first step, where no spring is stretched yet; False if the contacts do not fit."""
-    if not detect(e, batch, 0.0, acting.reach):
+    if outline is not None and not begin_to_face(e, rank_stop, batch, dt, acting):
         return False
-    _find_forces(e, rank_stop, batch, dt, 0.0, acting, params)
+    if not _detect(e, rank_stop, batch, acting.reach, outline):
+        return False
+    _find_forces(e, rank_stop, batch, dt, 0.0, acting, params, outline)
     batch.history.direction_age[e] += dt  # counts as a step: the next look-up is not put off by it
     batch.history.decision_age[e] += dt
     batch.history.phase[e] = _KNOWN
@@ -300,7 +352,7 @@ def _advance_range(
         rank_stop, limit, smallest = begin_call(e, batch, acting.regions)
         deepest = np.inf  # contact with a wall [m] at the start of the step, not known before the first of a call
         is_first = phase[e] == _UNKNOWN and substep[e] < n_substeps and rank_stop > rank_start
-        if is_first and not _first_forces(e, rank_stop, batch, dt, acting, params):
+        if is_first and not _first_forces(e, rank_stop, batch, dt, acting, params, acting.outline):
             continue
         while substep[e] < n_substeps and rank_stop > rank_start:
             if phase[e] == _KNOWN:
@@ -315,13 +367,17 @@ def _advance_range(
                 rank_stop = leave(e, rank_stop, batch, dt)
                 phase[e] = _DRIFTED
             # Contacts at the new positions.
-            if not detect(e, batch, 0.0, acting.reach):
+            if not _detect(e, rank_stop, batch, acting.reach, acting.outline):
                 break
             # Forces there, with the velocity of the half step (eqs 1-6).
-            _find_forces(e, rank_stop, batch, dt, dt, acting, params)
+            _find_forces(e, rank_stop, batch, dt, dt, acting, params, acting.outline)
             # Half of the impulses and the overlaps into the sums.
             record_impulses(e, batch, 0.5)
             deepest = record_overlaps(e, batch)
+            if (
+                acting.outline is not None
+            ):  # how near a wall a center is does not follow from the overlaps of other discs
+                deepest = np.inf
             # The other half of the kick (eq 11), and the clock.
             _kick(e, rank_stop, batch, 0.5 * dt, limit)
             tick(e, batch, dt)

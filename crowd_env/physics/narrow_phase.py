@@ -10,8 +10,9 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.physics.contacts import contact_key
+from crowd_env.physics.contacts import Contacts, contact_key
 from crowd_env.physics.workspace import Batch
+from crowd_env.state import Ints
 
 
 @inner_kernel
@@ -22,21 +23,21 @@ def find_contacts(e: int, batch: Batch, margin: float) -> None:
     """
     near, contacts = batch.workspace.neighbors, batch.history.contacts
     entry_start, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
-    kept = _keep_history(entry_start, entry_start + contacts.number[e], batch)
-    pairs = _find_candidates(entry_start, pair_end, batch, margin)
+    kept = keep_history(entry_start, entry_start + contacts.number[e], batch, None)
+    pairs = find_candidates(entry_start, pair_end, batch, margin)
     c, walls = entry_start, pair_end
     if pair_end < wall_end:
-        walls = _find_wall_candidates(e, pair_end, wall_end, batch, margin)
+        walls = find_wall_candidates(e, pair_end, wall_end, batch, margin)
     if walls > pair_end:
         c = _write_all(e, entry_start, pairs, pair_end, walls, batch, margin)
     elif pairs > entry_start:
         c = _write_pairs(entry_start, pairs, batch, margin, c)
     contacts.number[e] = c - entry_start
-    _load_history(entry_start, c, kept, batch)
+    load_history(entry_start, c, kept, batch, None)
 
 
 @inner_kernel
-def _find_candidates(entry_start: int, entry_stop: int, batch: Batch, margin: float) -> int:
+def find_candidates(entry_start: int, entry_stop: int, batch: Batch, margin: float) -> int:
     """List the pair entries with a gap below ``margin`` as candidates; returns one past the last.
 
     Every entry is written, and kept only if it counts: a branch would be mispredicted every third time, which costs more than
@@ -59,7 +60,7 @@ def _find_candidates(entry_start: int, entry_stop: int, batch: Batch, margin: fl
 
 
 @inner_kernel
-def _find_wall_candidates(e: int, entry_start: int, entry_stop: int, batch: Batch, margin: float) -> int:
+def find_wall_candidates(e: int, entry_start: int, entry_stop: int, batch: Batch, margin: float) -> int:
     """List the wall entries whose line or corner is near enough as candidates; returns one past the last.
 
     It takes no root and no division.
@@ -99,7 +100,7 @@ def _write_pairs(candidate_start: int, candidate_stop: int, batch: Batch, margin
         entry = candidates[h]
         i, j = owner[entry], partner[entry]
         dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
-        gap, nx, ny = _disc_on_point(dx, dy, contact_distance[entry])
+        gap, nx, ny = disc_on_point(dx, dy, contact_distance[entry])
         if active[i] and active[j] and gap < margin:
             contact_i[c], contact_j[c], contact_gap[c] = i, j, gap
             normal[c, 0], normal[c, 1] = nx, ny
@@ -140,8 +141,11 @@ def _write_all(
 
 
 @inner_kernel
-def _keep_history(contact_start: int, contact_stop: int, batch: Batch) -> int:
-    """Put aside the history of the contacts of the last step; returns one past the last of these."""
+def keep_history(contact_start: int, contact_stop: int, batch: Batch, outline: bool | None) -> int:
+    """Put aside the history of the contacts of the last step; returns one past the last of these.
+
+    With an ``outline`` contacts are of discs of bodies, else of bodies.
+    """
     contacts, work = batch.history.contacts, batch.workspace.narrow_phase
     i, j, history, old_key, old_history = contacts.i, contacts.j, contacts.history, work.old_key, work.old_history
     kept = contact_start
@@ -149,12 +153,14 @@ def _keep_history(contact_start: int, contact_stop: int, batch: Batch) -> int:
         if history[c, 0] != 0.0 or history[c, 1] != 0.0:
             old_key[kept] = contact_key(i[c], j[c])
             old_history[kept, 0], old_history[kept, 1] = history[c, 0], history[c, 1]
+            if outline is not None:
+                work.old_disc[kept, 0], work.old_disc[kept, 1] = contacts.disc_i[c], contacts.disc_j[c]
             kept += 1
     return kept
 
 
 @inner_kernel
-def _load_history(contact_start: int, contact_stop: int, kept: int, batch: Batch) -> None:
+def load_history(contact_start: int, contact_stop: int, kept: int, batch: Batch, outline: bool | None) -> None:
     """Give the contacts the history of the same contacts in the last step, and start their impulses from it."""
     contacts, work = batch.history.contacts, batch.workspace.narrow_phase
     i, j, impulse, history = contacts.i, contacts.j, contacts.impulse, contacts.history
@@ -166,10 +172,27 @@ def _load_history(contact_start: int, contact_stop: int, kept: int, batch: Batch
             key = contact_key(i[c], j[c])
             while old < kept and old_key[old] < key:
                 old += 1
-            if old < kept and old_key[old] == key:
+            if outline is not None:
+                while old < kept and old_key[old] == key and _is_before(work.old_disc[old], contacts, c):
+                    old += 1
+                if old < kept and old_key[old] == key and _is_of(work.old_disc[old], contacts, c):
+                    normal, tangent = old_history[old, 0], old_history[old, 1]
+            elif old < kept and old_key[old] == key:
                 normal, tangent = old_history[old, 0], old_history[old, 1]
         history[c, 0], history[c, 1] = normal, tangent
         impulse[c, 0], impulse[c, 1] = normal, tangent
+
+
+@inner_kernel
+def _is_before(discs: Ints, contacts: Contacts, c: int) -> bool:
+    """Whether two discs (2,) come before those of contact ``c`` of the same bodies."""
+    return bool(discs[0] < contacts.disc_i[c] or (discs[0] == contacts.disc_i[c] and discs[1] < contacts.disc_j[c]))
+
+
+@inner_kernel
+def _is_of(discs: Ints, contacts: Contacts, c: int) -> bool:
+    """Whether two discs (2,) are those of contact ``c``."""
+    return bool(discs[0] == contacts.disc_i[c] and discs[1] == contacts.disc_j[c])
 
 
 @inner_kernel
@@ -185,7 +208,7 @@ def gap_to_feature(
 
 
 @inner_kernel
-def _disc_on_point(dx: float, dy: float, radius: float) -> tuple[float, float, float]:
+def disc_on_point(dx: float, dy: float, radius: float) -> tuple[float, float, float]:
     """Return gap and normal of a disc and a point (dx, dy) away (or, with ``radius`` the sum of two, of two discs)."""
     distance = np.sqrt(dx * dx + dy * dy)
     if distance == 0.0:  # coincident centers: any direction will do, but always the same
@@ -220,7 +243,7 @@ def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int)
 def _disc_on_corner(x: float, y: float, radius: float, boundary: Boundary, v: int) -> tuple[float, float, float]:
     if not is_beyond_walls(x, y, boundary, v, 0.0):
         return np.inf, 0.0, 0.0
-    return _disc_on_point(x - boundary.corner[v, 0], y - boundary.corner[v, 1], radius + boundary.corner_radius[v])
+    return disc_on_point(x - boundary.corner[v, 0], y - boundary.corner[v, 1], radius + boundary.corner_radius[v])
 
 
 @inner_kernel

@@ -68,6 +68,11 @@ class ContactScheme(ABC):
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return the overlap [m] below which the scheme stays in a room of people who push at their desired speed."""
 
+    @property
+    def turns_bodies(self) -> bool:
+        """Whether contacts turn bodies: only then they may have an outline."""
+        return False
+
     def check(self, driving: bool, max_drive: float | None = None) -> None:  # noqa: B027  # most schemes accept all
         """Raise ValueError if the scheme has no use for pedestrians (``driving``), passive grains, or a limited drive."""
 
@@ -129,7 +134,8 @@ class IterativeScheme(ContactScheme):
         return Stopping(self.tolerance, relative, self.max_iterations, self.solver != "gauss-seidel")
 
 
-def arrays_of(scheme: ContactScheme, keeps_headway: bool = False) -> frozenset[str]:
-    """Return which of the arrays in `workspace.OPTIONAL` a scheme works with, and people who keep a headway."""
+def arrays_of(scheme: ContactScheme, keeps_headway: bool = False, with_outline: bool = False) -> frozenset[str]:
+    """Return which of the arrays in `workspace.OPTIONAL` a scheme works with, and people with a headway or an outline."""
     social = ("desired_velocity", "force", "heading", "social_pairs") if scheme.social is not None else ()
-    return frozenset((*scheme.info.uses, *social, *(("walking",) if keeps_headway else ())))
+    of_people = (*(("walking",) if keeps_headway else ()), *(("discs",) if with_outline else ()))
+    return frozenset((*scheme.info.uses, *social, *of_people))

@@ -12,7 +12,7 @@ import numpy as np
 
 from crowd_env._kernels.jit import index, kernel
 from crowd_env.clock import DueClock, next_multiple
-from crowd_env.physics.contacts import OF_A_CONTACT, Contacts, contact_keys, rows_of
+from crowd_env.physics.contacts import Contacts, of_a_contact, order_of_contacts, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.workspace import Batch, Command, Results, set_command
 from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
@@ -148,13 +148,19 @@ class SortedCrowd:
             *zip(copies.results[:-1], arrays.results[:-1], strict=True),
         ]
 
-    def by_slot(self, i: Ints, j: Ints, normal: Floats) -> tuple[Ints, Ints, Floats, Ints]:
-        """Return contacts between slots, i < j, sorted by (i, j), walls last; and the order they had."""
+    def by_slot(
+        self, i: Ints, j: Ints, normal: Floats, disc_i: Ints, disc_j: Ints
+    ) -> tuple[Ints, Ints, Floats, Ints, Ints, Ints]:
+        """Return contacts between slots, i < j, sorted by (i, j, discs), walls last; and the order they had."""
         i, j = self.slot[i], np.where(j >= 0, self.slot[np.maximum(j, 0)], j)
         swap = (j >= 0) & (j < i)
         i, j = np.where(swap, j, i), np.where(swap, i, j)
-        order = np.argsort(contact_keys(i, j))
-        return i[order], j[order], np.where(swap[:, None], -normal, normal)[order], order
+        if len(disc_i):
+            disc_i, disc_j = np.where(swap, disc_j, disc_i), np.where(swap, disc_i, disc_j)
+        order = order_of_contacts(i, j, disc_i, disc_j)
+        of_discs = order[: len(disc_i)]  # none without an outline
+        normal = np.where(swap[:, None], -normal, normal)
+        return i[order], j[order], normal[order], disc_i[of_discs], disc_j[of_discs], order
 
 
 def _stretches(chosen: Bools, env_start: Ints) -> list[slice]:
@@ -217,7 +223,10 @@ def _renumber(begin: int, rank: Ints, contacts: Contacts, rows: slice) -> None:
     swap = (j >= 0) & (j < i)
     contacts.i[rows], contacts.j[rows] = np.where(swap, j, i), np.where(swap, i, j)
     normal[swap] *= -1.0
-    order = np.argsort(contact_keys(contacts.i[rows], contacts.j[rows]))
-    for name in OF_A_CONTACT:
+    disc_i, disc_j = contacts.disc_i[rows], contacts.disc_j[rows]  # none without an outline
+    if len(disc_i):
+        contacts.disc_i[rows], contacts.disc_j[rows] = np.where(swap, disc_j, disc_i), np.where(swap, disc_i, disc_j)
+    order = order_of_contacts(contacts.i[rows], contacts.j[rows], disc_i, disc_j)
+    for name in of_a_contact(contacts):
         array = getattr(contacts, name)
         array[rows] = array[rows][order]

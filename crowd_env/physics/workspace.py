@@ -11,6 +11,7 @@ from crowd_env.geometry.geometry import Boundary
 from crowd_env.geometry.wall_grid import WallGrid
 from crowd_env.headway import Headway, HeadwayParams
 from crowd_env.navigation.lookup import FieldArrays
+from crowd_env.outline import OutlineParams
 from crowd_env.physics.constraints import Constraints, allocate_constraints
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.dem_lanes.buffers import SoABuffers, allocate_buffers
@@ -32,6 +33,7 @@ class World(NamedTuple):
     geometry_of_env: Ints  # (E,)
     guidance: Guidance  # routes, regions and control rules
     wall_grid: WallGrid  # which walls may hide people from each other; empty where nobody keeps a headway
+    outline: OutlineParams  # shape of all bodies; without discs where each is one disc
 
 
 class Control(NamedTuple):
@@ -117,6 +119,17 @@ class NarrowPhase(NamedTuple):
     candidates: Indices  # (M,)    entries of the neighbor list that may be contacts
     old_key: Ints  # (M,)    keys and history of the contacts of the last step
     old_history: Floats  # (M, 2)
+    old_disc: Ints  # (M, 2)  which discs touched; empty without an outline
+
+
+class Discs(NamedTuple):
+    """Where the discs of all bodies are, K a person one behind the other; empty without an outline."""
+
+    x: Floats  # (P K,)  m    from the center of the body
+    y: Floats  # (P K,)  m
+    radius: Floats  # (P K,)  m
+    cosine: Floats  # (P,)    where a body faces
+    sine: Floats  # (P,)
 
 
 class SocialPairs(NamedTuple):
@@ -149,6 +162,7 @@ class Workspace(NamedTuple):
 
     neighbors: NeighborList
     narrow_phase: NarrowPhase
+    discs: Discs
     constraints: Constraints
     soa: SoABuffers
     partition: Partition
@@ -234,6 +248,7 @@ def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
 
 # What not every scheme works with: arrays that are left empty unless it says so (`SchemeInfo.uses`).
 OPTIONAL = (
+    "discs",
     "constraints",
     "soa",
     "social_pairs",
@@ -261,7 +276,7 @@ def allocate_history(
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     slots = np.arange(people) - np.repeat(bodies.env_start[:-1], np.diff(bodies.env_start))  # within the environment
     return History(
-        contacts=by_reference(allocate_contacts(neighbors)),
+        contacts=by_reference(allocate_contacts(neighbors, "discs" in uses)),
         force=np.zeros((people if "force" in uses else 0, 2)),
         torque=np.zeros(people if "torque" in uses else 0),
         phase=np.zeros(environments, dtype=np.int64),
@@ -284,8 +299,13 @@ def allocate_history(
     )
 
 
-def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[str] = OPTIONAL) -> Workspace:
-    """Return scratch with ``per_person`` neighbor entries a pedestrian; of the `OPTIONAL` only ``uses`` get any room."""
+def allocate_workspace(
+    bodies: Bodies, per_person: int = 12, uses: Collection[str] = OPTIONAL, discs: int = 1
+) -> Workspace:
+    """Return scratch with ``per_person`` neighbor entries a pedestrian; of the `OPTIONAL` only ``uses`` get any room.
+
+    ``discs`` is the number of those of an outline.
+    """
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     neighbors = allocate_neighbors(bodies, per_person)
     entries = len(neighbors.contact_distance)
@@ -300,7 +320,19 @@ def allocate_workspace(bodies: Bodies, per_person: int = 12, uses: Collection[st
     return Workspace(
         neighbors=by_reference(neighbors),
         narrow_phase=by_reference(
-            NarrowPhase(np.zeros(entries, dtype=np.uint32), np.zeros(entries, dtype=np.int64), reals(entries, 2))
+            NarrowPhase(
+                candidates=np.zeros(entries, dtype=np.uint32),
+                old_key=np.zeros(entries, dtype=np.int64),
+                old_history=reals(entries, 2),
+                old_disc=np.zeros((room("discs", entries), 2), dtype=np.int64),
+            )
+        ),
+        discs=Discs(
+            x=reals(discs * room("discs")),
+            y=reals(discs * room("discs")),
+            radius=reals(discs * room("discs")),
+            cosine=reals(room("discs")),
+            sine=reals(room("discs")),
         ),
         constraints=by_reference(allocate_constraints(room("constraints"), room("constraints", entries), environments)),
         soa=allocate_buffers(room("soa")),
@@ -343,7 +375,7 @@ def grow(history: History, workspace: Workspace, bodies: Bodies, uses: Collectio
     """Make twice the room for neighbors, in place; contacts are kept, the list is built at the next step."""
     before = workspace.neighbors
     larger = allocate_workspace(bodies, 2 * entries_per_person(before, bodies), uses)
-    contacts = allocate_contacts(larger.neighbors)
+    contacts = allocate_contacts(larger.neighbors, "discs" in uses)
     move_contacts(history.contacts, before, contacts, larger.neighbors)
     replace_arrays(history.contacts, contacts)
     for part, new in zip(workspace, larger, strict=True):

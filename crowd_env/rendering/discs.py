@@ -1,13 +1,16 @@
-"""People put into a frame as discs, each pixel covered as far as the disc covers it: no sampling, no stairs."""
+"""People put into a frame as discs, one or several each; pixels are covered as far as discs cover them: no stairs."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd_env.outline import Outline
 from crowd_env.rendering.palette import darker
+from crowd_env.rendering.plan import Layout
 from crowd_env.rendering.text import Image
 from crowd_env.state import Floats
 
 _DOT = 3.0  # px, discs smaller than this are dots without rim and heading
+_RIM, _RIM_WIDTH = 0.075, (0.8, 3.0)  # of the radius, and px
 _CHUNK = 2_000_000  # pixels of patches worked on at once
 
 
@@ -43,6 +46,35 @@ def put_discs(
         _put_some(image, center[some], radius[some], color[some], ticks, size, rim)
 
 
+def put_bodies(
+    image: Image,
+    layout: Layout,
+    outline: Outline,
+    position: Floats,
+    radius: Floats,
+    angle: Floats,
+    color: NDArray[np.uint8],
+) -> None:
+    """Draw bodies of several discs into ``image`` in place, with a dot where they face.
+
+    Parameters
+    ----------
+    position, radius, angle : (K, 2), (K,) m, (K,) rad.
+    color : (K, 3).
+    """
+    center, size = outline.place_discs(position, radius, angle)
+    count = size.shape[1]
+    at, width = layout.pixels(center.reshape(-1, 2)), layout.scale * size.ravel()
+    edge = np.repeat(np.clip(_RIM * layout.scale * radius, *_RIM_WIDTH), count)
+    paint = np.repeat(color, count, axis=0)
+    large = np.repeat(layout.scale * radius >= _DOT, count)
+    put_discs(image, at[large], width[large], darker(paint[large]), rim=False)  # all rims lie below all bodies
+    put_discs(image, at, width - np.where(large, edge, 0.0), paint, rim=False)
+    ahead = position + (0.35 * radius)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    seen = large[::count]
+    put_discs(image, layout.pixels(ahead[seen]), 0.22 * layout.scale * radius[seen], darker(color[seen]), rim=False)
+
+
 def _put_some(
     image: Image,
     center: Floats,
@@ -63,7 +95,7 @@ def _put_some(
     paint = np.broadcast_to(fill, (*cover.shape, 3))
     if rim and float(r.max()) >= _DOT:
         dark = darker(color).astype(np.float32)[:, None, None, :]
-        edge = np.clip(0.075 * r, 0.8, 3.0) * (r >= _DOT)
+        edge = np.clip(_RIM * r, *_RIM_WIDTH) * (r >= _DOT)
         ink = np.clip(distance - (r - edge) + 0.5, 0.0, 1.0) * (r >= _DOT)
         if heading is not None:
             ink = np.maximum(ink, _tick(dx, dy, r, edge, heading.astype(np.float32)) * (r >= _DOT))

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering.discs import put_discs
+from crowd_env.outline import Outline
+from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, pressure_color
 from crowd_env.rendering.plan import Layout, draw_plan, fit, round_length
 from crowd_env.rendering.text import Image, put_text, text_width
@@ -65,6 +66,8 @@ class Renderer:
         active: ArrayLike | None = None,
         color_value: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
+        angle: ArrayLike | None = None,
+        outline: Outline | None = None,
         title: str = "",
         clock: float | None = None,
         inside: int | None = None,
@@ -79,6 +82,7 @@ class Renderer:
         active : (N,), only these are drawn; default everyone.
         color_value : (N,), how hard everyone is pressed: 0 to 1 is up to `FULL_PRESSURE`.  Without it all are calm.
         velocity : (N, 2) m/s, gives everyone who moves a heading.
+        angle, outline : (N,) rad and the shape of bodies that are no discs; they show where they face.
         title : what is seen.
         clock : s.
         inside : number of people inside; default the number of active ones.
@@ -91,13 +95,14 @@ class Renderer:
         drawn = np.flatnonzero(shown & np.isfinite(position).all(axis=1))
         value = np.zeros(count) if color_value is None else np.asarray(color_value, dtype=np.float64)
         image = (self._empty if color_value is None or not legend else self._with_legend).copy()
-        put_discs(
-            image,
-            self.layout.pixels(position[drawn]),
-            np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,))[drawn] * self.layout.scale,
-            pressure_color(value[drawn]),
-            None if velocity is None else _headings(np.asarray(velocity, dtype=np.float64)[drawn]),
-        )
+        size = np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,))[drawn]
+        color = pressure_color(value[drawn])
+        if outline is not None:
+            facing = np.zeros(count) if angle is None else np.asarray(angle, dtype=np.float64)
+            put_bodies(image, self.layout, outline, position[drawn], size, facing[drawn], color)
+        else:
+            heading = None if velocity is None else _headings(np.asarray(velocity, dtype=np.float64)[drawn])
+            put_discs(image, self.layout.pixels(position[drawn]), size * self.layout.scale, color, heading)
         left = int(shown.sum()) if inside is None else inside
         self._put_header(image, title, clock, status or f"{left} of {count} inside", finished=left == 0)
         return image

@@ -35,6 +35,8 @@ def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tup
         active=state.active[people],
         color_value=np.clip(_pressure(env, e) / FULL_PRESSURE, 0.0, 1.0),
         velocity=state.velocity[people],
+        angle=state.angle[people],
+        outline=env.simulation.outline,
         clock=float(state.time[e]),
     )
     return frame, renderer
@@ -53,7 +55,9 @@ class FilmRecorder:
 
     def begin(self, env: CrowdEnv) -> None:
         """Forget the batch before and keep the start of this one."""
-        self._moments: list[list[tuple[float, Floats, Floats, Bools, Floats]]] = [[] for _ in range(env.num_envs)]
+        self._moments: list[list[tuple[float, Floats, Floats, Bools, Floats, Floats]]] = [
+            [] for _ in range(env.num_envs)
+        ]
         self._keep(env)
 
     def add(self, env: CrowdEnv, step: Step) -> None:
@@ -63,8 +67,10 @@ class FilmRecorder:
     def record(self, env: CrowdEnv, e: int) -> Recording:
         """Return all moments of environment ``e`` kept so far."""
         columns = zip(*self._moments[e], strict=True)
-        time, position, velocity, active, pressure = (np.array(column) for column in columns)
-        people = env.people(e)
+        time, position, velocity, active, pressure, angle = (np.array(column) for column in columns)
+        people, outline = env.people(e), env.simulation.outline
+        if len(angle) > 1:
+            angle[0] = angle[1]  # people face their way from the first step on
         return Recording(
             time=time,
             position=position,
@@ -75,6 +81,8 @@ class FilmRecorder:
             geometry=env.scenario_of_env[e].geometry,
             title=self.title,
             exit_time=env.simulation.state.exit_time[people].copy(),
+            angle=None if outline is None else angle,
+            outline=outline,
         )
 
     def _keep(self, env: CrowdEnv) -> None:
@@ -84,9 +92,8 @@ class FilmRecorder:
             if moments and moments[-1][0] == time:
                 continue  # this evacuation has ended already
             inside = np.isnan(state.exit_time[people])  # also people whom the time limit stopped
-            moments.append(
-                (time, state.position[people].copy(), state.velocity[people].copy(), inside, _pressure(env, e))
-            )
+            where = state.position[people].copy(), state.velocity[people].copy()
+            moments.append((time, *where, inside, _pressure(env, e), state.angle[people].copy()))
 
 
 def record(

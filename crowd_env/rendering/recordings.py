@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.outline import Outline
 from crowd_env.state import Bools, Floats
 
 
@@ -17,6 +18,7 @@ class Moment(NamedTuple):
     velocity: Floats  # (N, 2)  m/s
     active: Bools  # (N,)    still inside
     pressure: Floats  # (N,)    N/m
+    angle: Floats | None  # (N,)    rad  where bodies face that are no discs
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,8 @@ class Recording:
     geometry: Geometry
     title: str = ""
     exit_time: Floats | None = None  # (N,)  s  exact times; without them people leave at a sample; nan = did not
+    angle: Floats | None = None  # (T, N)     rad    of bodies that are no discs
+    outline: Outline | None = None  # their shape
 
     def __post_init__(self) -> None:
         times, people = len(self.time), len(self.radius)
@@ -47,6 +51,8 @@ class Recording:
             "active": (times, people),
             "pressure": (times, people),
         }
+        if self.outline is not None:
+            shapes["angle"] = (times, people)
         for name, shape in shapes.items():
             if np.shape(getattr(self, name)) != shape:
                 raise ValueError(
@@ -90,6 +96,7 @@ class Recording:
             self._between(self.velocity, time),
             self.departure > time,
             borne / max(until - since, 1e-9),
+            None if self.angle is None else self._between(self.angle, time),
         )
 
     @cached_property

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from crowd_env.outline import room_of
 from crowd_env.rendering.canvas import draw_floor, draw_lines, fill_rings, hex_of, new_figure, save_figure, show_plan
 from crowd_env.rendering.palette import BACKGROUND, EXIT, INK, QUIET, SERIES, WALL, Color
 from crowd_env.rendering.plan import holes_of, round_length, shells_of
@@ -126,7 +127,7 @@ def _name_exits(axes: "Axes", scenario: Scenario) -> None:
 def _draw_people(axes: "Axes", scenario: Scenario, rng: np.random.Generator) -> None:
     from matplotlib.collections import EllipseCollection
 
-    bodies, position = scenario.population.draw(rng, scenario.geometry)
+    bodies, position = scenario.population.draw(rng, scenario.geometry, room_of(scenario.outline_of_run()))
     begin = 0
     for k, part in enumerate(scenario.population.parts):
         rows = slice(begin, begin + part.count)

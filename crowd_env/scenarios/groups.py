@@ -101,8 +101,8 @@ class Groups:
             shares[np.argmax(np.where(shares > 1, shares - exact, -np.inf))] -= 1
         return [int(n) for n in shares]
 
-    def draw(self, rng: np.random.Generator, geometry: Geometry) -> tuple[Bodies, Floats]:
-        """Draw one crowd: its bodies, and positions (count, 2) without overlap.
+    def draw(self, rng: np.random.Generator, geometry: Geometry, room: float = 1.0) -> tuple[Bodies, Floats]:
+        """Draw one crowd: its bodies, and positions (count, 2) without overlap of discs of ``room`` radii.
 
         Raises
         ------
@@ -112,22 +112,23 @@ class Groups:
         drawn = [part.draw_bodies(rng) for part in self.parts]
         columns = [np.concatenate(column) for column in zip(*(bodies[:-1] for bodies in drawn), strict=True)]
         bodies = Bodies._make([*columns, np.array([0, self.count])])
+        radius = room * bodies.radius
         owner = np.repeat(np.arange(len(self.parts)), [part.count for part in self.parts])
         position = np.zeros((self.count, 2))
         stands = np.zeros(self.count, dtype=np.bool_)
         for k, part in enumerate(self.parts):
             if part.starts is not None:
-                position[owner == k] = part.draw_starts(rng, geometry, bodies.radius[owner == k])
+                position[owner == k] = part.draw_starts(rng, geometry, radius[owner == k])
                 stands |= owner == k
         if stands.any():
-            check_starts(geometry, position[stands], bodies.radius[stands])
+            check_starts(geometry, position[stands], radius[stands])
         for region in self._regions():
             here = [k for k, part in enumerate(self.parts) if part.starts is None and part.start_region == region]
             people = np.flatnonzero(np.isin(owner, here))
             if len(here) > 1:
                 people = rng.permutation(people)
-            already = (position[stands], bodies.radius[stands]) if stands.any() else None
-            position[people] = sample_positions(geometry, bodies.radius[people], rng, region, already)
+            already = (position[stands], radius[stands]) if stands.any() else None
+            position[people] = sample_positions(geometry, radius[people], rng, region, already)
             stands[people] = True
         motivated = [part.draw_motivation(rng, own) for part, own in zip(self.parts, drawn, strict=True)]
         given = {name: np.concatenate([getattr(own, name) for own in motivated]) for name in MOTIVATION}

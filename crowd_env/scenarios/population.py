@@ -110,8 +110,8 @@ class Population:
         """Return the population with other ``options``."""
         return replace(self, **options)
 
-    def draw(self, rng: np.random.Generator, geometry: Geometry) -> tuple[Bodies, Floats]:
-        """Draw one crowd: its bodies, and positions (count, 2) without overlap.
+    def draw(self, rng: np.random.Generator, geometry: Geometry, room: float = 1.0) -> tuple[Bodies, Floats]:
+        """Draw one crowd: its bodies, and positions (count, 2) without overlap of discs of ``room`` radii.
 
         Raises
         ------
@@ -120,9 +120,9 @@ class Population:
         """
         bodies = self.draw_bodies(rng)
         if self.starts is not None:
-            position = self.draw_starts(rng, geometry, bodies.radius)
+            position = self.draw_starts(rng, geometry, room * bodies.radius)
         else:
-            position = sample_positions(geometry, bodies.radius, rng, self.start_region)
+            position = sample_positions(geometry, room * bodies.radius, rng, self.start_region)
         return self.draw_motivation(rng, bodies), position
 
     def draw_bodies(self, rng: np.random.Generator) -> Bodies:
@@ -182,13 +182,16 @@ def require_names(kind: str, names: Iterable[str | None], allowed: Iterable[str]
             known(kind, name, allowed)
 
 
-def require_room(geometry: Geometry, parts: Iterable[Population]) -> None:
-    """Raise ValueError if there are more people than even the closest packing has room for, before any of them is drawn."""
+def require_room(geometry: Geometry, parts: Iterable[Population], room: float = 1.0) -> None:
+    """Raise ValueError if there are more people than even the closest packing has room for, before any of them is drawn.
+
+    They are placed as discs of ``room`` radii.
+    """
     waiting: dict[str | None, tuple[int, float]] = {}
     for part in parts:
         if part.starts is None:
             count, cover = waiting.get(part.start_region, (0, 0.0))
-            waiting[part.start_region] = count + part.count, cover + part.count * np.pi * part.radius.low**2
+            waiting[part.start_region] = count + part.count, cover + part.count * np.pi * (room * part.radius.low) ** 2
     for region, (count, cover) in waiting.items():
         area = geometry.area_of(region)
         if cover > CLOSEST_PACKING * area:

@@ -9,6 +9,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.headway import Headway, Manner, make_manner
 from crowd_env.navigation.domain import require_grid
 from crowd_env.navigation.field import NavigationField, OneWay
+from crowd_env.outline import BodyShape, Outline, make_outline, room_of
 from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
 from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
@@ -31,13 +32,17 @@ class Scenario:
     ``manner`` says how people walk before they touch, unless the run says otherwise: a name in ``MANNERS``, a Headway, or a
     table of its parameters; by default at full speed, whatever is in front of them.
 
+    ``outline`` is the shape of all bodies, unless the run says otherwise: a name in ``OUTLINES``, an Outline, or a table of its
+    parameters; by default they are discs.  People are placed with room to turn.
+
     An episode ends when everyone is out, at the time limit, or when nobody has got out for ``blocked_after`` seconds.
 
     Raises
     ------
     ValueError
         If the geometry has no exit, a time is not positive, people start or go somewhere that does not exist, there are
-        more of them than there can be room for, the plan is too large for bodies so small, or the manner is unknown.
+        more of them than there can be room for, the plan is too large for bodies so small, or the manner or the outline is
+        unknown.
     """
 
     name: str
@@ -56,12 +61,16 @@ class Scenario:
     one_way: tuple[OneWay, ...] = ()
     comfort: Comfort = field(default_factory=Comfort)
     manner: Manner | None = None
+    outline: BodyShape | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "population", as_people(self.population))
         headway = make_manner(self.manner)
         if not isinstance(self.manner, str):  # of a table the rule that it describes
             object.__setattr__(self, "manner", headway)
+        shape = make_outline(self.outline)
+        if not isinstance(self.outline, str):
+            object.__setattr__(self, "outline", shape)
         check_fields(f"scenario {shown(self.name)}", self, time_limit=POSITIVE, blocked_after=_PERHAPS_NEVER)
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
@@ -70,7 +79,7 @@ class Scenario:
             require_names("start region", [part.start_region], self.geometry.regions)
             require_names("exit", part.exits, self._exits)
             require_names("route", [part.route], [*(route.name for route in self.routes), *self._exits])
-        require_room(self.geometry, self.population.parts)
+        require_room(self.geometry, self.population.parts, room_of(shape))
 
     def manner_of_run(self, manner: Manner | None = None) -> Headway | None:
         """Return how people walk in a run of this ``manner``; None = as the scenario says.
@@ -81,6 +90,16 @@ class Scenario:
             If the manner is unknown.
         """
         return make_manner(self.manner if manner is None else manner)
+
+    def outline_of_run(self, outline: BodyShape | None = None) -> Outline | None:
+        """Return what shape bodies have in a run of this ``outline``; None = as the scenario says.
+
+        Raises
+        ------
+        ValueError
+            If the outline is unknown.
+        """
+        return make_outline(self.outline if outline is None else outline)
 
     @property
     def _exits(self) -> tuple[str, ...]:

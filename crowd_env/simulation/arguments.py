@@ -8,6 +8,7 @@ import numpy as np
 from crowd_env.checks import POSITIVE, number, refuse
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.field import travel_time_field
+from crowd_env.outline import Outline
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.workspace import Command
 from crowd_env.routing.replanning import Place
@@ -15,15 +16,21 @@ from crowd_env.simulation.limits import check_stride
 from crowd_env.state import Bodies, Bools, Floats, Ints, check_motivation
 
 
-def check_step(scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable: bool = False) -> None:
+def check_step(
+    scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable: bool = False, outline: Outline | None = None
+) -> None:
     """Raise ValueError unless ``dt`` is positive, at most the scheme's stable step, and no stride too long."""
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt is {dt!r} s; it must be finite and > 0")
-    limit = scheme.stable_dt(bodies)
+    limit, formula = scheme.stable_dt(bodies), scheme.info.stable_step
+    if outline is not None:
+        limit, formula = (
+            min(limit * outline.step_share, outline.turning_time),
+            f"{formula}; less with several discs a body",
+        )
     if dt > limit and not allow_unstable:
         raise ValueError(
-            f"dt = {dt:g} s is above the stable step of {scheme.info.name}, {limit:.4g} s for these people: "
-            f"{scheme.info.stable_step}"
+            f"dt = {dt:g} s is above the stable step of {scheme.info.name}, {limit:.4g} s for these people: {formula}"
         )
     if not allow_unstable:
         check_stride(bodies, dt)

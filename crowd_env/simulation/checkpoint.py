@@ -7,7 +7,8 @@ import numpy as np
 
 from crowd_env.checks import shown
 from crowd_env.headway import Headway
-from crowd_env.physics.contacts import OF_A_CONTACT, Contacts, rows_of
+from crowd_env.outline import Outline
+from crowd_env.physics.contacts import Contacts, of_a_contact, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.spatial_order import Order, SortedCrowd
@@ -60,7 +61,7 @@ def write_arrays(fields: Any, arrays: dict[str, Any]) -> None:
 def save_history(history: History, neighbors: NeighborList) -> SavedHistory:
     """Return a copy of the history."""
     contacts, rows = history.contacts, _rows_of_all(history.contacts, neighbors)
-    of_contacts = {name: getattr(contacts, name)[rows] for name in OF_A_CONTACT}
+    of_contacts = {name: getattr(contacts, name)[rows] for name in of_a_contact(contacts)}
     return SavedHistory(copy_arrays(history), contacts.number.copy(), of_contacts)
 
 
@@ -96,6 +97,7 @@ def made_by(
     scheme: ContactScheme,
     manner: Headway | None,
     max_drive: float | None,
+    outline: Outline | None,
     dt: float,
     driving: bool,
     replan_every: float,
@@ -107,6 +109,7 @@ def made_by(
         "scheme": scheme,
         "manner": manner,
         "max_drive": max_drive,
+        "outline": outline,
         "dt": dt,
         "driving": driving,
         "replan_every": replan_every,

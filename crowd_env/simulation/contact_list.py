@@ -18,6 +18,8 @@ class ContactList(NamedTuple):
     normal: Floats  # (C, 2)  unit vector from j to i
     impulse: Floats  # (C, 2)  N s, normal and tangential
     converged: bool  # whether every solve of the episode so far met its tolerance
+    disc_i: Ints | None = None  # (C,)    with an outline: which disc of i
+    disc_j: Ints | None = None  # (C,)    which disc of j, -1 of a wall
 
 
 def list_contacts(
@@ -25,9 +27,11 @@ def list_contacts(
 ) -> ContactList:
     """Return a copy of the contacts ``rows`` of an environment whose first person is ``first``."""
     i, j, normal = contacts.i[rows], contacts.j[rows], contacts.normal[rows]
+    disc_i, disc_j = contacts.disc_i[rows], contacts.disc_j[rows]
     places = np.arange(len(i))
     if order is not None:
-        i, j, normal, places = order.by_slot(i, j, normal)
+        i, j, normal, disc_i, disc_j, places = order.by_slot(i, j, normal, disc_i, disc_j)
+    has_discs = len(contacts.disc_i) > 0
     return ContactList(
         i - first,
         np.where(j >= 0, j - first, j),
@@ -35,4 +39,6 @@ def list_contacts(
         normal.copy(),
         contacts.impulse[rows][places].copy(),
         converged,
+        disc_i.copy() if has_discs else None,
+        disc_j.copy() if has_discs else None,
     )

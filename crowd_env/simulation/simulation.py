@@ -12,7 +12,8 @@ from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.geometry.wall_grid import make_wall_grid, no_wall_grid
 from crowd_env.headway import Manner, make_manner
 from crowd_env.navigation.field import NavigationField
-from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.outline import NO_OUTLINE, BodyShape, make_outline
+from crowd_env.physics import ContactScheme, check_outline, make_scheme
 from crowd_env.physics.contacts import rows_of
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.scheme import arrays_of
@@ -81,6 +82,9 @@ class Simulation:
         walk at full speed whatever is in front of them.
     max_drive : N, largest driving force of a person, as a push that one can go on exerting; None = as large as the papers
         make it, m v_d / tau.  See `crowd_env.physics.driving_force`; `nsm1`, which has no such force, refuses it.
+    outline : shape of all bodies: a name in ``OUTLINES``, an Outline, or a table of its parameters; by default they are discs.
+        `hertz` and `hertz-literal`, under which bodies turn, take one.  ``bodies.inertia`` becomes that of the outline, and
+        pedestrians face their way when they begin, unless an angle in ``state`` is set.
     allow_unstable : accept a ``dt`` above the scheme's stable step, and let everyone go as fast, as far in a step and through
         whatever the contact law alone allows (to show what happens); else see `crowd_env.physics.bounds`.
 
@@ -106,6 +110,7 @@ class Simulation:
         replan_every: float = 1.0,
         manner: Manner | None = None,
         max_drive: float | None = None,
+        outline: BodyShape | None = None,
         allow_unstable: bool = False,
     ) -> None:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
@@ -119,7 +124,9 @@ class Simulation:
         self.threads = whole("threads", threads)
         self.max_drive = check_drive(max_drive, driving)
         self.scheme.check(driving, self.max_drive)
-        check_step(self.scheme, bodies, dt, allow_unstable)
+        self.outline = shape = make_outline(outline)
+        check_outline(shape, self.scheme)
+        check_step(self.scheme, bodies, dt, allow_unstable, shape)
         self.fields = fields_of(self.geometries, fields, bodies)
         environments = len(state.time)
         which = which_geometry(geometry_of_env, environments, len(self.geometries))
@@ -128,15 +135,17 @@ class Simulation:
         self.planner = RoutePlanner(self.fields, which, boundary, replan_every, keep_distance=keep_distance)
         guidance = self.planner.guidance
         walls = no_wall_grid(len(self.geometries)) if headway is None else make_wall_grid(boundary, headway.sight + 1.0)
-        self.world = World(boundary, by_reference(self.planner.field), which, guidance, walls)
+        body = NO_OUTLINE if shape is None else shape.params()
+        self.world = World(boundary, by_reference(self.planner.field), which, guidance, walls, body)
+        self._set_inertia(slice(None))
         plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
         closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
         self._door_schedule = DoorSchedule(self.geometries, closed, events, which)
         doors = max(len(place.doors) for place in self.geometries)
         rules = int(np.diff(guidance.rule.start).max(initial=0))
-        uses = arrays_of(self.scheme, headway is not None)
+        uses = arrays_of(self.scheme, headway is not None, shape is not None)
         self.results = allocate_results(len(bodies.radius), environments)
-        self.workspace = allocate_workspace(bodies, uses=uses)
+        self.workspace = allocate_workspace(bodies, uses=uses, discs=len(body.radius))
         self.history = allocate_history(bodies, self.workspace.neighbors, rules, doors, uses)
         routes = (guidance.field_of_route >= 0).sum(axis=1)
         self._routes_of_person = np.repeat(routes, np.diff(bodies.env_start))
@@ -170,6 +179,11 @@ class Simulation:
     def inside(self) -> Ints:
         """Number of people still inside, per environment (E,)."""
         return np.add.reduceat(self.state.active.astype(np.int64), self.bodies.env_start[:-1])
+
+    def _set_inertia(self, people: slice) -> None:
+        """Let bodies that have an outline turn as it does."""
+        if self.outline is not None:
+            self.bodies.inertia[people] = self.outline.inertia(self.bodies.mass[people], self.bodies.radius[people])
 
     def advance(
         self,
@@ -262,12 +276,13 @@ class Simulation:
         check_bodies(bodies)
         if len(bodies.radius) != count:
             raise ValueError(f"environment {e} holds {count} people, not {len(bodies.radius)}")
-        check_step(self.scheme, bodies, self.dt, self.allow_unstable)
+        check_step(self.scheme, bodies, self.dt, self.allow_unstable, self.outline)
         stand = vectors("position", position, count)
         walk = None if velocity is None else vectors("velocity", velocity, count)
         routes = routes_of(route, self._routes_of_person[people])
         for name in Bodies._fields[:-1]:
             getattr(self.bodies, name)[people] = getattr(bodies, name)
+        self._set_inertia(people)
         begin_state(e, people, self.state, stand, walk, routes)
         begin_history(e, people, self.history, self.workspace, self.bodies, routes)
         begin_results(e, people, self.results, self.diagnostics)
@@ -280,7 +295,7 @@ class Simulation:
 
     def _made_by(self) -> dict[str, Any]:
         """Return what a simulation must have in common with this one to take up a checkpoint of it."""
-        chosen = self.scheme, self.manner, self.max_drive, self.dt, self.driving, self.planner.interval
+        chosen = self.scheme, self.manner, self.max_drive, self.outline, self.dt, self.driving, self.planner.interval
         return made_by(*chosen, self.bodies, self.world)
 
     def checkpoint(self) -> Checkpoint:

@@ -72,7 +72,9 @@ class Stepper:
 
     def grow(self) -> None:
         """Make more room for neighbors; what others hold on to stays."""
-        grow(self._in_slots.history, self._in_slots.workspace, self._in_slots.bodies, arrays_of(self._scheme))
+        with_outline = len(self._in_slots.world.outline.radius) > 0
+        uses = arrays_of(self._scheme, with_outline=with_outline)
+        grow(self._in_slots.history, self._in_slots.workspace, self._in_slots.bodies, uses)
 
 
 def _share_out(scheme: ContactScheme, batch: Batch, threads: int) -> list[tuple[int, int, int, int]]:

@@ -36,6 +36,7 @@ KEYS = {
     "scenario": None,
     "scheme": None,
     "manner": None,
+    "outline": None,
     "runs": None,
     "unfinished": None,
     "evacuation_time": {"mean", "sd", "ci95"},

@@ -55,6 +55,7 @@ def test_exits_out_of_order_are_taken_in_order_with_a_note(tmp_path):
 KEYS = {
     "name": None,
     "manner": None,
+    "outline": None,
     "runs": None,
     "exits": None,
     "unfinished_runs": None,
@@ -84,7 +85,7 @@ def test_the_command_prints_one_json_object_and_writes_what_it_saw(tmp_path):
     assert len((tmp_path / "gaps.csv").read_text().splitlines()) == 1 + 76
     again = CliRunner().invoke(app, ["clogging", "--times", str(tmp_path / "exits.csv"), "--json"])
     (read,) = json.loads(again.stdout)["sets"]
-    assert {**read, "name": None} == {**told, "name": None, "manner": None}
+    assert {**read, "name": None} == {**told, "name": None, "manner": None, "outline": None}
 
 
 @needs_powerlaw

@@ -22,6 +22,7 @@ from crowd_env.envs.routing.terms import RoutingView, make_weights
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.headway import Manner
 from crowd_env.navigation.field import NavigationField
+from crowd_env.outline import BodyShape
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Bools, Floats, as_grid
@@ -64,6 +65,7 @@ class RoutingBatch:
         time_limit: float | None = None,
         threads: int = 1,
         manner: Manner | None = None,
+        outline: BodyShape | None = None,
         sample_dt: float | None = None,
         **scenario_options: Any,
     ) -> None:
@@ -86,6 +88,7 @@ class RoutingBatch:
             strategy="nearest",  # until the controller says otherwise; makes a route of every exit
             rules=rules,
             manner=manner,
+            outline=outline,
             **scenario_options,
         )
         self.scenario = self.env.scenarios[0]

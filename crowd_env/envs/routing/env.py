@@ -42,7 +42,7 @@ class RoutingEnv(SingleEnv):
         own may stand among the names.
     reward : weights of the terms, by default ``{"mean": 0.1, "last": 0.1}``.  `RewardTerm` objects of your own may be keys.
     rules : whether the scenario's control rules act as well.
-    scheme, dt, time_limit, threads, manner : as for `CrowdEnv`.
+    scheme, dt, time_limit, threads, manner, outline : as for `CrowdEnv`.
     render_mode : None or "rgb_array".
 
     Attributes

@@ -8,7 +8,7 @@ import numpy as np
 from crowd_env.analysis.pressure import ContactForces, contact_forces
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
-from crowd_env.rendering.discs import put_discs
+from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, QUIET, RAMP, Color
 from crowd_env.rendering.plan import Layout, draw_plan
@@ -162,6 +162,11 @@ def _layout(geometry: Geometry, window: tuple[float, float, float, float]) -> La
 def _with_people(plan: Image, forces: ContactForces, layout: Layout) -> Image:
     """Return the image of the geometry with the people drawn lightly."""
     image, inside = plan.copy(), forces.active
+    if forces.outline is not None and forces.angle is not None:
+        position, radius = forces.position[inside], forces.radius[inside]
+        paint = np.tile(np.array(_PERSON, dtype=np.uint8), (len(radius), 1))
+        put_bodies(image, layout, forces.outline, position, radius, forces.angle[inside], paint)
+        return image
     center, radius = layout.pixels(forces.position[inside]), layout.scale * forces.radius[inside]
     for color, smaller in ((_RIM, 0.0), (_PERSON, _RIM_WIDTH)):
         put_discs(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowd_env.files.foreign import read_text
+from crowd_env.outline import room_of
 from crowd_env.scenarios.file.errors import at, nearest, validate
 from crowd_env.scenarios.file.expressions import COMMON, fill
 from crowd_env.scenarios.floor_plan import read_starts
@@ -205,8 +206,9 @@ def _check(scenario: Scenario) -> None:
     """Raise ValueError if a route leads nowhere, or people do not fit; recorded starts have to suit the largest bodies."""
     route_set = scenario.route_set()
     route_set.when(frozenset(scenario.closed_doors))
+    room = room_of(scenario.outline_of_run())
     for part in scenario.population.parts:
         if part.starts is not None:
             starts = np.asarray(part.starts, dtype=np.float64)
-            check_starts(scenario.geometry, starts, np.full(len(starts), part.radius.high))
-    scenario.population.draw(np.random.default_rng(0), scenario.geometry)
+            check_starts(scenario.geometry, starts, np.full(len(starts), room * part.radius.high))
+    scenario.population.draw(np.random.default_rng(0), scenario.geometry, room)

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Field, Tag, TypeAdapter, WithJsonSchema, Wr
 from crowd_env.checks import known
 from crowd_env.headway import MANNERS, Headway
 from crowd_env.navigation.field import OneWay
+from crowd_env.outline import OUTLINES, Outline
 from crowd_env.routing.route_set import Target
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
@@ -106,6 +107,18 @@ Manner = Annotated[
 ]
 
 
+BodyShape = Annotated[
+    Annotated[
+        Text,
+        AfterValidator(lambda name: known("name", name, OUTLINES)),
+        WithJsonSchema({"type": "string", "enum": list(OUTLINES)}),
+        Tag("text"),
+    ]
+    | Annotated[Outline, FromFields(), Tag("table")],
+    one_of_kinds(f"the name of an outline ({', '.join(OUTLINES)}) or a table of the parameters of one"),
+]
+
+
 class ScenarioTable(Table):
     """A scenario of crowd_env. Lengths are in m, times in s, speeds in m/s, masses in kg."""
 
@@ -147,6 +160,11 @@ class ScenarioTable(Table):
         default_factory=_NOT_GIVEN,
         description="how people walk before they touch, unless the run says otherwise; by default at full speed, whatever "
         "is in front of them",
+    )
+    outline: BodyShape = Field(
+        default_factory=_NOT_GIVEN,
+        description="what shape bodies have, unless the run says otherwise; by default they are discs. Only the schemes hertz "
+        "and hertz-literal take another",
     )
     comfort: Annotated[Comfort, FromFields()] = Field(
         default_factory=_NOT_GIVEN, description="costs that the most comfortable route keeps low"

@@ -27,6 +27,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from crowd_env.outline import Disc
 from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform
 from crowd_env.scenarios.file.errors import nearest
 from crowd_env.scenarios.file.expressions import LARGEST
@@ -168,6 +169,7 @@ _PLAIN: dict[Any, Any] = {
     float: Number,
     bool: Flag,
     tuple[str, ...]: Texts,
+    tuple[Disc, ...]: list[Annotated[list[Number], Field(min_length=3, max_length=3)]],
     Distribution: DISTRIBUTION,
 }
 

@@ -1,0 +1,72 @@
+"""The outline in evaluations: part of what was run."""
+
+import json
+
+import pytest
+from evaluations import call, hall
+
+from agents.controllers import RandomController
+from agents.evaluation.evaluation import evaluate
+from agents.evaluation.folder import EvaluationFolder, settings_of
+from agents.evaluation.routing import evaluate_controller
+from agents.rules import StrategyPolicy
+from crowd_env import OUTLINES
+
+
+def test_a_folder_holds_one_outline(tmp_path):
+    usual, torso = settings_of(hall(), 3, 0), settings_of(hall(outline="torso"), 3, 0)
+    assert (usual["outline"], torso["outline"]) == ("disc", "torso") and usual["digest"] != torso["digest"]
+    assert settings_of(hall(outline="disc"), 3, 0) == usual
+    assert settings_of(hall(outline=OUTLINES["torso"]), 3, 0) == torso
+    EvaluationFolder(tmp_path, torso)
+    with pytest.raises(ValueError, match=r"another outline \(torso, now disc\)"):
+        EvaluationFolder(tmp_path, usual)
+
+
+def test_policies_and_controllers_are_evaluated_with_an_outline():
+    shared = {"runs": 1, "first_seed": 5, "scheme": "hertz"}
+    place, usual = hall(outline="torso"), hall()
+    policy = StrategyPolicy("shortest", rules=False)
+    found = repr(evaluate(policy, place, **shared).episodes)
+    assert found == repr(evaluate(policy, usual, outline="torso", **shared).episodes)
+    assert found != repr(evaluate(policy, usual, **shared).episodes)
+    for controller in (RandomController(), "fastest path"):
+        own = evaluate_controller(controller, place, **shared)
+        option = evaluate_controller(controller, usual, outline="torso", **shared)
+        assert repr(own.episodes) == repr(option.episodes)
+
+
+def test_training_keeps_its_outline(tmp_path, monkeypatch):
+    pytest.importorskip("stable_baselines3")
+    from training_runs import tiny
+
+    import train
+    from agents.network import read_network
+    from agents.training_config import check_config, default_config, extended, make_env
+
+    usual = default_config("room-v0", "hertz", 0, 2, 100, 1.0)
+    torso = default_config("room-v0", "hertz", 0, 2, 100, 1.0, outline="torso")
+    assert (usual["outline"], torso["outline"]) == ("disc", "torso")
+    check_config(torso)
+    assert make_env(usual).simulation.outline is None and make_env(torso).simulation.outline == OUTLINES["torso"]
+    with pytest.raises(ValueError, match="--outline is disc, but x was begun with torso"):
+        extended(torso, {"outline": "disc"}, [], "x")
+    with pytest.raises(ValueError, match="nsm2 does not turn bodies"):
+        check_config(default_config("room-v0", "nsm2", 0, 2, 100, 1.0, outline="torso"))
+    folder, seen = tmp_path / "run", []
+
+    def spy(policy, scenario, **options):
+        seen.append(options["outline"])
+        return evaluate(policy, scenario, **options)
+
+    monkeypatch.setattr("agents.learned.training.evaluate", spy)
+    assert train.train(folder, tiny(folder, scheme="hertz", dt=0.001, outline="torso", steps=1500, eval_runs=1))
+    assert seen and set(seen) == {"torso"}
+    assert read_network(folder / "best.npz")[1]["trained"]["outline"] == "torso"
+
+
+def test_the_command_takes_an_outline_and_refuses_it_before_anything_is_run():
+    code, out, _ = call("--policies", "shortest", "--schemes", "hertz", "--runs", 1, "--outline", "torso", "--json")
+    assert code == 0 and json.loads(out)["outline"] == "torso"
+    code, _, err = call("--schemes", "hertz", "nsm2", "--outline", "torso")
+    assert code == 2 and "nsm2 does not turn bodies, so it cannot have the outline 'torso'" in err

@@ -1,0 +1,84 @@
+"""Bodies of several discs in frames, films and force networks: drawn as they are turned."""
+
+import numpy as np
+import pytest
+import shapely
+from outlined_crowds import TORSO, bodies_as_shapes, grains
+from shapely.geometry import box
+
+from crowd_env import CrowdEnv, Geometry
+from crowd_env.analysis.pressure import contact_forces
+from crowd_env.physics.hertz import Hertz
+from crowd_env.rendering.forces.network import force_network_figure
+from crowd_env.rendering.frames import Renderer
+from crowd_env.rendering.live import draw_env, record
+from crowd_env.scenarios import make_scenario
+from crowd_env.state import make_bodies, make_state
+
+ROOM = Geometry.from_polygon(box(0, 0, 4, 3))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5 * np.pi, -2.0])
+def test_a_frame_shows_the_outline_as_it_is_turned(angle):
+    renderer = Renderer(ROOM, width=900)
+    body = {"position": [[1.7, 1.4]], "radius": [0.3]}
+    empty = renderer.frame(**body, active=[False], inside=1)
+    image = renderer.frame(**body, angle=[angle], outline=TORSO)
+    drawn = (image != empty).any(axis=-1)
+    bodies, state = make_bodies([0.3], [80.0]), make_state([[1.7, 1.4]])
+    state.angle[:] = angle
+    (shape,) = bodies_as_shapes(TORSO, bodies, state)
+    rows, columns = np.indices(drawn.shape)
+    scale, (x, y) = renderer.layout.scale, renderer.layout.origin
+    points = (columns + 0.5 - x) / scale, (y - rows - 0.5) / scale
+    inside = shapely.contains_xy(shape, *points)
+    near = shapely.dwithin(shapely.points(*points), shape.boundary, 1.5 / scale)
+    assert inside.sum() > 2000
+    np.testing.assert_array_equal(drawn[~near], inside[~near])
+
+
+def test_a_dot_shows_where_a_body_faces_and_discs_are_drawn_as_before():
+    renderer = Renderer(ROOM, width=900)
+    ahead, back = (renderer.frame([[2, 1.5]], [0.3], angle=[angle], outline=TORSO) for angle in (0.0, np.pi))
+    column, row = renderer.layout.pixels([2 + 0.35 * 0.3, 1.5]).astype(int)
+    assert ahead[row, column].sum() < back[row, column].sum()
+    disc = renderer.frame([[2, 1.5]], [0.3], angle=[1.0])
+    np.testing.assert_array_equal(disc, renderer.frame([[2, 1.5]], [0.3]))
+
+
+def test_environments_and_recordings_show_shoulders():
+    env = CrowdEnv("room-v0", scheme="hertz", outline="torso", side=6.0)
+    env.reset(seed=0)
+    for _ in range(8):
+        env.step(None)
+    frame, renderer = draw_env(env)
+    state, radius = env.simulation.state, env.simulation.bodies.radius
+    shown = {"active": state.active, "color_value": np.zeros(20), "clock": float(state.time[0])}
+    expected = renderer.frame(state.position, radius, angle=state.angle, outline=TORSO, **shown)
+    discs = renderer.frame(state.position, radius, velocity=state.velocity, **shown)
+    differs = [(frame != other).any(axis=-1).mean() for other in (expected, discs)]
+    assert differs[0] < 0.3 * differs[1]
+    place = make_scenario("room-v0", side=6.0, count=5)
+    film = record(place, seed=1, scheme="hertz", outline="torso")
+    assert film.outline == TORSO and film.angle.shape == film.position.shape[:2]
+    np.testing.assert_array_equal(film.angle[0], film.angle[1])
+    half = film.at(0.5 * (film.time[3] + film.time[4]))
+    np.testing.assert_allclose(half.angle, 0.5 * (film.angle[3] + film.angle[4]))
+    assert record(place, seed=1, scheme="hertz").at(0.2).angle is None
+
+
+def test_forces_between_bodies_are_the_sum_over_their_discs():
+    place = Geometry.from_polygon(box(0, 0, 3, 3))
+    scheme = Hertz(friction=0.0, wall_friction=0.0, normal_damping=0.0, social=None)
+    # Chest to back, and one with the back against the left wall, facing +x.
+    simulation = grains([[1.5, 1.5], [1.72, 1.5], [0.1, 0.6]], 0.0, TORSO, place=place, scheme=scheme, dt=1e-6)
+    simulation.advance()
+    listed, forces = simulation.contacts(), contact_forces(simulation)
+    assert (listed.i == 0).sum() > 1 and (listed.i == 2).sum() > 1
+    assert list(zip(forces.i, forces.j < 0, strict=True)) == [(0, False), (2, True)]
+    for i, force in zip(forces.i, forces.force, strict=True):
+        assert force == pytest.approx(listed.impulse[listed.i == i, 0].sum() / 1e-6)
+    assert forces.at[1, 0] == pytest.approx(0.0, abs=1e-9)
+    figure = force_network_figure(forces)
+    (lines,) = figure.axes[0].collections
+    assert len(lines.get_segments()) == 2
