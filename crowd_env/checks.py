@@ -360,7 +360,8 @@ def from_choice(what: str, kind: type[Thing], value: Any, choices: Mapping[str, 
     if isinstance(value, Mapping):
         return from_table(what, kind, value)
     if value is not None and not isinstance(value, kind):
-        refuse(what, value, f"a {kind.__name__}, a table of its parameters, None or one of {', '.join(choices)}")
+        article = "an" if kind.__name__[0] in "AEIOU" else "a"
+        refuse(what, value, f"{article} {kind.__name__}, a table of its parameters, None or one of {', '.join(choices)}")
     return value
 
 
