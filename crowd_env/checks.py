@@ -361,7 +361,9 @@ def from_choice(what: str, kind: type[Thing], value: Any, choices: Mapping[str, 
         return from_table(what, kind, value)
     if value is not None and not isinstance(value, kind):
         article = "an" if kind.__name__[0] in "AEIOU" else "a"
-        refuse(what, value, f"{article} {kind.__name__}, a table of its parameters, None or one of {', '.join(choices)}")
+        refuse(
+            what, value, f"{article} {kind.__name__}, a table of its parameters, None or one of {', '.join(choices)}"
+        )
     return value
 
 
