@@ -74,8 +74,11 @@ class Task:
             If so many do not fit.
         """
         count = self.people if people is None else whole("--people", people)
-        population = make_scenario(self.scenario, **self.options).population.changed(count=count)
-        scenario = make_scenario(self.scenario, **self.options, population=population)
+        try:
+            population = make_scenario(self.scenario, **self.options).population.changed(count=count)
+            scenario = make_scenario(self.scenario, **self.options, population=population)
+        except ValueError as error:
+            raise ValueError(f"task {self.name} cannot have {count} people: {error}") from None
         limit = self.time_limit * max(1.0, count / self.people)
         return replace(scenario, time_limit=limit, blocked_after=self.blocked_after, manner=self.manner)
 

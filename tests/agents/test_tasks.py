@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from evaluations import call, made_up, run
+from evaluations import call, made_up, random_network, random_policy, run
 from rich.console import Console
 
 from agents.evaluation.entries import make_entries
@@ -15,7 +15,9 @@ from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.protocol import task_row, task_table
 from agents.tasks import TASKS, Task
 from agents.tasks import task as module
+from agents.trained import LearnedController
 from crowd_env import Uniform, make_scenario, make_scheme
+from crowd_env.envs.routing.batch import RoutingBatch
 
 ROOM = {"scenario": "room-v0", "options": {"side": 4.0, "door_width": 1.2}, "people": 4, "scheme": "nsm2", "dt": 0.01}
 SMALL = Task("small", "four people", **ROOM, time_limit=20.0, blocked_after=5.0, runs=3, frozen="")
@@ -107,6 +109,19 @@ def test_everyone_walks_along_the_ways_of_the_rule_and_decides_as_often_as_the_t
     assert strategies == {"rule": "fastest", "fastest": "fastest", "follow": "fastest", "shortest": "shortest"}
 
 
+def test_learned_networks_walk_and_route_under_the_steps_of_a_task(tmp_path):
+    task = replace(TASKS["two-exit-hall"], dt=0.005, decision_dt=0.2)
+    place, options = task.place(6), {"grid": (2, 1), "interval": 1.0}
+    random_policy(0).save(tmp_path / "walk.npz")
+    batch = RoutingBatch(place, **options)
+    network = random_network(batch.layout.size, int(batch.choices.sum()))
+    LearnedController(network, batch.choices, {"scenario": task.scenario, **options}).save(tmp_path / "lead.npz")
+    for name, decision_dt in (("walk", 0.2), ("lead", 0.1)):  # a controller has an interval of its own
+        (entry,) = make_entries([str(tmp_path / f"{name}.npz")], place, task)
+        env = entry.driver(place, "nsm2", 1)(1).env
+        assert (entry.name, env.simulation.dt, env.decision_dt) == (name, 0.005, decision_dt)
+
+
 # ---------------------------------------------------------------------------------------------------------- the protocol
 
 
@@ -190,7 +205,8 @@ def test_a_folder_holds_one_task_of_one_version(tmp_path):
             "--scenario is room-v0, but --task small says where people walk",
         ),
         (("--task", "small", "--people", "0"), "--people is 0; it must be at least 1"),
-        (("--task", "small", "--people", "2000"), "2000 people"),
+        (("--task", "small", "--people", "2000"), "task small cannot have 2000 people: 2000 people do not fit"),
+        (("--task", "theatre", "--people", "102"), "task theatre cannot have 102 people: "),
         (("--people", "0"), "--people is 0; it must be at least 1"),
         (("--task", "small", "--runs", "0"), "--runs is 0"),
     ],
