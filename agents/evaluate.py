@@ -1,4 +1,4 @@
-"""Compare ways to lead people out, under every contact scheme, on the same draws: ``python -m agents.evaluate``."""
+"""Compare ways to lead people out, on a task or under any contact schemes, on the same draws: ``python -m agents.evaluate``."""
 
 import json
 from collections.abc import Sequence
@@ -9,11 +9,13 @@ import typer
 from typer.core import TyperCommand
 
 from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
-from agents.evaluation.entries import Entry, make_entries
+from agents.evaluation.entries import RULE, Entry, make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate_driver
 from agents.evaluation.folder import EvaluationFolder, settings_of
+from agents.evaluation.protocol import task_row, task_table
 from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
 from agents.runs import versions
+from agents.tasks import TASKS, Task, make_task
 from agents.training_config import RUNS
 from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
 from crowd_env.checks import Range, whole
@@ -25,6 +27,7 @@ from crowd_env.cli.console import (
     progress_bar,
     run_title,
     with_manner,
+    with_people,
 )
 from crowd_env.files.json_file import write_json
 from crowd_env.headway import Headway
@@ -33,6 +36,12 @@ from crowd_env.physics import check_outline
 from crowd_env.rendering.libraries import require_libraries
 
 _POLICIES, _POLICY, _SCHEMES = "--policies", "--policy", "--schemes"
+_SCENARIO, _NAMED, _SCHEME, _RUNS = (
+    "room-v0",
+    ("shortest", "fastest"),
+    "nsm2",
+    100,
+)  # unless a task or an option says otherwise
 
 
 class _ListsOfNames(TyperCommand):
@@ -114,11 +123,16 @@ def _warm_up(scheme: str, headway: Headway | None, outline: Outline | None) -> N
     env.step(None)
 
 
-def summary(results: Sequence[Evaluation], scenario: Scenario, settings: dict[str, Any]) -> dict[str, Any]:
-    """Return everything about an evaluation but single runs, ready for JSON."""
+def summary(
+    results: Sequence[Evaluation], scenario: Scenario, settings: dict[str, Any], task: Task | None = None
+) -> dict[str, Any]:
+    """Return everything about an evaluation but single runs, ready for JSON; rows of a task are those of its protocol."""
     rows = []
     for result in results:
         first = next(one for one in results if one.scheme == result.scheme)
+        if task is not None:
+            rows.append(task_row(task, scenario, result, first))
+            continue
         all_counted = {"last": float(last_times(result).mean()), "mean": float(mean_times(result).mean())}
         rows.append(result.row() | {"unfinished_at_limit": all_counted, "minus_first": minus_first(result, first)})
     return {
@@ -136,27 +150,49 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command(cls=_ListsOfNames)
 def main(
-    scenario: Annotated[str, typer.Option(help="Name of a scenario, or a scenario file.")] = "room-v0",
+    task: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help=f"What the policies are judged on: {', '.join(TASKS)}.  It says scenario, people, scheme, steps and draws.",
+        ),
+    ] = None,
+    scenario: Annotated[
+        str | None,
+        typer.Option(show_default=_SCENARIO, help="Name of a scenario, or a scenario file, where there is no task."),
+    ] = None,
     policies: Annotated[
-        list[str],
+        list[str] | None,
         typer.Option(
             _POLICIES,
             _POLICY,
             metavar="POLICY ...",
-            show_default="shortest fastest",
-            help="shortest, nearest, fastest, comfortable; the name of a route or exit; rules: the shortest path with the "
-            "scenario's control rules in force, which are off for all others; random, stand-still; rules of walking: "
-            "rule-best-speed, density-cap, headway (the manner hurried), follow, zipper; or a learned network (.npz).  The "
-            "others are compared with the first.",
+            show_default="shortest fastest; of a task rule",
+            help="rule: the strategy of a task; shortest, nearest, fastest, comfortable; the name of a route or exit; rules: "
+            "the shortest path with the scenario's control rules in force, which are off for all others; random, stand-still; "
+            "rules of walking: rule-best-speed, density-cap, headway (the manner hurried), follow, zipper; or a learned "
+            "network (.npz).  The others are compared with the first.",
         ),
-    ] = ["shortest", "fastest"],  # noqa: B006  (typer copies it)
+    ] = None,
     schemes: Annotated[
-        list[str],
-        typer.Option(_SCHEMES, metavar="SCHEME ...", show_default="nsm2", help=", ".join(SCHEMES) + "."),
-    ] = ["nsm2"],  # noqa: B006
+        list[str] | None,
+        typer.Option(
+            _SCHEMES,
+            metavar="SCHEME ...",
+            show_default=f"{_SCHEME}; of a task its own",
+            help=", ".join(SCHEMES) + ".",
+        ),
+    ] = None,
+    people: Annotated[
+        int | None,
+        typer.Option(help="Another number of people of the same kinds; on a task they have as much time each."),
+    ] = None,
     manner: MannerName = None,
     outline: OutlineOption = None,
-    runs: Annotated[int, typer.Option(help="Evacuations of each policy and scheme.")] = 100,
+    runs: Annotated[
+        int | None,
+        typer.Option(help="Evacuations of each policy and scheme.", show_default=f"{_RUNS}; those of a task"),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Other draws; all are held out from training.")] = 0,
     threads: Annotated[int, typer.Option(help="Of the simulation; results do not depend on it.")] = 1,
     out: Annotated[
@@ -171,38 +207,53 @@ def main(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
 ) -> None:
-    """Compare ways to lead people out, under every contact scheme, on the same draws.
+    """Compare ways to lead people out, on a task or under any contact schemes, on the same draws.
 
     Examples:
+
+    python -m agents.evaluate --task competitive-door --policies rule density-cap follow --runs 40
 
     python -m agents.evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
 
     python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.npz --out comparison
     """
     with friendly_errors("" if out is None else "the same command goes on"):
-        place = with_manner(make_scenario(scenario), manner, outline)
-        whole("--runs", runs, RUNS)
+        chosen = None if task is None else make_task(task)
+        place = with_manner(_place(chosen, scenario, people), manner, outline)
+        policies = policies or list(_NAMED if chosen is None else (RULE,))
+        schemes = list(dict.fromkeys(schemes or [_SCHEME if chosen is None else chosen.scheme]))
+        count = _RUNS if chosen is None else chosen.runs
+        runs = whole("--runs", count if runs is None else runs, RUNS)
         whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
         whole("--threads", threads)
-        schemes = list(dict.fromkeys(schemes))
         for scheme in schemes:
             check_outline(place.outline_of_run(), make_scheme(scheme))
-        entries = make_entries(policies, place, trust_pickle=trust_pickle)
+        entries = make_entries(policies, place, chosen, trust_pickle=trust_pickle)
         if "rules" in policies and not place.rules:
             notes.print(f"note: {place.name} has no control rules; rules is shortest there", markup=False)
-        settings = settings_of(place, runs, seed)
+        settings = settings_of(place, runs, seed, chosen)
         folder = None
         if out is not None:
             require_libraries(".png")  # says now, not after the work, that the drawing library is missing
             folder = EvaluationFolder(out, settings)
         results = compare(entries, place, schemes, runs=runs, seed=seed, threads=threads, folder=folder)
-        figures = summary(results, place, settings)
+        figures = summary(results, place, settings, chosen)
         if folder is not None:
             _write(folder, results, figures, place, HELD_OUT_SEED + seed)
     if as_json:
         typer.echo(json.dumps(figures, allow_nan=False))
     else:
-        _show(results, run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each"))
+        _show(results, run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each"), chosen)
+
+
+def _place(task: Task | None, scenario: str | None, people: int | None) -> Scenario:
+    """Return the scenario of a task, or the one that is named, with so many people if a number is given."""
+    if task is not None:
+        if scenario is not None:
+            raise ValueError(f"--scenario is {scenario}, but --task {task.name} says where people walk; leave one out")
+        return task.place(people)
+    name = _SCENARIO if scenario is None else scenario
+    return make_scenario(name) if people is None else with_people(name, {"count": whole("--people", people)})
 
 
 def _write(
@@ -214,9 +265,13 @@ def _write(
     notes.print(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.path}/", markup=False, soft_wrap=True)
 
 
-def _show(results: list[Evaluation], title: str) -> None:
+def _show(results: list[Evaluation], title: str, task: Task | None) -> None:
     console = table_console()
-    for table in (times_table(results, title), left_table(results), exits_table(results), crowding_table(results)):
+    if task is None:
+        judged = [times_table(results, title), left_table(results)]
+    else:
+        judged = [task_table(results, f"{task.name}, version {task.version}: {title}")]
+    for table in (*judged, exits_table(results), crowding_table(results)):
         if table is not None:
             console.print(table)
     for line in ranking_lines(results):

@@ -202,6 +202,22 @@ TABLES: dict[str, Table] = {
         tables.controller_note,
         made_by="python -m agents.train_routing --out DIR",
     ),
+    "tasks": Table(
+        "docs/training.md",
+        (
+            "task",
+            "what it is",
+            "scenario and its options",
+            "people",
+            "scheme, step",
+            "rule, manner",
+            "time limit / blocked after",
+            "draws",
+            "decides",
+            "version",
+        ),
+        tables.tasks,
+    ),
     "training": Table(
         "docs/training.md",
         (

@@ -241,6 +241,30 @@ def controller_note(source: "Sources") -> str:
 # -------------------------------------------------------------------------------------------------------------- training
 
 
+def tasks(source: "Sources") -> Cells:
+    """One row a task, as it is registered."""
+    from agents.tasks import TASKS
+
+    rows = []
+    for task in TASKS.values():
+        options = ", ".join(f"{name.replace('_', ' ')} {value:g}" for name, value in task.options.items())
+        rows.append(
+            [
+                f"`{task.name}`{' (no harm)' if task.no_harm else ''}",
+                task.about,
+                f"`{task.scenario}`: {options}",
+                str(task.people),
+                f"`{task.scheme}`, {task.dt:g} s",
+                f"{task.rule}, {task.manner}",
+                f"{task.time_limit:g} / {task.blocked_after:g} s",
+                str(task.runs),
+                task.decides,
+                str(task.version),
+            ]
+        )
+    return rows
+
+
 def training(source: "Sources") -> Cells:
     """One row a policy."""
     rows = []

@@ -3,20 +3,23 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from agents import POLICIES, make_policy
 from agents.drivers import SAMPLE, ControllerDriver, policy_driver
 from agents.policy import Policy
 from agents.rules import StrategyPolicy
+from agents.tasks.task import Task
 from agents.trained import LearnedPolicy, load_trained
 from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.headway import Manner
-from crowd_env.physics import ContactScheme
+from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 
 RULES = "rules"
+RULE = "rule"  # the strategy of a task
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,12 @@ class Entry:
     manner: Manner | None = None
 
 
-def make_entries(names: Sequence[str], scenario: Scenario, *, trust_pickle: bool = False) -> list[Entry]:
+def make_entries(
+    names: Sequence[str], scenario: Scenario, task: Task | None = None, *, trust_pickle: bool = False
+) -> list[Entry]:
     """Return the entries of these names for a scenario; see `agents.trained.load_trained` for ``trust_pickle``.
+
+    Under a task all walk along the ways of its rule, which is a policy too, and decide as often as it says.
 
     Raises
     ------
@@ -51,7 +58,7 @@ def make_entries(names: Sequence[str], scenario: Scenario, *, trust_pickle: bool
     twice = [name for k, name in enumerate(names) if name in names[:k]]
     if twice:
         raise ValueError(f"policy {twice[0]!r} is named twice; once is enough")
-    found = [_make(name, scenario, trust_pickle) for name in names]
+    found = [_make(name, scenario, task, trust_pickle) for name in names]
     labels = [entry.name for entry in found]
     return [
         Entry(given, one.driver, one.source) if one.source and labels.count(one.name) > 1 else one
@@ -59,30 +66,43 @@ def make_entries(names: Sequence[str], scenario: Scenario, *, trust_pickle: bool
     ]
 
 
-def _make(name: str, scenario: Scenario, trust_pickle: bool) -> Entry:
+def _make(name: str, scenario: Scenario, task: Task | None, trust_pickle: bool) -> Entry:
     own = [route.name for route in scenario.routes]
     route_set = tuple(dict.fromkeys([*STRATEGIES, *own, *scenario.geometry.exit_names]))
+    if name == RULE and task is not None:
+        return _policy_entry(StrategyPolicy(task.rule, name=RULE), task)
     if name == RULES:
-        return _policy_entry(StrategyPolicy("shortest", rules=True, name=RULES))
+        return _policy_entry(StrategyPolicy("shortest", rules=True, name=RULES), task)
     if name in route_set:
-        return _policy_entry(StrategyPolicy(name))
+        return _policy_entry(StrategyPolicy(name), task)
     if name in POLICIES:
-        return _policy_entry(make_policy(name))
+        return _policy_entry(make_policy(name), task)
     if name.endswith((".npz", ".zip")):
-        return _learned_entry(Path(name), scenario, trust_pickle)
-    known = ", ".join(dict.fromkeys([*route_set[:4], RULES, *route_set[4:], *POLICIES]))
+        return _learned_entry(Path(name), scenario, task, trust_pickle)
+    if name == RULE:
+        raise ValueError(
+            "policy 'rule' is the strategy of a task; give --task NAME, or name a strategy such as shortest"
+        )
+    of_task = [] if task is None else [RULE]
+    known = ", ".join(dict.fromkeys([*of_task, *route_set[:4], RULES, *route_set[4:], *POLICIES]))
     raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.npz)")
 
 
-def _policy_entry(policy: Policy, source: Path | None = None) -> Entry:
+def _policy_entry(policy: Policy, task: Task | None, source: Path | None = None) -> Entry:
     def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int) -> Callable[[int], Driver]:
         # Rules are off unless the policy says otherwise: all entries walk in the same scenario.
-        return policy_driver(policy, scenario, scheme=scheme, rules=False, decision_dt=SAMPLE, threads=threads)
+        options: dict[str, Any] = {"scheme": scheme, "rules": False, "decision_dt": SAMPLE, "threads": threads}
+        return policy_driver(policy, scenario, **options | _of_task(task, scheme))
 
     return Entry(policy.name if source is None else source.stem, driver, source, policy.env_options.get("manner"))
 
 
-def _learned_entry(path: Path, scenario: Scenario, trust_pickle: bool) -> Entry:
+def _of_task(task: Task | None, scheme: str | ContactScheme) -> dict[str, Any]:
+    """Return the options of `CrowdEnv` that a task adds to its scenario under a scheme."""
+    return {} if task is None else task.env_options(make_scheme(scheme).info.name)
+
+
+def _learned_entry(path: Path, scenario: Scenario, task: Task | None, trust_pickle: bool) -> Entry:
     """Return the entry of a network: its file says whether it is a policy or a controller.
 
     A controller keeps the options of `RoutingBatch` that it was trained with, but for what the evaluation itself says.
@@ -94,7 +114,7 @@ def _learned_entry(path: Path, scenario: Scenario, trust_pickle: bool) -> Entry:
     """
     found = load_trained(path, trust_pickle=trust_pickle)
     if isinstance(found, LearnedPolicy):
-        return _policy_entry(found, path)
+        return _policy_entry(found, task, path)
     of_the_run = ("scenario", "scheme", "dt", "threads", "manner", "outline")
     own = {key: value for key, value in found.options.items() if key not in of_the_run}
     own["sample_dt"] = SAMPLE
@@ -109,7 +129,10 @@ def _learned_entry(path: Path, scenario: Scenario, trust_pickle: bool) -> Entry:
         )
 
     def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int) -> Callable[[int], Driver]:
-        options = {"scheme": scheme, "threads": threads, **own}
+        step = {
+            name: value for name, value in _of_task(task, scheme).items() if name == "dt"
+        }  # it has its own interval
+        options = {"scheme": scheme, "threads": threads, **own, **step}
         return lambda num_envs: ControllerDriver(found, scenario, num_envs=num_envs, **options)
 
     return Entry(path.stem, driver, path)

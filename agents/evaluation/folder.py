@@ -14,6 +14,7 @@ from agents.evaluation.entries import Entry
 from agents.evaluation.evaluation import Evaluation
 from agents.evaluation.fingerprint import fingerprint, source_stamp
 from agents.evaluation.measurements import CELL, Grid, Maps, Measured
+from agents.tasks.task import Task
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
 from crowd_env.files.array_file import read_arrays, write_arrays
 from crowd_env.files.csv_table import write_csv
@@ -29,7 +30,7 @@ _ARRAYS = ("exit_index", "walked", "max_density", "max_pressure")
 _NUMBERS = ("simulated", "computing", "replanning")
 
 
-def settings_of(scenario: Scenario, runs: int, seed: int) -> dict[str, Any]:
+def settings_of(scenario: Scenario, runs: int, seed: int, task: Task | None = None) -> dict[str, Any]:
     """Return the settings that all results of a folder share; the digest is of everything in a scenario that can matter."""
     held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     for name in ("name", "title", "reference"):
@@ -37,7 +38,8 @@ def settings_of(scenario: Scenario, runs: int, seed: int) -> dict[str, Any]:
     headway, outline = scenario.manner_of_run(), scenario.outline_of_run()
     held |= {"manner": headway, "outline": outline}
     facts = {"scenario": scenario.name, "manner": plain_manner(headway), "outline": plain_outline(outline)}
-    return {**facts, "digest": fingerprint(held), "runs": runs, "seed": seed}
+    of_task = {} if task is None else {"task": {"name": task.name, "version": task.version, "digest": task.digest()}}
+    return {**of_task, **facts, "digest": fingerprint(held), "runs": runs, "seed": seed}
 
 
 def _made_by(entry: Entry, scheme: str) -> dict[str, Any]:
@@ -74,9 +76,9 @@ class EvaluationFolder:
         if not isinstance(before, dict):
             raise ValueError(f"{known} does not hold the settings of an evaluation; take another folder")
         if before != settings:
-            other = next(name for name in settings if before.get(name) != settings[name])
+            other = next(name for name in {**settings, **before} if before.get(name) != settings.get(name))
             raise ValueError(
-                f"{path} holds an evaluation with another {other} ({before.get(other)}, now {settings[other]}); "
+                f"{path} holds an evaluation with another {other} ({before.get(other)}, now {settings.get(other)}); "
                 "take another folder"
             )
 

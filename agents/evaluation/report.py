@@ -47,10 +47,10 @@ def comparison_table(results: list[Evaluation], title: str) -> Table:
         "count until the end (then ≥); runs left: % of runs in which someone was, and its 95 % interval; N s: contact impulse "
         "per person"
     )
-    table = _table(caption, "last s", "Δ last s", "mean s", "in", "runs left %", "N s", title=title)
+    table = new_table(caption, "last s", "Δ last s", "mean s", "in", "runs left %", "N s", title=title)
     for result in results:
         row = result.row()
-        _add(
+        add_row(
             table,
             result.policy,
             _at_least(last_times(result), 2) if row["unfinished"] else _with_spread(row["evacuation_time"], 2),
@@ -74,11 +74,11 @@ def times_table(results: Sequence[Evaluation], title: str) -> Table:
         "faster: share of runs; 95 %: when 95 % were out; mean: of all people; in: people left inside, who count until "
         "the time limit, or until the end if that was later (then ≥)."
     )
-    table = _table(caption, "last", "Δ last", "faster", "95 %", "mean", "Δ mean", "in", title=title)
-    for result, reference in _with_first(results, table):
+    table = new_table(caption, "last", "Δ last", "faster", "95 %", "mean", "Δ mean", "in", title=title)
+    for result, reference in with_first(results, table):
         row, longer, own = result.row(), minus_first(result, reference), result is reference
         late = result.exit_time_95()
-        _add(
+        add_row(
             table,
             result.policy,
             _at_least(last_times(result)) if row["unfinished"] else _with_spread(row["evacuation_time"], 1),
@@ -98,15 +98,15 @@ def left_table(results: Sequence[Evaluation]) -> Table:
         "Runs in which someone was left inside, and those of them in which the exits blocked: how many, and % of runs with "
         "its 95 % interval (Wilson): none of few runs does not mean never."
     )
-    table = _table(caption, "in", "runs left", "%", "blocked", "%")
-    for result, _ in _with_first(results, table):
+    table = new_table(caption, "in", "runs left", "%", "blocked", "%")
+    for result, _ in with_first(results, table):
         row = result.row()
         cells = (
             f"{row[f'{name}_runs']} of {row['runs']}" if k == 0 else percent(row[f"{name}_share"])
             for name in ("unfinished", "blocked")
             for k in (0, 1)
         )
-        _add(table, result.policy, str(row["unfinished"]), *cells)
+        add_row(table, result.policy, str(row["unfinished"]), *cells)
     return table
 
 
@@ -127,12 +127,12 @@ def crowding_table(results: Sequence[Evaluation]) -> Table:
     for scheme in forceless:
         caption += f" *{scheme} has no forces: its impulses keep bodies apart, nobody would feel that pressure."
     names = ("flow\n1/s", "density\n1/m2", "pressure\nkN/m", "impulse\nkN s", "way\nm", "overlap\nmm", "fastest\nm/s")
-    table = _table(caption, *names, "comp.\nms/s", "plan\nms/s")
-    for result, _ in _with_first(results, table):
+    table = new_table(caption, *names, "comp.\nms/s", "plan\nms/s")
+    for result, _ in with_first(results, table):
         row = result.row()
         density, pressure = row["max_density"], row["max_pressure"]
         replanning = row["replanning_per_simulated_second"]
-        _add(
+        add_row(
             table,
             result.policy,
             _cell(row["flow"], 2),
@@ -153,13 +153,13 @@ def exits_table(results: Sequence[Evaluation]) -> Table | None:
     names = list(dict.fromkeys(results[0].exit_names))
     if not 1 < len(names) <= _EXITS:
         return None
-    table = _table("People by each exit, and their mean exit time.", *names)
-    for result, _ in _with_first(results, table):
+    table = new_table("People by each exit, and their mean exit time.", *names)
+    for result, _ in with_first(results, table):
         cells = []
         for found in result.row()["exits"].values():
             time = found["mean_exit_time"]
             cells.append(_cell(found["people"], 1) + (f"  {time:6.1f} s" if time is not None else " " * 10))
-        _add(table, result.policy, *cells)
+        add_row(table, result.policy, *cells)
     return table
 
 
@@ -192,7 +192,8 @@ def _order(names: Sequence[str], times: dict[str, float]) -> str:
     return text
 
 
-def _table(caption: str, *columns: str, title: str = "") -> Table:
+def new_table(caption: str, *columns: str, title: str = "") -> Table:
+    """Return an empty table with a column for the policy before these."""
     left: dict[str, Any] = {"title_justify": "left", "caption_justify": "left"}
     table = Table(title=title or None, caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), **left)
     table.add_column("policy", overflow="fold", max_width=20)  # what is too long goes on below, numbers stay whole
@@ -201,11 +202,12 @@ def _table(caption: str, *columns: str, title: str = "") -> Table:
     return table
 
 
-def _add(table: Table, policy: str, *cells: str) -> None:
+def add_row(table: Table, policy: str, *cells: str) -> None:
+    """Add the row of a policy."""
     table.add_row(Text(f" {policy}"), *(Text(cell) for cell in cells))
 
 
-def _with_first(results: Sequence[Evaluation], table: Table) -> Iterator[tuple[Evaluation, Evaluation]]:
+def with_first(results: Sequence[Evaluation], table: Table) -> Iterator[tuple[Evaluation, Evaluation]]:
     """Yield each result with the one of the first policy under its scheme, and begin a section for each scheme."""
     for scheme in dict.fromkeys(result.scheme for result in results):
         those = [result for result in results if result.scheme == scheme]

@@ -1,0 +1,84 @@
+"""What is said of every policy on a task: the same figures, in the same order, for every task."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from rich.table import Table
+
+from agents.evaluation.comparison import mean_times, minus_first
+from agents.evaluation.evaluation import Evaluation
+from agents.evaluation.report import add_row, new_table, percent, with_first
+from agents.tasks.task import Task
+from crowd_env import Scenario
+from crowd_env.envs.rollout import named
+
+
+def task_row(task: Task, place: Scenario, result: Evaluation, first: Evaluation) -> dict[str, Any]:
+    """Return the figures of a policy on a task, ready for JSON, in SI units.
+
+    ``blocked`` counts the runs that ended because nobody had got out for ``blocked_after`` of the task, ``unfinished`` all runs
+    in which somebody was left inside, blocked ones included.  ``clearing_time``, of the last person, is over the runs that
+    cleared.  ``mean_exit`` is over all people of all runs: whoever is left inside counts until the time limit.  ``flow`` is the
+    mean over runs of the slope of people out against time.  ``max_speed`` is of anyone, and ``escaped`` counts people who were
+    found outside of the walls.  Means are over runs, with 95 % t intervals; shares of runs have Wilson's.
+    """
+    row = result.row()
+    return {
+        "task": task.name,
+        "policy": result.policy,
+        "scheme": result.scheme,
+        "people": place.population.count,
+        "runs": result.runs,
+        "blocked": row["blocked_runs"],
+        "unfinished": row["unfinished_runs"],
+        "clearing_time": _mean(row["evacuation_time"]),
+        "mean_exit": _mean(named(mean_times(result))),
+        "flow": row["flow"]["mean"],
+        "max_speed": row["max_speed"],
+        "escaped": row["escaped"],
+        "blocked_share": row["blocked_share"],
+        "unfinished_share": row["unfinished_share"],
+        "left": row["unfinished"],
+        "contact_impulse": _mean(row["contact_impulse"]),
+        **{
+            name: row[name] for name in ("walked", "max_density", "max_pressure") if name in row
+        },  # of runs that were measured
+        "max_overlap": row["max_overlap"],
+        "constants": row["constants"],
+        "minus_first": minus_first(result, first),
+    }
+
+
+def task_table(results: Sequence[Evaluation], title: str) -> Table:
+    """Return a table of the figures by which policies are judged on a task."""
+    caption = (
+        "Runs of all in which the exits blocked, and in which someone was left inside, blocked ones included; %: with its "
+        "95 % interval (Wilson). clearing: s, of the last person, in the runs that cleared, with its 95 % interval; mean "
+        "exit: s, of all people; who is left inside counts until the time limit."
+    )
+    table = new_table(caption, "blocked", "%", "unfinished", "clearing", "mean exit", "flow\n1/s", title=title)
+    for result, _ in with_first(results, table):
+        row = result.row()
+        add_row(
+            table,
+            result.policy,
+            f"{row['blocked_runs']} of {row['runs']}",
+            percent(row["blocked_share"]),
+            str(row["unfinished_runs"]),
+            _interval(row["evacuation_time"]),
+            _interval(named(mean_times(result))),
+            "-" if row["flow"]["mean"] is None else f"{row['flow']['mean']:.2f}",
+        )
+    return table
+
+
+def _mean(found: dict[str, Any]) -> dict[str, Any]:
+    """Return mean and interval alone."""
+    return {"mean": found["mean"], "ci95": found["ci95"]}
+
+
+def _interval(found: dict[str, Any]) -> str:
+    low, high = found["ci95"]
+    if found["mean"] is None:
+        return "-"
+    return f"{found['mean']:.1f}" + ("" if low is None else f" ({low:.1f}..{high:.1f})")

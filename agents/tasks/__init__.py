@@ -1,0 +1,6 @@
+"""Tasks: evacuations that are fixed once and for all, so that figures of one policy stand beside those of another."""
+
+from agents.tasks.registry import TASKS, make_task
+from agents.tasks.task import Task
+
+__all__ = ["TASKS", "Task", "make_task"]

@@ -1,0 +1,122 @@
+"""What a task is: where, who, under which contact law, for how long, and which draws are held out."""
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, fields, is_dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from agents.evaluation.evaluation import HELD_OUT_SEED
+from agents.evaluation.fingerprint import fingerprint
+from crowd_env import Scenario, make_scenario, make_scheme
+from crowd_env.checks import whole
+from crowd_env.headway import make_manner
+
+Decides = Literal["walking", "routing"]
+_WORDS = ("name", "title", "reference")  # of a scenario, which change no evacuation
+
+
+@dataclass(frozen=True)
+class Task:
+    """What policies are judged on.
+
+    Parameters
+    ----------
+    name : what the command line and tables call it.
+    about : a line for people.
+    scenario : name of the scenario.
+    options : of the scenario.
+    people : how many; another number (`place`) gets as much time for each.
+    scheme : contact law.
+    dt : s, physics step: the own one of the scheme.
+    time_limit : s.
+    blocked_after : s without anyone getting out, after which the exits count as blocked and the run ends.
+    manner : how people walk under policies that do not say so themselves.
+    rule : strategy of the policy ``rule``, along whose ways the other policies walk too.
+    decision_dt : s, interval between two decisions of a policy.
+    runs : held-out draws of a full evaluation.
+    decides : what is to be decided: how everyone walks, or to which exit people are sent (``crowd_env/Routing-v0``).
+    no_harm : there is little to gain; a policy only must not be slower than the rule.
+    version : goes up with every change of the task.
+    frozen : digest of this version.
+    """
+
+    name: str
+    about: str
+    _: KW_ONLY
+    scenario: str
+    options: Mapping[str, Any]
+    people: int
+    scheme: str
+    dt: float
+    time_limit: float
+    blocked_after: float
+    frozen: str
+    manner: str = "competitive"
+    rule: str = "shortest"
+    decision_dt: float = 0.1
+    runs: int = 200
+    decides: Decides = "walking"
+    no_harm: bool = False
+    version: int = 1
+
+    @property
+    def seeds(self) -> range:
+        """The draws of a full evaluation, on which nobody trains."""
+        return range(HELD_OUT_SEED, HELD_OUT_SEED + self.runs)
+
+    def place(self, people: int | None = None) -> Scenario:
+        """Return the scenario of the task, with ``people`` of the same kinds if given; more people have more time.
+
+        Raises
+        ------
+        ValueError
+            If so many do not fit.
+        """
+        count = self.people if people is None else whole("--people", people)
+        try:
+            population = make_scenario(self.scenario, **self.options).population.changed(count=count)
+            scenario = make_scenario(self.scenario, **self.options, population=population)
+        except ValueError as error:
+            raise ValueError(f"task {self.name} cannot have {count} people: {error}") from None
+        limit = self.time_limit * max(1.0, count / self.people)
+        return replace(scenario, time_limit=limit, blocked_after=self.blocked_after, manner=self.manner)
+
+    def env_options(self, scheme: str) -> dict[str, Any]:
+        """Return options of `CrowdEnv` of a run of the task under a scheme; another than its own has its own step."""
+        dt = {"dt": self.dt} if scheme == self.scheme else {}
+        return {"strategy": self.rule, "decision_dt": self.decision_dt, **dt}
+
+    def configuration(self) -> dict[str, Any]:
+        """Return everything that decides what happens in the task, as plain data."""
+        place = self.place()
+        held = {one.name: _plain(getattr(place, one.name)) for one in fields(place) if one.name not in _WORDS}
+        return {
+            "scenario": held,
+            "manner": _plain(make_manner(self.manner)),
+            "scheme": [self.scheme, _plain(make_scheme(self.scheme))],
+            "env": _plain(self.env_options(self.scheme)),
+            "seeds": [self.seeds.start, self.seeds.stop],
+        }
+
+    def digest(self) -> str:
+        """Return a hash of the `configuration`."""
+        return fingerprint(self.configuration())
+
+
+def _plain(value: Any) -> Any:
+    """Return numbers to nine digits, texts, lists and tables: the same wherever classes stand and however numbers are kept."""
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return float(f"{value:.9g}")
+    if value is None or isinstance(value, int | str):
+        return value
+    if hasattr(value, "wkb"):  # a shape; rings may begin anywhere
+        return _plain([value.area, value.length, value.bounds])
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
+    return {"": type(value).__name__} | {name: _plain(getattr(value, name)) for name in names}

@@ -1,0 +1,217 @@
+"""Tasks: what is frozen, and what the command says of policies on them."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from evaluations import call, made_up, random_network, random_policy, run
+from rich.console import Console
+
+from agents.evaluation.entries import make_entries
+from agents.evaluation.evaluation import HELD_OUT_SEED
+from agents.evaluation.folder import EvaluationFolder, settings_of
+from agents.evaluation.protocol import task_row, task_table
+from agents.tasks import TASKS, Task
+from agents.tasks import task as module
+from agents.trained import LearnedController
+from crowd_env import Uniform, make_scenario, make_scheme
+from crowd_env.envs.routing.batch import RoutingBatch
+
+ROOM = {"scenario": "room-v0", "options": {"side": 4.0, "door_width": 1.2}, "people": 4, "scheme": "nsm2", "dt": 0.01}
+SMALL = Task("small", "four people", **ROOM, time_limit=20.0, blocked_after=5.0, runs=3, frozen="")
+KEYS = ["task", "policy", "scheme", "people", "runs", "blocked", "unfinished", "clearing_time", "mean_exit", "flow"]
+KEYS += ["max_speed", "escaped"]
+
+
+@pytest.fixture
+def small_task(monkeypatch):
+    """Let the name "small" stand for the small task."""
+    monkeypatch.setitem(TASKS, "small", SMALL)
+
+
+# --------------------------------------------------------------------------------------------------------- what is frozen
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_a_task_is_what_it_was_when_it_was_frozen(name):
+    task = TASKS[name]
+    assert task.digest() == task.frozen, (
+        f"the task {name} has changed: a default of the package is another now, or the task itself.  Write the old value into "
+        "the task; if it must change, raise its version and freeze the new digest.  If no evacuation of it changes (a field "
+        "was added whose default does nothing), freeze the new digest alone."
+    )
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_a_task_says_what_the_package_would_say(name):
+    task = TASKS[name]
+    assert task.name == name and task.version >= 1 and task.seeds.start >= HELD_OUT_SEED
+    assert task.dt == make_scheme(task.scheme).info.default_dt
+    place = task.place()
+    assert place.population.count == task.people and place.time_limit == task.time_limit
+    assert place.blocked_after == task.blocked_after < task.time_limit
+    assert [entry.name for entry in make_entries(["rule"], place, task)] == ["rule"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"options": {"side": 4.0, "door_width": 1.25}},
+        {"people": 5},
+        {"scheme": "dem"},
+        {"dt": 0.005},
+        {"time_limit": 30.0},
+        {"blocked_after": 6.0},
+        {"manner": "calm"},
+        {"rule": "fastest"},
+        {"decision_dt": 0.2},
+        {"runs": 4},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_whatever_makes_another_task_changes_the_digest(change):
+    assert replace(SMALL, **change).digest() != SMALL.digest()
+    assert replace(SMALL, about="other words").digest() == SMALL.digest()
+
+
+def test_a_change_of_a_default_of_the_package_changes_the_digest(monkeypatch):
+    before = SMALL.digest()
+    wide = replace(make_scenario("room-v0").population, radius=Uniform(0.2, 0.26))
+
+    def other(name, **options):
+        return make_scenario(name, **{"population": wide, **options})
+
+    monkeypatch.setattr(module, "make_scenario", other)
+    assert SMALL.digest() != before
+
+
+def test_more_people_have_as_much_time_each_and_keep_their_groups():
+    task = TASKS["counter-flow"]
+    twice, half = task.place(2 * task.people), task.place(task.people // 2 + 1)
+    assert (twice.time_limit, half.time_limit) == (2 * task.time_limit, task.time_limit)
+    assert [part.count for part in twice.population.parts] == [30, 30]
+    assert [part.count for part in half.population.parts] == [8, 8]
+
+
+def test_everyone_walks_along_the_ways_of_the_rule_and_decides_as_often_as_the_task_says():
+    task = replace(TASKS["two-exit-hall"], decision_dt=0.2, dt=0.005)
+    place = task.place(6)
+    strategies = {}
+    for name in ("rule", "fastest", "follow", "shortest"):
+        (entry,) = make_entries([name], place, task)
+        env = entry.driver(place, "nsm2", 1)(1).env
+        assert (env.decision_dt, env.simulation.dt) == (0.2, 0.005)
+        strategies[name] = env.strategy
+        other = entry.driver(place, "hertz", 1)(1).env
+        assert other.simulation.dt == make_scheme("hertz").info.default_dt
+    assert strategies == {"rule": "fastest", "fastest": "fastest", "follow": "fastest", "shortest": "shortest"}
+
+
+def test_learned_networks_walk_and_route_under_the_steps_of_a_task(tmp_path):
+    task = replace(TASKS["two-exit-hall"], dt=0.005, decision_dt=0.2)
+    place, options = task.place(6), {"grid": (2, 1), "interval": 1.0}
+    random_policy(0).save(tmp_path / "walk.npz")
+    batch = RoutingBatch(place, **options)
+    network = random_network(batch.layout.size, int(batch.choices.sum()))
+    LearnedController(network, batch.choices, {"scenario": task.scenario, **options}).save(tmp_path / "lead.npz")
+    for name, decision_dt in (("walk", 0.2), ("lead", 0.1)):  # a controller has an interval of its own
+        (entry,) = make_entries([str(tmp_path / f"{name}.npz")], place, task)
+        env = entry.driver(place, "nsm2", 1)(1).env
+        assert (entry.name, env.simulation.dt, env.decision_dt) == (name, 0.005, decision_dt)
+
+
+# ---------------------------------------------------------------------------------------------------------- the protocol
+
+
+def test_runs_are_counted_and_whoever_is_left_counts_until_the_time_limit():
+    quick = made_up("quick", "dem", [30.0, 31.0, 32.0])
+    stuck = made_up("stuck", "dem", [40.0, 50.0, 60.0], unfinished=True)
+    stuck = replace(
+        stuck, episodes=[stuck.episodes[0], *(one._replace(blocked_since=9.0) for one in stuck.episodes[1:])]
+    )
+    place = SMALL.place()
+    rows = [task_row(SMALL, place, one, quick) for one in (quick, stuck)]
+    assert [(row["blocked"], row["unfinished"], row["left"]) for row in rows] == [(0, 0, 0), (2, 3, 3)]
+    # Of two people one is out after 1 s, the other never, and the time limit is 100 s.
+    assert [row["mean_exit"]["mean"] for row in rows] == [pytest.approx(16.0), pytest.approx(50.5)]
+    assert rows[1]["blocked_share"]["ci95"] == pytest.approx([0.2077, 0.9385], abs=1e-4)
+
+
+def test_a_task_is_a_named_set_of_options(small_task):
+    """The command on a task gives what the evaluation of its scenario gives: the same draws and the same figures."""
+    code, out, _ = call("--task", "small", "--policies", "rule", "follow", "random", "--json")
+    assert code == 0
+    told = json.loads(out)
+    assert told["task"] == {"name": "small", "version": 1, "digest": SMALL.digest()}
+    assert [row["policy"] for row in told["rows"]] == ["rule", "follow", "random"]
+    for row in told["rows"]:
+        assert list(row)[: len(KEYS)] == KEYS
+        assert (row["task"], row["scheme"], row["people"], row["runs"]) == ("small", "nsm2", 4, 3)
+        assert set(row["clearing_time"]) == set(row["mean_exit"]) == {"mean", "ci95"}
+    for row, name in zip(told["rows"], ("shortest", "follow", "random"), strict=True):
+        expected = run(name, SMALL.place(), runs=3)
+        assert row["clearing_time"]["mean"] == expected.row()["evacuation_time"]["mean"]
+        assert row["unfinished"] == (expected.column("unfinished") > 0).sum()
+        assert row["blocked"] == np.isfinite(expected.column("blocked_since")).sum()
+        assert row["flow"] == expected.row()["flow"]["mean"]
+    assert told["rows"][0]["clearing_time"]["mean"] < 10.0 and told["rows"][0]["blocked"] == 0
+
+
+def test_people_runs_and_scheme_of_a_task_can_be_others(small_task):
+    code, out, _ = call("--task", "small", "--people", 6, "--runs", 1, "--schemes", "dem", "--json")
+    assert code == 0
+    told = json.loads(out)
+    (row,) = told["rows"]
+    assert (row["policy"], row["people"], row["runs"], row["scheme"]) == ("rule", 6, 1, "dem")
+    assert row["clearing_time"]["ci95"] == [None, None] and told["time_limit"] == 30.0
+
+
+def test_another_number_of_people_needs_no_task():
+    code, out, _ = call("--scenario", "room-v0", "--people", 3, "--runs", 1, "--policies", "shortest", "--json")
+    assert code == 0 and json.loads(out)["people"] == 3
+
+
+def test_the_table_fits_into_a_hundred_columns(small_task):
+    code, out, _ = call("--task", "small", "--policies", "rule", "follow", "--runs", 2)
+    assert code == 0 and "small, version 1: room-v0: 4 people, 2 runs each" in out and "0 of 2" in out
+    console = Console(width=100, record=True)
+    hundreds = made_up("rule-best-speed", "hertz-literal", [986.4, 512.9], unfinished=False)
+    console.print(task_table([hundreds], "title"))
+    assert "…" not in console.export_text()
+
+
+def test_a_folder_holds_one_task_of_one_version(tmp_path):
+    place = SMALL.place()
+    EvaluationFolder(tmp_path, settings_of(place, 3, 0, SMALL))
+    EvaluationFolder(tmp_path, settings_of(place, 3, 0, SMALL))
+    for other in (replace(SMALL, version=2), replace(SMALL, dt=0.005), None):
+        with pytest.raises(ValueError, match="holds an evaluation with another task"):
+            EvaluationFolder(tmp_path, settings_of(place, 3, 0, other))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--task", "moon"), r"unknown task 'moon'; known: competitive-door, narrow-door"),
+        (
+            ("--task", "small", "--policies", "evolution"),
+            r"unknown policy 'evolution'; known: rule, .*zipper, or the path of",
+        ),
+        (("--policies", "rule"), "'rule' is the strategy of a task; give --task"),
+        (
+            ("--task", "small", "--scenario", "room-v0"),
+            "--scenario is room-v0, but --task small says where people walk",
+        ),
+        (("--task", "small", "--people", "0"), "--people is 0; it must be at least 1"),
+        (("--task", "small", "--people", "2000"), "task small cannot have 2000 people: 2000 people do not fit"),
+        (("--task", "theatre", "--people", "102"), "task theatre cannot have 102 people: "),
+        (("--people", "0"), "--people is 0; it must be at least 1"),
+        (("--task", "small", "--runs", "0"), "--runs is 0"),
+    ],
+)
+def test_mistakes_are_said_in_one_line(small_task, arguments, message):
+    code, out, err = call(*arguments)
+    assert code == 2 and out == ""
+    assert re.search(message, err) and len(err.strip().splitlines()) == 1 and err.startswith("error: ")
