@@ -18,12 +18,14 @@ from typer.core import TyperGroup
 from crowd_env import SCHEMES, make_scheme
 from crowd_env.cli.console import check_folder, friendly_errors, notes
 from crowd_env.headway import MANNERS, make_manner
+from crowd_env.outline import OUTLINES, Outline, make_outline
+from crowd_env.physics import check_outline
 from validation.bits import ROOT, chosen, report
 from validation.bits_scenes import scenes
 from validation.cases import CASES
-from validation.cases.case import COMPARED, Case, Row, Setting
+from validation.cases.case import COMPARED, DISC, Case, Row, Setting
 from validation.cases.case import row as row_of
-from validation.finished import Finished, complete_rows
+from validation.finished import Finished, complete_rows, of_bodies
 from validation.pages import TABLES, fill, run
 from validation.positions import STORED, write
 
@@ -54,12 +56,20 @@ def cases(
     case: Annotated[list[str] | None, typer.Argument(help=f"Cases: {', '.join(CASES)}; default all.")] = None,
     schemes: Annotated[
         list[str] | None,
-        typer.Option(help=f"Contact scheme: {', '.join(SCHEMES)}; may be repeated; default {', '.join(COMPARED)}."),
+        typer.Option(
+            help=f"Contact scheme: {', '.join(SCHEMES)}; may be repeated; default {', '.join(COMPARED)}, of these."
+        ),
     ] = None,
     manner: Annotated[
         list[str] | None,
         typer.Option(help=f"How people walk: {', '.join(MANNERS)}; may be repeated; default those of the case."),
     ] = None,
+    outline: Annotated[
+        str,
+        typer.Option(
+            help=f"Shape of all bodies: {', '.join(OUTLINES)}; other than discs under schemes that turn bodies alone."
+        ),
+    ] = DISC,
     data: Annotated[
         Path | None, typer.Option(help="Folder with the recordings, which are not part of the repository.")
     ] = None,
@@ -104,8 +114,11 @@ def cases(
             raise ValueError(f"--data {data}: no such folder")
         if out is not None:
             check_folder("--out", out)
-        names = list(case or CASES)
-        asked = {name: _settings(CASES[name], schemes, manner, data, draws, seed) for name in names}
+        shape = make_outline(outline)
+        names = _names(case, shape, outline)
+        common = Setting(seed=seed, data=data, outline=outline)
+        under = _schemes(schemes, shape)
+        asked = {name: _settings(CASES[name], under, manner, draws, common) for name in names}
         finished = None if out is None else Finished(out)
         if finished is not None:  # before anything is run
             before = {(name, k): finished.rows(name, one) for name in names for k, one in enumerate(asked[name])}
@@ -119,12 +132,13 @@ def cases(
                     found += _run(name, replace(setting, notify=notify), finished) if known is None else known
             draw = CASES[name].draw
             if out is not None and draw is not None:
-                draw(out, complete_rows(out, name))
+                place = of_bodies(out, outline)
+                draw(place, complete_rows(place, name))
             passed &= all(one.passed is not False for one in found)
             if as_json:
                 typer.echo(json.dumps({"case": name, "rows": [one._asdict() for one in found]}))
             else:
-                Console(width=None if notes.is_terminal else _WIDTH).print(_case_table(name, found))
+                Console(width=None if notes.is_terminal else _WIDTH).print(_case_table(name, outline, found))
     raise typer.Exit(0 if passed else 1)
 
 
@@ -148,20 +162,29 @@ def _run(name: str, setting: Setting, finished: Finished | None) -> list[Row]:
     return rows
 
 
+def _names(cases: list[str] | None, shape: Outline | None, outline: str) -> list[str]:
+    """Return the cases that are meant; raise ValueError if one that is named cannot have these bodies."""
+    if shape is None:
+        return list(cases or CASES)
+    for name in cases or ():
+        if CASES[name].discs_because:
+            raise ValueError(f"{name} has no bodies of outline {outline!r}: {CASES[name].discs_because}")
+    return list(cases or (name for name, case in CASES.items() if not case.discs_because))
+
+
+def _schemes(named: list[str] | None, shape: Outline | None) -> list[str]:
+    """Return the schemes that are meant; raise ValueError if one that is named does not turn bodies, and these turn."""
+    for name in named or ():
+        check_outline(shape, make_scheme(name))
+    return named or [name for name in COMPARED if shape is None or SCHEMES[name].turns_bodies]
+
+
 def _settings(
-    case: Case,
-    schemes: list[str] | None,
-    manners: list[str] | None,
-    data: Path | None,
-    draws: int | None,
-    seed: int,
+    case: Case, schemes: list[str], manners: list[str] | None, draws: int | None, common: Setting
 ) -> list[Setting]:
     """Return each scheme under each manner."""
-    return [
-        Setting(scheme, manner, draws or case.draws, seed, data if case.recordings else None)
-        for scheme in schemes or COMPARED
-        for manner in manners or case.manners
-    ]
+    mine = replace(common, draws=draws or case.draws, data=common.data if case.recordings else None)
+    return [replace(mine, scheme=scheme, manner=manner) for scheme in schemes for manner in manners or case.manners]
 
 
 def _teller(case: str, status: Status) -> Callable[[str], None]:
@@ -176,12 +199,13 @@ def _teller(case: str, status: Status) -> Callable[[str], None]:
     return notify
 
 
-def _case_table(name: str, found: list[Row]) -> Table:
+def _case_table(name: str, outline: str, found: list[Row]) -> Table:
     """Return the rows of a case as a table; criterion and source below it if all rows share them."""
     criteria = dict.fromkeys((one.criterion, one.source) for one in found)
     shared = len(criteria) == 1
     caption = "\n".join(next(iter(criteria))) if shared else CASES[name].source
-    table = Table(title=f"{name}: {CASES[name].title}", caption=escape(caption), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    title = f"{name}: {CASES[name].title}" + (f"; bodies: {outline}" if outline != DISC else "")
+    table = Table(title=title, caption=escape(caption), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for column in ("scheme", "manner", "passed"):
         table.add_column(column, no_wrap=True)
     if not shared:

@@ -1,5 +1,7 @@
 """What a run of the map has finished: a file for each case, scheme and manner, which is neither lost nor computed again.
 
+Rows of bodies that are no discs have a folder of their own, OUTLINE/CASE.
+
 Several processes may fill one folder at the same time, each with other schemes, manners or cases: every file has one writer.
 """
 
@@ -11,18 +13,24 @@ from crowd_env import SCHEMES
 from crowd_env._kernels import jit
 from crowd_env.files.json_file import read_json, write_json
 from crowd_env.headway import MANNERS, make_manner
-from validation.cases.case import Row, Setting
+from crowd_env.outline import make_outline
+from validation.cases.case import DISC, Row, Setting, plain
+
+
+def of_bodies(folder: Path, outline: Any) -> Path:
+    """Return the folder of the rows and pictures of bodies of an outline: that of the run itself for discs."""
+    return folder if outline == DISC else folder / str(outline)
 
 
 class Finished:
-    """The folder of a run: ``CASE/SCHEME-MANNER.json``."""
+    """The folder of a run: ``CASE/SCHEME-MANNER.json``, or ``OUTLINE/CASE/SCHEME-MANNER.json``."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def path(self, case: str, setting: Setting) -> Path:
         """Return the file of a case under a setting."""
-        return self.folder / case / f"{setting.scheme}-{setting.manner}.json"
+        return of_bodies(self.folder, setting.outline) / case / f"{setting.scheme}-{setting.manner}.json"
 
     def rows(self, case: str, setting: Setting) -> list[Row] | None:
         """Return the rows of a case under a setting; None if they are not here, or not all of them.
@@ -71,18 +79,20 @@ _OTHER = {
     "draws": "another number of draws",
     "seed": "another seed",
     "walking": "other numbers of the manner",
+    "outline": "other bodies",
     "kernels": "another version of the compiled physics",
 }
 
 
 def identity(setting: Setting) -> dict[str, Any]:
     """Return what decides the rows of a case beside scheme and manner, ready for JSON."""
-    walking = make_manner(setting.manner)
+    walking, outline = make_manner(setting.manner), make_outline(setting.outline)
     return {
         "draws": setting.draws,
         "seed": setting.seed,
         "recordings": setting.data is not None,
         "walking": None if walking is None else asdict(walking),
+        "outline": None if outline is None else plain(asdict(outline)),
         "kernels": jit.STAMP,
     }
 

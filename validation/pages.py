@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 
 from crowd_env.files.atomic import write_text
 from crowd_env.files.json_file import read_json
-from validation import blocked, map_tables, reproduced, tables
-from validation.finished import complete_rows, draws
+from validation import blocked, bodies_tables, map_tables, reproduced, tables
+from validation.cases.case import DISC
+from validation.finished import complete_rows, draws, of_bodies
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -48,16 +49,18 @@ class Sources:
         """Return the content of a JSON file of the finished run; ValueError if there is none."""
         return read_json(self.path(file))
 
-    def rows(self, case: str) -> list[dict[str, Any]]:
+    def rows(self, case: str, outline: str = DISC) -> list[dict[str, Any]]:
         """Return the finished rows of a case of ``python -m validation``; ValueError if there are none."""
-        found = [row._asdict() for row in complete_rows(self.path(""), case)]
+        folder = of_bodies(self.path(""), outline)
+        found = [row._asdict() for row in complete_rows(folder, case)]
         if not found:
-            raise ValueError(f"{self.path(case)} holds no finished rows; made by python -m validation {case} --out DIR")
+            made_by = f"python -m validation {case}{'' if outline == DISC else f' --outline {outline}'} --out DIR"
+            raise ValueError(f"{folder / case} holds no finished rows; made by {made_by}")
         return found
 
-    def draws(self, case: str) -> str:
+    def draws(self, case: str, outline: str = DISC) -> str:
         """Return how many draws a case has had, in words."""
-        least, most = draws(self.path(""), case)
+        least, most = draws(of_bodies(self.path(""), outline), case)
         return f"{least}{f' to {most}' if most > least else ''} draw{'s' if most > 1 else ''}"
 
 
@@ -179,6 +182,20 @@ TABLES: dict[str, Table] = {
         ("scheme", "manner", "door of 0.5 m", "door of 0.6 m", "door of 0.8 m"),
         tables.jambs,
         made_by="python -m validation jambs --out DIR",
+    ),
+    "bodies-gate": Table(
+        "docs/physics.md",
+        bodies_tables.GATE_HEAD,
+        bodies_tables.gate,
+        bodies_tables.gate_note,
+        made_by=bodies_tables.GATE_MADE_BY,
+    ),
+    "bodies-doors": Table(
+        "docs/physics.md",
+        bodies_tables.DOORS_HEAD,
+        bodies_tables.doors,
+        bodies_tables.doors_note,
+        made_by=bodies_tables.DOORS_MADE_BY,
     ),
     "clogging": Table("docs/clogging.md", ("desired speed, m/s", *_GAPS), tables.clogging, tables.clogging_note),
     "frozen": Table(

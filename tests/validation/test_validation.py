@@ -117,7 +117,7 @@ def test_the_command_reports_draws_and_writes(students, tmp_path):
     report = json.loads(result.stdout.splitlines()[-1])
     assert [(row["scheme"], row["manner"]) for row in report["rows"]] == [("nsm1", "calm"), ("dem", "calm")]
     first = report["rows"][0]
-    assert set(first) == {"case", "scheme", "manner", "passed", "figure", "criterion", "source", "more"}
+    assert set(first) == {"case", "scheme", "manner", "passed", "figure", "criterion", "source", "more", "outline"}
     assert "10.34735/ped.2018.1" in first["source"]
     assert first["more"]["starts"] == "recorded" and len(first["more"]["position"]) == 75
     assert result.exit_code == (0 if all(row["passed"] for row in report["rows"]) else 1)

@@ -22,6 +22,8 @@ from validation.cases import (
 )
 from validation.cases.case import Case, Row, Setting
 
+_NO_ROOM = "where 4 people stand on a square meter, shoulders of their breadth cannot turn"
+
 CASES = {
     "gate": Case("75 students and a gate of 0.5 m", gate.run, gate.SOURCE, recordings=True, draw=gate_figure.draw),
     "doors": Case("doors of 0.5 to 5 m", doors.run, doors.SOURCE),
@@ -30,7 +32,12 @@ CASES = {
     ),
     "ring": Case("single file around a ring of 27 m", ring.run, ring.SOURCE, draw=ring_figure.draw),
     "counterflow": Case("two streams in a corridor of 4 m", counterflow.run, counterflow.SOURCE),
-    "crossing": Case("people of two rooms change places through a corridor", crossing.run, crossing.SOURCE),
+    "crossing": Case(
+        "people of two rooms change places through a corridor",
+        crossing.run,
+        crossing.SOURCE,
+        discs_because=_NO_ROOM,
+    ),
     "corner": Case("corner of a corridor of 2.4 m, ever denser", corner.run, corner.SOURCE),
     "faster": Case("door of 0.8 m, by desired speed, push and friction", faster.run, faster.SOURCE, draws=5),
     "clogging": Case(
@@ -41,9 +48,21 @@ CASES = {
         draw=clogging.draw,
     ),
     "row": Case(
-        "a push through a row of five people who stand", row.run, row.SOURCE, draws=1, manners=("competitive",)
+        "a push through a row of five people who stand",
+        row.run,
+        row.SOURCE,
+        draws=1,
+        manners=("competitive",),
+        discs_because="its discs are as deep as the chests of those who were pushed",
     ),
-    "frozen": Case(frozen.TITLE, frozen.run, frozen.SOURCE, draws=10, manners=("competitive",)),
+    "frozen": Case(
+        frozen.TITLE,
+        frozen.run,
+        frozen.SOURCE,
+        draws=10,
+        manners=("competitive",),
+        discs_because="it is about the crowd of Lin, Ma, Lo, who are discs",
+    ),
     "jambs": Case(jambs.TITLE, jambs.run, jambs.SOURCE, manners=("competitive", "hurried")),
     "standards": Case("tests of RiMEA, ISO, NIST and IMO", standards.run, standards.SOURCE, draws=5),
     "laws": Case("laws in which one draw is enough", laws.run, laws.SOURCE, draws=1, manners=("calm", "hurried")),
@@ -53,6 +72,7 @@ CASES = {
         halls.SOURCE,
         draws=1,
         manners=("competitive",),
+        discs_because=_NO_ROOM,
     ),
     "great-halls": Case(
         "2000 or 5000 people leave a crowded hall by one door, until all are out or nobody was for 30 s",
@@ -60,6 +80,7 @@ CASES = {
         halls.SOURCE,
         draws=1,
         manners=("competitive",),
+        discs_because=_NO_ROOM,
     ),
 }
 

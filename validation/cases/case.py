@@ -11,9 +11,11 @@ import numpy as np
 from crowd_env import SCHEMES, Normal, Population, Uniform
 from crowd_env.envs.metrics import share_interval
 from crowd_env.headway import MANNERS, Headway
+from crowd_env.outline import BodyShape, make_outline, room_of
 
 # Schemes that are compared by default; what papers print and this package does otherwise is for comparison with them.
 COMPARED = tuple(name for name in SCHEMES if name not in ("nsm2-printed", "hertz-literal"))
+DISC = "disc"  # what bodies are unless a run says otherwise
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class Setting:
     seed : of the draws; crowds of one seed are the same under every scheme and manner.
     data : folder with recordings, for cases that compare with one.
     strategy : how people choose their way; a case may need another one and says so.
+    outline : shape of all bodies, a name in ``OUTLINES``, an Outline or a table of its parameters.
     notify : hears what is being computed.
     """
 
@@ -37,7 +40,13 @@ class Setting:
     seed: int = 0
     data: Path | None = None
     strategy: str = "fastest"
+    outline: BodyShape = DISC
     notify: Callable[[str], object] = lambda _: None
+
+    @property
+    def room(self) -> float:
+        """The radius within which a body can turn freely, as a multiple of its nominal radius."""
+        return room_of(make_outline(self.outline))
 
 
 class Row(NamedTuple):
@@ -51,6 +60,7 @@ class Row(NamedTuple):
     criterion : what has to hold.
     source : where the criterion comes from.
     more : the numbers behind the figure, as JSON holds them.
+    outline : shape of the bodies.
     """
 
     case: str
@@ -61,6 +71,7 @@ class Row(NamedTuple):
     criterion: str
     source: str
     more: dict[str, Any]
+    outline: str = DISC
 
 
 @dataclass(frozen=True)
@@ -76,6 +87,7 @@ class Case:
     manners : those under which it is run by default.
     recordings : whether it looks at `Setting.data`.
     draw : writes a picture of all its rows into a folder.
+    discs_because : why bodies of another outline cannot be in it; empty = they can.
     """
 
     title: str
@@ -85,13 +97,15 @@ class Case:
     manners: tuple[str, ...] = tuple(MANNERS)
     recordings: bool = False
     draw: Callable[[Path, Sequence[Row]], None] | None = None
+    discs_because: str = ""
 
 
 def row(case: str, setting: Setting, passed: bool | None, figure: str, criterion: str, source: str, **more: Any) -> Row:
-    """Return a row under the names of scheme and manner."""
+    """Return a row under the names of scheme, manner and outline."""
     scheme = setting.scheme if isinstance(setting.scheme, str) else setting.scheme.info.name
     manner = setting.manner if isinstance(setting.manner, str) else str(setting.manner)
-    return Row(case, scheme, manner, passed, figure, criterion, source, plain(more))
+    outline = setting.outline if isinstance(setting.outline, str) else str(setting.outline)
+    return Row(case, scheme, manner, passed, figure, criterion, source, plain(more), outline)
 
 
 def number(value: float, digits: int = 2) -> str:

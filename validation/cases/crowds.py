@@ -69,9 +69,19 @@ class Crowds:
 
 
 def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
-    """Return every draw of every scenario; draw ``d`` comes from `generator`, whatever the scheme and the manner."""
+    """Return every draw of every scenario; draw ``d`` comes from `generator`, whatever the scheme and the manner.
+
+    Bodies with shoulders stand so far apart that everyone can turn.
+
+    Raises
+    ------
+    ValueError
+        If they do not fit.
+    """
     drawn = [
-        each.population.draw(generator(setting, d), each.geometry) for each in scenarios for d in range(setting.draws)
+        each.population.draw(generator(setting, d), each.geometry, setting.room)
+        for each in scenarios
+        for d in range(setting.draws)
     ]
     simulation = Simulation(
         [each.geometry for each in scenarios],
@@ -81,6 +91,7 @@ def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
         fields=[each.route_set(setting.strategy) for each in scenarios],
         geometry_of_env=np.repeat(np.arange(len(scenarios)), setting.draws),
         manner=setting.manner,
+        outline=setting.outline,
     )
     for e, (_, position) in enumerate(drawn):
         route_set = simulation.planner.route_set(e)

@@ -54,6 +54,8 @@ _ROUNDS = 2000
 def push_apart(starts: Floats, radius: float) -> Floats:
     """Return recorded heads (N, 2), moved apart until discs of ``radius`` [m] fit between each other and the barriers.
 
+    Bodies with shoulders take the radius within which they can turn.
+
     Raises
     ------
     ValueError
@@ -70,11 +72,14 @@ def push_apart(starts: Floats, radius: float) -> Floats:
             return place
         overlap = np.maximum(least - distance, 0.0)
         place += 0.5 * np.einsum("ij,ijk->ik", overlap / np.maximum(distance, 1e-9), between)
-    raise ValueError(f"people of radius {radius:g} m do not fit where they were recorded; take smaller bodies")
+    raise ValueError(f"people who need a radius of {radius:.3g} m do not fit where they were recorded")
 
 
-def gate(starts: Floats | None) -> Scenario:
-    """Return waiting area, funnel and gate with free space behind; without recorded starts people stand anywhere there."""
+def gate(starts: Floats | None, room: float = 1.0) -> Scenario:
+    """Return waiting area, funnel and gate with free space behind; without recorded starts people stand anywhere there.
+
+    Who starts where recorded has ``room`` radii around.
+    """
     beyond = rectangle(-_HALF, _END - _BEYOND, _HALF, _END)
     line = [(-_HALF, _END - _BEYOND), (_HALF, _END - _BEYOND)]
     place = Geometry.from_polygon(
@@ -83,7 +88,7 @@ def gate(starts: Floats | None) -> Scenario:
     size = Uniform(RADIUS, RADIUS)
     if starts is None:
         return Scenario("gate", place, adults(75, radius=size, start_region="waiting"), 300.0)
-    people = adults(len(starts), radius=size, starts=push_apart(starts, RADIUS))
+    people = adults(len(starts), radius=size, starts=push_apart(starts, room * RADIUS))
     return Scenario("gate", place, people, 300.0)
 
 
@@ -94,7 +99,7 @@ def run(setting: Setting) -> list[Row]:
         folder = setting.data / DATA
         trajectories = read_trajectories(find_recording(folder if folder.is_dir() else setting.data))
         starts, recorded = trajectories.starts, np.sort(trajectories.crossing_times(_LINE))
-    crowds = draw_crowds([gate(starts)], setting)
+    crowds = draw_crowds([gate(starts, setting.room)], setting)
     began = crowds.simulation.state.position[crowds.people(0)].copy()
     passages, stuck = Passages(crowds, 1, _LINE, sign=-1), set()
     for before, now in crowds.moments(300.0):

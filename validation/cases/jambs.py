@@ -39,7 +39,8 @@ def run(setting: Setting) -> Iterator[Row]:
             for radius in _RADII:
                 setting.notify(f"{name}, {setting.manner}, door {door:g} m, jambs of {radius:g} m")
                 place, seed = narrow_door(door, radius), setting.seed
-                episodes = run_episodes(place, setting.draws, seed=seed, scheme=scheme, manner=setting.manner)
+                walking = {"manner": setting.manner, "outline": setting.outline}
+                episodes = run_episodes(place, setting.draws, seed=seed, scheme=scheme, **walking)
                 more[f"stuck, radius {radius:g} m"] = sum(episode.metrics.unfinished > 0 for episode in episodes)
             stuck = ", ".join(f"{more[f'stuck, radius {radius:g} m']} with {radius:g} m" for radius in _RADII)
             figure = f"door of {door:g} m: stuck in {stuck} of {setting.draws}"

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from crowd_env.headway import make_manner
+from crowd_env.outline import make_outline
 from validation.cases import corner, counterflow, doors, ring, row
 from validation.cases.case import Row, Setting, number
 from validation.cases.case import row as row_of
@@ -82,9 +83,11 @@ LAWS: dict[str, tuple[Callable[[Setting], Verdict], str]] = {
 
 
 def run(setting: Setting) -> Iterator[Row]:
-    """Yield a row a law; people who press on are not held against themselves."""
+    """Yield a row a law; people who press on are not held against themselves, and the row that is pushed is of discs."""
     for name, (law, criterion) in LAWS.items():
         if law is pressing_on_is_faster and make_manner(setting.manner) is None:
+            continue
+        if law is pushes_travel and make_outline(setting.outline) is not None:
             continue
         setting.notify(f"{setting.scheme}, {setting.manner}: {name}")
         holds, figure = law(setting)

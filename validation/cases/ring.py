@@ -63,6 +63,7 @@ def speeds(setting: Setting, densities: tuple[float, ...] = tuple(BANDS)) -> dic
         make_state(position, environments=len(drawn)),
         scheme=setting.scheme,
         manner=setting.manner,
+        outline=setting.outline,
     )
     crowds = Crowds(simulation, setting.draws)
     walked, counted = np.zeros(len(position)), 0.0
