@@ -10,7 +10,7 @@ import numpy as np
 from agents.network import Network, read_network, write_network
 from crowd_env import ObservationLayout
 from crowd_env.checks import known
-from crowd_env.envs.action import FRAMES, make_action, plain_name
+from crowd_env.envs.action import FRAMES, make_action, plain_action
 from crowd_env.envs.routing.batch import RoutingBatch
 
 PICKLE, NUMBERS = ".zip", ".npz"
@@ -99,7 +99,7 @@ class LearnedPolicy(_Learned):
         return {
             "kind": "policy",
             "observation": options["observation"].as_table(),
-            "action": {"kind": plain_name(options["action"]), "frame": options["frame"]},
+            "action": {"kind": plain_action(options["action"]), "frame": options["frame"]},
             "trained": self.trained,
         }
 

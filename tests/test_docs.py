@@ -119,7 +119,7 @@ def test_files_that_are_named_exist(page):
 
 
 def test_the_table_of_observation_terms_is_complete():
-    layout = ObservationLayout()
+    layout = ObservationLayout(tuple(TERMS))
     rows = table("docs/environments.md", "term")
     assert {row[0]: int(row[1]) for row in rows} == {name: layout.width(name) for name in TERMS}
 

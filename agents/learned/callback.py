@@ -3,8 +3,10 @@
 import time
 from abc import abstractmethod
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
+import gymnasium
+import numpy as np
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -94,6 +96,8 @@ class TrainingCallback(BaseCallback):
         return self.seconds <= self.max_seconds
 
     def _on_rollout_end(self) -> None:
+        for name, value in saturation(cast(Any, self.model).rollout_buffer, self.model.action_space).items():
+            self.logger.record(f"rollout/{name}", value)
         spent = self.seconds / self.max_seconds
         cast(FallingRate, self.model.learning_rate).time_spent = spent
         done = max(spent, self.num_timesteps / self.model._total_timesteps)
@@ -106,3 +110,29 @@ class TrainingCallback(BaseCallback):
     def close(self) -> None:
         """Take the bar away; also after an error."""
         self._bar.stop()
+
+
+def saturation(buffer: Any, space: gymnasium.Space[Any]) -> dict[str, float]:
+    """Return how far a Gaussian policy runs into the bounds of its actions; nothing of other spaces than a Box.
+
+    A mean beyond the bound says that the policy explores nothing on the other side of it any more.
+
+    Parameters
+    ----------
+    buffer : a full rollout; of one with a ``mask`` the masked samples alone.
+
+    Returns
+    -------
+    ``clipped_share``, of the actions of which a component lay beyond its bounds, and ``raw_action_<k>``, the mean of each
+    component as it was drawn, before it was clipped.
+    """
+    if not isinstance(space, gymnasium.spaces.Box):
+        return {}
+    drawn = buffer.actions.reshape(*buffer.actions.shape[:2], -1)
+    drawn = drawn[getattr(buffer, "mask", np.ones(drawn.shape[:2], dtype=np.bool_))]
+    beyond = (drawn < space.low.ravel()) | (drawn > space.high.ravel())
+    mean = drawn.mean(axis=0)
+    return {
+        "clipped_share": float(beyond.any(axis=1).mean()),
+        **{f"raw_action_{k}": float(value) for k, value in enumerate(mean)},
+    }

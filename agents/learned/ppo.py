@@ -29,6 +29,7 @@ class PPOSettings:
     ent_coef: float = 0.003
     hidden: int = 64  # units in each of two layers
     log_std_init: float = -0.7
+    rule_logit: float = 2.0  # of a discrete action: how much likelier the rule is at first, as a logit
     target_kl: float = 0.05
 
 
@@ -52,13 +53,17 @@ def new_ppo(venv: VecEnv, settings: PPOSettings, seed: int, **options: Any) -> P
 def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path | None = None) -> PPO:
     """Return an untrained PPO model on ``env`` (made with ``autoreset=True``).
 
-    The mean action starts at (1, 0), walk the shortest path: learning begins at the rule, not at a random walk through the
-    room, and looks for what is better.
+    The mean action starts at (1, 0), walk the shortest path, and of discrete actions that choice is the likeliest: learning
+    begins at the rule, not at a random walk through the room, and looks for what is better.
     """
     log = None if log_folder is None else str(log_folder)
     model = new_ppo(CrowdVecEnv(env), settings, seed, rollout_buffer_class=MaskedRolloutBuffer, tensorboard_log=log)
-    if isinstance(env.single_action_space, gymnasium.spaces.Box) and env.frame == "path":
+    space, neutral = env.single_action_space, env.action_kind.neutral
+    if env.frame == "path":
+        bias = cast(torch.nn.Linear, model.policy.action_net).bias
         with torch.no_grad():
-            mean = cast(torch.nn.Linear, model.policy.action_net)
-            mean.bias.copy_(torch.tensor(np.ravel(env.action_kind.neutral)))
+            if isinstance(space, gymnasium.spaces.Box):
+                bias.copy_(torch.tensor(np.ravel(neutral)))
+            elif isinstance(space, gymnasium.spaces.Discrete):
+                bias[int(np.asarray(neutral))] += settings.rule_logit
     return model

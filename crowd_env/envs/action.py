@@ -3,10 +3,13 @@
 In the frame "path" the first axis is the direction of the shortest path at the pedestrian's position, looked up anew every
 0.01 s, and the second points to its left: (1, 0) is exactly what the rule "walk the shortest path" does.  In the frame
 "world" the axes are x and y.  A vector longer than 1 is shortened to 1: nobody wants to be faster than the desired speed.
+
+Choices among a few speeds are easier to learn than a Gaussian around full speed, which saturates at the bound and then never
+tries to slow down.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -15,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env._kernels.jit import kernel
-from crowd_env.checks import array, check_fields, known, refuse, shown
+from crowd_env.checks import Range, array, check_fields, check_keys, known, refuse, require_all, shown
 from crowd_env.state import Bools, Floats
 
 Frame = Literal["path", "world"]
@@ -39,7 +42,8 @@ class ActionKind:
     decode : turns actions (P, *shape of the space) into commands (P, 2), desired velocities as multiples of the own desired
         speed.  Commands longer than 1 are shortened afterwards.  Rows of those who follow the rule hold the neutral action.
         None = an action is a command.
-    neutral : the action that is decoded as (1, 0), the rule.
+    neutral : the action that is decoded as (1, 0), the rule: full speed along the way.  Learning may start from it; of a
+        discrete kind it is the index of that choice.
 
     Raises
     ------
@@ -69,39 +73,111 @@ class ActionKind:
             )
 
 
-def _choose(action: np.ndarray) -> np.ndarray:
-    """Return the rows of ``DISCRETE`` (P, 2) of choices (P,)."""
+def _rows_of(commands: Floats, action: np.ndarray) -> Floats:
+    """Return the rows (P, 2) of a table of commands (K, 2) that choices (P,) name."""
     with np.errstate(invalid="ignore"):
         whole = action.astype(np.int64)
-    bad = np.flatnonzero((whole != action) | (whole < 0) | (whole >= len(DISCRETE)))
+    bad = np.flatnonzero((whole != action) | (whole < 0) | (whole >= len(commands)))
     if len(bad):
         raise ValueError(
-            f"action of pedestrian {bad[0]} is {shown(action[bad[0]])}; it must be 0 to {len(DISCRETE) - 1}"
+            f"action of pedestrian {bad[0]} is {shown(action[bad[0]])}; it must be 0 to {len(commands) - 1}"
         )
-    return np.asarray(DISCRETE[whole])
+    return np.asarray(commands[whole])
+
+
+def _choose(action: np.ndarray) -> np.ndarray:
+    """Return the rows of ``DISCRETE`` (P, 2) of choices (P,)."""
+    return _rows_of(DISCRETE, action)
+
+
+@dataclass(frozen=True)
+class SpeedTable:
+    """What the choices of a kind such as "speeds" mean: each speed in each heading.
+
+    Choice ``k`` is the speed ``k // H`` in the heading ``k % H`` of the H headings.
+
+    Parameters
+    ----------
+    speeds : (S,) as multiples of the own desired speed; one below 0 is a step back.
+    headings : (H,) rad, to the left of the first axis.
+
+    Raises
+    ------
+    ValueError
+        If they are no numbers, a speed is not in [-1, 1] or a heading not in [-pi, pi], one comes twice, or no speed is 1 or
+        no heading 0: full speed along the way is the rule, which has to be among the choices.
+    """
+
+    speeds: tuple[float, ...] = (-0.5, 0.0, 0.35, 0.7, 1.0)
+    headings: tuple[float, ...] = (0.0,)
+
+    def __post_init__(self) -> None:
+        for name, bound, needed in (("speeds", 1.0, 1.0), ("headings", np.pi, 0.0)):
+            what, given = f"action: {name}", getattr(self, name)
+            values = require_all(what, array(what, given, (None,)), Range(-bound, bound))
+            found = tuple(float(value) for value in values)
+            if needed not in found or len(set(found)) < len(found):
+                refuse(what, given, f"different numbers, one of them {needed:g}: the rule has to be among the choices")
+            object.__setattr__(self, name, found)
+
+    @property
+    def commands(self) -> Floats:
+        """The command of each choice (S H, 2)."""
+        heading = np.array(self.headings)
+        ways = np.column_stack([np.cos(heading), np.sin(heading)])
+        return (np.array(self.speeds)[:, None, None] * ways).reshape(-1, 2)
+
+    @property
+    def rule(self) -> int:
+        """The choice that is full speed along the way."""
+        return self.speeds.index(1.0) * len(self.headings) + self.headings.index(0.0)
+
+    def __call__(self, action: np.ndarray) -> Floats:
+        """Return the commands (P, 2) of choices (P,)."""
+        return _rows_of(self.commands, action)
+
+    def kind(self, name: str) -> ActionKind:
+        """Return the kind of action with these choices."""
+        return ActionKind(name, gymnasium.spaces.Discrete(len(self.commands)), self, self.rule)
 
 
 ACTIONS: Mapping[str, ActionKind] = MappingProxyType(
     {
         "continuous": ActionKind("continuous", gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32), None, RULE),
         "discrete": ActionKind("discrete", gymnasium.spaces.Discrete(len(DISCRETE)), _choose, 0),
+        # speeds along the way, with a step back
+        "speeds": SpeedTable().kind("speeds"),
+        # the same speeds, straight on or half right or half left
+        "speeds-directions": SpeedTable(headings=(-np.pi / 4, 0.0, np.pi / 4)).kind("speeds-directions"),
     }
 )
 
 
-def make_action(kind: str | ActionKind) -> ActionKind:
-    """Return a kind of action by its name in ``ACTIONS``, or the kind itself.
+def make_action(kind: str | Mapping[str, Any] | ActionKind) -> ActionKind:
+    """Return a kind of action by its name in ``ACTIONS``, the one of plain data, or the kind itself.
+
+    Plain data are a name and, of a kind with a `SpeedTable`, its parameters: ``{"name": "speeds", "speeds": [0, 0.5, 1]}``.
 
     Raises
     ------
     ValueError
-        If it is unknown or something else.
+        If it is unknown or something else, or for what `SpeedTable` refuses.
     """
-    return kind if isinstance(kind, ActionKind) else ACTIONS[known("action kind", kind, ACTIONS)]
+    if isinstance(kind, ActionKind):
+        return kind
+    if not isinstance(kind, Mapping):
+        return ACTIONS[known("action kind", kind, ACTIONS)]
+    if "name" not in kind:
+        raise ValueError(f"action: key 'name' is missing; known action kinds: {', '.join(ACTIONS)}")
+    named = ACTIONS[known("action kind", kind["name"], ACTIONS)]
+    table = named.decode if isinstance(named.decode, SpeedTable) else None
+    check_keys("action", kind, ["name", *(asdict(table) if table else ())])
+    given = {key: value for key, value in kind.items() if key != "name"}
+    return replace(table, **given).kind(named.name) if table and given else named
 
 
-def plain_name(kind: str | ActionKind) -> str:
-    """Return the name by which `make_action` finds a kind of action.
+def plain_action(kind: str | Mapping[str, Any] | ActionKind) -> str | dict[str, Any]:
+    """Return the plain data of which `make_action` makes a kind of action.
 
     Raises
     ------
@@ -109,7 +185,12 @@ def plain_name(kind: str | ActionKind) -> str:
         If it is one of the user's own: plain data hold no functions.
     """
     kind = make_action(kind)
-    if ACTIONS.get(kind.name) is not kind:
+    named = ACTIONS.get(kind.name)
+    if named is not None and isinstance(named.decode, SpeedTable) and isinstance(kind.decode, SpeedTable):
+        if kind.decode == named.decode:
+            return kind.name
+        return {"name": kind.name, **{key: list(values) for key, values in asdict(kind.decode).items()}}
+    if named is not kind:
         raise ValueError(f"action kind {kind.name!r} is one of your own, which cannot be written as plain data")
     return kind.name
 

@@ -80,7 +80,8 @@ class CrowdEnv:
     num_envs : number of environments E.
     scheme : name in ``SCHEMES``, a scheme, or plain data: ``{"name": "nsm2", "tolerance": 1e-3, "social": "lin"}``.
     dt, decision_dt : s, physics step (default: the scheme's) and decision step, a whole multiple of the first.
-    frame, action : axes of the actions, and a name in ``ACTIONS`` or an `ActionKind`: see `crowd_env.envs.action`.
+    frame, action : axes of the actions, and a name in ``ACTIONS``, an `ActionKind`, or plain data such as
+        ``{"name": "speeds", "speeds": [0, 0.5, 1]}``: see `crowd_env.envs.action`.
     observation, reward : layout and weights, or plain data: ``{"terms": ["velocity"], "rays": 16}``, ``{"time": 1.0}``.
     time_limit : s, replaces the scenario's.
     autoreset : start a new episode in the step in which an environment finishes; the last observations of the finished one
@@ -121,7 +122,7 @@ class CrowdEnv:
         dt: float | None = None,
         decision_dt: float = 0.1,
         frame: Frame = "path",
-        action: str | ActionKind = "continuous",
+        action: str | Mapping[str, Any] | ActionKind = "continuous",
         observation: ObservationLayout | Mapping[str, Any] | None = None,
         reward: RewardWeights | Mapping[Any, Any] | None = None,
         time_limit: float | None = None,

@@ -156,6 +156,19 @@ def test_learning_starts_from_the_rule():
     np.testing.assert_allclose(action, np.tile([1.0, 0.0], (20, 1)), atol=0.1)
 
 
+@pytest.mark.parametrize("action", ["speeds", "speeds-directions"])
+def test_training_with_choices_of_speed_starts_near_the_rule_and_runs(action):
+    venv = make(action=action)
+    model = make_ppo(venv.env, PPOSettings(n_steps=16, batch_size=64, n_epochs=1), seed=0)
+    rows = torch.as_tensor(venv.reset())
+    shares = model.policy.get_distribution(rows).distribution.probs.detach().numpy()
+    rule = venv.env.action_kind.neutral
+    assert (shares.argmax(axis=1) == rule).all()
+    others = np.delete(shares, rule, axis=1)
+    np.testing.assert_allclose(shares[:, [rule]] / others, np.exp(2.0), rtol=0.2)  # and the others are all tried
+    model.learn(600)
+
+
 def test_plain_ppo_with_discrete_actions_runs_on_it():
     kwargs = {"rollout_buffer_class": MaskedRolloutBuffer, "n_steps": 16, "batch_size": 64, "n_epochs": 1}
     PPO("MlpPolicy", make(action="discrete"), seed=0, device="cpu", **kwargs).learn(600)

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -12,17 +13,19 @@ pytest.importorskip("stable_baselines3")
 
 from repository import ROOT
 from stable_baselines3 import PPO
+from stable_baselines3.common.logger import Logger
 from training_runs import call, checkpoint, curve, tiny
 
 import train
 from agents import make_policy
 from agents.evaluation.comparison import last_times, minus_first
 from agents.evaluation.evaluation import evaluate
+from agents.learned.callback import saturation
 from agents.learned.rate import FallingRate
 from agents.learned.training import CURVE_COLUMNS, PolicyCallback
 from agents.network import read_network
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
-from crowd_env.adapters.sb3 import CrowdVecEnv
+from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 
 # ------------------------------------------------------------------------------------------------------ the whole job
 
@@ -144,6 +147,37 @@ def test_the_reward_of_the_curve_is_the_mean_return_of_all_episodes(tmp_path, mo
     rows = curve(folder)
     assert len(rows) == 2 and rows[-1]["episodes"] == len(returns) > 20
     assert rows[-1]["reward"] == pytest.approx(np.mean(returns))
+
+
+def test_the_log_says_how_far_actions_run_into_their_bounds(tmp_path, monkeypatch):
+    """Against the actions that were drawn for people inside, and clipped for the environment."""
+    logged, drawn, record, add = [], [], Logger.record, MaskedRolloutBuffer.add
+
+    def watched(self, key, value, exclude=None):
+        if key == "rollout/clipped_share":
+            logged.append([value])
+        elif key.startswith("rollout/raw_action"):
+            logged[-1].append(value)
+        return record(self, key, value, exclude)
+
+    def added(self, obs, action, reward, *others):
+        drawn.append(action[reward.slots.acted])
+        return add(self, obs, action, reward, *others)
+
+    monkeypatch.setattr(Logger, "record", watched)
+    monkeypatch.setattr(MaskedRolloutBuffer, "add", added)
+    folder = tmp_path / "run"
+    assert train.train(folder, tiny(folder, steps=2560, eval_every=10**9))
+    assert len(logged) == 2 and len(drawn) == 64  # two rollouts of 32 steps
+    for row, steps in zip(logged, (drawn[:32], drawn[32:]), strict=True):
+        actions = np.concatenate(steps)
+        clipped = (np.clip(actions, -1.0, 1.0) != actions).any(axis=1)
+        np.testing.assert_allclose(row, [clipped.mean(), *actions.mean(axis=0)], atol=1e-5)
+        assert 0.3 < row[0] < 0.9 and 0.7 < row[1] < 1.3  # it starts at the bound
+
+
+def test_choices_have_no_bounds_to_run_into():
+    assert saturation(None, gymnasium.spaces.Discrete(5)) == {}
 
 
 def test_a_finished_run_can_be_judged_again(job):

@@ -15,6 +15,7 @@ from agents.evaluation.evaluation import evaluate
 from agents.network import Network, read_network
 from agents.trained import LearnedController, LearnedPolicy, load_trained
 from crowd_env import CrowdEnv, ObservationLayout
+from crowd_env.envs.action import make_action
 
 NARROW = ObservationLayout(terms=("direction", "neighbors"), neighbors=2)
 
@@ -243,8 +244,8 @@ def test_a_trusted_pickle_is_read_and_can_be_saved_as_numbers(model, tmp_path):
         make_policy(str(path), trust_pickle=True)
 
 
-@pytest.mark.parametrize("action", ["continuous", "discrete"])
-def test_the_numbers_act_as_the_model_does(action):
+@pytest.mark.parametrize("action", ["continuous", "discrete", {"name": "speeds", "speeds": [0, 0.5, 1]}])
+def test_the_numbers_act_as_the_model_does(action, tmp_path):
     """Without torch, to 1e-6; weights far from zero, so that tanh bends and bounds cut."""
     torch = pytest.importorskip("torch")
     from agents.learned import PPOSettings, make_ppo
@@ -257,6 +258,9 @@ def test_the_numbers_act_as_the_model_does(action):
         for number in model.policy.parameters():
             number.mul_(2.0).add_(0.1 * torch.randn(number.shape))
     policy = LearnedPolicy(network_of(model), env_options_of(env))
+    policy.save(tmp_path / "saved.npz")
+    saved = make_policy(str(tmp_path / "saved.npz"))
+    assert make_action(saved.env_options["action"]) == env.action_kind  # what it acts with is in its file
     rows = np.random.default_rng(0).uniform(-1.0, 1.0, (500, env.layout.size)).astype(np.float32)
     expected = model.predict(rows, deterministic=True)[0]
     found = policy.act(rows, env.layout, None)

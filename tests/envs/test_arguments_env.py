@@ -326,7 +326,8 @@ def test_a_json_text_configures_every_interface_as_objects_do(name):
         ('{"reward": {"tme": 1}}', ("'tme'", "known: progress")),
         ('{"scheme": {"tolerance": 1e-3}}', ("contact scheme", "known: ")),
         ('{"scheme": {"name": "nsm2", "tolerance": "1e-3"}}', ("tolerance", "'1e-3'")),
-        ('{"action": {"name": "discrete"}}', ("action kind", "known: continuous, discrete")),
+        ('{"action": {"name": "discreet"}}', ("action kind", "known: continuous, discrete")),
+        ('{"action": {"name": "speeds", "speeds": [0, 0.5]}}', ("speeds", "rule")),
         ('{"population": {"radius": 0.2}}', ("population", "'count' is missing")),
     ],
 )

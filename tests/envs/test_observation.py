@@ -11,7 +11,7 @@ from crowd_env import CrowdEnv, Geometry, ObservationLayout, Population, Scenari
 from crowd_env.envs.observation.terms import TERMS
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
-FULL = ObservationLayout(neighbors=7, rays=12)
+FULL = ObservationLayout(tuple(TERMS), neighbors=7, rays=12)
 
 
 def crowds(frame="path", layout=FULL, scheme="nsm2"):
@@ -268,8 +268,8 @@ def test_a_turned_room_is_perceived_as_turned(frame):
     for turn in (np.asarray, quarter_turn):
         geometry = Geometry.from_polygon(turn(square), exits=[turn(door)], obstacles=[turn(block)])
         people = Population(30, radius=Uniform(0.2, 0.2), starts=turn(starts))
-        env = CrowdEnv(Scenario("turned", geometry, people, 60.0), scheme="dem", frame=frame)
-        layout = env.layout
+        layout = ObservationLayout(tuple(TERMS))
+        env = CrowdEnv(Scenario("turned", geometry, people, 60.0), scheme="dem", frame=frame, observation=layout)
         shows.append([env.reset(seed=0)[0], *(env.step(None).observation for _ in range(9))])
     terms = {name: [np.array(show)[:, :, layout[name]].astype(float) for show in shows] for name in layout.terms}
     steps = terms["velocity"][0].shape[:2]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env.checks import Range, check_fields, from_data
-from crowd_env.envs.observation.terms import TERMS, ObservationTerm
+from crowd_env.envs.observation.terms import TERMS, USUAL, ObservationTerm
 from crowd_env.envs.observation.view import Columns, Plan, View
 from crowd_env.envs.terms import Layout, observed_terms, own_terms
 from crowd_env.state import Ints
@@ -24,7 +24,7 @@ class ObservationLayout(Layout):
 
     Parameters
     ----------
-    terms : names in ``TERMS`` and `ObservationTerm` objects, in the order of the columns.
+    terms : names in ``TERMS`` and `ObservationTerm` objects, in the order of the columns; by default the ``USUAL`` ones.
     neighbors : how many nearest people are seen.
     rays : how many directions walls are felt for in.
 
@@ -40,7 +40,7 @@ class ObservationLayout(Layout):
     (slice(2, 18, None), 18)
     """
 
-    terms: Sequence[str | ObservationTerm] = tuple(TERMS)
+    terms: Sequence[str | ObservationTerm] = USUAL
     neighbors: int = 6
     rays: int = 8
 
@@ -63,8 +63,8 @@ class ObservationLayout(Layout):
             if isinstance(term, ObservationTerm):
                 widths[term.name] = term.width
             else:
-                width, of_each = TERMS[term]
-                widths[term] = width * (getattr(self, of_each) if of_each else 1)
+                known = TERMS[term]
+                widths[term] = known.width * (getattr(self, known.of_each) if known.of_each else 1)
         return widths
 
     def as_table(self) -> dict[str, Any]:

@@ -1,14 +1,16 @@
-"""The people around each pedestrian, compiled: the density, and the nearest neighbors."""
+"""The people around each pedestrian, compiled: the density, the nearest neighbors, and who is nearer the exit."""
 
 import numpy as np
 
 from crowd_env._kernels.jit import index, inner_kernel
 from crowd_env.envs.observation.view import SIGHT, SPEED_SCALE, Cells, Plan, Rows, View
+from crowd_env.navigation.lookup import way_at
 from crowd_env.physics.neighbors.lists import NeighborList, first_cell, sort_into_cells
 from crowd_env.state import Bools, Floats
 
 DENSITY_RADIUS = 1.0  # m
 DENSITY_SCALE = 8.0  # 1/m2
+AHEAD_SCALE = 10.0  # people   so many ahead are observed as 1/2
 
 # The nearest are found by one number, gap before slot: gaps that differ by less than 0.2 nm count as equal.  It is whole and
 # below 2**53, so that float64 holds it, as long as a room has fewer slots than half a million.
@@ -28,12 +30,13 @@ def clipped(value: float) -> float:
 
 @inner_kernel
 def neighbor_features(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write the density and the nearest neighbors of those in ``listed[begin:end]`` who are inside environment ``e``."""
+    """Write all terms about others for those in ``listed[begin:end]`` who are inside environment ``e``."""
     near, active, position = view.near, view.state.active, view.state.position
     if end - begin <= plan.all_pairs:
         head, columns, rows = put_into_one_cell(e, begin, end, view.listed, active, near)
     else:
-        sight = SIGHT if plan.column.neighbors >= 0 else DENSITY_RADIUS
+        column = plan.column
+        sight = SIGHT if max(column.neighbors, column.lead, column.ahead) >= 0 else DENSITY_RADIUS
         head, columns, rows = sort_into_cells(e, begin, view.bodies.env_start[e + 1], active, position, near, sight)
     for cell in range(head, head + rows * columns):
         first_item, end_item = begin + near.cell_start[cell], begin + near.cell_start[cell + 1]
@@ -41,7 +44,7 @@ def neighbor_features(e: int, begin: int, end: int, view: View, plan: Plan, out:
             count = gather_around(
                 head, cell - head, columns, rows, begin, near, position, view.bodies.radius, plan.around
             )
-            write_neighbors(first_item, end_item, count, begin, view, plan, out)
+            write_neighbors(e, first_item, end_item, count, begin, view, plan, out)
 
 
 @inner_kernel
@@ -83,9 +86,11 @@ def gather_around(
 
 
 @inner_kernel
-def write_neighbors(first_item: int, end_item: int, count: int, begin: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write density and neighbors of those in ``cell_item[first_item:end_item]``, among the ``count`` who are in ``around``."""
-    at_density, at_neighbors = plan.column.density, plan.column.neighbors
+def write_neighbors(
+    e: int, first_item: int, end_item: int, count: int, begin: int, view: View, plan: Plan, out: Rows
+) -> None:
+    """Write what those in ``cell_item[first_item:end_item]`` see among the ``count`` people who are in ``around``."""
+    at_density, at_neighbors, at_lead = plan.column.density, plan.column.neighbors, plan.column.lead
     around, key, nearest = plan.around, plan.key, plan.nearest
     axis, position, velocity = view.axis, view.state.position, view.state.velocity
     for m in range(index(first_item), index(end_item)):
@@ -100,7 +105,9 @@ def write_neighbors(first_item: int, end_item: int, count: int, begin: int, view
             key[n] = known if square < SIGHT * SIGHT and around[3, n] != me else np.inf
         if at_density >= 0:
             out[i, at_density] = clipped(close * (1.0 / (np.pi * DENSITY_RADIUS**2 * DENSITY_SCALE)))
-        if at_neighbors < 0:
+        if plan.column.ahead >= 0:
+            write_ahead(e, i, count, begin, view, plan, out)
+        if at_neighbors < 0 and at_lead < 0:
             continue
         if len(nearest) <= 6:
             smallest_six(key, count, nearest)
@@ -112,6 +119,10 @@ def write_neighbors(first_item: int, end_item: int, count: int, begin: int, view
                 break
             gap = np.floor(nearest[k] * (1.0 / _SLOTS))
             j = begin + int(nearest[k] - gap * _SLOTS)
+            if at_lead >= 0:
+                out[i, at_lead + k] = clipped((view.distance_to_go[i] - route_from(e, i, j, view)[2]) * (1.0 / SIGHT))
+            if at_neighbors < 0:
+                continue
             dx, dy = position[j, 0] - x, position[j, 1] - y
             du, dv = velocity[j, 0] - u, velocity[j, 1] - v
             c = at_neighbors + 5 * k
@@ -119,6 +130,38 @@ def write_neighbors(first_item: int, end_item: int, count: int, begin: int, view
             out[i, c + 2] = clipped((du * ax + dv * ay) / (2 * SPEED_SCALE))
             out[i, c + 3] = clipped((dv * ax - du * ay) / (2 * SPEED_SCALE))
             out[i, c + 4] = 1.0 - max(gap, 0.0) / _GAP_STEPS * (1.0 / SIGHT)
+
+
+@inner_kernel
+def route_from(e: int, i: int, j: int, view: View) -> tuple[float, float, float]:
+    """Return the direction and length [m] of the route that person ``i`` follows, from where person ``j`` stands."""
+    f = view.field_of_route[e, view.followed[i]]
+    if view.field_of_route[e, view.followed[j]] == f:
+        return view.direction[j, 0], view.direction[j, 1], view.distance_to_go[j]
+    position, radius = view.state.position, view.bodies.radius
+    return way_at(view.field, view.boundary, f, position[j, 0], position[j, 1], radius[j])
+
+
+@inner_kernel
+def write_ahead(e: int, i: int, count: int, begin: int, view: View, plan: Plan, out: Rows) -> None:
+    """Write the term `ahead` of person ``i``: of equally near people the one in the first slot is the next."""
+    around, velocity, first = plan.around, view.state.velocity, plan.column.ahead
+    x, y, own = view.state.position[i, 0], view.state.position[i, 1], view.distance_to_go[i]
+    ahead, least, following = 0, np.inf, -1
+    for n in range(count):
+        dx, dy, j = x - around[0, n], y - around[1, n], begin + int(around[3, n])
+        if j == i or dx * dx + dy * dy >= SIGHT * SIGHT:
+            continue
+        lead = own - route_from(e, i, j, view)[2]
+        if lead > 0.0:  # false for nan
+            ahead += 1
+            if lead < least or (lead == least and j < following):
+                least, following = lead, j
+    if ahead > 0:
+        ex, ey, _ = route_from(e, i, following, view)
+        out[i, first] = max(1.0 - least * (1.0 / SIGHT), 0.0)
+        out[i, first + 1] = clipped((velocity[following, 0] * ex + velocity[following, 1] * ey) / SPEED_SCALE)
+        out[i, first + 2] = ahead / (ahead + AHEAD_SCALE)
 
 
 @inner_kernel

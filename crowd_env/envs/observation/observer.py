@@ -58,6 +58,7 @@ class Observer:
                 seen=self._seen,
                 listed=self._listed,
                 axis=self._axis,
+                distance_to_go=np.zeros(people),
                 **ahead._asdict(),
             )
         )

@@ -29,7 +29,7 @@ def perceive(environments: Ints, view: View, plan: Plan, out: Rows) -> None:
         write_own_features(begin, end, view, column, out)
         if column.walls >= 0:
             cast_rays(e, begin, end, view, plan, out)
-        if column.density >= 0 or column.neighbors >= 0:
+        if max(column.density, column.neighbors, column.lead, column.ahead) >= 0:
             neighbor_features(e, begin, end, view, plan, out)
 
 
@@ -47,7 +47,7 @@ def list_seen(begin: int, end: int, seen: Bools, listed: Cells, out: Rows) -> in
 
 @inner_kernel
 def update_route_ahead(e: int, begin: int, end: int, view: View) -> None:
-    """Write the `RouteAhead` of those in ``listed[begin:end]``, by the route that each of them follows.
+    """Write the `RouteAhead` and the distance to go of those in ``listed[begin:end]``, by the route that each follows.
 
     The potential is a travel time too, by a field that depends on route and doors alone: most often it is the same one.
     """
@@ -66,6 +66,7 @@ def update_route_ahead(e: int, begin: int, end: int, view: View) -> None:
         view.direction[i, 0], view.direction[i, 1] = ex, ey
         left = length if p == f else travel_time_at(view.field, walls, p, x, y, r)
         speed = max(desired_speed[i], SLOWEST)
+        view.distance_to_go[i] = length
         travel_time[i] = length / speed if active[i] else 0.0
         potential[i] = left / speed if active[i] else 0.0
 

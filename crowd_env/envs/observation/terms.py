@@ -45,6 +45,7 @@ class CompiledTerm(NamedTuple):
 
     width: int
     of_each: Literal["", "neighbors", "rays"] = ""  # field of the layout: so many times the width
+    usual: bool = True  # part of an observation whose terms are not named
 
 
 # Each has a field of the same name in `Columns`.
@@ -69,5 +70,13 @@ TERMS: Mapping[str, CompiledTerm] = MappingProxyType(
         # the k nearest people within 3 m, five values each: offset / 3 m (2), relative velocity / 4 m/s (2), closeness, which
         # is 1 - gap / 3 m, 1 at contact; all five are 0 where there is nobody
         "neighbors": CompiledTerm(5, of_each="neighbors"),
+        # how much further along the own route each of these k people is, (own distance to go - theirs) / 3 m: above 0 for those
+        # who are nearer the exit, 0 where there is nobody
+        "lead": CompiledTerm(1, of_each="neighbors", usual=False),
+        # of the people within 3 m who are nearer the exit along the own route: closeness of the next, which is 1 - lead / 3 m
+        # (at least 0), the speed of that person along the route / 2 m/s, and their number n as n / (n + 10); 0 if there is none
+        "ahead": CompiledTerm(3, usual=False),
     }
 )
+
+USUAL = tuple(name for name, term in TERMS.items() if term.usual)

@@ -51,6 +51,9 @@ class View(NamedTuple):
     direction: Floats  # (P, 2)  these three as in `RouteAhead`
     travel_time: Floats  # (P,)    s
     potential: Floats  # (P,)    s
+    distance_to_go: (
+        Floats  # (P,)    m   scratch: the rest of the route of those who are seen, their travel time at 1 m/s
+    )
 
 
 class Columns(NamedTuple):
@@ -65,6 +68,8 @@ class Columns(NamedTuple):
     density: int
     walls: int
     neighbors: int
+    lead: int
+    ahead: int
 
 
 class Plan(NamedTuple):
