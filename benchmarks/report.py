@@ -110,9 +110,8 @@ def markdown(result: dict[str, Any]) -> str:
 
 
 def _table(grid: Grid) -> str:
-    head = [cell.replace(", ", "<br>") for cell in grid.head]
-    lines = [head, ["---", *["---:"] * (len(head) - 1)], *grid.lines]
-    return markdown_table(lines[0], lines[1:]) + "".join(f"\n{line}\n" for line in grid.legend)
+    head = [cell.removesuffix(", 1").replace(", ", "<br>") for cell in grid.head]
+    return markdown_table(head, grid.lines, numbers=True) + "".join(f"\n{line}\n" for line in grid.legend)
 
 
 def _list(grid: Grid) -> str:

@@ -122,9 +122,9 @@ def replaced(text: str, mark: str, content: str, page: str) -> str:
     return f"{before}{begin}{content}{end}{after}"
 
 
-def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table as Markdown, a line a row."""
-    lines = [head, ["---"] * len(head), *rows]
+def markdown(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: bool = False) -> str:
+    """Return a table as Markdown, a line a row; ``numbers`` are set to the right, in all columns but the first."""
+    lines = [head, ["---", *["---:" if numbers else "---"] * (len(head) - 1)], *rows]
     return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 
 

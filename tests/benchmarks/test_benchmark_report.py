@@ -1,6 +1,7 @@
 """Measured figures go into docs/performance.md, and nothing else does."""
 
 import json
+from itertools import pairwise
 
 import pytest
 
@@ -27,6 +28,9 @@ def test_the_page_has_a_place_for_every_case_and_nothing_is_lost(tmp_path, monke
     once = page.read_text(encoding="utf-8")
     assert once.count("| a, 5 people | 2 |") == len(cli.CASES)
     assert once.count("A = b 1.0") == len(cli.CASES)
+    lines = once.splitlines()
+    rules = [line.startswith("| ---") for line in lines]
+    assert any(rules) and not any(a and b for a, b in pairwise(rules))  # one below each head
     assert once.count("<!-- case: short -->\n| agent-steps per CPU s |") == 1  # made of four cases, see below
     assert (tmp_path / "docs" / "images" / "performance-scaling.png").read_bytes() == b"plot"
     report.fill(tmp_path / "figures", page)
