@@ -4,6 +4,7 @@ Each is a policy of constants that acts through the same actions as a learned on
 share of the own desired speed along the shortest path, never more than all of it.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -18,7 +19,7 @@ from crowd_env.headway import Manner, make_manner
 from crowd_env.state import Floats
 
 
-class WalkingRule:
+class WalkingRule(ABC):
     """A rule that acts along and to the left of the shortest path, from the terms of an observation."""
 
     name: ClassVar[str]
@@ -30,7 +31,7 @@ class WalkingRule:
         """Options of `CrowdEnv`: the terms that the rule sees, and the axes in which it acts."""
         return {"observation": ObservationLayout(terms=self.terms), "frame": "path", "action": "continuous"}
 
-    def reset(self, env_mask: np.ndarray) -> None:
+    def reset(self, env_mask: np.ndarray) -> None:  # noqa: B027  a hook: most rules remember nothing
         """Nothing to forget."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
@@ -51,9 +52,9 @@ class WalkingRule:
             )
         return self.decide(observation, layout)
 
+    @abstractmethod
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
         """Return the actions (P, 2) from an observation that holds all terms."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -157,4 +157,5 @@ def plain_manner(headway: Headway | None) -> str | dict[str, float]:
     for name, known_headway in MANNERS.items():
         if headway == known_headway:
             return name
-    return asdict(headway)  # type: ignore[arg-type]  # None has a name
+    assert headway is not None  # it has a name
+    return asdict(headway)

@@ -1,8 +1,8 @@
 """What callers and learning libraries give an environment: checked before anything is computed."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from crowd_env.headway import MANNERS, Headway, Manner, plain_manner
 from crowd_env.outline import OUTLINES, BodyShape, Outline, plain_outline
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Bodies, Bools, make_bodies
+
+Found = TypeVar("Found")
 
 MOST_PEOPLE_IN_BATCH = 10_000_000
 NUMBERS = "biuf"  # kinds of dtype that an action may have
@@ -43,13 +45,8 @@ def one_manner(scenarios: Sequence[Scenario], manner: Manner | None) -> Headway 
         If the manner is unknown, or the scenarios do not say the same.
     """
     found = [scenario.manner_of_run(manner) for scenario in scenarios]
-    for scenario, other in zip(scenarios, found, strict=True):
-        if other != found[0]:
-            told = f"{plain_manner(found[0])} in {scenarios[0].name}, {plain_manner(other)} in {scenario.name}"
-            raise ValueError(
-                f"the people of one batch walk in one manner, not {told}; say which: manner={next(iter(MANNERS))!r}"
-            )
-    return found[0]
+    walk = f"the people of one batch walk in one manner, not {{}}; say which: manner={next(iter(MANNERS))!r}"
+    return _same(scenarios, found, plain_manner, walk)
 
 
 def one_outline(scenarios: Sequence[Scenario], outline: BodyShape | None) -> Outline | None:
@@ -61,12 +58,16 @@ def one_outline(scenarios: Sequence[Scenario], outline: BodyShape | None) -> Out
         If the outline is unknown, or the scenarios do not say the same.
     """
     found = [scenario.outline_of_run(outline) for scenario in scenarios]
+    have = f"the people of one batch have one outline, not {{}}; say which: outline={next(iter(OUTLINES))!r}"
+    return _same(scenarios, found, plain_outline, have)
+
+
+def _same(scenarios: Sequence[Scenario], found: Sequence[Found], plain: Callable[[Found], Any], refusal: str) -> Found:
+    """Return what was found for all scenarios, or raise ValueError with the first two that differ in the refusal."""
     for scenario, other in zip(scenarios, found, strict=True):
         if other != found[0]:
-            told = f"{plain_outline(found[0])} in {scenarios[0].name}, {plain_outline(other)} in {scenario.name}"
-            raise ValueError(
-                f"the people of one batch have one outline, not {told}; say which: outline={next(iter(OUTLINES))!r}"
-            )
+            told = f"{plain(found[0])} in {scenarios[0].name}, {plain(other)} in {scenario.name}"
+            raise ValueError(refusal.format(told))
     return found[0]
 
 

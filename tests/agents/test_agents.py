@@ -156,7 +156,7 @@ def test_two_processes_that_write_one_file_do_not_meet(tmp_path, monkeypatch):
     assert read_json(path) == {"a": 1} and [p.name for p in tmp_path.iterdir()] == ["a.json"]
 
 
-@pytest.mark.parametrize("name", ["", ".", "..", "../x", "a/b", "/tmp/x", "a\\b"])
+@pytest.mark.parametrize("name", ["", ".", "..", "../x", "a/b", "/x", "a\\b"])
 def test_a_run_is_named_by_one_folder_below_the_root(tmp_path, name):
     with pytest.raises(ValueError, match="cannot name a run"):
         new_folder(tmp_path / "runs", name)
