@@ -84,7 +84,7 @@ def train(folder: Path, config: dict[str, Any]) -> bool:
 
 def compare(folder: Path, config: dict[str, Any], runs: int) -> list[Evaluation]:
     """Evaluate the rules and the learned policy on the same held-out draws and write ``results.json``."""
-    policies = [make_policy(name) for name in BASELINES] + [LearnedPolicy.load(folder / "best.npz")]
+    policies = [make_policy(name) for name in BASELINES] + [LearnedPolicy.load(folder / "best.safetensors")]
     results = []
     with progress_bar("evaluating", runs * len(policies)) as progress:
         for policy in policies:
@@ -138,7 +138,10 @@ def draw(folder: Path, config: dict[str, Any], results: list[Evaluation]) -> Non
     place = make_scenario(config["scenario"])
     films = [
         record(place, seed=HELD_OUT_SEED, title=title, driver=policy_driver(policy, place, **physics))
-        for policy, title in ((LearnedPolicy.load(folder / "best.npz"), "learned"), (rule, "rule: shortest path"))
+        for policy, title in (
+            (LearnedPolicy.load(folder / "best.safetensors"), "learned"),
+            (rule, "rule: shortest path"),
+        )
     ]
     write_film(folder / "evacuation.gif", films)
 
@@ -215,8 +218,8 @@ def _resumed(root: Path, resume: str, given: dict[str, Any]) -> tuple[Path, dict
     folder = root / resume
     config = read_config(folder / "config.json")
     curve = read_curve(folder / "learning_curve.csv")
-    if not curve and (folder / "checkpoint.zip").exists():
-        raise ValueError(f"{folder} was written by an earlier version, whose checkpoints cannot be gone on with")
+    if (folder / "checkpoint.zip").exists() or (folder / "best.npz").exists():
+        raise ValueError(f"{folder} was written by an earlier version, which this one cannot go on with")
     of_run = {option: value for option, value in given.items() if option not in ("runs", "root", "resume")}
     return folder, extended(config, of_run, curve, resume)
 
