@@ -17,6 +17,8 @@ from crowd_env.state import Floats
 
 # Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.
 HELD_OUT_SEED = 1_000_000
+# Draws on which the best network of a training is chosen: neither trained on nor used for the final table.
+VALIDATION_SEED = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)

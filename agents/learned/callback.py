@@ -13,9 +13,6 @@ from stable_baselines3.common.callbacks import BaseCallback
 from agents.learned.rate import FallingRate
 from crowd_env.cli.console import notes
 
-# Draws on which the best network is chosen: neither trained on nor used for the final table.
-VALIDATION_SEED = 2_000_000
-
 
 class TrainingCallback(BaseCallback):
     """Shows how a training gets on, evaluates it at its start and end and whenever it is due, and stops it in time.

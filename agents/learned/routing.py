@@ -9,8 +9,9 @@ import torch
 from stable_baselines3 import PPO
 
 from agents.evaluation.comparison import last_times, mean_times
+from agents.evaluation.evaluation import VALIDATION_SEED
 from agents.evaluation.routing import evaluate_controller
-from agents.learned.callback import VALIDATION_SEED, TrainingCallback
+from agents.learned.callback import TrainingCallback
 from agents.learned.export import network_of
 from agents.learned.ppo import PPOSettings, new_ppo
 from agents.trained import LearnedController

@@ -9,16 +9,14 @@ from typing import Any
 import numpy as np
 
 from agents.evaluation.comparison import last_times
-from agents.evaluation.evaluation import Evaluation, evaluate
-from agents.learned.callback import VALIDATION_SEED, TrainingCallback
+from agents.evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
+from agents.learned.callback import TrainingCallback
 from agents.learned.checkpoint import write_checkpoint
 from agents.learned.export import network_of
 from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv, Scenario
 from crowd_env.cli.console import notes, stops_by
 from crowd_env.files.csv_table import write_csv
-from crowd_env.headway import plain_manner
-from crowd_env.outline import plain_outline
 
 # evacuation_time and its standard error are over all validation draws, people left inside count as in
 # `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.
@@ -43,16 +41,25 @@ class PolicyCallback(TrainingCallback):
 
     Parameters
     ----------
-    env, scenario : what is trained in.
+    env : what is trained in.
+    scenario : what is evaluated.
+    judged : options of `agents.evaluation.evaluation.evaluate`: scheme, steps, strategy, manner, outline.
     trained : facts about the training, for the files of the networks.
     options : of `TrainingCallback`.
     """
 
     def __init__(
-        self, folder: Path, env: CrowdEnv, scenario: Scenario, *, trained: dict[str, Any] | None = None, **options: Any
+        self,
+        folder: Path,
+        env: CrowdEnv,
+        scenario: Scenario,
+        judged: dict[str, Any],
+        *,
+        trained: dict[str, Any] | None = None,
+        **options: Any,
     ) -> None:
         super().__init__(folder, **options)
-        self.env, self.scenario, self.trained = env, scenario, trained or {}
+        self.env, self.scenario, self.judged, self.trained = env, scenario, judged, trained or {}
         self.interrupted = False
         self._returns: list[float] = []
         self._signals = ExitStack()
@@ -88,17 +95,7 @@ class PolicyCallback(TrainingCallback):
 
     def _evaluate(self) -> None:
         policy = LearnedPolicy(network_of(self.model), env_options_of(self.env), self.trained)
-        result = evaluate(
-            policy,
-            self.scenario,
-            scheme=self.env.simulation.scheme,
-            runs=self.eval_runs,
-            first_seed=VALIDATION_SEED,
-            dt=self.env.simulation.dt,
-            decision_dt=self.env.decision_dt,
-            manner=plain_manner(self.env.simulation.manner),
-            outline=plain_outline(self.env.simulation.outline),
-        )
+        result = evaluate(policy, self.scenario, runs=self.eval_runs, first_seed=VALIDATION_SEED, **self.judged)
         row = self._row(result)
         best_before = min(map(score, self.curve), default=(np.inf, np.inf))
         self.curve.append(row)
