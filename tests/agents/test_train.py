@@ -23,7 +23,7 @@ from agents.evaluation.evaluation import evaluate
 from agents.learned.callback import saturation
 from agents.learned.rate import FallingRate
 from agents.learned.training import CURVE_COLUMNS, PolicyCallback
-from agents.network import read_network
+from agents.networks import read_network
 from agents.tasks import PRESETS, TASKS
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
 from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
@@ -46,12 +46,12 @@ def test_a_run_leaves_model_config_results_curves_and_film(job):
     folder = root / "tiny"
     left = {path.name for path in folder.iterdir()}
     pictures = {"learning_curve.png", "egress_curves.png", "evacuation.gif"}
-    assert {"best.npz", "checkpoint.pt", "config.json", "results.json", "learning_curve.csv"} | pictures <= left
+    assert {"best.safetensors", "checkpoint.pt", "config.json", "results.json", "learning_curve.csv"} | pictures <= left
     assert not [name for name in left if "part" in name]
     assert list((folder / "tensorboard").glob("events*"))
     assert (folder / "evacuation.gif").read_bytes()[:3] == b"GIF"
     assert all((folder / name).read_bytes()[:4] == b"\x89PNG" for name in pictures if name.endswith("png"))
-    _, facts = read_network(folder / "best.npz")
+    _, facts = read_network(folder / "best.safetensors")
     assert {"scenario": "room-v0", "scheme": "nsm2", "dt": 0.01, "seed": 7}.items() <= facts["trained"].items()
 
 
@@ -71,7 +71,9 @@ def test_the_results_compare_all_policies_on_the_same_held_out_draws(job):
     assert set(rows) == {"random", "stand-still", "shortest", "learned"}
     assert rows["stand-still"]["unfinished"] == 40
     assert evaluate(make_policy("shortest"), runs=2).row().items() <= rows["shortest"].items()
-    learned, shortest = (evaluate(make_policy(name), runs=2) for name in (str(root / "tiny" / "best.npz"), "shortest"))
+    learned, shortest = (
+        evaluate(make_policy(name), runs=2) for name in (str(root / "tiny" / "best.safetensors"), "shortest")
+    )
     assert (learned.row() | {"policy": "learned"}).items() <= rows["learned"].items()
     assert told["learned_minus_rule"] == json.loads(json.dumps(minus_first(learned, shortest)))
     assert told["learned_over_rule"] == pytest.approx(last_times(learned).mean() / last_times(shortest).mean())
@@ -87,7 +89,7 @@ def test_the_learning_curve_has_a_row_before_and_after(job):
 
 def test_the_learning_curve_says_how_sure_it_is(job):
     row = curve(job[0] / "tiny")[0]
-    best = make_policy(str(job[0] / "tiny" / "best.npz"))
+    best = make_policy(str(job[0] / "tiny" / "best.safetensors"))
     config = json.loads((job[0] / "tiny" / "config.json").read_text())
     assert config["eval_runs"] == 500 and config["validation_seed"] == 2_000_000
     times = last_times(evaluate(best, runs=500, first_seed=2_000_000))

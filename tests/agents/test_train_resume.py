@@ -129,14 +129,14 @@ def test_what_resume_cannot_honour_is_refused_and_nothing_is_written(root, args,
         ("checkpoint.pt", lambda text: b"no zip", "checkpoint.pt is not a checkpoint"),
         ("checkpoint.pt", lambda text: pickle.dumps(Path("x")), "checkpoint.pt is not a checkpoint"),
         ("checkpoint.pt", None, "checkpoint.pt is not a checkpoint"),
-        ("best.npz", lambda text: text[:500], "best.npz is not a network"),
+        ("best.safetensors", lambda text: text[:500], "best.safetensors is not a network"),
     ],
 )
 def test_damaged_files_are_named_in_one_sentence(root, file, harm, words):
     path = root / "tiny" / file
     content = path.read_bytes()
     path.unlink() if harm is None else path.write_bytes(harm(content))
-    steps = () if file == "best.npz" else ("--steps", 9000)  # a finished run is judged again
+    steps = () if file == "best.safetensors" else ("--steps", 9000)  # a finished run is judged again
     result = call("--root", root, "--resume", "tiny", "--runs", 1, *steps)
     assert result.exit_code == 2, (result.output, result.exception)
     assert "Traceback" not in result.stderr
@@ -156,9 +156,9 @@ def test_a_checkpoint_executes_nothing(root, tmp_path):
     assert not mark.exists()
 
 
-def test_the_folder_of_an_earlier_version_is_refused(root):
-    (root / "tiny" / "learning_curve.csv").unlink()
-    (root / "tiny" / "checkpoint.pt").rename(root / "tiny" / "checkpoint.zip")
+@pytest.mark.parametrize(("new", "old"), [("checkpoint.pt", "checkpoint.zip"), ("best.safetensors", "best.npz")])
+def test_the_folder_of_an_earlier_version_is_refused(root, new, old):
+    (root / "tiny" / new).rename(root / "tiny" / old)
     result = call("--root", root, "--resume", "tiny")
     assert result.exit_code == 2 and "earlier version" in result.stderr
 
@@ -182,7 +182,7 @@ def test_ctrl_c_and_a_request_to_end_save_a_checkpoint_and_say_how_to_go_on(tmp_
     rows = curve(folder)
     assert len(rows) == 2 and rows[-1]["steps"] > 0
     assert checkpoint(folder)["steps"] == rows[-1]["steps"]
-    assert make_policy(str(folder / "best.npz"))
+    assert make_policy(str(folder / "best.safetensors"))
 
 
 def test_an_interrupt_while_policies_are_compared_says_how_to_go_on(tmp_path, monkeypatch):
