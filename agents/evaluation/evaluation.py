@@ -59,6 +59,9 @@ class Evaluation:
     def row(self) -> dict[str, Any]:
         """Return the figures as one JSON row, in SI units; impulse and way are means per person.
 
+        ``crushed_share`` is of the people who at any time bore more than 1600 N/m, ``crushed_time`` how long these did, see
+        `agents.evaluation.measurements.INJURY`; ``hurry`` is the largest of anyone's mean speed over the own desired speed.
+
         ``evacuation_time`` is over the runs in which everyone got out, ``mean_exit_time`` over the people who did.  Policies
         are compared by `agents.evaluation.comparison`, which counts everybody.
         """
@@ -84,7 +87,10 @@ class Evaluation:
             "walked": named(measured.walked.mean(axis=1)),
             "max_density": {**named(measured.max_density), "max": float(measured.max_density.max())},
             "max_pressure": {**named(measured.max_pressure), "max": float(measured.max_pressure.max())},
+            "crushed_share": named((measured.crushed > 0.0).mean(axis=1)),
+            "crushed_time": named(_mean_where_any(measured.crushed)),
             "pressure_is_force": self.pressure_is_force,
+            "hurry": {**named(measured.hurry), "max": float(measured.hurry.max())},
             "computing_seconds": measured.computing,
             "simulated_seconds": measured.simulated,
             "physics_per_simulated_second": (measured.computing - measured.replanning) / simulated,
@@ -110,6 +116,12 @@ class Evaluation:
                 "last_exit": named(np.where(last >= 0.0, last, np.nan)),
             }
         return found
+
+
+def _mean_where_any(times: Floats) -> Floats:
+    """Return the mean of the positive ones of each row (R, N); nan where there are none."""
+    count = (times > 0.0).sum(axis=1)
+    return np.where(count > 0, times.sum(axis=1) / np.maximum(count, 1), np.nan)
 
 
 def evaluate(

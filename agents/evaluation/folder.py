@@ -13,7 +13,7 @@ from agents.evaluation.comparison import last_times
 from agents.evaluation.entries import Entry
 from agents.evaluation.evaluation import Evaluation
 from agents.evaluation.fingerprint import fingerprint, source_stamp
-from agents.evaluation.measurements import CELL, Grid, Maps, Measured
+from agents.evaluation.measurements import CELL, Grid, Maps, Measured, RunMeasurements
 from agents.tasks.task import Task
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
 from crowd_env.files.array_file import read_arrays, write_arrays
@@ -26,7 +26,7 @@ _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"
 _SHOWN = {"density": ("Density", "people / m²", 1.0), "pressure": ("Contact pressure", "kN / m", 1e-3)}
 _CURVES = 5  # in one figure, as many as there are colors
-_ARRAYS = ("exit_index", "walked", "max_density", "max_pressure")
+_ARRAYS = RunMeasurements._fields
 _NUMBERS = ("simulated", "computing", "replanning")
 
 
@@ -125,7 +125,15 @@ class EvaluationFolder:
         """Write ``runs.csv``, one line a run."""
         exits = list(dict.fromkeys(results[0].exit_names))
         own = ["policy", "scheme", "run", "seed", "last_time", "exit_time_95", *EpisodeMetrics._fields]
-        header = [*own, "walked", "max_density", "max_pressure", *(f"out by {name}" for name in exits)]
+        header = [
+            *own,
+            "walked",
+            "max_density",
+            "max_pressure",
+            "crushed",
+            "crushed_time",
+            *(f"out by {name}" for name in exits),
+        ]
         rows: list[list[object]] = []
         for result in results:
             measured = result.measured
@@ -133,7 +141,8 @@ class EvaluationFolder:
             names = np.array([*result.exit_names, ""])[measured.exit_index]
             columns = (last_times(result), result.exit_time_95(), measured.walked.mean(axis=1))
             for k, (episode, last, most, way) in enumerate(zip(result.episodes, *columns, strict=True)):
-                peaks = (measured.max_density[k], measured.max_pressure[k])
+                crushed = measured.crushed[k]
+                peaks = (measured.max_density[k], measured.max_pressure[k], (crushed > 0.0).sum(), crushed.sum())
                 numbers = [_text(v) for v in (last, most, *episode, way, *peaks)]
                 by_exit = [int((names[k] == name).sum()) for name in exits]
                 rows.append([result.policy, result.scheme, k, seed + k, *numbers, *by_exit])

@@ -12,6 +12,8 @@ from agents.tasks.task import Task
 from crowd_env import Scenario
 from crowd_env.envs.rollout import named
 
+_MEASURED = ("walked", "max_density", "max_pressure", "crushed_share", "crushed_time", "pressure_is_force", "hurry")
+
 
 def task_row(task: Task, place: Scenario, result: Evaluation, first: Evaluation) -> dict[str, Any]:
     """Return the figures of a policy on a task, ready for JSON, in SI units.
@@ -21,6 +23,10 @@ def task_row(task: Task, place: Scenario, result: Evaluation, first: Evaluation)
     cleared.  ``mean_exit`` is over all people of all runs: whoever is left inside counts until the time limit.  ``flow`` is the
     mean over runs of the slope of people out against time.  ``max_speed`` is of anyone, and ``escaped`` counts people who were
     found outside of the walls.  Means are over runs, with 95 % t intervals; shares of runs have Wilson's.
+
+    ``max_pressure`` [N/m] is the greatest contact force on someone over circumference, mean of a decision step;
+    ``crushed_share`` the share of people for whom it once exceeded the 1600 N/m of an injury, ``crushed_time`` [s] for how long
+    in all.  Where ``pressure_is_force`` is false, the scheme has no forces that anyone would feel.
     """
     row = result.row()
     return {
@@ -40,9 +46,7 @@ def task_row(task: Task, place: Scenario, result: Evaluation, first: Evaluation)
         "unfinished_share": row["unfinished_share"],
         "left": row["unfinished"],
         "contact_impulse": _mean(row["contact_impulse"]),
-        **{
-            name: row[name] for name in ("walked", "max_density", "max_pressure") if name in row
-        },  # of runs that were measured
+        **{name: row[name] for name in _MEASURED if name in row},  # of runs that were measured
         "max_overlap": row["max_overlap"],
         "constants": row["constants"],
         "minus_first": minus_first(result, first),

@@ -149,6 +149,10 @@ def test_a_task_is_a_named_set_of_options(small_task):
     for row in told["rows"]:
         assert list(row)[: len(KEYS)] == KEYS
         assert (row["task"], row["scheme"], row["people"], row["runs"]) == ("small", "nsm2", 4, 3)
+        for name in ("blocked", "unfinished"):
+            low, high = row[f"{name}_share"]["ci95"]
+            assert row[f"{name}_share"]["mean"] == row[name] / 3 and low <= row[name] / 3 <= high and high - low > 0.5
+        assert {"contact_impulse", "max_pressure", "crushed_share", "crushed_time", "pressure_is_force"} <= set(row)
         assert set(row["clearing_time"]) == set(row["mean_exit"]) == {"mean", "ci95"}
     for row, name in zip(told["rows"], ("shortest", "follow", "random"), strict=True):
         expected = run(name, SMALL.place(), runs=3)
