@@ -18,7 +18,7 @@ from agents.runs import versions
 from agents.tasks import TASKS, Task, make_task
 from agents.training_config import RUNS
 from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
-from crowd_env.checks import Range, whole
+from crowd_env.checks import Range, number, whole
 from crowd_env.cli.console import (
     MannerName,
     OutlineOption,
@@ -188,6 +188,14 @@ def main(
         typer.Option(help="Another number of people of the same kinds; on a task they have as much time each."),
     ] = None,
     manner: MannerName = None,
+    learned_share: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SHARE",
+            help="Mixed crowds: only this share of the people, drawn anew in every run but the same for every policy, follows "
+            "the policy; the others follow the rule, and --manner is theirs alone.",
+        ),
+    ] = None,
     outline: OutlineOption = None,
     runs: Annotated[
         int | None,
@@ -226,12 +234,14 @@ def main(
         runs = whole("--runs", count if runs is None else runs, RUNS)
         whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
         whole("--threads", threads)
+        if learned_share is not None:
+            learned_share = number("--learned-share", learned_share, Range(0.0, 1.0, above=True))
         for scheme in schemes:
             check_outline(place.outline_of_run(), make_scheme(scheme))
-        entries = make_entries(policies, place, chosen, trust_pickle=trust_pickle)
+        entries = make_entries(policies, place, chosen, trust_pickle=trust_pickle, learned_share=learned_share)
         if "rules" in policies and not place.rules:
             notes.print(f"note: {place.name} has no control rules; rules is shortest there", markup=False)
-        settings = settings_of(place, runs, seed, chosen)
+        settings = settings_of(place, runs, seed, chosen, learned_share)
         folder = None
         if out is not None:
             require_libraries(".png")  # says now, not after the work, that the drawing library is missing
@@ -243,7 +253,10 @@ def main(
     if as_json:
         typer.echo(json.dumps(figures, allow_nan=False))
     else:
-        _show(results, run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each"), chosen)
+        title = run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each")
+        if learned_share is not None:
+            title += f", {100 * learned_share:g} % learned"
+        _show(results, title, chosen)
 
 
 def _place(task: Task | None, scenario: str | None, people: int | None) -> Scenario:

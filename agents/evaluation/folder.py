@@ -30,15 +30,23 @@ _ARRAYS = RunMeasurements._fields
 _NUMBERS = ("simulated", "computing", "replanning")
 
 
-def settings_of(scenario: Scenario, runs: int, seed: int, task: Task | None = None) -> dict[str, Any]:
+def settings_of(
+    scenario: Scenario, runs: int, seed: int, task: Task | None = None, learned_share: float | None = None
+) -> dict[str, Any]:
     """Return the settings that all results of a folder share; the digest is of everything in a scenario that can matter."""
     held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     for name in ("name", "title", "reference"):
         del held[name]
     headway, outline = scenario.manner_of_run(), scenario.outline_of_run()
     held |= {"manner": headway, "outline": outline}
-    facts = {"scenario": scenario.name, "manner": plain_manner(headway), "outline": plain_outline(outline)}
+    facts: dict[str, Any] = {
+        "scenario": scenario.name,
+        "manner": plain_manner(headway),
+        "outline": plain_outline(outline),
+    }
     of_task = {} if task is None else {"task": {"name": task.name, "version": task.version, "digest": task.digest()}}
+    if learned_share is not None:
+        facts["learned_share"] = learned_share
     return {**of_task, **facts, "digest": fingerprint(held), "runs": runs, "seed": seed}
 
 
@@ -116,6 +124,8 @@ class EvaluationFolder:
             "ended": result.ended,
             "maps": np.stack(measured.maps),
         }
+        if result.learned is not None:
+            arrays["learned"] = result.learned
         write_arrays(self._file(entry, scheme), arrays, facts)
 
     def _file(self, entry: Entry, scheme: str) -> Path:
@@ -210,6 +220,7 @@ def _evaluation(policy: str, scheme: str, kept: dict[str, np.ndarray], facts: di
         tuple(facts["exit_names"]),
         measured,
         facts["constants"],
+        kept.get("learned"),
     )
 
 

@@ -26,7 +26,8 @@ def task_row(task: Task, place: Scenario, result: Evaluation, first: Evaluation)
 
     ``max_pressure`` [N/m] is the greatest contact force on someone over circumference, mean of a decision step;
     ``crushed_share`` the share of people for whom it once exceeded the 1600 N/m of an injury, ``crushed_time`` [s] for how long
-    in all.  Where ``pressure_is_force`` is false, the scheme has no forces that anyone would feel.
+    in all.  Where ``pressure_is_force`` is false, the scheme has no forces that anyone would feel.  ``learned_share`` is of the
+    people whom the policy moves; the others follow the rule of the task.
     """
     row = result.row()
     return {
@@ -45,6 +46,10 @@ def task_row(task: Task, place: Scenario, result: Evaluation, first: Evaluation)
         "blocked_share": row["blocked_share"],
         "unfinished_share": row["unfinished_share"],
         "left": row["unfinished"],
+        "learned_share": row["learned_share"],
+        **{
+            name: _mean(row[name]) for name in ("mean_exit_learned", "mean_exit_others") if name in row
+        },  # in a mixed crowd
         "contact_impulse": _mean(row["contact_impulse"]),
         **{name: row[name] for name in _MEASURED if name in row},  # of runs that were measured
         "max_overlap": row["max_overlap"],
