@@ -9,10 +9,11 @@ import typer
 from typer.core import TyperCommand
 
 from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
-from agents.evaluation.entries import RULE, Entry, make_entries
+from agents.evaluation.credible import RULE
+from agents.evaluation.entries import Entry, make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate_driver
 from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.evaluation.protocol import task_row, task_table
+from agents.evaluation.protocol import credible_lines, task_row, task_table
 from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
 from agents.runs import versions
 from agents.tasks import TASKS, Task, make_task
@@ -129,10 +130,10 @@ def summary(
     """Return everything about an evaluation but single runs, ready for JSON; rows of a task are those of its protocol."""
     rows = []
     for result in results:
-        first = next(one for one in results if one.scheme == result.scheme)
         if task is not None:
-            rows.append(task_row(task, scenario, result, first))
+            rows.append(task_row(task, scenario, result, results))
             continue
+        first = next(one for one in results if one.scheme == result.scheme)
         all_counted = {"last": float(last_times(result).mean()), "mean": float(mean_times(result).mean())}
         rows.append(result.row() | {"unfinished_at_limit": all_counted, "minus_first": minus_first(result, first)})
     return {
@@ -256,7 +257,7 @@ def main(
         title = run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each")
         if learned_share is not None:
             title += f", {100 * learned_share:g} % learned"
-        _show(results, title, chosen)
+        _show(results, title, place, chosen)
 
 
 def _place(task: Task | None, scenario: str | None, people: int | None) -> Scenario:
@@ -278,7 +279,7 @@ def _write(
     notes.print(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.path}/", markup=False, soft_wrap=True)
 
 
-def _show(results: list[Evaluation], title: str, task: Task | None) -> None:
+def _show(results: list[Evaluation], title: str, place: Scenario, task: Task | None) -> None:
     console = table_console()
     if task is None:
         judged = [times_table(results, title), left_table(results)]
@@ -287,7 +288,7 @@ def _show(results: list[Evaluation], title: str, task: Task | None) -> None:
     for table in (*judged, exits_table(results), crowding_table(results)):
         if table is not None:
             console.print(table)
-    for line in ranking_lines(results):
+    for line in [*ranking_lines(results), *([] if task is None else credible_lines(results, place))]:
         console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 

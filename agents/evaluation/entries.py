@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from agents import POLICIES, make_policy
 from agents.drivers import SAMPLE, ControllerDriver, policy_driver
+from agents.evaluation.credible import RULE
 from agents.policy import Policy
 from agents.rules import StrategyPolicy
 from agents.tasks.task import Task
@@ -19,7 +20,6 @@ from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 
 RULES = "rules"
-RULE = "rule"  # the strategy of a task
 
 
 @dataclass(frozen=True)

@@ -132,7 +132,7 @@ def test_runs_are_counted_and_whoever_is_left_counts_until_the_time_limit():
         stuck, episodes=[stuck.episodes[0], *(one._replace(blocked_since=9.0) for one in stuck.episodes[1:])]
     )
     place = SMALL.place()
-    rows = [task_row(SMALL, place, one, quick) for one in (quick, stuck)]
+    rows = [task_row(SMALL, place, one, [quick, stuck]) for one in (quick, stuck)]
     assert [(row["blocked"], row["unfinished"], row["left"]) for row in rows] == [(0, 0, 0), (2, 3, 3)]
     # Of two people one is out after 1 s, the other never, and the time limit is 100 s.
     assert [row["mean_exit"]["mean"] for row in rows] == [pytest.approx(16.0), pytest.approx(50.5)]
