@@ -185,8 +185,8 @@ def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
         )
     if "people" in given:
         raise ValueError(f"--people is {given['people']}: a scenario says how many there are; leave it out")
-    options = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5} | options
-    return default_config(given["scenario"], seed=seed, **options)
+    start: dict[str, Any] = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5}
+    return default_config(given["scenario"], seed=seed, **(start | options))
 
 
 def _given(context: typer.Context) -> dict[str, Any]:

@@ -75,7 +75,7 @@ def root(finished, tmp_path):
 
 def test_a_budget_beside_resume_is_honoured(root, monkeypatch):
     trained = []
-    monkeypatch.setattr(train, "train", lambda folder, config: trained.append(config) or False)
+    monkeypatch.setattr(train, "train", lambda folder, config, threads: trained.append(config) or False)
     assert call("--root", root, "--resume", "tiny", "--steps", 9000, "--minutes", 6).exit_code == 130
     kept = json.loads((root / "tiny" / "config.json").read_text())
     assert kept == trained[0] and (kept["steps"], kept["minutes"], kept["envs"]) == (9000, 6.0, 2)
@@ -110,7 +110,7 @@ def test_what_resume_cannot_honour_is_refused_and_nothing_is_written(root, args,
     ("file", "harm", "words"),
     [
         ("config.json", lambda text: b"[1]", "config.json does not hold"),
-        ("config.json", lambda text: b"{}", "config.json lacks 'scenario'"),
+        ("config.json", lambda text: b"{}", "config.json lacks 'task'"),
         ("config.json", lambda text: text.replace(b'"ppo"', b'"other"'), "config.json lacks 'ppo'"),
         (
             "config.json",
@@ -167,7 +167,7 @@ def test_the_folder_of_an_earlier_version_is_refused(root, new, old):
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_and_a_request_to_end_save_a_checkpoint_and_say_how_to_go_on(tmp_path, number):
-    command = [sys.executable, "train.py", "--envs", "2", "--runs", "2", "--root", str(tmp_path), "--name", "stopped"]
+    command = [sys.executable, "train.py", "--scenario", "room-v0", "--envs", "2", "--runs", "2", "--root", str(tmp_path), "--name", "stopped"]
     job = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     folder = tmp_path / "stopped"
     deadline = time.monotonic() + 120
