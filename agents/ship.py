@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from agents.evaluation.trained_run import LEARNED, NETWORK, RESULTS
+from agents.evaluation.trained_run import NETWORK, RESULTS
 from agents.networks import network_digest
 from agents.pretrained import FOLDER
 from agents.tasks import Task, make_task
@@ -23,7 +23,7 @@ def ship(run: Path, name: str, *, replace: bool = False) -> Path:
     """Copy the network of a run into the folder of shipped policies, with its card; return the path of the network.
 
     The card holds the task and the digest of the weights, every parameter of the run, what was spent (steps, seconds, CPU
-    seconds), and the figures of the policy on validation draws and, with the rule it was compared with, on held-out draws.
+    seconds), and the figures of the policy on validation draws and, beside all that it was compared with, on held-out draws.
 
     Parameters
     ----------
@@ -49,13 +49,12 @@ def ship(run: Path, name: str, *, replace: bool = False) -> Path:
         raise ValueError(
             f"{run / RESULTS} is about another network than {network}: judge it with train.py --resume {run.name}"
         )
-    rows = [row for k, row in enumerate(results["rows"]) if k == 0 or row["policy"] == LEARNED]
     card = {
         "policy": name,
         "network": digest,
         "task": task.identity(),
         **{key: results[key] for key in _FROM_RESULTS},
-        "held_out": rows,
+        "held_out": results["rows"],
     }
     # The card first: a policy is listed as soon as its network lies there, and then both do.
     write_json(path.with_suffix(".json"), card)
