@@ -171,8 +171,8 @@ def main(
             show_default="shortest fastest; of a task rule",
             help="rule: the strategy of a task; shortest, nearest, fastest, comfortable; the name of a route or exit; rules: "
             "the shortest path with the scenario's control rules in force, which are off for all others; random, stand-still; "
-            "rules of walking: rule-best-speed, density-cap, headway (the manner hurried), follow, zipper; or a learned "
-            "network (.safetensors).  The others are compared with the first.",
+            "rules of walking: rule-best-speed, density-cap, headway (the manner hurried), follow, zipper; a shipped "
+            "policy (TASK/NAME), or a learned network (.safetensors).  The others are compared with the first.",
         ),
     ] = None,
     schemes: Annotated[
@@ -221,6 +221,8 @@ def main(
     Examples:
 
     python -m agents.evaluate --task competitive-door --policies rule density-cap follow --runs 40
+
+    python -m agents.evaluate --task competitive-door --policies rule follow competitive-door/ppo --people 200
 
     python -m agents.evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
 

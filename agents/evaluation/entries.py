@@ -1,11 +1,11 @@
 """What can be evaluated, by name: strategies of the people, rules of the scenario, policies, and learned networks."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from agents import POLICIES, make_policy
+from agents import POLICIES, PRETRAINED, make_policy
 from agents.drivers import SAMPLE, ControllerDriver, policy_driver
 from agents.evaluation.credible import RULE
 from agents.policy import Policy
@@ -99,6 +99,8 @@ def _make(name: str, crowd: _Crowd) -> Entry:
         return _policy_entry(StrategyPolicy(name), crowd)
     if name in POLICIES:
         return _policy_entry(make_policy(name), crowd)
+    if name in PRETRAINED:
+        return replace(_learned_entry(PRETRAINED[name], crowd), name=name)
     if names_file(name):
         return _learned_entry(Path(name), crowd)
     if name == RULE:
@@ -106,7 +108,7 @@ def _make(name: str, crowd: _Crowd) -> Entry:
             "policy 'rule' is the strategy of a task; give --task NAME, or name a strategy such as shortest"
         )
     of_task = [] if task is None else [RULE]
-    known = ", ".join(dict.fromkeys([*of_task, *route_set[:4], RULES, *route_set[4:], *POLICIES]))
+    known = ", ".join(dict.fromkeys([*of_task, *route_set[:4], RULES, *route_set[4:], *POLICIES, *PRETRAINED]))
     raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.safetensors)")
 
 

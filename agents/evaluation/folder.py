@@ -1,6 +1,5 @@
 """The folder of an evaluation: the result of each policy and scheme is kept as soon as it is known."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -14,6 +13,7 @@ from agents.evaluation.entries import Entry
 from agents.evaluation.evaluation import Evaluation
 from agents.evaluation.fingerprint import fingerprint, source_stamp
 from agents.evaluation.measurements import CELL, Grid, Maps, Measured, RunMeasurements
+from agents.networks import network_digest
 from agents.tasks.task import Task
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
 from crowd_env.files.array_file import read_arrays, write_arrays
@@ -44,7 +44,7 @@ def settings_of(
         "manner": plain_manner(headway),
         "outline": plain_outline(outline),
     }
-    of_task = {} if task is None else {"task": {"name": task.name, "version": task.version, "digest": task.digest()}}
+    of_task = {} if task is None else {"task": task.identity()}
     if learned_share is not None:
         facts["learned_share"] = learned_share
     return {**of_task, **facts, "digest": fingerprint(held), "runs": runs, "seed": seed}
@@ -53,7 +53,7 @@ def settings_of(
 def _made_by(entry: Entry, scheme: str) -> dict[str, Any]:
     """Return what else a result depends on: the network, the scheme with its parameters and time step, and the code."""
     contact = make_scheme(scheme)
-    network = None if entry.source is None else hashlib.sha256(entry.source.read_bytes()).hexdigest()
+    network = None if entry.source is None else network_digest(entry.source)
     return {"network": network, "scheme": fingerprint(contact), "dt": contact.info.default_dt, "code": source_stamp()}
 
 
