@@ -1,5 +1,6 @@
 """Who decides: policies over arrays, rule-based and learned, behind one protocol."""
 
+from agents.evolved import Evolved
 from agents.policy import Policy
 from agents.rules import RandomWalk, ShortestPath, StandStill
 from agents.walking import DensityCap, Follow, HeadwayRule, RuleAtShare, Zipper
@@ -13,6 +14,7 @@ POLICIES: dict[str, type[Policy]] = {
     "density-cap": DensityCap,
     "headway": HeadwayRule,
     "follow": Follow,
+    "evolution": Evolved,
     "zipper": Zipper,
 }
 
@@ -43,6 +45,7 @@ def make_policy(policy: str | Policy, *, trust_pickle: bool = False) -> Policy:
 __all__ = [
     "POLICIES",
     "DensityCap",
+    "Evolved",
     "Follow",
     "HeadwayRule",
     "Policy",
