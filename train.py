@@ -205,8 +205,8 @@ def _resumed(root: Path, resume: str, given: dict[str, Any]) -> tuple[Path, dict
     folder = root / resume
     config = read_config(folder / "config.json")
     curve = read_curve(folder / "learning_curve.csv")
-    if not curve and (folder / "checkpoint.zip").exists():
-        raise ValueError(f"{folder} was written by an earlier version, whose checkpoints cannot be gone on with")
+    if (folder / "checkpoint.zip").exists() or (folder / "best.npz").exists():
+        raise ValueError(f"{folder} was written by an earlier version, which this one cannot go on with")
     of_run = {option: value for option, value in given.items() if option not in ("runs", "root", "resume", "threads")}
     return folder, extended(config, of_run, curve, resume)
 

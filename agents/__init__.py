@@ -3,9 +3,10 @@
 from agents.evolved import Evolved
 from agents.policy import Policy
 from agents.rules import RandomWalk, ShortestPath, StandStill
+from agents.trained import LearnedPolicy, names_file
 from agents.walking import DensityCap, Follow, HeadwayRule, RuleAtShare, Zipper
 
-# Name -> policy.  A path to a trained network (.npz) is a policy too: see `make_policy`.
+# Name -> policy.  A path to a trained network (.safetensors) is a policy too: see `make_policy`.
 POLICIES: dict[str, type[Policy]] = {
     "random": RandomWalk,
     "stand-still": StandStill,
@@ -20,7 +21,7 @@ POLICIES: dict[str, type[Policy]] = {
 
 
 def make_policy(policy: str | Policy, *, trust_pickle: bool = False) -> Policy:
-    """Return a policy by name or from a trained network (a path that ends in .npz), or the policy itself.
+    """Return a policy by name or from a trained network (a path that ends in .safetensors), or the policy itself.
 
     Parameters
     ----------
@@ -33,12 +34,12 @@ def make_policy(policy: str | Policy, *, trust_pickle: bool = False) -> Policy:
     """
     if not isinstance(policy, str):
         return policy
-    if policy.endswith((".npz", ".zip")):
-        from agents.trained import LearnedPolicy
-
+    if names_file(policy):
         return LearnedPolicy.load(policy, trust_pickle=trust_pickle)
     if policy not in POLICIES:
-        raise ValueError(f"unknown policy {policy!r}; known: {', '.join(POLICIES)}, or the path of a network (.npz)")
+        raise ValueError(
+            f"unknown policy {policy!r}; known: {', '.join(POLICIES)}, or the path of a network (.safetensors)"
+        )
     return POLICIES[policy]()
 
 

@@ -171,7 +171,7 @@ def main(
             help="rule: the strategy of a task; shortest, nearest, fastest, comfortable; the name of a route or exit; rules: "
             "the shortest path with the scenario's control rules in force, which are off for all others; random, stand-still; "
             "rules of walking: rule-best-speed, density-cap, headway (the manner hurried), follow, zipper; or a learned "
-            "network (.npz).  The others are compared with the first.",
+            "network (.safetensors).  The others are compared with the first.",
         ),
     ] = None,
     schemes: Annotated[
@@ -215,7 +215,7 @@ def main(
 
     python -m agents.evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
 
-    python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.npz --out comparison
+    python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.safetensors --out comparison
     """
     with friendly_errors("" if out is None else "the same command goes on"):
         chosen = None if task is None else make_task(task)

@@ -1,4 +1,4 @@
-"""Trained networks as policies and controllers.  Nothing here needs torch: a file holds numbers, see `agents.network`."""
+"""Trained networks as policies and controllers.  Nothing here needs torch: a file holds numbers, see `agents.networks`."""
 
 import math
 from pathlib import Path
@@ -7,13 +7,14 @@ from typing import Any, ClassVar, TypeVar, cast
 import gymnasium
 import numpy as np
 
-from agents.network import Network, read_network, write_network
+from agents.networks import Network, read_network, write_network
 from crowd_env import ObservationLayout
 from crowd_env.checks import known
 from crowd_env.envs.action import FRAMES, make_action, plain_action
 from crowd_env.envs.routing.batch import RoutingBatch
 
-PICKLE, NUMBERS = ".zip", ".npz"
+PICKLE, NUMBERS = ".zip", ".safetensors"
+_EARLIER = ".npz"
 Kind = TypeVar("Kind", bound="_Learned")
 
 
@@ -29,7 +30,7 @@ class _Learned:
         raise NotImplementedError
 
     def save(self, path: str | Path) -> None:
-        """Write the network and what it was made for to one .npz file, whole or not at all."""
+        """Write the network and what it was made for to one .safetensors file, whole or not at all."""
         write_network(_checked(path), self.network, self._facts())
 
     @classmethod
@@ -138,7 +139,7 @@ class LearnedController(_Learned):
 
 
 def load_trained(path: str | Path, *, trust_pickle: bool = False) -> LearnedPolicy | LearnedController:
-    """Read a trained network: numbers (.npz), or what stable-baselines3 saved (.zip) if that is trusted.
+    """Read a trained network: numbers (.safetensors), or what stable-baselines3 saved (.zip) if that is trusted.
 
     Parameters
     ----------
@@ -149,19 +150,19 @@ def load_trained(path: str | Path, *, trust_pickle: bool = False) -> LearnedPoli
     ValueError
         If the file is missing, no such network, or a pickle that is not trusted.
     """
-    path = Path(path)
+    path = Path(path) if Path(path).suffix == PICKLE else _checked(path)
     if not path.is_file():
         raise ValueError(f"cannot read the network {path}: no such file")
-    if path.suffix == PICKLE:
-        if not trust_pickle:
-            raise ValueError(
-                f"{path} is a stable-baselines3 file: opening it would run any code that is in it; if you trust who made "
-                "it, add --trust-pickle (in Python trust_pickle=True); networks in .npz files need no trust"
-            )
-        from agents.learned.pickled import read_pickled
+    if path.suffix == NUMBERS:
+        return made_from(path, *read_network(path))
+    if not trust_pickle:
+        raise ValueError(
+            f"{path} is a stable-baselines3 file: opening it would run any code that is in it; if you trust who made "
+            f"it, add --trust-pickle (in Python trust_pickle=True); networks in {NUMBERS} files need no trust"
+        )
+    from agents.learned.pickled import read_pickled
 
-        return made_from(path, *read_pickled(path))
-    return made_from(path, *read_network(_checked(path)))
+    return made_from(path, *read_pickled(path))
 
 
 def made_from(path: Path, network: Network, facts: dict[str, Any]) -> LearnedPolicy | LearnedController:
@@ -185,8 +186,18 @@ def made_from(path: Path, network: Network, facts: dict[str, Any]) -> LearnedPol
         raise ValueError(f"{path} does not say what its network is for: {said}") from None
 
 
+def names_file(name: str) -> bool:
+    """Return whether this is the path of a network, and no name of a policy."""
+    return name.endswith((NUMBERS, PICKLE, _EARLIER))
+
+
 def _checked(path: str | Path) -> Path:
     path = Path(path)
+    if path.suffix == _EARLIER:
+        raise ValueError(
+            f"{path} is a network of an earlier version, which this one does not read: networks are {NUMBERS} files now; "
+            "train it again with train.py or agents.train_routing"
+        )
     if path.suffix != NUMBERS:
         raise ValueError(f"{path} is no network: its name must end in {NUMBERS}")
     return path

@@ -167,10 +167,12 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
 def check_libraries() -> None:
     """Raise ModuleNotFoundError now, not after the training, if a library is missing; say how to install it."""
     try:
+        import safetensors.numpy  # noqa: F401
+
         import agents.learned  # noqa: F401
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"training needs {error.name}, which is not installed: pip install stable-baselines3 tensorboard torch",
+            f"training needs {error.name}, which is not installed: pip install safetensors stable-baselines3 tensorboard torch",
             name=error.name,
         ) from None
 

@@ -10,7 +10,7 @@ from agents.drivers import SAMPLE, ControllerDriver, policy_driver
 from agents.policy import Policy
 from agents.rules import StrategyPolicy
 from agents.tasks.task import Task
-from agents.trained import LearnedPolicy, load_trained
+from agents.trained import LearnedPolicy, load_trained, names_file
 from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
@@ -77,7 +77,7 @@ def _make(name: str, scenario: Scenario, task: Task | None, trust_pickle: bool) 
         return _policy_entry(StrategyPolicy(name), task)
     if name in POLICIES:
         return _policy_entry(make_policy(name), task)
-    if name.endswith((".npz", ".zip")):
+    if names_file(name):
         return _learned_entry(Path(name), scenario, task, trust_pickle)
     if name == RULE:
         raise ValueError(
@@ -85,7 +85,7 @@ def _make(name: str, scenario: Scenario, task: Task | None, trust_pickle: bool) 
         )
     of_task = [] if task is None else [RULE]
     known = ", ".join(dict.fromkeys([*of_task, *route_set[:4], RULES, *route_set[4:], *POLICIES]))
-    raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.npz)")
+    raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.safetensors)")
 
 
 def _policy_entry(policy: Policy, task: Task | None, source: Path | None = None) -> Entry:

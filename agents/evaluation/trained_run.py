@@ -27,7 +27,7 @@ from crowd_env.cli.console import run_title
 from crowd_env.files.json_file import write_json
 
 LEARNED = "learned"
-NETWORK = "best.npz"
+NETWORK = "best.safetensors"
 # The first is what the others are compared with.
 _OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still")))
 _OF_SCENARIO = ("shortest", "stand-still", "random")

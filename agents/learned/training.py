@@ -36,8 +36,8 @@ class PolicyCallback(TrainingCallback):
     """Accompanies the training of a policy that everyone shares.
 
     Every ``eval_every`` steps it evaluates the mean action on validation draws, writes the learning curve, the checkpoint and,
-    if it is the best so far, ``best.npz``.  Training stops when ``max_seconds`` have passed or at the first Ctrl-C or SIGTERM;
-    a second one stops at once.
+    if it is the best so far, ``best.safetensors``.  Training stops when ``max_seconds`` have passed or at the first Ctrl-C or
+    SIGTERM; a second one stops at once.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class PolicyCallback(TrainingCallback):
         self.logger.dump(self.num_timesteps)
         write_checkpoint(self.folder / "checkpoint.pt", self.model)
         if score(row) < best_before:
-            policy.save(self.folder / "best.npz")
+            policy.save(self.folder / "best.safetensors")
         write_curve(self.folder / "learning_curve.csv", self.curve)
         self._note(
             f"{row['steps']:.0f} of {self.model._total_timesteps} steps, {self.seconds:.0f} s: evacuation "

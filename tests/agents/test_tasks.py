@@ -112,12 +112,14 @@ def test_everyone_walks_along_the_ways_of_the_rule_and_decides_as_often_as_the_t
 def test_learned_networks_walk_and_route_under_the_steps_of_a_task(tmp_path):
     task = replace(TASKS["two-exit-hall"], dt=0.005, decision_dt=0.2)
     place, options = task.place(6), {"grid": (2, 1), "interval": 1.0}
-    random_policy(0).save(tmp_path / "walk.npz")
+    random_policy(0).save(tmp_path / "walk.safetensors")
     batch = RoutingBatch(place, **options)
     network = random_network(batch.layout.size, int(batch.choices.sum()))
-    LearnedController(network, batch.choices, {"scenario": task.scenario, **options}).save(tmp_path / "lead.npz")
+    LearnedController(network, batch.choices, {"scenario": task.scenario, **options}).save(
+        tmp_path / "lead.safetensors"
+    )
     for name, decision_dt in (("walk", 0.2), ("lead", 0.1)):  # a controller has an interval of its own
-        (entry,) = make_entries([str(tmp_path / f"{name}.npz")], place, task)
+        (entry,) = make_entries([str(tmp_path / f"{name}.safetensors")], place, task)
         env = entry.driver(place, "nsm2", 1)(1).env
         assert (entry.name, env.simulation.dt, env.decision_dt) == (name, 0.005, decision_dt)
 
