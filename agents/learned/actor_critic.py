@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from agents.learned.batch import Decided, SceneBatch
 from agents.learned.modules import ModulePolicy
-from agents.learned.networks import AttentionCritic, CentralCritic, LocalCritic, NeighborAttention, layers
+from agents.learned.networks import AttentionCritic, CentralCritic, NeighborAttention, layers
 from agents.learned.ppo import PPOSettings
 from agents.learned.watch import Watch
 from crowd_env import CrowdEnv
@@ -50,12 +50,6 @@ def attention(batch: SceneBatch, settings: PPOSettings) -> Networks:
     """Return a policy and a critic that attend to the neighbors."""
     layout, hidden = batch.env.layout, settings.hidden
     return Networks(NeighborAttention(layout, batch.choices, hidden, last_gain=0.01), AttentionCritic(layout, hidden))
-
-
-def independent(batch: SceneBatch, settings: PPOSettings) -> Networks:
-    """Return the networks of `agents.learned.ppo`, to compare the two programs with: IPPO."""
-    inputs, hidden = batch.env.layout.size, settings.hidden
-    return Networks(layers(inputs, hidden, hidden, batch.choices, last_gain=0.01), LocalCritic(inputs, hidden))
 
 
 def train_actor_critic(

@@ -1,6 +1,6 @@
 """CMA-ES over the constants of a rule that all people share: no gradients, no network, one number for an evacuation."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -29,10 +29,10 @@ SEARCHED = MappingProxyType(
     {
         "spacing": Searched(0.5, 0.1, 0.0, 1.5),
         "crowd": Searched(0.0, 0.15, -1.0, 2.0),
+        "far": Searched(0.0, 0.15, -1.0, 1.0),
         "time": Searched(0.3, 0.1, 0.05, 2.0),
         "match": Searched(1.0, 0.15, 0.0, 2.0),
         "damping": Searched(0.0, 0.15, -1.0, 2.0),
-        "closeness": Searched(0.0, 0.3, -3.0, 3.0),
         "side": Searched(0.0, 0.1, -0.5, 0.5),
         "back": Searched(0.3, 0.15, 0.0, 1.0),
     }
@@ -43,8 +43,8 @@ SEARCHED = MappingProxyType(
 class EvolutionSettings:
     """Budget of a generation."""
 
-    population: int = 14  # candidates of a generation, all of them judged on the same draws ...
-    draws: int = 24  # ... which are others in every generation
+    population: int = 12  # candidates of a generation, all of them judged on the same draws ...
+    draws: int = 12  # ... which are others in every generation
 
 
 def evolve(
@@ -99,8 +99,3 @@ def decisions(episode: Episode, interval: float) -> int:
     """Return how many decisions people took, summed over all, one every ``interval`` [s]."""
     inside = np.where(np.isfinite(episode.exit_time), episode.exit_time, episode.end)
     return int(np.ceil(inside / interval - 1e-9).sum())
-
-
-def constants(policy: Evolved) -> dict[str, float]:
-    """Return the constants, ready for JSON."""
-    return {name: float(f"{value:.4g}") for name, value in asdict(policy).items()}

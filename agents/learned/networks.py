@@ -1,6 +1,7 @@
 """Networks of shared policies and their critics, over scenes (..., N, D) of N people: torch modules, a few layers each."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -17,25 +18,13 @@ def layers(*sizes: int, last_gain: float = 1.0) -> nn.Sequential:
     last_gain : of the weights of the last layer: 0.01 lets a policy begin at its bias.
     """
     found: list[nn.Module] = []
-    for k, (inputs, outputs) in enumerate(zip(sizes[:-1], sizes[1:], strict=True)):
+    for k, (inputs, outputs) in enumerate(pairwise(sizes)):
         linear = nn.Linear(inputs, outputs)
         last = k == len(sizes) - 2
         nn.init.orthogonal_(linear.weight, last_gain if last else math.sqrt(2.0))
         nn.init.zeros_(linear.bias)
         found += [linear] if last else [linear, nn.Tanh()]
     return nn.Sequential(*found)
-
-
-class LocalCritic(nn.Module):
-    """What a person's own observation is worth."""
-
-    def __init__(self, inputs: int, hidden: int) -> None:
-        super().__init__()
-        self.value = layers(inputs, hidden, hidden, 1)
-
-    def forward(self, observation: Tensor, state: Tensor) -> Tensor:
-        """Return values (..., N) of observations (..., N, D); the state of everyone is not looked at."""
-        return self.value(observation).squeeze(-1)
 
 
 class CentralCritic(nn.Module):
