@@ -98,6 +98,8 @@ _BY_ORDER: dict[str, Any] = {
         "ent_coef": 0.0,
         "rule_logit": 0.0,
     },
+    # Everyone alone would rather push in front; who heads the queue pays for those who wait behind.
+    "reward": {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}, "team_share": 0.0},
     "steps": 6_000_000,
     "eval_every": 600_000,
 }
