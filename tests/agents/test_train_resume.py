@@ -50,7 +50,7 @@ def test_training_goes_on_from_the_checkpoint_with_other_draws(tmp_path, monkeyp
     second = curve(folder)
     assert repr(second[: len(first)]) == repr(first)  # nan before the first episode ends
     assert all(row["steps"] > marked["steps"] for row in second[len(first) :]) and second[-1]["steps"] >= 9000
-    assert all(second[-1][name] > first[-1][name] for name in ("seconds", "cpu_seconds"))
+    assert second[-1]["seconds"] > first[-1]["seconds"]
     now = checkpoint(folder)
     assert now["steps"] == second[-1]["steps"] and now["updates"] > marked["updates"]
     assert 40 < float(now["policy"]["value_net.bias"]) < 60
@@ -167,20 +167,8 @@ def test_the_folder_of_an_earlier_version_is_refused(root, new, old):
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_and_a_request_to_end_save_a_checkpoint_and_say_how_to_go_on(tmp_path, number):
-    command = [
-        sys.executable,
-        "train.py",
-        "--scenario",
-        "room-v0",
-        "--envs",
-        "2",
-        "--runs",
-        "2",
-        "--root",
-        str(tmp_path),
-        "--name",
-        "stopped",
-    ]
+    options = ["--scenario", "room-v0", "--envs", "2", "--runs", "2", "--root", str(tmp_path), "--name", "stopped"]
+    command = [sys.executable, "train.py", *options]
     job = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     folder = tmp_path / "stopped"
     deadline = time.monotonic() + 120
