@@ -52,7 +52,7 @@ def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         venv.seed((config["seed"] + model.num_timesteps) % HELD_OUT_SEED)  # other draws
         notes.print(f"going on at {model.num_timesteps} steps")
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
-    facts = ("task", "scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "seed")
+    facts = ("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "seed")
     callback = PolicyCallback(
         folder,
         env,
@@ -61,7 +61,10 @@ def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         max_seconds=60.0 * config["minutes"],
         eval_every=config["eval_every"],
         eval_runs=config["eval_runs"],
-        trained={name: config[name] for name in (*facts, "versions")},
+        trained={
+            "task": None if config["task"] is None else task_of(config).identity(),
+            **{name: config[name] for name in (*facts, "versions")},
+        },
         curve=curve,
     )
     left = config["steps"] - model.num_timesteps

@@ -21,17 +21,17 @@ Kind = TypeVar("Kind", bound="_Learned")
 class _Learned:
     """A trained network and its file."""
 
-    name = "learned"  # what tables call it
+    name: str = "learned"  # what tables call it
     what: ClassVar[str]
     network: Network
 
-    def _facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
         """Return what the network was made for, as its file holds it."""
         raise NotImplementedError
 
     def save(self, path: str | Path) -> None:
         """Write the network and what it was made for to one .safetensors file, whole or not at all."""
-        write_network(_checked(path), self.network, self._facts())
+        write_network(_checked(path), self.network, self.facts())
 
     @classmethod
     def load(cls: type[Kind], path: str | Path, *, trust_pickle: bool = False) -> Kind:
@@ -51,6 +51,10 @@ class LearnedPolicy(_Learned):
     env_options : frame, action and observation layout it was trained with.
     trained : what it was trained in (scenario, scheme, dt, ...), for the record.
 
+    Attributes
+    ----------
+    space : of one person's action.
+
     Raises
     ------
     ValueError
@@ -62,11 +66,11 @@ class LearnedPolicy(_Learned):
     def __init__(self, network: Network, env_options: dict[str, Any], trained: dict[str, Any] | None = None) -> None:
         self.network, self.env_options, self.trained = network, env_options, trained or {}
         known("frame", env_options["frame"], FRAMES)
-        self._space = make_action(env_options["action"]).space
-        if isinstance(self._space, gymnasium.spaces.Discrete):
-            outputs = int(self._space.n)
+        self.space = make_action(env_options["action"]).space
+        if isinstance(self.space, gymnasium.spaces.Discrete):
+            outputs = int(self.space.n)
         else:
-            outputs = math.prod(self._space.shape or ())
+            outputs = math.prod(self.space.shape or ())
         expected = (env_options["observation"].size, outputs)
         if (network.inputs, network.outputs) != expected:
             raise ValueError(
@@ -90,12 +94,12 @@ class LearnedPolicy(_Learned):
                 f"policy {self.name!r} was trained on other observations: {self.env_options['observation']}"
             )
         out = self.network(observation)
-        if isinstance(self._space, gymnasium.spaces.Discrete):
+        if isinstance(self.space, gymnasium.spaces.Discrete):
             return np.asarray(out.argmax(axis=1))
-        box = cast(gymnasium.spaces.Box, self._space)
+        box = cast(gymnasium.spaces.Box, self.space)
         return np.clip(out.reshape(-1, *box.shape), box.low, box.high)
 
-    def _facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
         options = self.env_options
         return {
             "kind": "policy",
@@ -113,6 +117,7 @@ class LearnedController(_Learned):
     network : from the observation of a `RoutingBatch` to the logits of all choices, one entry of an action after the other.
     choices : (R + D,) number of choices of each entry.
     options : scenario and options of `RoutingVectorEnv` that it was trained with.
+    trained : what it was trained for (task, seed, ...), for the record.
 
     Raises
     ------
@@ -122,8 +127,14 @@ class LearnedController(_Learned):
 
     what = "controller that sends people to exits"
 
-    def __init__(self, network: Network, choices: np.ndarray, options: dict[str, Any]) -> None:
-        self.network, self.options = network, options
+    def __init__(
+        self,
+        network: Network,
+        choices: np.ndarray,
+        options: dict[str, Any],
+        trained: dict[str, Any] | None = None,
+    ) -> None:
+        self.network, self.options, self.trained = network, options, trained or {}
         self.choices = np.asarray(choices, dtype=np.int64)
         if self.choices.ndim != 1 or (self.choices < 1).any() or network.outputs != self.choices.sum():
             raise ValueError(f"the network has {network.outputs} outputs for choices among {self.choices.tolist()}")
@@ -133,9 +144,9 @@ class LearnedController(_Learned):
         logits = np.split(self.network(observation), np.cumsum(self.choices)[:-1], axis=1)
         return np.column_stack([part.argmax(axis=1) for part in logits])
 
-    def _facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
         options = {key: value for key, value in self.options.items() if key != "threads"}
-        return {"kind": "controller", "choices": self.choices.tolist(), "options": options}
+        return {"kind": "controller", "choices": self.choices.tolist(), "options": options, "trained": self.trained}
 
 
 def load_trained(path: str | Path, *, trust_pickle: bool = False) -> LearnedPolicy | LearnedController:
@@ -174,13 +185,14 @@ def made_from(path: Path, network: Network, facts: dict[str, Any]) -> LearnedPol
         If the facts are incomplete or do not fit the network.
     """
     try:
+        trained = dict(facts.get("trained", {}))
         if facts["kind"] == "controller":
-            return LearnedController(network, facts["choices"], dict(facts["options"]))
+            return LearnedController(network, facts["choices"], dict(facts["options"]), trained)
         if facts["kind"] != "policy":
             raise ValueError(f"its kind is {facts['kind']!r}")
         layout = ObservationLayout(**facts["observation"])
         options = {"frame": facts["action"]["frame"], "action": facts["action"]["kind"], "observation": layout}
-        return LearnedPolicy(network, options, dict(facts.get("trained", {})))
+        return LearnedPolicy(network, options, trained)
     except Exception as error:  # JSON can hold anything
         said = f"{error} is missing" if isinstance(error, KeyError) else error
         raise ValueError(f"{path} does not say what its network is for: {said}") from None

@@ -12,11 +12,13 @@ from agents import POLICIES
 from agents.drivers import best_share, policy_driver
 from agents.evaluate import compare
 from agents.evaluation.comparison import last_times, minus_first, ratio
-from agents.evaluation.entries import RULE, make_entries
+from agents.evaluation.credible import RULE
+from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.protocol import task_row, task_table
 from agents.evaluation.report import comparison_table, crowding_table
+from agents.networks import network_digest
 from agents.policy import Policy
 from agents.rules import StrategyPolicy
 from agents.trained import LearnedPolicy
@@ -24,10 +26,10 @@ from agents.training_config import judged_place, task_of
 from agents.walking import RuleAtShare
 from crowd_env import Scenario
 from crowd_env.cli.console import run_title
-from crowd_env.files.json_file import write_json
+from crowd_env.files.json_file import json_number, write_json
 
 LEARNED = "learned"
-NETWORK = "best.safetensors"
+NETWORK, RESULTS = "best.safetensors", "results.json"
 # The first is what the others are compared with.
 _OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still")))
 _OF_SCENARIO = ("shortest", "stand-still", "random")
@@ -49,6 +51,9 @@ def title_of(config: Mapping[str, Any]) -> str:
 def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> list[Evaluation]:
     """Evaluate the baselines and the learned policy on the same held-out draws and write ``results.json``.
 
+    Beside the figures it holds all that a shipped policy's card says: the task, the network, what was spent, and the figures
+    of the network on the validation draws, by which it was chosen.
+
     A task is judged as it stands: with all its people, at its own physics step.  What has been evaluated is kept in the folder,
     so that an interrupted evaluation goes on.
     """
@@ -59,15 +64,30 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     kept = EvaluationFolder(folder / f"held-out-{runs}", settings_of(place, runs, 0, task if own else None))
     results = compare(entries, place, [scheme], runs=runs, threads=threads, folder=kept)
     rule, learned = results[0], results[-1]
-    rows = [task_row(task, place, result, rule) if own else result.row() for result in results]
+    rows = [task_row(task, place, result, results) if own else result.row() for result in results]
     content = {
         "config": config,
+        "task": task.identity() if own else None,
+        "network": network_digest(folder / NETWORK),
+        **_training(folder),
         "learned_minus_rule": minus_first(learned, rule),
         "learned_over_rule": ratio(learned, rule),
         "rows": rows,
     }
-    write_json(folder / "results.json", content)
+    write_json(folder / RESULTS, content)
     return results
+
+
+def _training(folder: Path) -> dict[str, Any]:
+    """Return what the training took in all, and the figures of the network that was kept."""
+    from agents.learned.training import read_curve, score
+
+    curve = read_curve(folder / "learning_curve.csv")
+    kept = min(curve, key=score)
+    return {
+        "spent": {name: curve[-1][name] for name in ("steps", "seconds", "cpu_seconds")},
+        "validation": {name: json_number(value) for name, value in kept.items()},
+    }
 
 
 def tables(config: Mapping[str, Any], results: list[Evaluation]) -> list[Table]:

@@ -87,7 +87,7 @@ class ControllerCallback(TrainingCallback):
     def _evaluate(self) -> None:
         model = cast(PPO, self.model)
         controller = LearnedController(network_of(model), cast(Any, model.action_space).nvec, self.options)
-        row = {"steps": float(self.num_timesteps), "seconds": self.seconds}
+        row = {"steps": float(self.num_timesteps), "seconds": self.seconds, "cpu_seconds": self.cpu_seconds}
         row |= self._evaluated(controller, self.eval_runs, VALIDATION_SEED)
         self.curve.append(row)
         self._kept = sorted([*self._kept, (row, controller)], key=lambda one: _score(one[0]))[:_FINALISTS]
@@ -106,7 +106,8 @@ class ControllerCallback(TrainingCallback):
         found = []
         for row, controller in self._kept:
             figures = self._evaluated(controller, self.final_runs, FINAL_SEED)
-            found.append(({"steps": row["steps"], "seconds": row["seconds"], **figures}, controller))
+            spent = {name: row[name] for name in ("steps", "seconds", "cpu_seconds")}
+            found.append(({**spent, **figures}, controller))
         self.finalists = [row for row, _ in found]
         min(found, key=lambda one: _score(one[0]))[1].save(self.folder / "best.safetensors")
 

@@ -23,6 +23,7 @@ from crowd_env.files.csv_table import write_csv
 CURVE_COLUMNS = (
     "steps",
     "seconds",
+    "cpu_seconds",
     "evacuation_time",
     "standard_error",
     "unfinished",
@@ -117,6 +118,7 @@ class PolicyCallback(TrainingCallback):
         values = (
             self.model.num_timesteps,
             self.seconds,
+            self.cpu_seconds,
             times.mean(),
             times.std(ddof=1) / np.sqrt(len(times)) if len(times) > 1 else np.nan,
             result.column("unfinished").sum(),

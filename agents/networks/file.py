@@ -4,6 +4,7 @@ The format (https://github.com/huggingface/safetensors) holds numbers and text a
 as one JSON text: weights and what they mean cannot get apart, and one atomic write suffices.
 """
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -71,6 +72,11 @@ def read_network(path: Path) -> tuple[Network, dict[str, Any]]:
     except Exception as error:  # a damaged file fails in many places: header, JSON, shapes
         said = f"it does not say its {error}" if isinstance(error, KeyError) else error
         raise ValueError(f"{path} is not a network saved by train.py or agents.train_routing: {said}") from None
+
+
+def network_digest(path: Path) -> str:
+    """Return the hash by which results and cards name the network that they are about."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _safetensors() -> Any:

@@ -245,7 +245,7 @@ def test_the_same_seed_trains_the_same_policy(tmp_path):
         (("--task", "floor"), "no preset floor competitive-door"),
         (("--task", "room", "--scenario", "room-v0"), "--scenario room-v0 --task room leave one out"),
         (("--scenario", "room-v0", "--people", 5), "--people 5 scenario says"),
-        (("--people", 5000), "competitive-door --people 5000"),
+        (("--people", 5000), "5000 people do not fit"),
         (("--threads", 0), "--threads 0"),
     ],
 )

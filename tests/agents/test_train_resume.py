@@ -167,7 +167,8 @@ def test_the_folder_of_an_earlier_version_is_refused(root, new, old):
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_and_a_request_to_end_save_a_checkpoint_and_say_how_to_go_on(tmp_path, number):
-    command = [sys.executable, "train.py", "--scenario", "room-v0", "--envs", "2", "--runs", "2", "--root", str(tmp_path), "--name", "stopped"]
+    options = ["--scenario", "room-v0", "--envs", "2", "--runs", "2", "--root", str(tmp_path), "--name", "stopped"]
+    command = [sys.executable, "train.py", *options]
     job = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     folder = tmp_path / "stopped"
     deadline = time.monotonic() + 120

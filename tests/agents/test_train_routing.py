@@ -53,7 +53,7 @@ def test_training_is_repeatable_and_keeps_its_best(tmp_path, options):
         made = train_controller(
             tmp_path / name, options, envs=2, steps=128, seconds=60.0, seed=5, eval_every=64, eval_runs=2, final_runs=3
         )
-        curves.append([{key: value for key, value in row.items() if key != "seconds"} for row in made["curve"]])
+        curves.append([{key: value for key, value in row.items() if "seconds" not in key} for row in made["curve"]])
         assert json.loads((tmp_path / name / "learning_curve.json").read_text()) == made["curve"]
         assert sorted(path.name for path in (tmp_path / name).iterdir()) == ["best.safetensors", "learning_curve.json"]
     assert curves[0] == curves[1] and [row["steps"] for row in curves[0]] == [0, 64, 128]
