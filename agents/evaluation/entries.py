@@ -78,6 +78,19 @@ def make_entries(
     ]
 
 
+class NotMixed(ValueError):
+    """A policy that cannot move some of the people while the others follow the rule.
+
+    Attributes
+    ----------
+    policy : as it was named.
+    """
+
+    def __init__(self, policy: str, why: str) -> None:
+        super().__init__(why)
+        self.policy = policy
+
+
 class _Crowd(NamedTuple):
     """What the policies of an evaluation share."""
 
@@ -126,7 +139,7 @@ def _policy_entry(policy: Policy, crowd: _Crowd, source: Path | None = None) -> 
 
 
 def _check_mixed(policy: Policy, rule: str) -> None:
-    """Raise ValueError if a policy cannot move some of the people while the others follow the rule."""
+    """Raise NotMixed if a policy cannot move some of the people while the others follow the rule."""
     options = policy.env_options
     if isinstance(policy, StrategyPolicy) and (options["strategy"], options["rules"]) != (rule, False):
         why = f"it chooses everyone's way, and the others of a mixed crowd follow the rule, which is {rule}"
@@ -134,9 +147,8 @@ def _check_mixed(policy: Policy, rule: str) -> None:
         why = "it gives everyone a manner; in a mixed crowd --manner is that of the people who follow the rule"
     else:
         return
-    raise ValueError(
-        f"policy {policy.name!r} cannot move a part of the people: {why}; leave out --learned-share, or it"
-    )
+    why = f"policy {policy.name!r} cannot move a part of the people: {why}; leave out --learned-share, or it"
+    raise NotMixed(policy.name, why)
 
 
 def _of_task(task: Task | None, scheme: str | ContactScheme) -> dict[str, Any]:
@@ -159,7 +171,7 @@ def _learned_entry(path: Path, crowd: _Crowd) -> Entry:
     if isinstance(found, LearnedPolicy):
         return _policy_entry(found, crowd, path)
     if crowd.learned_share is not None:
-        raise ValueError(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
+        raise NotMixed(str(path), f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
     of_the_run = ("scenario", "scheme", "dt", "threads", "manner", "outline")
     own = {key: value for key, value in found.options.items() if key not in of_the_run}
     own["sample_dt"] = SAMPLE
