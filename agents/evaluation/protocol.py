@@ -120,4 +120,5 @@ def _interval(found: dict[str, Any]) -> str:
     low, high = found["ci95"]
     if found["mean"] is None:
         return "-"
-    return f"{found['mean']:.1f}" + ("" if low is None else f" ({low:.1f}..{high:.1f})")
+    digits = 1 if max(found["mean"], high or 0.0) < 99.95 else 0
+    return f"{found['mean']:.{digits}f}" + ("" if low is None else f" ({low:.{digits}f}..{high:.{digits}f})")

@@ -71,7 +71,7 @@ _PEOPLE = (_SLOWER, _MIXED, _HURRIED)
 
 def _other(name: str, value: float, about: str) -> Variation:
     """Return a variation by an option [m] of the scenario."""
-    return Variation(f"{name.replace('_', '-')}-{value:g}", f"{about} {value:g} m", options={name: value})
+    return Variation(f"{name.removesuffix('_width')}-{value:g}", f"{about} {value:g} m", options={name: value})
 
 
 def _under(*schemes: str) -> tuple[Variation, ...]:
