@@ -8,8 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
-from agents.evaluation.credible import RULE
-from agents.evaluation.entries import Entry, make_entries
+from agents.evaluation.entries import RULE, Entry, make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate_driver
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.protocol import credible_lines, task_row, task_table

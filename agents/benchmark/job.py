@@ -167,7 +167,7 @@ def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
     task = make_task(plan.task)
     options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
     result = _evaluated(policy, task.place(), plan.runs, task.seeds.start, options)
-    row = task_row(task, task.place(), result, result)
+    row = task_row(task, task.place(), result, [result])
     del row["minus_first"]  # of nothing else than itself
     cleared = result.column("unfinished") == 0
     raw = (
