@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from agents import POLICIES, make_policy
-from agents.evaluation.credible import RULE
+from agents.evaluation.entries import RULE
 from agents.evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
 from agents.runs import versions
 from agents.tasks import Task, make_preset, make_task
