@@ -1,6 +1,7 @@
 """The examples for other libraries, in examples/clients, as modules that tests can call."""
 
 import importlib.util
+import sys
 from types import ModuleType
 
 import pytest
@@ -18,5 +19,6 @@ def client_example(client: str, *libraries: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # so that what it defines can be pickled
     spec.loader.exec_module(module)
     return module
