@@ -22,6 +22,14 @@ def test_every_example_is_tested_and_every_test_has_an_example():
 
 
 @pytest.mark.parametrize("client", CLIENTS)
+def test_the_documentation_shows_its_example(client):
+    (example,) = FOLDER.glob(f"{client}_*.py")
+    rows = (ROOT / "docs" / "clients.md").read_text(encoding="utf-8").splitlines()
+    link = f"[{example.name}](../examples/clients/{example.name})"
+    assert [row for row in rows if row.startswith("|") and link in row]
+
+
+@pytest.mark.parametrize("client", CLIENTS)
 def test_versions_are_those_that_were_tried(client):
     """Exact ones, from no place in particular, and of torch one with a small build for machines without a GPU."""
     for requirement in requirements(client):
