@@ -75,7 +75,7 @@ def test_the_first_travel_time_is_the_length_of_the_way_over_the_own_speed():
 @pytest.mark.parametrize("scheme", ["dem", "nsm2", "hertz"])
 @pytest.mark.parametrize("policy", [rule, drunk])
 def test_heads_of_queues_are_charged_for_the_time_until_the_last_is_out(policy, scheme):
-    """One of those inside at a time: together they pay for the clearing time, but for the rest of steps in which one gets out."""
+    """One at a time: together they pay for the clearing time, but for the rest of the steps in which a head gets out."""
     env, _, steps = episodes(policy, scheme=scheme, reward={"head": 1.0, "time": 0.0})
     charged = np.array([step.info["reward/head"] for _, step, _ in steps])
     np.testing.assert_allclose([step.reward for _, step, _ in steps], charged)
