@@ -94,7 +94,7 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
     judged, preset = make_task(task), make_preset(task)
     scheme = given.get("scheme", judged.scheme)
     config = default_config(judged.scenario, scheme, seed, preset.envs, preset.steps, MINUTES)
-    place = preset.place(given.get("people"))
+    place, start = preset.place(given.get("people")), given.get("start", preset.start)
     return {
         **config,
         "task": task,
@@ -108,8 +108,8 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
         "action": preset.action,
         "observation": ObservationLayout(terms=preset.terms).as_table(),
         "reward": dict(preset.reward),
-        "start": given.get("start", preset.start),
-        "ppo": asdict(PPOSettings(**preset.ppo)),
+        "start": start,
+        "ppo": asdict(PPOSettings(**preset.settings(start))),
         "eval_every": preset.eval_every,
         "eval_runs": preset.eval_runs,
         **{name: given[name] for name in ("envs", "steps", "minutes") if name in given},

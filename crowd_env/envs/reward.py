@@ -44,9 +44,9 @@ REWARDS: Mapping[str, int] = MappingProxyType(
         "time": TIME,
         # minus the contact impulse over the own mass [m/s]
         "contact": CONTACT,
-        # minus the time [s] as the head of a queue: inside, with nobody nearer the exit by the same route as a step begins.  Over
-        # all of a route it sums to minus the time until the last of them is out (but for the rest of a step in which its head
-        # gets out), and charges each for what the others wait for: to follow closely pays, to push in front does not
+        # minus the time [s] as the head of a queue: inside, with nobody nearer the exit by the same route when the step begins.
+        # Over all of a route it sums to minus the time until the last of them is out, but for the rest of a step in which a
+        # head leaves.  It charges each for what others wait for: to follow closely pays, to push in front does not
         "head": HEAD,
     }
 )
