@@ -106,8 +106,8 @@ _BY_ORDER: dict[str, Any] = {
     "action": {"name": "speeds", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]},
     # Everyone alone would rather push in front; who heads the queue pays for those who wait behind.
     "reward": {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}, "team_share": 0.0},
-    "steps": 6_000_000,
-    "eval_every": 600_000,
+    "steps": 3_000_000,
+    "eval_every": 300_000,
 }
 
 _ALL = (
