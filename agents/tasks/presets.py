@@ -90,7 +90,7 @@ _ALL = (
     Preset("hertz-room", people=60, dt=0.01),
     Preset("literal-room", people=20, dt=0.01, envs=48),
     # Full speed alone: with slower choices people learn to wait for one another in front of the other group.  Contact weighs
-    # little: at 0.3 waiting pays more than a side of one's own.  Small batches, since both groups have to agree on a side.
+    # little: at 0.3 waiting pays more than a side of one's own.  Both groups have to agree on a side, which takes many updates.
     Preset(
         "counter-flow",
         people=30,
@@ -99,7 +99,8 @@ _ALL = (
         terms=USUAL,
         reward={"weights": {"progress": 0.5, "time": 1.0, "contact": 0.1}, "team_share": 0.0},
         ppo={"gamma": 0.99, "rule_logit": 1.0, "batch_size": 4096},
-        steps=4_000_000,
+        envs=16,
+        steps=6_000_000,
         eval_every=800_000,
         eval_runs=100,
     ),
