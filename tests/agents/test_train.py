@@ -27,6 +27,7 @@ from agents.networks import read_network
 from agents.tasks import PRESETS, TASKS
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
 from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
+from crowd_env.envs.action import make_action
 
 # ------------------------------------------------------------------------------------------------------ the whole job
 
@@ -294,7 +295,7 @@ def test_presets_train_in_the_place_of_their_task(task):
     assert config["strategy"] == judged.rule and config["decision_dt"] == judged.decision_dt
     env = train.make_env(config, envs=1)
     assert env.num_people == config["people"] <= judged.people
-    assert env.action_kind.name == config["action"]
+    assert env.action_kind.name == make_action(config["action"]).name
 
 
 def test_a_root_that_cannot_hold_folders_is_named(tmp_path):
