@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,15 +10,15 @@ import typer
 from typer.core import TyperCommand
 
 from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
-from agents.evaluation.entries import RULE, Entry, make_entries
-from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate_driver
+from agents.evaluation.entries import RULE, Entry, made_drivers, make_entries
+from agents.evaluation.evaluation import HELD_OUT_SEED, Cell, Evaluation, evaluate_cells
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.protocol import task_row, task_table
 from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
 from agents.runs import versions
 from agents.tasks import TASKS, Task, make_task
 from agents.training_config import RUNS
-from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
+from crowd_env import SCHEMES, Scenario, make_scenario, make_scheme
 from crowd_env.checks import Range, whole
 from crowd_env.cli.console import (
     MannerName,
@@ -29,9 +30,8 @@ from crowd_env.cli.console import (
     with_manner,
     with_people,
 )
+from crowd_env.executors import Executor, Serial, make_executor
 from crowd_env.files.json_file import write_json
-from crowd_env.headway import Headway
-from crowd_env.outline import Outline
 from crowd_env.physics import check_outline
 from crowd_env.rendering.libraries import require_libraries
 
@@ -73,54 +73,36 @@ def compare(
     seed: int = 0,
     threads: int = 1,
     folder: EvaluationFolder | None = None,
+    executor: Executor | None = None,
 ) -> list[Evaluation]:
     """Evaluate every entry under every scheme: run ``k`` of all of them starts from the same people in the same places.
 
-    What ``folder`` has kept is taken from there.
+    What ``folder`` has kept is taken from there.  The rest is shared out by ``executor``, by default one batch after the other
+    here; results do not depend on it.
     """
-    results: list[Evaluation] = []
-    total = len(schemes) * len(entries)
-    for scheme in schemes:
-        warm: set[bool] = set()  # whether people keep a distance: then more is compiled
-        for entry in entries:
-            result = folder.load(entry, scheme) if folder is not None else None
-            if result is None:
-                headway = scenario.manner_of_run(entry.manner)
-                if (headway is None) not in warm:
-                    _warm_up(scheme, headway, scenario.outline_of_run())
-                    warm.add(headway is None)
-                result = _evaluate(entry, scenario, scheme, runs, seed, threads, f"{len(results) + 1}/{total}")
-                if folder is not None:
-                    folder.save(entry, scheme, result)
-            results.append(result)
-    return results
+    executor = executor or Serial()
+    pairs = [(entry, scheme) for scheme in schemes for entry in entries]
+    results = [None if folder is None else folder.load(*pair) for pair in pairs]
+    todo = [k for k, result in enumerate(results) if result is None]
 
+    def finished(number: int, result: Evaluation) -> None:
+        k = todo[number]
+        results[k] = result
+        if folder is not None:
+            folder.save(*pairs[k], result)
+        if not notes.is_terminal:  # no bar there: say in lines how far it is
+            title = f"{k + 1}/{len(pairs)} {result.policy}, {result.scheme}"
+            notes.print(f"{title}: mean exit time {mean_times(result).mean():.2f} s", markup=False)
 
-def _evaluate(
-    entry: Entry, scenario: Scenario, scheme: str, runs: int, seed: int, threads: int, number: str
-) -> Evaluation:
-    title = f"{number} {entry.name}, {scheme}"
-    with progress_bar(title, runs) as progress:
-        result = evaluate_driver(
-            entry.driver(scenario, scheme, threads),
-            scenario,
-            entry.name,
-            scheme,
-            runs=runs,
-            first_seed=HELD_OUT_SEED + seed,
-            measure=True,
-            progress=progress,
-        )
-    if not notes.is_terminal:  # no bar there: say the same in lines
-        notes.print(f"{title}: mean exit time {mean_times(result).mean():.2f} s", markup=False)
-    return result
-
-
-def _warm_up(scheme: str, headway: Headway | None, outline: Outline | None) -> None:
-    """Load the kernels, so that compiling them is not counted as computing."""
-    env = CrowdEnv("room-v0", scheme=scheme, strategy="fastest", manner=headway, outline=outline)
-    env.reset(seed=0)
-    env.step(None)
+    with progress_bar("evaluating", runs * len(todo)) as progress:
+        drivers = made_drivers([pairs[k] for k in todo], scenario, threads, executor)
+        cells = [
+            Cell(driver, scenario, entry.name, scheme, entry.manner)
+            for (entry, scheme), driver in zip([pairs[k] for k in todo], drivers, strict=True)
+        ]
+        options: dict[str, Any] = {"runs": runs, "first_seed": HELD_OUT_SEED + seed, "measure": True}
+        evaluate_cells(cells, executor=executor, finished=finished, progress=progress, **options)
+    return [result for result in results if result is not None]
 
 
 def summary(
@@ -205,6 +187,13 @@ def main(
             help="Open networks of stable-baselines3 (.zip) too: opening one runs whatever code its maker put in.",
         ),
     ] = False,
+    ray: Annotated[
+        bool,
+        typer.Option(
+            "--ray",
+            help="Spread the draws over a Ray cluster, see docs/ray.md; results do not depend on it.",
+        ),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
 ) -> None:
     """Compare ways to lead people out, on a task or under any contact schemes, on the same draws.
@@ -236,7 +225,9 @@ def main(
         if out is not None:
             require_libraries(".png")  # says now, not after the work, that the drawing library is missing
             folder = EvaluationFolder(out, settings)
-        results = compare(entries, place, schemes, runs=runs, seed=seed, threads=threads, folder=folder)
+        with closing(make_executor("ray", cores=threads) if ray else Serial()) as executor:
+            options: dict[str, Any] = {"seed": seed, "threads": threads, "folder": folder, "executor": executor}
+            results = compare(entries, place, schemes, runs=runs, **options)
         figures = summary(results, place, settings, chosen)
         if folder is not None:
             _write(folder, results, figures, place, HELD_OUT_SEED + seed)
