@@ -1,17 +1,16 @@
 """Train a policy to lead a crowd out, and compare it with the rules: the main job, also ``make train``."""
 
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from agents import make_policy
-from agents.drivers import policy_driver
-from agents.evaluation.comparison import last_times, minus_first, ratio
-from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate
-from agents.evaluation.report import comparison_table, table_console
+from agents.evaluation.evaluation import HELD_OUT_SEED
+from agents.evaluation.report import table_console
+from agents.evaluation.trained_run import draw, judge, physics_of, tables
 from agents.runs import check_name, new_folder
-from agents.trained import LearnedPolicy
+from agents.tasks import PRESETS
 from agents.training_config import (
     RUNS,
     check_budget,
@@ -19,28 +18,23 @@ from agents.training_config import (
     check_libraries,
     default_config,
     extended,
+    judged_place,
     make_env,
     read_config,
+    task_config,
+    task_of,
 )
-from crowd_env import make_scenario
 from crowd_env.checks import whole
-from crowd_env.cli.console import (
-    MannerName,
-    OutlineOption,
-    friendly_errors,
-    notes,
-    progress_bar,
-    run_title,
-    with_manner,
-)
+from crowd_env.cli.console import MannerName, OutlineOption, friendly_errors, notes
 from crowd_env.files.json_file import write_json
 from crowd_env.rendering.libraries import require_libraries
 
-BASELINES = ("shortest", "stand-still", "random")
+_TASK = "competitive-door"
+_RUNS = 50  # held-out draws where there is no task
 
 
-def train(folder: Path, config: dict[str, Any]) -> bool:
-    """Train, or go on training, in ``folder``; False if it was interrupted."""
+def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
+    """Train, or go on training, in ``folder`` on so many threads; False if it was interrupted."""
     from stable_baselines3.common.logger import configure
 
     from agents.learned import PPOSettings, make_ppo
@@ -48,7 +42,7 @@ def train(folder: Path, config: dict[str, Any]) -> bool:
     from agents.learned.training import PolicyCallback, read_curve
 
     notes.print("compiling the physics (half a minute the first time, cached afterwards) ...")
-    env = make_env(config)
+    env = make_env(config, threads=threads)
     model = make_ppo(env, PPOSettings(**config["ppo"]), config["seed"], folder / "tensorboard")
     curve = read_curve(folder / "learning_curve.csv")
     if curve:
@@ -58,18 +52,18 @@ def train(folder: Path, config: dict[str, Any]) -> bool:
         venv.seed((config["seed"] + model.num_timesteps) % HELD_OUT_SEED)  # other draws
         notes.print(f"going on at {model.num_timesteps} steps")
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
+    facts = ("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "seed")
     callback = PolicyCallback(
         folder,
         env,
-        make_scenario(config["scenario"]),
+        judged_place(config),
+        {**physics_of(config), "threads": threads},
         max_seconds=60.0 * config["minutes"],
         eval_every=config["eval_every"],
         eval_runs=config["eval_runs"],
         trained={
-            "scenario": config["scenario"],
-            **_physics(config),
-            "seed": config["seed"],
-            "versions": config["versions"],
+            "task": None if config["task"] is None else task_of(config).identity(),
+            **{name: config[name] for name in (*facts, "versions")},
         },
         curve=curve,
     )
@@ -82,81 +76,47 @@ def train(folder: Path, config: dict[str, Any]) -> bool:
     return not callback.interrupted
 
 
-def compare(folder: Path, config: dict[str, Any], runs: int) -> list[Evaluation]:
-    """Evaluate the rules and the learned policy on the same held-out draws and write ``results.json``."""
-    policies = [make_policy(name) for name in BASELINES] + [LearnedPolicy.load(folder / "best.npz")]
-    results = []
-    with progress_bar("evaluating", runs * len(policies)) as progress:
-        for policy in policies:
-            judged = {"runs": runs, "progress": progress, **_physics(config)}
-            results.append(evaluate(policy, config["scenario"], **judged))
-    rule, learned = results[BASELINES.index("shortest")], results[-1]
-    content = {
-        "config": config,
-        "learned_minus_shortest": minus_first(learned, rule),
-        "learned_over_shortest": ratio(learned, rule),
-        "rows": [result.row() for result in results],
-    }
-    write_json(folder / "results.json", content)
-    return results
-
-
-def _physics(config: dict[str, Any]) -> dict[str, Any]:
-    return {name: config[name] for name in ("scheme", "manner", "outline", "dt", "decision_dt")}
-
-
-def _title(config: dict[str, Any]) -> str:
-    place = with_manner(make_scenario(config["scenario"]), config["manner"], config["outline"])
-    return run_title(place, config["scheme"])
-
-
-def draw(folder: Path, config: dict[str, Any], results: list[Evaluation]) -> None:
-    """Write learning curve, egress curves and the film of the learned policy beside the rule."""
-    from agents.learned.callback import VALIDATION_SEED
-    from agents.learned.training import read_curve, score
-    from crowd_env.rendering import egress_curves, learning_curve, write_film
-    from crowd_env.rendering.live import record
-
-    curve, physics = read_curve(folder / "learning_curve.csv"), _physics(config)
-    # The curve was measured on validation draws, so the rule it is compared with is too.
-    rule = make_policy("shortest")
-    beside = evaluate(rule, config["scenario"], **physics, runs=config["eval_runs"], first_seed=VALIDATION_SEED)
-    learning_curve(
-        folder / "learning_curve.png",
-        [row["steps"] for row in curve],
-        {"learned": [row["evacuation_time"] for row in curve]},
-        errors={"learned": [row["standard_error"] for row in curve]},
-        reference={
-            "shortest path": float(last_times(beside).mean()),
-            f"kept, best of {len(curve)}": min(curve, key=score)["evacuation_time"],
-        },
-        title=f"{config['eval_runs']} validation draws at each point, ± standard error",
-        xlabel="training steps, all pedestrian slots together",
-    )
-    shown = {result.policy: result.exit_times for result in results if result.policy in ("shortest", "learned")}
-    egress_curves(folder / "egress_curves.png", shown, title=_title(config))
-    place = make_scenario(config["scenario"])
-    films = [
-        record(place, seed=HELD_OUT_SEED, title=title, driver=policy_driver(policy, place, **physics))
-        for policy, title in ((LearnedPolicy.load(folder / "best.npz"), "learned"), (rule, "rule: shortest path"))
-    ]
-    write_film(folder / "evacuation.gif", films)
-
-
 def main(
     context: typer.Context,
-    scenario: Annotated[str, typer.Option(help="Scenario to train in: a name, or a file.")] = "room-v0",
-    scheme: Annotated[str, typer.Option(help="Contact scheme.")] = "nsm2",
-    dt: Annotated[float | None, typer.Option(help="Physics step in seconds.", show_default="the scheme's own")] = None,
+    task: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            show_default=_TASK,
+            help=f"What to train for, with its preset: {', '.join(PRESETS)}.  It is judged as it stands.",
+        ),
+    ] = None,
+    scenario: Annotated[
+        str | None, typer.Option(help="Instead of a task: the scenario to train and judge in, a name or a file.")
+    ] = None,
+    people: Annotated[
+        int | None, typer.Option(help="How many people to train a task with.", show_default="preset's")
+    ] = None,
+    scheme: Annotated[str | None, typer.Option(help="Contact scheme.", show_default="the task's, or nsm2")] = None,
+    dt: Annotated[
+        float | None,
+        typer.Option(help="Physics step of training in seconds.", show_default="the preset's, or the scheme's own"),
+    ] = None,
     manner: MannerName = None,
     outline: OutlineOption = None,
-    minutes: Annotated[float, typer.Option(help="Training stops after this many minutes, if not by then done.")] = 7.5,
-    steps: Annotated[int, typer.Option(help="Training steps, summed over all pedestrian slots.")] = 16_000_000,
-    envs: Annotated[int, typer.Option(help="Rooms simulated side by side.")] = 64,
+    minutes: Annotated[
+        float | None,
+        typer.Option(help="Training stops after this many minutes, if not by then done.", show_default="15"),
+    ] = None,
+    steps: Annotated[
+        int | None, typer.Option(help="Training steps, summed over all pedestrian slots.", show_default="preset's")
+    ] = None,
+    envs: Annotated[int | None, typer.Option(help="Rooms simulated side by side.", show_default="preset's")] = None,
     seed: Annotated[int, typer.Option(help="Fixes draws and network; below 1000000.")] = 0,
-    runs: Annotated[int, typer.Option(help="Held-out evacuations per policy in the final table.")] = 50,
+    runs: Annotated[
+        int | None,
+        typer.Option(help="Held-out evacuations per policy in the table.", show_default=f"the task's, or {_RUNS}"),
+    ] = None,
+    threads: Annotated[
+        int, typer.Option(help="Of the simulation; results do not depend on it.", show_default="2, or all cores")
+    ] = min(2, os.cpu_count() or 1),
     name: Annotated[
-        str, typer.Option(help="Folder below runs/; made from scenario, scheme and seed if not given.")
+        str, typer.Option(help="Folder below runs/; made from task or scenario, scheme and seed if not given.")
     ] = "",
     root: Annotated[Path, typer.Option(help="Where the folders of runs are.")] = Path("runs"),
     resume: Annotated[
@@ -165,7 +125,13 @@ def main(
 ) -> None:
     """Train a shared policy by PPO and compare it with the rules on the same held-out draws.
 
-    Example: python train.py --scheme dem --minutes 3
+    Examples:
+
+    python train.py
+
+    python train.py --task narrow-door --seed 1
+
+    python train.py --scenario my_hall.toml --scheme dem --minutes 3
     """
     folder: Path | None = None
 
@@ -174,26 +140,53 @@ def main(
         return "" if folder is None else f"go on with: python train.py --resume {folder.name}{elsewhere}"
 
     with friendly_errors(kept):
-        check_budget(minutes=minutes, steps=steps, envs=envs)
-        whole("--runs", runs, RUNS)
+        budget = {"minutes": minutes, "steps": steps, "envs": envs}
+        check_budget(**{option: value for option, value in budget.items() if value is not None})
+        whole("--threads", threads)
+        if runs is not None:
+            whole("--runs", runs, RUNS)
         check_libraries()
         require_libraries(".png")
         given = _given(context)
         if "resume" in given:
             folder, config = _resumed(root, resume, given)
         else:
-            config = default_config(scenario, scheme, seed, envs, steps, minutes, dt, manner, outline)
+            config = _begun(given, seed)
             check_config(config)
-            who = "".join(f"-{given_name}" for given_name in (manner, outline) if given_name is not None)
-            folder = new_folder(root, name or f"{Path(scenario).stem}-{scheme}{who}-seed{seed}")
+            who = "".join(f"-{one}" for one in (manner, outline) if one is not None)
+            what = config["task"] or Path(config["scenario"]).stem
+            folder = new_folder(root, name or f"{what}-{config['scheme']}{who}-seed{seed}")
         write_json(folder / "config.json", config)
         notes.print(f"writing to {folder}/")
-        if not train(folder, config):
+        if not train(folder, config, threads):
             raise KeyboardInterrupt
-        results = compare(folder, config, runs)
-        table_console().print(comparison_table(results, f"{_title(config)}, {runs} held-out draws"))
+        runs = runs or (_RUNS if config["task"] is None else task_of(config).runs)
+        results = judge(folder, config, runs, threads)
+        table_console().print(*tables(config, results))
         draw(folder, config, results)
     notes.print(f"model, config, results.json, figures and film: {folder}/")
+
+
+def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
+    """Return the parameters of a new run from the options of the command line.
+
+    Raises
+    ------
+    ValueError
+        If task and scenario are both given, or something in them is unknown or out of range.
+    """
+    of_run = ("people", "scheme", "dt", "manner", "outline", "minutes", "steps", "envs")
+    options: dict[str, Any] = {option: given[option] for option in of_run if option in given}
+    if "scenario" not in given:
+        return task_config(given.get("task", _TASK), seed, **options)
+    if "task" in given:
+        raise ValueError(
+            f"--scenario is {given['scenario']}, but --task {given['task']} says where people walk; leave one out"
+        )
+    if "people" in given:
+        raise ValueError(f"--people is {given['people']}: a scenario says how many there are; leave it out")
+    start: dict[str, Any] = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5}
+    return default_config(given["scenario"], seed=seed, **(start | options))
 
 
 def _given(context: typer.Context) -> dict[str, Any]:
@@ -215,9 +208,9 @@ def _resumed(root: Path, resume: str, given: dict[str, Any]) -> tuple[Path, dict
     folder = root / resume
     config = read_config(folder / "config.json")
     curve = read_curve(folder / "learning_curve.csv")
-    if not curve and (folder / "checkpoint.zip").exists():
-        raise ValueError(f"{folder} was written by an earlier version, whose checkpoints cannot be gone on with")
-    of_run = {option: value for option, value in given.items() if option not in ("runs", "root", "resume")}
+    if (folder / "checkpoint.zip").exists() or (folder / "best.npz").exists():
+        raise ValueError(f"{folder} was written by an earlier version, which this one cannot go on with")
+    of_run = {option: value for option, value in given.items() if option not in ("runs", "root", "resume", "threads")}
     return folder, extended(config, of_run, curve, resume)
 
 

@@ -1,10 +1,12 @@
 """Who decides: policies over arrays, rule-based and learned, behind one protocol."""
 
 from agents.policy import Policy
+from agents.pretrained import PRETRAINED, load
 from agents.rules import RandomWalk, ShortestPath, StandStill
+from agents.trained import LearnedPolicy, names_file
 from agents.walking import DensityCap, Follow, HeadwayRule, RuleAtShare, Zipper
 
-# Name -> policy.  A path to a trained network (.npz) is a policy too: see `make_policy`.
+# Name -> policy.  The names in `PRETRAINED` and paths to trained networks (.safetensors) are policies too: see `make_policy`.
 POLICIES: dict[str, type[Policy]] = {
     "random": RandomWalk,
     "stand-still": StandStill,
@@ -18,30 +20,34 @@ POLICIES: dict[str, type[Policy]] = {
 
 
 def make_policy(policy: str | Policy, *, trust_pickle: bool = False) -> Policy:
-    """Return a policy by name or from a trained network (a path that ends in .npz), or the policy itself.
+    """Return a policy by name or from a trained network, or the policy itself.
 
     Parameters
     ----------
+    policy : a name in `POLICIES`, that of a shipped policy in `PRETRAINED`, or a path that ends in .safetensors.
     trust_pickle : open a file of stable-baselines3 (.zip) too.  Opening one runs whatever code its maker put in.
 
     Raises
     ------
     ValueError
-        If the name is unknown, or the network cannot be read.
+        If the name is unknown, or the network cannot be read or sends people to exits.
     """
     if not isinstance(policy, str):
         return policy
-    if policy.endswith((".npz", ".zip")):
-        from agents.trained import LearnedPolicy
-
-        return LearnedPolicy.load(policy, trust_pickle=trust_pickle)
+    if names_file(policy) or policy in PRETRAINED:
+        found = load(policy, trust_pickle=trust_pickle)
+        if not isinstance(found, LearnedPolicy):
+            raise ValueError(f"{policy} is a {found.what}, no {LearnedPolicy.what}")
+        return found
     if policy not in POLICIES:
-        raise ValueError(f"unknown policy {policy!r}; known: {', '.join(POLICIES)}, or the path of a network (.npz)")
+        names = ", ".join([*POLICIES, *PRETRAINED])
+        raise ValueError(f"unknown policy {policy!r}; known: {names}, or the path of a network (.safetensors)")
     return POLICIES[policy]()
 
 
 __all__ = [
     "POLICIES",
+    "PRETRAINED",
     "DensityCap",
     "Follow",
     "HeadwayRule",
@@ -51,5 +57,6 @@ __all__ = [
     "ShortestPath",
     "StandStill",
     "Zipper",
+    "load",
     "make_policy",
 ]

@@ -1,5 +1,6 @@
 """What drives a rollout beside the rules of the environment: a policy, or a controller that sends people to exits."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, is_dataclass
 from typing import Any, cast
 
@@ -11,29 +12,54 @@ from agents.walking import RuleAtShare
 from crowd_env import CrowdEnv, Scenario, Step
 from crowd_env.envs.rollout import Driver, run_episodes
 from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.state import Bools
 
 SAMPLE = 0.1  # s  between two measurements of a crowd
 
 SHARES = tuple(k / 10 for k in range(10, 1, -1))  # of the desired speed
 SEARCH_RUNS, SEARCH_SEED = 10, 10_000  # draws of `best_share`, below those that are held out
 
+_MIXED = 7  # beside its seed: what draws who has learned in a run
+
+
+def learned_people(seeds: Sequence[int], people: int, share: float) -> Bools:
+    """Return who has learned (R, N) in runs of these seeds: ``share`` of the people of each, at least one of them.
+
+    A run's seed alone draws them: they are the same people under every policy and scheme, and those of a small share are among
+    those of a larger one.
+    """
+    found = np.zeros((len(seeds), people), dtype=np.bool_)
+    for row, seed in zip(found, seeds, strict=True):
+        row[np.random.default_rng((seed, _MIXED)).permutation(people)[: max(1, round(share * people))]] = True
+    return found
+
 
 class PolicyDriver(Driver):
-    """A batch of evacuations whose people a `Policy` moves."""
+    """A batch of evacuations whose people a `Policy` moves.
 
-    def __init__(self, policy: Policy, env: CrowdEnv) -> None:
+    Parameters
+    ----------
+    learned_share : of the people whom the policy moves, see `learned_people`; the others follow the rule of the environment.
+    """
+
+    def __init__(self, policy: Policy, env: CrowdEnv, learned_share: float = 1.0) -> None:
         super().__init__(env)
-        self.policy = policy
+        self.policy, self.learned_share = policy, learned_share
+        self._ruled: Bools | None = None
 
     def reset(self, seeds: list[int]) -> None:
         """Start new evacuations, each from its seed."""
         self._observation, _ = self.env.reset(seeds)
         self.policy.reset(np.ones(len(seeds), dtype=np.bool_))
         self._rng = np.random.default_rng(seeds[0])
+        if self.learned_share < 1.0:
+            counts = np.diff(self.env.env_start).tolist()
+            learned = [learned_people([s], n, self.learned_share)[0] for s, n in zip(seeds, counts, strict=True)]
+            self._ruled = ~np.concatenate(learned)
 
     def step(self) -> Step:
-        """Let the policy act on everyone."""
-        step = self.env.step(self.policy.act(self._observation, self.env.layout, self._rng))
+        """Let the policy act on those whom it moves."""
+        step = self.env.step(self.policy.act(self._observation, self.env.layout, self._rng), self._ruled)
         self._observation = step.observation
         return step
 
@@ -45,11 +71,14 @@ class PolicyBatches:
     Parameters
     ----------
     options : of `CrowdEnv`; the policy's own override them.
+    learned_share : of the people whom the policy moves; the others follow the rule, and the manner of the run is theirs alone.
+        None: all, and a manner is everyone's.
     """
 
     policy: Policy
     scenario: Scenario
     options: dict[str, Any]
+    learned_share: float | None = None
 
     @property
     def constants(self) -> dict[str, Any]:
@@ -58,18 +87,21 @@ class PolicyBatches:
 
     def __call__(self, num_envs: int) -> Driver:
         """Return a batch of so many evacuations."""
-        options = {**self.options, **self.policy.env_options}
-        return PolicyDriver(self.policy, CrowdEnv(self.scenario, num_envs=num_envs, **options))
+        mixed = {} if self.learned_share is None else {"manner_for": "ruled"}
+        env = CrowdEnv(self.scenario, num_envs=num_envs, **{**self.options, **mixed, **self.policy.env_options})
+        return PolicyDriver(self.policy, env, 1.0 if self.learned_share is None else self.learned_share)
 
 
-def policy_driver(policy: Policy, scenario: Scenario, **options: Any) -> PolicyBatches:
+def policy_driver(
+    policy: Policy, scenario: Scenario, *, learned_share: float | None = None, **options: Any
+) -> PolicyBatches:
     """Return a maker of batches of a scenario under a policy, whose own options of `CrowdEnv` override ``options``.
 
     A `RuleAtShare` without a share gets the best one for this scenario and these options: see `best_share`.
     """
     if isinstance(policy, RuleAtShare) and policy.share is None:
-        policy = RuleAtShare(best_share(scenario, **options))
-    return PolicyBatches(policy, scenario, options)
+        policy = RuleAtShare(best_share(scenario, learned_share=learned_share, **options))
+    return PolicyBatches(policy, scenario, options, learned_share)
 
 
 def best_share(scenario: Scenario, **options: Any) -> float:

@@ -10,16 +10,17 @@ import typer
 from typer.core import TyperCommand
 
 from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
-from agents.evaluation.entries import RULE, Entry, made_drivers, make_entries
+from agents.evaluation.credible import RULE
+from agents.evaluation.entries import Entry, made_drivers, make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED, Cell, Evaluation, evaluate_cells
 from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.evaluation.protocol import task_row, task_table
+from agents.evaluation.protocol import credible_lines, task_row, task_table
 from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
 from agents.runs import versions
 from agents.tasks import TASKS, Task, make_task
 from agents.training_config import RUNS
 from crowd_env import SCHEMES, Scenario, make_scenario, make_scheme
-from crowd_env.checks import Range, whole
+from crowd_env.checks import Range, number, whole
 from crowd_env.cli.console import (
     MannerName,
     OutlineOption,
@@ -111,10 +112,10 @@ def summary(
     """Return everything about an evaluation but single runs, ready for JSON; rows of a task are those of its protocol."""
     rows = []
     for result in results:
-        first = next(one for one in results if one.scheme == result.scheme)
         if task is not None:
-            rows.append(task_row(task, scenario, result, first))
+            rows.append(task_row(task, scenario, result, results))
             continue
+        first = next(one for one in results if one.scheme == result.scheme)
         all_counted = {"last": float(last_times(result).mean()), "mean": float(mean_times(result).mean())}
         rows.append(result.row() | {"unfinished_at_limit": all_counted, "minus_first": minus_first(result, first)})
     return {
@@ -152,8 +153,8 @@ def main(
             show_default="shortest fastest; of a task rule",
             help="rule: the strategy of a task; shortest, nearest, fastest, comfortable; the name of a route or exit; rules: "
             "the shortest path with the scenario's control rules in force, which are off for all others; random, stand-still; "
-            "rules of walking: rule-best-speed, density-cap, headway (the manner hurried), follow, zipper; or a learned "
-            "network (.npz).  The others are compared with the first.",
+            "rules of walking: rule-best-speed, density-cap, headway (the manner hurried), follow, zipper; a shipped "
+            "policy (TASK/NAME), or a learned network (.safetensors).  The others are compared with the first.",
         ),
     ] = None,
     schemes: Annotated[
@@ -170,6 +171,14 @@ def main(
         typer.Option(help="Another number of people of the same kinds; on a task they have as much time each."),
     ] = None,
     manner: MannerName = None,
+    learned_share: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SHARE",
+            help="Mixed crowds: only this share of the people, drawn anew in every run but the same for every policy, follows "
+            "the policy; the others follow the rule, and --manner is theirs alone.",
+        ),
+    ] = None,
     outline: OutlineOption = None,
     runs: Annotated[
         int | None,
@@ -202,9 +211,11 @@ def main(
 
     python -m agents.evaluate --task competitive-door --policies rule density-cap follow --runs 40
 
+    python -m agents.evaluate --task competitive-door --policies rule follow competitive-door/ppo --people 200
+
     python -m agents.evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
 
-    python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.npz --out comparison
+    python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.safetensors --out comparison
     """
     with friendly_errors("" if out is None else "the same command goes on"):
         chosen = None if task is None else make_task(task)
@@ -215,12 +226,14 @@ def main(
         runs = whole("--runs", count if runs is None else runs, RUNS)
         whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
         whole("--threads", threads)
+        if learned_share is not None:
+            learned_share = number("--learned-share", learned_share, Range(0.0, 1.0, above=True))
         for scheme in schemes:
             check_outline(place.outline_of_run(), make_scheme(scheme))
-        entries = make_entries(policies, place, chosen, trust_pickle=trust_pickle)
+        entries = make_entries(policies, place, chosen, trust_pickle=trust_pickle, learned_share=learned_share)
         if "rules" in policies and not place.rules:
             notes.print(f"note: {place.name} has no control rules; rules is shortest there", markup=False)
-        settings = settings_of(place, runs, seed, chosen)
+        settings = settings_of(place, runs, seed, chosen, learned_share)
         folder = None
         if out is not None:
             require_libraries(".png")  # says now, not after the work, that the drawing library is missing
@@ -234,7 +247,10 @@ def main(
     if as_json:
         typer.echo(json.dumps(figures, allow_nan=False))
     else:
-        _show(results, run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each"), chosen)
+        title = run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each")
+        if learned_share is not None:
+            title += f", {100 * learned_share:g} % learned"
+        _show(results, title, place, chosen)
 
 
 def _place(task: Task | None, scenario: str | None, people: int | None) -> Scenario:
@@ -256,7 +272,7 @@ def _write(
     notes.print(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.path}/", markup=False, soft_wrap=True)
 
 
-def _show(results: list[Evaluation], title: str, task: Task | None) -> None:
+def _show(results: list[Evaluation], title: str, place: Scenario, task: Task | None) -> None:
     console = table_console()
     if task is None:
         judged = [times_table(results, title), left_table(results)]
@@ -265,7 +281,7 @@ def _show(results: list[Evaluation], title: str, task: Task | None) -> None:
     for table in (*judged, exits_table(results), crowding_table(results)):
         if table is not None:
             console.print(table)
-    for line in ranking_lines(results):
+    for line in [*ranking_lines(results), *([] if task is None else credible_lines(results, place))]:
         console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 

@@ -91,7 +91,7 @@ def main(
             if trained["interrupted"]:
                 raise KeyboardInterrupt
             results = {"config": {**config, "ppo": trained["ppo"]}, **{k: trained[k] for k in ("best", "finalists")}}
-            learned = LearnedController.load(folder / "best.npz")
+            learned = LearnedController.load(folder / "best.safetensors")
             controllers: list[Controller | str] = [learned, RandomController(), *STRATEGIES, FixedSplit(split)]
             with progress_bar("evaluating on held-out draws", runs * len(controllers)) as progress:
                 on_held_out_draws = {**options, "runs": runs, "first_seed": HELD_OUT_SEED, "progress": progress}
@@ -123,7 +123,7 @@ def _check(options: dict[str, Any], seed: int, split: float, **budget: float) ->
 
 def _left_behind(folder: Path | None, scenario: str, scheme: str, manner: str | None, outline: str | None) -> str:
     """Return in words what an interrupted run has kept, and how to evaluate it."""
-    if folder is None or not (folder / "best.npz").exists():
+    if folder is None or not (folder / "best.safetensors").exists():
         return ""
     if (folder / "results.json").exists():
         return f"what was evaluated by then is in {folder}/results.json"
@@ -131,7 +131,9 @@ def _left_behind(folder: Path | None, scenario: str, scheme: str, manner: str | 
         f" --{option} {name}" for option, name in (("manner", manner), ("outline", outline)) if name is not None
     )
     again = f"python -m agents.evaluate --scenario {scenario}{who} --schemes {scheme} --policies nearest fastest"
-    return f"the best controller so far is {folder}/best.npz; evaluate it with: {again} {folder}/best.npz"
+    return (
+        f"the best controller so far is {folder}/best.safetensors; evaluate it with: {again} {folder}/best.safetensors"
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Trained networks as policies and controllers.  Nothing here needs torch: a file holds numbers, see `agents.network`."""
+"""Trained networks as policies and controllers.  Nothing here needs torch: a file holds numbers, see `agents.networks`."""
 
 import math
 from pathlib import Path
@@ -7,30 +7,31 @@ from typing import Any, ClassVar, TypeVar, cast
 import gymnasium
 import numpy as np
 
-from agents.network import Network, read_network, write_network
+from agents.networks import Network, read_network, write_network
 from crowd_env import ObservationLayout
 from crowd_env.checks import known
 from crowd_env.envs.action import FRAMES, make_action, plain_action
 from crowd_env.envs.routing.batch import RoutingBatch
 
-PICKLE, NUMBERS = ".zip", ".npz"
+PICKLE, NUMBERS = ".zip", ".safetensors"
+_EARLIER = ".npz"
 Kind = TypeVar("Kind", bound="_Learned")
 
 
 class _Learned:
     """A trained network and its file."""
 
-    name = "learned"  # what tables call it
+    name: str = "learned"  # what tables call it
     what: ClassVar[str]
     network: Network
 
-    def _facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
         """Return what the network was made for, as its file holds it."""
         raise NotImplementedError
 
     def save(self, path: str | Path) -> None:
-        """Write the network and what it was made for to one .npz file, whole or not at all."""
-        write_network(_checked(path), self.network, self._facts())
+        """Write the network and what it was made for to one .safetensors file, whole or not at all."""
+        write_network(_checked(path), self.network, self.facts())
 
     @classmethod
     def load(cls: type[Kind], path: str | Path, *, trust_pickle: bool = False) -> Kind:
@@ -50,6 +51,10 @@ class LearnedPolicy(_Learned):
     env_options : frame, action and observation layout it was trained with.
     trained : what it was trained in (scenario, scheme, dt, ...), for the record.
 
+    Attributes
+    ----------
+    space : of one person's action.
+
     Raises
     ------
     ValueError
@@ -61,11 +66,11 @@ class LearnedPolicy(_Learned):
     def __init__(self, network: Network, env_options: dict[str, Any], trained: dict[str, Any] | None = None) -> None:
         self.network, self.env_options, self.trained = network, env_options, trained or {}
         known("frame", env_options["frame"], FRAMES)
-        self._space = make_action(env_options["action"]).space
-        if isinstance(self._space, gymnasium.spaces.Discrete):
-            outputs = int(self._space.n)
+        self.space = make_action(env_options["action"]).space
+        if isinstance(self.space, gymnasium.spaces.Discrete):
+            outputs = int(self.space.n)
         else:
-            outputs = math.prod(self._space.shape or ())
+            outputs = math.prod(self.space.shape or ())
         expected = (env_options["observation"].size, outputs)
         if (network.inputs, network.outputs) != expected:
             raise ValueError(
@@ -89,12 +94,12 @@ class LearnedPolicy(_Learned):
                 f"policy {self.name!r} was trained on other observations: {self.env_options['observation']}"
             )
         out = self.network(observation)
-        if isinstance(self._space, gymnasium.spaces.Discrete):
+        if isinstance(self.space, gymnasium.spaces.Discrete):
             return np.asarray(out.argmax(axis=1))
-        box = cast(gymnasium.spaces.Box, self._space)
+        box = cast(gymnasium.spaces.Box, self.space)
         return np.clip(out.reshape(-1, *box.shape), box.low, box.high)
 
-    def _facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
         options = self.env_options
         return {
             "kind": "policy",
@@ -112,6 +117,7 @@ class LearnedController(_Learned):
     network : from the observation of a `RoutingBatch` to the logits of all choices, one entry of an action after the other.
     choices : (R + D,) number of choices of each entry.
     options : scenario and options of `RoutingVectorEnv` that it was trained with.
+    trained : what it was trained for (task, seed, ...), for the record.
 
     Raises
     ------
@@ -121,8 +127,14 @@ class LearnedController(_Learned):
 
     what = "controller that sends people to exits"
 
-    def __init__(self, network: Network, choices: np.ndarray, options: dict[str, Any]) -> None:
-        self.network, self.options = network, options
+    def __init__(
+        self,
+        network: Network,
+        choices: np.ndarray,
+        options: dict[str, Any],
+        trained: dict[str, Any] | None = None,
+    ) -> None:
+        self.network, self.options, self.trained = network, options, trained or {}
         self.choices = np.asarray(choices, dtype=np.int64)
         if self.choices.ndim != 1 or (self.choices < 1).any() or network.outputs != self.choices.sum():
             raise ValueError(f"the network has {network.outputs} outputs for choices among {self.choices.tolist()}")
@@ -132,13 +144,13 @@ class LearnedController(_Learned):
         logits = np.split(self.network(observation), np.cumsum(self.choices)[:-1], axis=1)
         return np.column_stack([part.argmax(axis=1) for part in logits])
 
-    def _facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
         options = {key: value for key, value in self.options.items() if key != "threads"}
-        return {"kind": "controller", "choices": self.choices.tolist(), "options": options}
+        return {"kind": "controller", "choices": self.choices.tolist(), "options": options, "trained": self.trained}
 
 
 def load_trained(path: str | Path, *, trust_pickle: bool = False) -> LearnedPolicy | LearnedController:
-    """Read a trained network: numbers (.npz), or what stable-baselines3 saved (.zip) if that is trusted.
+    """Read a trained network: numbers (.safetensors), or what stable-baselines3 saved (.zip) if that is trusted.
 
     Parameters
     ----------
@@ -149,19 +161,19 @@ def load_trained(path: str | Path, *, trust_pickle: bool = False) -> LearnedPoli
     ValueError
         If the file is missing, no such network, or a pickle that is not trusted.
     """
-    path = Path(path)
+    path = Path(path) if Path(path).suffix == PICKLE else _checked(path)
     if not path.is_file():
         raise ValueError(f"cannot read the network {path}: no such file")
-    if path.suffix == PICKLE:
-        if not trust_pickle:
-            raise ValueError(
-                f"{path} is a stable-baselines3 file: opening it would run any code that is in it; if you trust who made "
-                "it, add --trust-pickle (in Python trust_pickle=True); networks in .npz files need no trust"
-            )
-        from agents.learned.pickled import read_pickled
+    if path.suffix == NUMBERS:
+        return made_from(path, *read_network(path))
+    if not trust_pickle:
+        raise ValueError(
+            f"{path} is a stable-baselines3 file: opening it would run any code that is in it; if you trust who made "
+            f"it, add --trust-pickle (in Python trust_pickle=True); networks in {NUMBERS} files need no trust"
+        )
+    from agents.learned.pickled import read_pickled
 
-        return made_from(path, *read_pickled(path))
-    return made_from(path, *read_network(_checked(path)))
+    return made_from(path, *read_pickled(path))
 
 
 def made_from(path: Path, network: Network, facts: dict[str, Any]) -> LearnedPolicy | LearnedController:
@@ -173,20 +185,31 @@ def made_from(path: Path, network: Network, facts: dict[str, Any]) -> LearnedPol
         If the facts are incomplete or do not fit the network.
     """
     try:
+        trained = dict(facts.get("trained", {}))
         if facts["kind"] == "controller":
-            return LearnedController(network, facts["choices"], dict(facts["options"]))
+            return LearnedController(network, facts["choices"], dict(facts["options"]), trained)
         if facts["kind"] != "policy":
             raise ValueError(f"its kind is {facts['kind']!r}")
         layout = ObservationLayout(**facts["observation"])
         options = {"frame": facts["action"]["frame"], "action": facts["action"]["kind"], "observation": layout}
-        return LearnedPolicy(network, options, dict(facts.get("trained", {})))
+        return LearnedPolicy(network, options, trained)
     except Exception as error:  # JSON can hold anything
         said = f"{error} is missing" if isinstance(error, KeyError) else error
         raise ValueError(f"{path} does not say what its network is for: {said}") from None
 
 
+def names_file(name: str) -> bool:
+    """Return whether this is the path of a network, and no name of a policy."""
+    return name.endswith((NUMBERS, PICKLE, _EARLIER))
+
+
 def _checked(path: str | Path) -> Path:
     path = Path(path)
+    if path.suffix == _EARLIER:
+        raise ValueError(
+            f"{path} is a network of an earlier version, which this one does not read: networks are {NUMBERS} files now; "
+            "train it again with train.py or agents.train_routing"
+        )
     if path.suffix != NUMBERS:
         raise ValueError(f"{path} is no network: its name must end in {NUMBERS}")
     return path

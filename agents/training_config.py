@@ -1,13 +1,15 @@
 """The parameters of a training run: made, checked, and read again when the run is continued."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from agents.evaluation.evaluation import HELD_OUT_SEED
+from agents.evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
 from agents.runs import versions
-from crowd_env import CrowdEnv, ObservationLayout, make_scenario, make_scheme
+from agents.tasks import Task, make_preset, make_task
+from agents.tasks.presets import training_place
+from crowd_env import CrowdEnv, ObservationLayout, Scenario, make_scenario, make_scheme
 from crowd_env.checks import POSITIVE, Range, number, whole
 from crowd_env.files.json_file import read_json
 from crowd_env.headway import plain_manner
@@ -15,6 +17,7 @@ from crowd_env.outline import plain_outline
 
 # People simulated side by side in training: a rollout of more takes many gigabytes.
 MOST_PEOPLE = 200_000
+MINUTES = 15.0  # after which a training on a task stops on a machine that is too slow for its steps
 LEAST_DT = Range(1e-5)  # s  a decision of 0.1 s is ten thousand steps of these
 RUNS = Range(1, HELD_OUT_SEED - 1)  # held-out draws of an evaluation
 SEEDS = Range(0, HELD_OUT_SEED - 1).because("larger ones are kept for evaluation")
@@ -31,12 +34,19 @@ def default_config(
     manner: str | None = None,
     outline: str | None = None,
 ) -> dict[str, Any]:
-    """Return every parameter of a run; unless given, ``dt`` [s] is the scheme's own, manner and outline are the scenario's."""
-    from agents.learned import PPOSettings
-    from agents.learned.callback import VALIDATION_SEED
+    """Return every parameter of a run in a scenario that is no task.
 
+    Unless given, ``dt`` [s] is the scheme's own, manner and outline are the scenario's.
+    """
+    from agents.learned import PPOSettings
+
+    place = make_scenario(scenario)
     return {
+        "task": None,
         "scenario": scenario,
+        "options": {},
+        "people": place.population.count,
+        "strategy": "shortest",
         "scheme": scheme,
         "seed": seed,
         "envs": envs,
@@ -44,8 +54,8 @@ def default_config(
         "minutes": minutes,
         "dt": make_scheme(scheme).info.default_dt if dt is None else dt,
         "decision_dt": 0.1,
-        "manner": plain_manner(make_scenario(scenario).manner_of_run(manner)),
-        "outline": plain_outline(make_scenario(scenario).outline_of_run(outline)),
+        "manner": plain_manner(place.manner_of_run(manner)),
+        "outline": plain_outline(place.outline_of_run(outline)),
         "frame": "path",
         "action": "continuous",
         "observation": ObservationLayout().as_table(),
@@ -59,13 +69,97 @@ def default_config(
     }
 
 
-def make_env(config: Mapping[str, Any], envs: int | None = None) -> CrowdEnv:
-    """Return the training batch, of ``envs`` rooms if that is given."""
-    options = ("scheme", "dt", "decision_dt", "frame", "action", "observation", "reward", "manner", "outline")
+def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
+    """Return every parameter of a run on a task: those of its preset, but for what is ``given``.
+
+    Parameters
+    ----------
+    given : any of ``people``, ``scheme``, ``dt`` [s], ``manner``, ``outline``, ``envs``, ``steps``, ``minutes``; None = as
+        the preset has it.
+
+    Raises
+    ------
+    ValueError
+        If the task is unknown or has no preset.
+    """
+    from agents.learned import PPOSettings
+
+    given = {name: value for name, value in given.items() if value is not None}
+    judged, preset = make_task(task), make_preset(task)
+    scheme = given.get("scheme", judged.scheme)
+    config = default_config(judged.scenario, scheme, seed, preset.envs, preset.steps, MINUTES)
+    place = preset.place(given.get("people"))
+    return {
+        **config,
+        "task": task,
+        "options": {**judged.options, **preset.options},
+        "people": place.population.count,
+        "strategy": judged.rule,
+        "dt": given.get("dt", preset.dt if scheme == judged.scheme else config["dt"]),
+        "decision_dt": judged.decision_dt,
+        "manner": plain_manner(place.manner_of_run(given.get("manner", judged.manner))),
+        "outline": plain_outline(place.outline_of_run(given.get("outline"))),
+        "action": preset.action,
+        "observation": ObservationLayout(terms=preset.terms).as_table(),
+        "reward": dict(preset.reward),
+        "ppo": asdict(PPOSettings(**preset.ppo)),
+        "eval_every": preset.eval_every,
+        "eval_runs": preset.eval_runs,
+        **{name: given[name] for name in ("envs", "steps", "minutes") if name in given},
+    }
+
+
+def place_of(config: Mapping[str, Any]) -> Scenario:
+    """Return the scenario that is trained in."""
+    return training_place(config["scenario"], config["options"], config["people"])
+
+
+def task_of(config: Mapping[str, Any]) -> Task:
+    """Return what a run is judged on: its task, or the scenario, steps and scheme that it was trained in."""
+    if config["task"] is not None:
+        return make_task(config["task"])
+    place = place_of(config)
+    return Task(
+        place.name,
+        place.title,
+        scenario=config["scenario"],
+        options=config["options"],
+        people=config["people"],
+        scheme=config["scheme"],
+        dt=config["dt"],
+        time_limit=place.time_limit,
+        blocked_after=place.blocked_after,
+        frozen="",
+        rule=config["strategy"],
+        decision_dt=config["decision_dt"],
+    )
+
+
+def judged_place(config: Mapping[str, Any]) -> Scenario:
+    """Return the scenario that a run is judged in: of a task with all its people, else what is trained in."""
+    place = place_of(config) if config["task"] is None else make_task(config["task"]).place()
+    return replace(place, manner=config["manner"], outline=config["outline"])
+
+
+def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 1) -> CrowdEnv:
+    """Return the training batch, of ``envs`` rooms if that is given, on so many threads."""
+    options = (
+        "scheme",
+        "dt",
+        "decision_dt",
+        "frame",
+        "action",
+        "observation",
+        "reward",
+        "strategy",
+        "manner",
+        "outline",
+    )
     return CrowdEnv(
-        config["scenario"],
+        place_of(config),
         num_envs=config["envs"] if envs is None else envs,
         autoreset=True,
+        threads=threads,
         **{name: config[name] for name in options},
     )
 
@@ -73,10 +167,12 @@ def make_env(config: Mapping[str, Any], envs: int | None = None) -> CrowdEnv:
 def check_libraries() -> None:
     """Raise ModuleNotFoundError now, not after the training, if a library is missing; say how to install it."""
     try:
+        import safetensors.numpy  # noqa: F401
+
         import agents.learned  # noqa: F401
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"training needs {error.name}, which is not installed: pip install stable-baselines3 tensorboard torch",
+            f"training needs {error.name}, which is not installed: pip install safetensors stable-baselines3 tensorboard torch",
             name=error.name,
         ) from None
 
@@ -104,7 +200,7 @@ def check_config(config: Mapping[str, Any]) -> None:
     whole("seed", config["seed"], SEEDS)
     check_budget(minutes=config["minutes"], steps=config["steps"], envs=config["envs"])
     number("--dt", config["dt"], LEAST_DT, "s")
-    check_envs(config["envs"], make_scenario(config["scenario"]).population.count)
+    check_envs(config["envs"], place_of(config).population.count)
     make_env(config, envs=1)
 
 

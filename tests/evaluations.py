@@ -9,7 +9,7 @@ from agents import evaluate as command
 from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import evaluate_driver
 from agents.evaluation.measurements import MeasurementRecorder
-from agents.network import Network
+from agents.networks import MLP
 from agents.trained import LearnedPolicy
 from crowd_env import ControlRule, CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform
 from crowd_env.geometry.geometry import box
@@ -69,7 +69,7 @@ def random_network(inputs, outputs, seed=0, hidden=8):
     """Return an untrained network."""
     rng, sizes = np.random.default_rng(seed), (inputs, hidden, hidden, outputs)
     weights = [rng.normal(0.0, 0.3, shape) for shape in zip(sizes[1:], sizes[:-1], strict=True)]
-    return Network(tuple(weights), tuple(np.zeros(size) for size in sizes[1:]))
+    return MLP(tuple(weights), tuple(np.zeros(size) for size in sizes[1:]))
 
 
 def random_policy(seed=0, **options):

@@ -151,12 +151,14 @@ def test_numbers_in_the_text_are_those_of_the_code():
     assert f"Discrete({len(DISCRETE)})" in text
 
 
-@pytest.mark.parametrize("name", ["own_policy", "room_picture"])
+@pytest.mark.parametrize("name", ["own_policy", "room_picture", "shipped_policy"])
 def test_examples_run(name, monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(str(ROOT))
     example = __import__(f"examples.{name}", fromlist=["main"])
     if name == "own_policy":
         example.main(runs=1)
+    elif name == "shipped_policy":
+        assert 5.0 < example.main(people=8) < 60.0
     else:
         example.main(tmp_path / "room.png")
         assert os.path.getsize(tmp_path / "room.png") > 1000

@@ -1,16 +1,17 @@
 """What can be evaluated, by name: strategies of the people, rules of the scenario, policies, and learned networks."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from agents import POLICIES, make_policy
+from agents import POLICIES, PRETRAINED, make_policy
 from agents.drivers import SAMPLE, ControllerDriver, policy_driver
+from agents.evaluation.credible import RULE
 from agents.policy import Policy
 from agents.rules import StrategyPolicy
 from agents.tasks.task import Task
-from agents.trained import LearnedPolicy, load_trained
+from agents.trained import LearnedPolicy, load_trained, names_file
 from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
@@ -20,7 +21,6 @@ from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 
 RULES = "rules"
-RULE = "rule"  # the strategy of a task
 
 
 @dataclass(frozen=True)
@@ -43,23 +43,35 @@ class Entry:
 
 
 def make_entries(
-    names: Sequence[str], scenario: Scenario, task: Task | None = None, *, trust_pickle: bool = False
+    names: Sequence[str],
+    scenario: Scenario,
+    task: Task | None = None,
+    *,
+    trust_pickle: bool = False,
+    learned_share: float | None = None,
 ) -> list[Entry]:
-    """Return the entries of these names for a scenario; see `agents.trained.load_trained` for ``trust_pickle``.
+    """Return the entries of these names for a scenario.
 
     Under a task all walk along the ways of its rule, which is a policy too, and decide as often as it says.
+
+    Parameters
+    ----------
+    trust_pickle : see `agents.trained.load_trained`.
+    learned_share : of the people whom a policy moves, see `agents.drivers.PolicyBatches`.
 
     Raises
     ------
     ValueError
-        If a name is unknown or given twice, or a network cannot be read or belongs to something else.
+        If a name is unknown or given twice, a network cannot be read or belongs to something else, or a policy cannot move
+        some of the people alone.
     """
     if not names:
         raise ValueError("no policy; name at least one")
     twice = [name for k, name in enumerate(names) if name in names[:k]]
     if twice:
         raise ValueError(f"policy {twice[0]!r} is named twice; once is enough")
-    found = [_make(name, scenario, task, trust_pickle) for name in names]
+    crowd = _Crowd(scenario, task, trust_pickle, learned_share)
+    found = [_make(name, crowd) for name in names]
     labels = [entry.name for entry in found]
     return [
         Entry(given, one.driver, one.source) if one.source and labels.count(one.name) > 1 else one
@@ -101,35 +113,65 @@ def _made_driver(pair: _Pair, stopped: Callable[[], bool]) -> Callable[[int], Dr
     return pair.entry.driver(pair.scenario, pair.scheme, pair.threads)
 
 
-def _make(name: str, scenario: Scenario, task: Task | None, trust_pickle: bool) -> Entry:
+class _Crowd(NamedTuple):
+    """What the policies of an evaluation share."""
+
+    scenario: Scenario
+    task: Task | None
+    trust_pickle: bool
+    learned_share: float | None
+
+
+def _make(name: str, crowd: _Crowd) -> Entry:
+    scenario, task = crowd.scenario, crowd.task
     own = [route.name for route in scenario.routes]
     route_set = tuple(dict.fromkeys([*STRATEGIES, *own, *scenario.geometry.exit_names]))
     if name == RULE and task is not None:
-        return _policy_entry(StrategyPolicy(task.rule, name=RULE), task)
+        return _policy_entry(StrategyPolicy(task.rule, name=RULE), crowd)
     if name == RULES:
-        return _policy_entry(StrategyPolicy("shortest", rules=True, name=RULES), task)
+        return _policy_entry(StrategyPolicy("shortest", rules=True, name=RULES), crowd)
     if name in route_set:
-        return _policy_entry(StrategyPolicy(name), task)
+        return _policy_entry(StrategyPolicy(name), crowd)
     if name in POLICIES:
-        return _policy_entry(make_policy(name), task)
-    if name.endswith((".npz", ".zip")):
-        return _learned_entry(Path(name), scenario, task, trust_pickle)
+        return _policy_entry(make_policy(name), crowd)
+    if name in PRETRAINED:
+        return replace(_learned_entry(PRETRAINED[name], crowd), name=name)
+    if names_file(name):
+        return _learned_entry(Path(name), crowd)
     if name == RULE:
         raise ValueError(
             "policy 'rule' is the strategy of a task; give --task NAME, or name a strategy such as shortest"
         )
     of_task = [] if task is None else [RULE]
-    known = ", ".join(dict.fromkeys([*of_task, *route_set[:4], RULES, *route_set[4:], *POLICIES]))
-    raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.npz)")
+    known = ", ".join(dict.fromkeys([*of_task, *route_set[:4], RULES, *route_set[4:], *POLICIES, *PRETRAINED]))
+    raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.safetensors)")
 
 
-def _policy_entry(policy: Policy, task: Task | None, source: Path | None = None) -> Entry:
+def _policy_entry(policy: Policy, crowd: _Crowd, source: Path | None = None) -> Entry:
+    task, learned_share = crowd.task, crowd.learned_share
+    if learned_share is not None:
+        _check_mixed(policy, "shortest" if task is None else task.rule)
+
     def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int) -> Callable[[int], Driver]:
         # Rules are off unless the policy says otherwise: all entries walk in the same scenario.
         options: dict[str, Any] = {"scheme": scheme, "rules": False, "decision_dt": SAMPLE, "threads": threads}
-        return policy_driver(policy, scenario, **options | _of_task(task, scheme))
+        return policy_driver(policy, scenario, learned_share=learned_share, **options | _of_task(task, scheme))
 
     return Entry(policy.name if source is None else source.stem, driver, source, policy.env_options.get("manner"))
+
+
+def _check_mixed(policy: Policy, rule: str) -> None:
+    """Raise ValueError if a policy cannot move some of the people while the others follow the rule."""
+    options = policy.env_options
+    if isinstance(policy, StrategyPolicy) and (options["strategy"], options["rules"]) != (rule, False):
+        why = f"it chooses everyone's way, and the others of a mixed crowd follow the rule, which is {rule}"
+    elif options.get("manner") is not None:
+        why = "it gives everyone a manner; in a mixed crowd --manner is that of the people who follow the rule"
+    else:
+        return
+    raise ValueError(
+        f"policy {policy.name!r} cannot move a part of the people: {why}; leave out --learned-share, or it"
+    )
 
 
 def _of_task(task: Task | None, scheme: str | ContactScheme) -> dict[str, Any]:
@@ -137,7 +179,7 @@ def _of_task(task: Task | None, scheme: str | ContactScheme) -> dict[str, Any]:
     return {} if task is None else task.env_options(make_scheme(scheme).info.name)
 
 
-def _learned_entry(path: Path, scenario: Scenario, task: Task | None, trust_pickle: bool) -> Entry:
+def _learned_entry(path: Path, crowd: _Crowd) -> Entry:
     """Return the entry of a network: its file says whether it is a policy or a controller.
 
     A controller keeps the options of `RoutingBatch` that it was trained with, but for what the evaluation itself says.
@@ -147,9 +189,12 @@ def _learned_entry(path: Path, scenario: Scenario, task: Task | None, trust_pick
     ValueError
         If it cannot be read, or was trained in a scenario with other regions, exits or routes.
     """
-    found = load_trained(path, trust_pickle=trust_pickle)
+    scenario, task = crowd.scenario, crowd.task
+    found = load_trained(path, trust_pickle=crowd.trust_pickle)
     if isinstance(found, LearnedPolicy):
-        return _policy_entry(found, task, path)
+        return _policy_entry(found, crowd, path)
+    if crowd.learned_share is not None:
+        raise ValueError(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
     of_the_run = ("scenario", "scheme", "dt", "threads", "manner", "outline")
     own = {key: value for key, value in found.options.items() if key not in of_the_run}
     own["sample_dt"] = SAMPLE

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agents.drivers import PolicyBatches, policy_driver
+from agents.drivers import PolicyBatches, learned_people, policy_driver
 from agents.evaluation.measurements import Measured, MeasurementRecorder
 from agents.policy import Policy
 from crowd_env import CrowdEnv, EpisodeMetrics, Scenario, make_scenario
@@ -15,10 +15,12 @@ from crowd_env.executors import Executor, Serial, WorkerDied
 from crowd_env.files.json_file import json_number
 from crowd_env.headway import Manner
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
-from crowd_env.state import Floats
+from crowd_env.state import Bools, Floats
 
 # Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.
 HELD_OUT_SEED = 1_000_000
+# Draws on which the best network of a training is chosen: neither trained on nor used for the final table.
+VALIDATION_SEED = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,7 @@ class Evaluation:
     exit_names: tuple[str, ...] = ()  # of the rows of Geometry.exits
     measured: Measured | None = None
     constants: dict[str, Any] = field(default_factory=dict)  # of a policy that is made of constants
+    learned: Bools | None = None  # (R, N)  whom the policy moves in a mixed crowd; the others follow the rule
 
     @property
     def runs(self) -> int:
@@ -53,6 +56,15 @@ class Evaluation:
         times = np.array(self.exit_times)
         return np.where(np.isfinite(times), times, np.maximum(self.ended, self.time_limit)[:, None])
 
+    @property
+    def learned_share(self) -> float:
+        """Share of the people whom the policy moves."""
+        return 1.0 if self.learned is None else float(self.learned.mean())
+
+    def mean_exit_of(self, those: Bools) -> Floats:
+        """Return the mean exit time (runs,) [s] of ``those`` (R, N), counted as in `times_of_all`; nan where there are none."""
+        return _mean_of(self.times_of_all(), those)
+
     def exit_time_95(self, *, counted: bool = False) -> Floats:
         """Return when 95 % of the people were out (runs,) [s]; nan where fewer got out, unless all are ``counted``."""
         times = np.sort(self.times_of_all() if counted else np.array(self.exit_times), axis=1)  # nan go last
@@ -60,6 +72,9 @@ class Evaluation:
 
     def row(self) -> dict[str, Any]:
         """Return the figures as one JSON row, in SI units; impulse and way are means per person.
+
+        ``crushed_share`` is of the people who at any time bore more than 1600 N/m, ``crushed_time`` how long these did, see
+        `agents.evaluation.measurements.INJURY`; ``hurry`` is the largest of anyone's mean speed over the own desired speed.
 
         ``evacuation_time`` is over the runs in which everyone got out, ``mean_exit_time`` over the people who did.  Policies
         are compared by `agents.evaluation.comparison`, which counts everybody.
@@ -69,6 +84,7 @@ class Evaluation:
         row = {
             "policy": self.policy,
             "scheme": self.scheme,
+            "learned_share": self.learned_share,
             "constants": self.constants,
             **figures_of(self.episodes),
             "exit_time_95": named(self.exit_time_95()),
@@ -77,6 +93,9 @@ class Evaluation:
             "contact_impulse": named(self.column("contact_impulse")),
             "max_overlap": float(self.column("max_overlap").max()),
         }
+        if self.learned is not None:
+            row["mean_exit_learned"] = named(self.mean_exit_of(self.learned))
+            row["mean_exit_others"] = named(self.mean_exit_of(~self.learned))
         return row if self.measured is None else row | self._measured_row(self.measured)
 
     def _measured_row(self, measured: Measured) -> dict[str, Any]:
@@ -86,7 +105,10 @@ class Evaluation:
             "walked": named(measured.walked.mean(axis=1)),
             "max_density": {**named(measured.max_density), "max": float(measured.max_density.max())},
             "max_pressure": {**named(measured.max_pressure), "max": float(measured.max_pressure.max())},
+            "crushed_share": named((measured.crushed > 0.0).mean(axis=1)),
+            "crushed_time": named(_mean_of(measured.crushed, measured.crushed > 0.0)),
             "pressure_is_force": self.pressure_is_force,
+            "hurry": {**named(measured.hurry), "max": float(measured.hurry.max())},
             "computing_seconds": measured.computing,
             "simulated_seconds": measured.simulated,
             "physics_per_simulated_second": (measured.computing - measured.replanning) / simulated,
@@ -112,6 +134,12 @@ class Evaluation:
                 "last_exit": named(np.where(last >= 0.0, last, np.nan)),
             }
         return found
+
+
+def _mean_of(values: Floats, those: Bools) -> Floats:
+    """Return the mean of some values of each row (R, N); nan where there are none."""
+    count = those.sum(axis=1)
+    return np.where(count > 0, np.where(those, values, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
 
 
 def evaluate(
@@ -251,6 +279,12 @@ def _joined(cell: Cell, batches: Sequence[BatchDone]) -> Evaluation:
     recorder = batches[0].recorder
     for batch in batches[1:] if recorder is not None else ():
         recorder.merge(batch.recorder)
+    constants, learned = {}, None
+    if isinstance(cell.driver, PolicyBatches):
+        constants = cell.driver.constants
+        if cell.driver.learned_share is not None:
+            seeds = [episode.seed for episode in episodes]
+            learned = learned_people(seeds, cell.scenario.population.count, cell.driver.learned_share)
     return Evaluation(
         cell.name,
         make_scheme(cell.scheme).info.name,
@@ -260,5 +294,6 @@ def _joined(cell: Cell, batches: Sequence[BatchDone]) -> Evaluation:
         episodes[0].time_limit,
         cell.scenario.geometry.exit_names,
         None if recorder is None else recorder.measured(episodes),
-        cell.driver.constants if isinstance(cell.driver, PolicyBatches) else {},
+        constants,
+        learned,
     )

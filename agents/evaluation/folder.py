@@ -1,6 +1,5 @@
 """The folder of an evaluation: the result of each policy and scheme is kept as soon as it is known."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -13,7 +12,8 @@ from agents.evaluation.comparison import last_times
 from agents.evaluation.entries import Entry
 from agents.evaluation.evaluation import Evaluation
 from agents.evaluation.fingerprint import fingerprint, source_stamp
-from agents.evaluation.measurements import CELL, Grid, Maps, Measured
+from agents.evaluation.measurements import CELL, Grid, Maps, Measured, RunMeasurements
+from agents.networks import network_digest
 from agents.tasks.task import Task
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
 from crowd_env.files.array_file import read_arrays, write_arrays
@@ -26,26 +26,34 @@ _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"
 _SHOWN = {"density": ("Density", "people / m²", 1.0), "pressure": ("Contact pressure", "kN / m", 1e-3)}
 _CURVES = 5  # in one figure, as many as there are colors
-_ARRAYS = ("exit_index", "walked", "max_density", "max_pressure")
+_ARRAYS = RunMeasurements._fields
 _NUMBERS = ("simulated", "computing", "replanning")
 
 
-def settings_of(scenario: Scenario, runs: int, seed: int, task: Task | None = None) -> dict[str, Any]:
+def settings_of(
+    scenario: Scenario, runs: int, seed: int, task: Task | None = None, learned_share: float | None = None
+) -> dict[str, Any]:
     """Return the settings that all results of a folder share; the digest is of everything in a scenario that can matter."""
     held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     for name in ("name", "title", "reference"):
         del held[name]
     headway, outline = scenario.manner_of_run(), scenario.outline_of_run()
     held |= {"manner": headway, "outline": outline}
-    facts = {"scenario": scenario.name, "manner": plain_manner(headway), "outline": plain_outline(outline)}
-    of_task = {} if task is None else {"task": {"name": task.name, "version": task.version, "digest": task.digest()}}
+    facts: dict[str, Any] = {
+        "scenario": scenario.name,
+        "manner": plain_manner(headway),
+        "outline": plain_outline(outline),
+    }
+    of_task = {} if task is None else {"task": task.identity()}
+    if learned_share is not None:
+        facts["learned_share"] = learned_share
     return {**of_task, **facts, "digest": fingerprint(held), "runs": runs, "seed": seed}
 
 
 def _made_by(entry: Entry, scheme: str) -> dict[str, Any]:
     """Return what else a result depends on: the network, the scheme with its parameters and time step, and the code."""
     contact = make_scheme(scheme)
-    network = None if entry.source is None else hashlib.sha256(entry.source.read_bytes()).hexdigest()
+    network = None if entry.source is None else network_digest(entry.source)
     return {"network": network, "scheme": fingerprint(contact), "dt": contact.info.default_dt, "code": source_stamp()}
 
 
@@ -116,6 +124,8 @@ class EvaluationFolder:
             "ended": result.ended,
             "maps": np.stack(measured.maps),
         }
+        if result.learned is not None:
+            arrays["learned"] = result.learned
         write_arrays(self._file(entry, scheme), arrays, facts)
 
     def _file(self, entry: Entry, scheme: str) -> Path:
@@ -125,7 +135,15 @@ class EvaluationFolder:
         """Write ``runs.csv``, one line a run."""
         exits = list(dict.fromkeys(results[0].exit_names))
         own = ["policy", "scheme", "run", "seed", "last_time", "exit_time_95", *EpisodeMetrics._fields]
-        header = [*own, "walked", "max_density", "max_pressure", *(f"out by {name}" for name in exits)]
+        header = [
+            *own,
+            "walked",
+            "max_density",
+            "max_pressure",
+            "crushed",
+            "crushed_time",
+            *(f"out by {name}" for name in exits),
+        ]
         rows: list[list[object]] = []
         for result in results:
             measured = result.measured
@@ -133,7 +151,8 @@ class EvaluationFolder:
             names = np.array([*result.exit_names, ""])[measured.exit_index]
             columns = (last_times(result), result.exit_time_95(), measured.walked.mean(axis=1))
             for k, (episode, last, most, way) in enumerate(zip(result.episodes, *columns, strict=True)):
-                peaks = (measured.max_density[k], measured.max_pressure[k])
+                crushed = measured.crushed[k]
+                peaks = (measured.max_density[k], measured.max_pressure[k], (crushed > 0.0).sum(), crushed.sum())
                 numbers = [_text(v) for v in (last, most, *episode, way, *peaks)]
                 by_exit = [int((names[k] == name).sum()) for name in exits]
                 rows.append([result.policy, result.scheme, k, seed + k, *numbers, *by_exit])
@@ -201,6 +220,7 @@ def _evaluation(policy: str, scheme: str, kept: dict[str, np.ndarray], facts: di
         tuple(facts["exit_names"]),
         measured,
         facts["constants"],
+        kept.get("learned"),
     )
 
 

@@ -13,6 +13,9 @@ from crowd_env.state import Bools, Floats, Ints, as_grid
 
 REACH = 1.0  # m  the density at a point: the number of people within this distance, over the area of the disc
 CELL = 0.25  # m  of the maps
+INJURY = (
+    1600.0  # N/m  people who bear more are injured (Helbing, Farkas, Vicsek 2000, Nature 407:487); friction counts here
+)
 _FELT = 0.25  # m  the pressure on a body is drawn up to this distance from its center
 
 
@@ -53,6 +56,8 @@ class Measured(NamedTuple):
     walked: Floats  # (R, N)  m  until out, or until the end
     max_density: Floats  # (R,)  1/m2  people within 1 m of someone, oneself included, over pi m2
     max_pressure: Floats  # (R,)  N/m  contact force on someone over circumference, mean of one decision step
+    crushed: Floats  # (R, N)  s  in decision steps whose mean of that exceeds `INJURY`
+    hurry: Floats  # (R,)  largest of anyone's mean speed over the own desired speed
     maps: Maps
     grid: Grid
     simulated: float  # s  of all evacuations together
@@ -67,6 +72,8 @@ class RunMeasurements(NamedTuple):
     walked: Floats  # (N,)  m
     max_density: float  # 1/m2
     max_pressure: float  # N/m
+    crushed: Floats  # (N,)  s
+    hurry: float
 
 
 class MeasurementRecorder:
@@ -86,7 +93,7 @@ class MeasurementRecorder:
         """Forget the batch before and keep the starting positions of this one."""
         people = env.num_people
         self._position = env.simulation.state.position.copy()
-        self._walked = np.zeros(people)
+        self._walked, self._crushed = np.zeros(people), np.zeros(people)
         self._max_density, self._max_pressure = np.zeros(env.num_envs), np.zeros(env.num_envs)
         self._see(env, env.active, np.zeros(people))
         self._last = self._seconds(env)
@@ -106,16 +113,19 @@ class MeasurementRecorder:
         self._position[:] = state.position
         pressure = contact_pressure(simulation.results.impulse_magnitude, env.decision_dt, simulation.bodies.radius)
         pressure = np.where(was_inside, pressure, 0.0)
+        self._crushed += env.decision_dt * (pressure > INJURY)
         np.maximum(self._max_pressure, as_grid(pressure, env.num_envs).max(axis=1), out=self._max_pressure)
         self._see(env, inside, pressure)
         self._last = self._seconds(env)  # what was measured here is no part of the next step
 
     def record(self, env: CrowdEnv, e: int) -> RunMeasurements:
         """Return what was measured of the evacuation in environment ``e``."""
-        people = env.people(e)
-        exits = env.simulation.state.exit_index[people].copy()
+        people, state = env.people(e), env.simulation.state
+        exits, walked = state.exit_index[people].copy(), self._walked[people].copy()
+        times = np.where(np.isfinite(state.exit_time[people]), state.exit_time[people], state.time[e])
+        hurry = float((walked / np.maximum(env.simulation.bodies.desired_speed[people] * times, 1e-9)).max())
         peaks = float(self._max_density[e]), float(self._max_pressure[e])
-        return RunMeasurements(exits, self._walked[people].copy(), *peaks)
+        return RunMeasurements(exits, walked, *peaks, self._crushed[people].copy(), hurry)
 
     def merge(self, later: "MeasurementRecorder") -> None:
         """Add what another recorder saw of later batches; sums are rounded by the order of merging."""
@@ -133,10 +143,16 @@ class MeasurementRecorder:
     def measured(self, episodes: Sequence[Episode]) -> Measured:
         """Return all that was measured of finished evacuations."""
         columns = zip(*(episode.record for episode in episodes), strict=True)
-        exit_index, walked, density, pressure = (np.array(column) for column in columns)
-        simulated = sum(episode.end for episode in episodes)
-        spent = self._spent.tolist()
-        return Measured(exit_index, walked, density, pressure, self.maps, self.grid, simulated, *spent)
+        of_runs = dict(zip(RunMeasurements._fields, (np.array(column) for column in columns), strict=True))
+        computing, replanning = self._spent.tolist()
+        return Measured(
+            **of_runs,
+            maps=self.maps,
+            grid=self.grid,
+            simulated=sum(episode.end for episode in episodes),
+            computing=computing,
+            replanning=replanning,
+        )
 
     @staticmethod
     def _seconds(env: CrowdEnv) -> Floats:

@@ -6,21 +6,29 @@ from typing import Any
 from rich.table import Table
 
 from agents.evaluation.comparison import mean_times, minus_first
+from agents.evaluation.credible import credibility
 from agents.evaluation.evaluation import Evaluation
 from agents.evaluation.report import add_row, new_table, percent, with_first
 from agents.tasks.task import Task
 from crowd_env import Scenario
 from crowd_env.envs.rollout import named
 
+_MEASURED = ("walked", "max_density", "max_pressure", "crushed_share", "crushed_time", "pressure_is_force", "hurry")
 
-def task_row(task: Task, place: Scenario, result: Evaluation, first: Evaluation) -> dict[str, Any]:
-    """Return the figures of a policy on a task, ready for JSON, in SI units.
+
+def task_row(task: Task, place: Scenario, result: Evaluation, results: Sequence[Evaluation]) -> dict[str, Any]:
+    """Return the figures of one of the ``results`` on a task, ready for JSON, in SI units.
 
     ``blocked`` counts the runs that ended because nobody had got out for ``blocked_after`` of the task, ``unfinished`` all runs
     in which somebody was left inside, blocked ones included.  ``clearing_time``, of the last person, is over the runs that
     cleared.  ``mean_exit`` is over all people of all runs: whoever is left inside counts until the time limit.  ``flow`` is the
     mean over runs of the slope of people out against time.  ``max_speed`` is of anyone, and ``escaped`` counts people who were
     found outside of the walls.  Means are over runs, with 95 % t intervals; shares of runs have Wilson's.
+
+    ``max_pressure`` [N/m] is the greatest contact force on someone over circumference, mean of a decision step;
+    ``crushed_share`` the share of people for whom it once exceeded the 1600 N/m of an injury, ``crushed_time`` [s] for how long
+    in all.  Where ``pressure_is_force`` is false, the scheme has no forces that anyone would feel.  ``learned_share`` is of the
+    people whom the policy moves; the others follow the rule of the task.  ``credible`` holds the result against the rule.
     """
     row = result.row()
     return {
@@ -39,13 +47,16 @@ def task_row(task: Task, place: Scenario, result: Evaluation, first: Evaluation)
         "blocked_share": row["blocked_share"],
         "unfinished_share": row["unfinished_share"],
         "left": row["unfinished"],
-        "contact_impulse": _mean(row["contact_impulse"]),
+        "learned_share": row["learned_share"],
         **{
-            name: row[name] for name in ("walked", "max_density", "max_pressure") if name in row
-        },  # of runs that were measured
+            name: _mean(row[name]) for name in ("mean_exit_learned", "mean_exit_others") if name in row
+        },  # in a mixed crowd
+        "contact_impulse": _mean(row["contact_impulse"]),
+        **{name: row[name] for name in _MEASURED if name in row},  # of runs that were measured
         "max_overlap": row["max_overlap"],
         "constants": row["constants"],
-        "minus_first": minus_first(result, first),
+        "credible": credibility(result, results, place),
+        "minus_first": minus_first(result, next(one for one in results if one.scheme == result.scheme)),
     }
 
 
@@ -70,6 +81,25 @@ def task_table(results: Sequence[Evaluation], title: str) -> Table:
             "-" if row["flow"]["mean"] is None else f"{row['flow']['mean']:.2f}",
         )
     return table
+
+
+def credible_lines(results: Sequence[Evaluation], place: Scenario) -> list[str]:
+    """Return whether results can be believed, in words, and what speaks against it."""
+    found = [(one, credibility(one, results, place)) for one in results]
+    lines = []
+    for ok, words in ((True, "Credible, held against the rule"), (None, "Not held against the rule, add rule")):
+        names = [_named(one, results) for one, said in found if said["ok"] is ok]
+        if names:
+            lines.append(f"{words}: {', '.join(names)}.")
+    for one, said in found:
+        if said["ok"] is False:
+            lines.append(f"NOT CREDIBLE: {_named(one, results)}: {'; '.join(said['reasons'])}.")
+    return lines
+
+
+def _named(result: Evaluation, results: Sequence[Evaluation]) -> str:
+    alone = all(one.scheme == result.scheme for one in results)
+    return result.policy if alone else f"{result.policy} under {result.scheme}"
 
 
 def _mean(found: dict[str, Any]) -> dict[str, Any]:

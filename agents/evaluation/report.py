@@ -113,10 +113,11 @@ def left_table(results: Sequence[Evaluation]) -> Table:
 def crowding_table(results: Sequence[Evaluation]) -> Table:
     """Return a table of how close people came, how hard they pressed, how far they walked, and what it took to compute."""
     caption = (
-        "Means over runs. density: greatest, people within 1 m; pressure: greatest contact "
-        "force on someone over circumference, mean of 0.1 s; impulse, way: per person; overlap: deepest; fastest: "
-        "largest speed of anyone; comp.: "
-        "processor time per simulated second, and what planning anew takes of it."
+        "Means over runs. dens.: greatest, people within 1 m; pressure: greatest contact "
+        "force on someone over circumference, mean of 0.1 s; crushed: people who bore more than 1.6 kN/m (injury, Helbing et "
+        "al. 2000; friction included) in any 0.1 s, and for how long in all, mean of these; impulse, way: per person; overlap: "
+        "deepest; fastest: largest speed of anyone; comp.: processor time per simulated second, and what planning anew takes "
+        "of it."
     )
     for result in results:
         if lost := result.row()["escaped"]:
@@ -125,19 +126,30 @@ def crowding_table(results: Sequence[Evaluation]) -> Table:
             )
     forceless = dict.fromkeys(result.scheme for result in results if not result.pressure_is_force)
     for scheme in forceless:
-        caption += f" *{scheme} has no forces: its impulses keep bodies apart, nobody would feel that pressure."
-    names = ("flow\n1/s", "density\n1/m2", "pressure\nkN/m", "impulse\nkN s", "way\nm", "overlap\nmm", "fastest\nm/s")
-    table = new_table(caption, *names, "comp.\nms/s", "plan\nms/s")
+        caption += f" *{scheme} has no forces: its impulses keep bodies apart, and nobody would feel that pressure."
+    names = (
+        "flow\n1/s",
+        "dens.\n1/m2",
+        "pressure\nkN/m",
+        "crushed\n%",
+        "\ns",
+        "impulse\nkN s",
+        "way\nm",
+        "overlap\nmm",
+    )
+    table = new_table(caption, *names, "fastest\nm/s", "comp.\nms/s", "plan\nms/s")
     for result, _ in with_first(results, table):
         row = result.row()
         density, pressure = row["max_density"], row["max_pressure"]
-        replanning = row["replanning_per_simulated_second"]
+        replanning, star = row["replanning_per_simulated_second"], " " if row["pressure_is_force"] else "*"
         add_row(
             table,
             result.policy,
             _cell(row["flow"], 2),
             f"{density['mean']:.1f}",
-            f"{pressure['mean'] / 1e3:.1f}" + (" " if row["pressure_is_force"] else "*"),
+            f"{pressure['mean'] / 1e3:.1f}{star}",
+            f"{100.0 * row['crushed_share']['mean']:.0f}{star}",
+            _cell(row["crushed_time"], 1),
             f"{row['contact_impulse']['mean'] / 1e3:.2f}",
             _cell(row["walked"], 1),
             f"{1e3 * row['max_overlap']:.1f}",

@@ -13,9 +13,6 @@ from stable_baselines3.common.callbacks import BaseCallback
 from agents.learned.rate import FallingRate
 from crowd_env.cli.console import notes
 
-# Draws on which the best network is chosen: neither trained on nor used for the final table.
-VALIDATION_SEED = 2_000_000
-
 
 class TrainingCallback(BaseCallback):
     """Shows how a training gets on, evaluates it at its start and end and whenever it is due, and stops it in time.
@@ -43,6 +40,7 @@ class TrainingCallback(BaseCallback):
         self.curve = curve or []
         self._next_evaluation = 0  # set when training starts
         self._seconds_before = self.curve[-1]["seconds"] if self.curve else 0.0
+        self._cpu_before = self.curve[-1]["cpu_seconds"] if self.curve else 0.0
         self._bar = Progress(  # on the error stream: the table goes to standard output
             TextColumn("training"),
             BarColumn(),
@@ -58,6 +56,11 @@ class TrainingCallback(BaseCallback):
     def seconds(self) -> float:
         """Training time so far [s], earlier parts of the run included."""
         return self._seconds_before + time.monotonic() - self._begin
+
+    @property
+    def cpu_seconds(self) -> float:
+        """CPU time of training and evaluations so far [s], of all threads and of earlier parts of the run."""
+        return self._cpu_before + time.process_time() - self._cpu_begin
 
     @property
     def rate(self) -> float:
@@ -86,6 +89,7 @@ class TrainingCallback(BaseCallback):
 
     def _on_training_start(self) -> None:
         self._begin, self._first_steps = time.monotonic(), self.model.num_timesteps
+        self._cpu_begin = time.process_time()
         self._next_evaluation = self._first_steps + self.eval_every
         self._task = self._bar.add_task("", total=1.0, figures="")
         self._bar.start()

@@ -5,10 +5,10 @@ from typing import Any
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
-from agents.network import Network
+from agents.networks import MLP
 
 
-def network_of(model: Any) -> Network:
+def network_of(model: Any) -> MLP:
     """Return the policy network of an actor-critic model: what it does without drawing actions at random.
 
     Raises
@@ -24,4 +24,4 @@ def network_of(model: Any) -> Network:
         raise ValueError("its network is not made of linear layers with tanh between them")
     linear = layers[::2]
     arrays = [[getattr(one, name).detach().cpu().numpy() for one in linear] for name in ("weight", "bias")]
-    return Network(tuple(arrays[0]), tuple(arrays[1]))
+    return MLP(tuple(arrays[0]), tuple(arrays[1]))

@@ -9,7 +9,7 @@ import gymnasium
 from stable_baselines3 import PPO
 
 from agents.learned.export import network_of
-from agents.network import Network
+from agents.networks import Network
 
 # Member of the file that says what observations and actions mean; a network cannot be used without it.
 _SIDECAR = "crowd_env.json"

@@ -9,8 +9,9 @@ import torch
 from stable_baselines3 import PPO
 
 from agents.evaluation.comparison import last_times, mean_times
+from agents.evaluation.evaluation import VALIDATION_SEED
 from agents.evaluation.routing import evaluate_controller
-from agents.learned.callback import VALIDATION_SEED, TrainingCallback
+from agents.learned.callback import TrainingCallback
 from agents.learned.export import network_of
 from agents.learned.ppo import PPOSettings, new_ppo
 from agents.trained import LearnedController
@@ -55,7 +56,7 @@ def make_routing_ppo(env: RoutingVectorEnv, settings: RoutingSettings, seed: int
 
 
 class ControllerCallback(TrainingCallback):
-    """Accompanies the training of a controller: evaluates it on validation draws, and keeps the best in ``best.npz``.
+    """Accompanies the training of a controller: evaluates it on validation draws, and keeps the best in ``best.safetensors``.
 
     Parameters
     ----------
@@ -86,12 +87,12 @@ class ControllerCallback(TrainingCallback):
     def _evaluate(self) -> None:
         model = cast(PPO, self.model)
         controller = LearnedController(network_of(model), cast(Any, model.action_space).nvec, self.options)
-        row = {"steps": float(self.num_timesteps), "seconds": self.seconds}
+        row = {"steps": float(self.num_timesteps), "seconds": self.seconds, "cpu_seconds": self.cpu_seconds}
         row |= self._evaluated(controller, self.eval_runs, VALIDATION_SEED)
         self.curve.append(row)
         self._kept = sorted([*self._kept, (row, controller)], key=lambda one: _score(one[0]))[:_FINALISTS]
         if self.best is row:
-            controller.save(self.folder / "best.npz")
+            controller.save(self.folder / "best.safetensors")
         write_json(self.folder / "learning_curve.json", self.curve)
         self._note(
             f"{row['steps']:.0f} decisions, {row['seconds']:.0f} s: last {row['last']:.2f} s, mean {row['mean']:.2f} s"
@@ -105,9 +106,10 @@ class ControllerCallback(TrainingCallback):
         found = []
         for row, controller in self._kept:
             figures = self._evaluated(controller, self.final_runs, FINAL_SEED)
-            found.append(({"steps": row["steps"], "seconds": row["seconds"], **figures}, controller))
+            spent = {name: row[name] for name in ("steps", "seconds", "cpu_seconds")}
+            found.append(({**spent, **figures}, controller))
         self.finalists = [row for row, _ in found]
-        min(found, key=lambda one: _score(one[0]))[1].save(self.folder / "best.npz")
+        min(found, key=lambda one: _score(one[0]))[1].save(self.folder / "best.safetensors")
 
     def _evaluated(self, controller: LearnedController, runs: int, first_seed: int) -> dict[str, float]:
         """Return mean times [s] over all people and draws, people left inside counted until the end, and standard error."""
@@ -135,7 +137,7 @@ def train_controller(
     Returns
     -------
     ``ppo`` (settings), ``curve``, ``finalists``, ``best`` (a row of these; None if none was judged), and ``interrupted``:
-    whether Ctrl-C ended it; then ``best.npz`` is the best so far.
+    whether Ctrl-C ended it; then ``best.safetensors`` is the best so far.
     """
     settings = RoutingSettings()
     env = RoutingVectorEnv(num_envs=envs, **options)

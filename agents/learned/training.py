@@ -9,22 +9,21 @@ from typing import Any
 import numpy as np
 
 from agents.evaluation.comparison import last_times
-from agents.evaluation.evaluation import Evaluation, evaluate
-from agents.learned.callback import VALIDATION_SEED, TrainingCallback
+from agents.evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
+from agents.learned.callback import TrainingCallback
 from agents.learned.checkpoint import write_checkpoint
 from agents.learned.export import network_of
 from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv, Scenario
 from crowd_env.cli.console import notes, stops_by
 from crowd_env.files.csv_table import write_csv
-from crowd_env.headway import plain_manner
-from crowd_env.outline import plain_outline
 
 # evacuation_time and its standard error are over all validation draws, people left inside count as in
 # `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.
 CURVE_COLUMNS = (
     "steps",
     "seconds",
+    "cpu_seconds",
     "evacuation_time",
     "standard_error",
     "unfinished",
@@ -38,21 +37,30 @@ class PolicyCallback(TrainingCallback):
     """Accompanies the training of a policy that everyone shares.
 
     Every ``eval_every`` steps it evaluates the mean action on validation draws, writes the learning curve, the checkpoint and,
-    if it is the best so far, ``best.npz``.  Training stops when ``max_seconds`` have passed or at the first Ctrl-C or SIGTERM;
-    a second one stops at once.
+    if it is the best so far, ``best.safetensors``.  Training stops when ``max_seconds`` have passed or at the first Ctrl-C or
+    SIGTERM; a second one stops at once.
 
     Parameters
     ----------
-    env, scenario : what is trained in.
+    env : what is trained in.
+    scenario : what is evaluated.
+    judged : options of `agents.evaluation.evaluation.evaluate`: scheme, steps, strategy, manner, outline.
     trained : facts about the training, for the files of the networks.
     options : of `TrainingCallback`.
     """
 
     def __init__(
-        self, folder: Path, env: CrowdEnv, scenario: Scenario, *, trained: dict[str, Any] | None = None, **options: Any
+        self,
+        folder: Path,
+        env: CrowdEnv,
+        scenario: Scenario,
+        judged: dict[str, Any],
+        *,
+        trained: dict[str, Any] | None = None,
+        **options: Any,
     ) -> None:
         super().__init__(folder, **options)
-        self.env, self.scenario, self.trained = env, scenario, trained or {}
+        self.env, self.scenario, self.judged, self.trained = env, scenario, judged, trained or {}
         self.interrupted = False
         self._returns: list[float] = []
         self._signals = ExitStack()
@@ -88,17 +96,7 @@ class PolicyCallback(TrainingCallback):
 
     def _evaluate(self) -> None:
         policy = LearnedPolicy(network_of(self.model), env_options_of(self.env), self.trained)
-        result = evaluate(
-            policy,
-            self.scenario,
-            scheme=self.env.simulation.scheme,
-            runs=self.eval_runs,
-            first_seed=VALIDATION_SEED,
-            dt=self.env.simulation.dt,
-            decision_dt=self.env.decision_dt,
-            manner=plain_manner(self.env.simulation.manner),
-            outline=plain_outline(self.env.simulation.outline),
-        )
+        result = evaluate(policy, self.scenario, runs=self.eval_runs, first_seed=VALIDATION_SEED, **self.judged)
         row = self._row(result)
         best_before = min(map(score, self.curve), default=(np.inf, np.inf))
         self.curve.append(row)
@@ -107,7 +105,7 @@ class PolicyCallback(TrainingCallback):
         self.logger.dump(self.num_timesteps)
         write_checkpoint(self.folder / "checkpoint.pt", self.model)
         if score(row) < best_before:
-            policy.save(self.folder / "best.npz")
+            policy.save(self.folder / "best.safetensors")
         write_curve(self.folder / "learning_curve.csv", self.curve)
         self._note(
             f"{row['steps']:.0f} of {self.model._total_timesteps} steps, {self.seconds:.0f} s: evacuation "
@@ -120,6 +118,7 @@ class PolicyCallback(TrainingCallback):
         values = (
             self.model.num_timesteps,
             self.seconds,
+            self.cpu_seconds,
             times.mean(),
             times.std(ddof=1) / np.sqrt(len(times)) if len(times) > 1 else np.nan,
             result.column("unfinished").sum(),

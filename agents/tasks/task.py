@@ -103,6 +103,10 @@ class Task:
         """Return a hash of the `configuration`."""
         return fingerprint(self.configuration())
 
+    def identity(self) -> dict[str, Any]:
+        """Return what files that were made for this very task note of it: name, version and digest."""
+        return {"name": self.name, "version": self.version, "digest": self.digest()}
+
 
 def _plain(value: Any) -> Any:
     """Return numbers to nine digits, texts, lists and tables: the same wherever classes stand and however numbers are kept."""

@@ -1,7 +1,6 @@
 """Arrays with the facts about them in one ``.npz`` file: numbers and text alone, so that opening one runs nobody's code."""
 
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,20 +19,11 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray], facts: Mapping[st
         np.savez_compressed(part, **members)
 
 
-def read_arrays(path: Path, most_bytes: float = float("inf")) -> tuple[dict[str, np.ndarray], Any]:
+def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], Any]:
     """Return the arrays of a file and the facts about them; nothing in the file is executed, whatever it holds.
 
     A damaged file fails in many ways (zip, header of an array, JSON), and each has an exception of its own.
-
-    Raises
-    ------
-    ValueError
-        If the arrays take more than ``most_bytes`` when they are unpacked.
     """
-    with zipfile.ZipFile(path) as archive:
-        size = sum(member.file_size for member in archive.infolist())
-    if size > most_bytes:
-        raise ValueError(f"its arrays take {size} bytes; at most {most_bytes} are read")
     with np.load(path, allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
     return arrays, json.loads(str(arrays.pop(_FACTS)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +25,9 @@ def write_film(
     width: int | None = None,
     max_seconds: float | None = None,
     hold: float = 1.5,
+    speed: float = 1.0,
 ) -> Path:
-    """Write the evacuations side by side in real time and return the path.
+    """Write the evacuations side by side under one clock and return the path.
 
     Below them grows the curve of people inside.  An evacuation that is over earlier waits for the others.
 
@@ -36,38 +38,49 @@ def write_film(
     width : px of the whole film; default 480 an evacuation, at most 1280.
     max_seconds : s of the evacuations to show; default all.
     hold : s to rest on the last frame.
+    speed : how many seconds of the evacuations a second of the film shows.
 
     Raises
     ------
     ValueError
-        If the suffix is another, there is no recording, or ``fps`` is not positive.
+        If the suffix is another, there is no recording, or ``fps`` or ``speed`` is not positive.
     """
     path = check_suffix(path, tuple(FORMATS))
     films = _several(recordings)
-    if not fps > 0:
-        raise ValueError(f"fps is {fps!r}; it must be > 0")
+    for name, value in (("fps", fps), ("speed", speed)):
+        if not value > 0:
+            raise ValueError(f"{name} is {value!r}; it must be > 0")
     end = max(film.end for film in films)
     end = end if max_seconds is None else min(end, max_seconds)
-    return FORMATS[path.suffix.lower()](path, films, width, end, fps, hold)
+    return FORMATS[path.suffix.lower()](path, films, width, _Clock(end, fps, hold, speed))
 
 
-def _gif(path: Path, films: Sequence[Recording], width: int | None, end: float, fps: float, hold: float) -> Path:
-    step = max(round(100.0 / fps), 2) / 100.0
-    stage = _Stage(films, width, end)
-    sample = [stage.frame(part * end) for part in np.linspace(0.0, 1.0, 9)]
-    return write_gif(path, stage.frames(end, step, hold), step, sample)
+class _Clock(NamedTuple):
+    """What is shown of the evacuations, and how fast."""
+
+    end: float  # s  of the evacuations
+    fps: float  # 1/s  frames of the film
+    hold: float  # s  of the film, on the last frame
+    speed: float  # seconds of the evacuations in one of the film
 
 
-def _mp4(path: Path, films: Sequence[Recording], width: int | None, end: float, fps: float, hold: float) -> Path:
-    return write_mp4(path, _Stage(films, width, end).frames(end, 1.0 / fps, hold), fps)
+def _gif(path: Path, films: Sequence[Recording], width: int | None, clock: _Clock) -> Path:
+    step = max(round(100.0 / clock.fps), 2) / 100.0
+    stage = _Stage(films, width, clock.end)
+    sample = [stage.frame(part * clock.end) for part in np.linspace(0.0, 1.0, 9)]
+    return write_gif(path, stage.frames(clock, step), step, sample)
 
 
-def _png(path: Path, films: Sequence[Recording], width: int | None, end: float, fps: float, hold: float) -> Path:
+def _mp4(path: Path, films: Sequence[Recording], width: int | None, clock: _Clock) -> Path:
+    return write_mp4(path, _Stage(films, width, clock.end).frames(clock, 1.0 / clock.fps), clock.fps)
+
+
+def _png(path: Path, films: Sequence[Recording], width: int | None, clock: _Clock) -> Path:
     return write_still(path, films, width=width)
 
 
-# Suffix -> what writes a film of recordings: (path, films, width in px or None, end in s, fps, hold in s) -> path.
-FORMATS: dict[str, Callable[[Path, Sequence[Recording], int | None, float, float, float], Path]] = {
+# Suffix -> what writes a film of recordings: (path, films, width in px or None, clock) -> path.
+FORMATS: dict[str, Callable[[Path, Sequence[Recording], int | None, _Clock], Path]] = {
     ".gif": _gif,
     ".mp4": _mp4,
     ".png": _png,
@@ -139,12 +152,13 @@ class _Stage:
         row = np.concatenate([_padded(panel, self._plans) for panel in panels], axis=1)
         return np.concatenate([row, self.strip.draw(time)])
 
-    def frames(self, end: float, step: float, hold: float) -> Iterator[Image]:
-        """Yield the images from 0 to ``end`` and then the last one for ``hold`` [s]."""
-        for k in range(int(np.ceil(end / step - 1e-9))):
-            yield self.frame(k * step)
-        last = self.frame(end)
-        for _ in range(1 + round(hold / step)):
+    def frames(self, clock: _Clock, step: float) -> Iterator[Image]:
+        """Yield the images of a film, one every ``step`` [s] of it, and then the last one as long as it is held."""
+        shown = step * clock.speed
+        for k in range(int(np.ceil(clock.end / shown - 1e-9))):
+            yield self.frame(k * shown)
+        last = self.frame(clock.end)
+        for _ in range(1 + round(clock.hold / step)):
             yield last
 
 

@@ -196,7 +196,7 @@ def test_tables_fit_into_a_hundred_columns():
     [
         (("--policies", "dance"), r"unknown policy 'dance'; known: shortest.*rules.*door.*stand-still"),
         (("--policies", "shortest", "shortest"), "'shortest' is named twice"),
-        (("--policies", "none.npz"), r"cannot read the network none\.npz"),
+        (("--policies", "none.safetensors"), r"cannot read the network none\.safetensors"),
         (("--policies", "none.zip"), r"cannot read the network none\.zip"),
         (("--schemes", "glue"), "unknown contact scheme 'glue'; known: dem"),
         (("--scenario", "moon-v0"), "unknown scenario 'moon-v0'; known: room-v0"),

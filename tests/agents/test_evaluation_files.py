@@ -204,7 +204,7 @@ def test_a_damaged_file_is_computed_anew(kept):
 
 
 def test_a_learned_network_is_a_policy_named_after_its_file(tmp_path):
-    path, other = tmp_path / "quick.npz", tmp_path / "more/quick.npz"
+    path, other = tmp_path / "quick.safetensors", tmp_path / "more/quick.safetensors"
     other.parent.mkdir()
     random_policy(0).save(path)
     other.write_bytes(path.read_bytes())
@@ -224,7 +224,7 @@ def test_a_learned_controller_is_a_policy_for_the_place_it_was_trained_for(tmp_p
     options = {"grid": (2, 1), "interval": 1.0}
     batch = RoutingBatch(SMALL, **options)
     network = random_network(batch.layout.size, int(batch.choices.sum()))
-    path = tmp_path / "leader.npz"
+    path = tmp_path / "leader.safetensors"
     LearnedController(network, batch.choices, {"scenario": "hall", **options, "threads": 2}).save(path)
     result = run(str(path), runs=2)
     loaded = LearnedController.load(path)
@@ -233,8 +233,8 @@ def test_a_learned_controller_is_a_policy_for_the_place_it_was_trained_for(tmp_p
     assert result.policy == "leader" and result.column("mean_exit_time") == pytest.approx(
         theirs.column("mean_exit_time")
     )
-    with pytest.raises(ValueError, match=r"leader\.npz was trained for hall"):
+    with pytest.raises(ValueError, match=r"leader\.safetensors was trained for hall"):
         make_entries([str(path)], make_scenario("room-v0"))
     LearnedController(network, batch.choices, {"scenario": "hall", "grid": "wide"}).save(path)
-    with pytest.raises(ValueError, match=r"leader\.npz does not fit hall"):
+    with pytest.raises(ValueError, match=r"leader\.safetensors does not fit hall"):
         make_entries([str(path)], SMALL)

@@ -74,7 +74,7 @@ def test_a_policy_in_training_is_evaluated_in_its_manner(tmp_path, monkeypatch):
     from training_runs import tiny
 
     import train
-    from agents.network import read_network
+    from agents.networks import read_network
 
     seen = []
 
@@ -86,18 +86,20 @@ def test_a_policy_in_training_is_evaluated_in_its_manner(tmp_path, monkeypatch):
     folder = tmp_path / "run"
     assert train.train(folder, tiny(folder, manner="calm", steps=1500, eval_runs=1))
     assert seen and set(seen) == {"calm"}
-    assert read_network(folder / "best.npz")[1]["trained"]["manner"] == "calm"
+    assert read_network(folder / "best.safetensors")[1]["trained"]["manner"] == "calm"
 
 
 def test_a_controller_is_judged_in_the_manner_of_the_evaluation(tmp_path):
     from agents.evaluation.entries import make_entries
-    from agents.network import Network
+    from agents.networks import MLP
     from agents.trained import LearnedController
     from crowd_env.envs.routing.batch import RoutingBatch
 
     batch = RoutingBatch(SMALL)
     outputs = int(batch.choices.sum())
-    network = Network((np.zeros((outputs, batch.layout.size)),), (np.zeros(outputs),))
-    LearnedController(network, batch.choices, {"scenario": "hall", "manner": "hurried"}).save(tmp_path / "c.npz")
-    (entry,) = make_entries([str(tmp_path / "c.npz")], CALM)
+    network = MLP((np.zeros((outputs, batch.layout.size)),), (np.zeros(outputs),))
+    LearnedController(network, batch.choices, {"scenario": "hall", "manner": "hurried"}).save(
+        tmp_path / "c.safetensors"
+    )
+    (entry,) = make_entries([str(tmp_path / "c.safetensors")], CALM)
     assert entry.driver(CALM, "nsm2", 1)(1).env.simulation.manner == MANNERS["calm"]

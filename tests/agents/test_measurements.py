@@ -1,5 +1,7 @@
 """What is measured while evacuations run: ways, densities, pressures, exits, and the maps of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from evaluations import SMALL, hall, recorded, run
@@ -76,6 +78,29 @@ def test_pressure_is_force_over_circumference_where_the_person_stands():
     # Three samples: the start, when nobody is pressed yet, and two steps.
     assert [mean[cell] for cell in at.values()] == pytest.approx([200 / circumference, 200 / 3 / circumference, 0.0])
     assert (most > 0).sum() == 2 * 5  # the cell and its neighbors
+
+
+def test_who_bears_more_than_the_threshold_of_an_injury_and_for_how_long():
+    env, recorder = recorded(hall(starts=[(3.1, 2.3), (7.1, 4.3), (5.0, 1.0)], speed=0.0))
+    step, threshold = env.step(None), 1600.0 * 2 * np.pi * 0.2 * 0.1  # N s in 0.1 s
+    for shares in ((1.01, 0.99, 3.0), (1.01, 0.99, 0.0), (0.5, 0.99, 0.0), (2.0, 0.0, 0.0)):
+        env.simulation.results.impulse_magnitude[:] = threshold * np.array(shares)
+        recorder.add(env, step)
+    kept = recorder.record(env, 0)
+    assert kept.crushed == pytest.approx([0.3, 0.0, 0.1])
+    result = run("stand-still", hall(time_limit=0.2), runs=3)
+    times = np.zeros((3, 14))
+    times[0, :2], times[1, 3] = (0.3, 0.1), 0.4
+    row = replace(result, measured=result.measured._replace(crushed=times)).row()
+    assert row["crushed_share"]["mean"] == pytest.approx(3 / 42)
+    assert row["crushed_time"]["mean"] == pytest.approx((0.2 + 0.4) / 2)  # of the two runs in which anyone was
+    assert result.row()["crushed_time"]["mean"] is None
+
+
+def test_nobody_hurries_more_than_wanted_on_a_free_way():
+    result = run("shortest", hall(starts=[(4.0, 3.0)], speed=1.5), runs=2)
+    assert result.measured.hurry == pytest.approx([0.9, 0.9], abs=0.1) and result.row()["hurry"]["max"] < 1.0
+    assert run("stand-still", hall(time_limit=1.0)).measured.hurry == pytest.approx(np.zeros(3), abs=1e-9)
 
 
 def test_a_jam_at_a_narrow_door_is_denser_there_and_presses():

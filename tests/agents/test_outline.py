@@ -41,7 +41,7 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
     from training_runs import tiny
 
     import train
-    from agents.network import read_network
+    from agents.networks import read_network
     from agents.training_config import check_config, default_config, extended, make_env
 
     usual = default_config("room-v0", "hertz", 0, 2, 100, 1.0)
@@ -62,7 +62,7 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
     monkeypatch.setattr("agents.learned.training.evaluate", spy)
     assert train.train(folder, tiny(folder, scheme="hertz", dt=0.001, outline="torso", steps=1500, eval_runs=1))
     assert seen and set(seen) == {"torso"}
-    assert read_network(folder / "best.npz")[1]["trained"]["outline"] == "torso"
+    assert read_network(folder / "best.safetensors")[1]["trained"]["outline"] == "torso"
 
 
 def test_the_command_takes_an_outline_and_refuses_it_before_anything_is_run():

@@ -112,12 +112,14 @@ def test_everyone_walks_along_the_ways_of_the_rule_and_decides_as_often_as_the_t
 def test_learned_networks_walk_and_route_under_the_steps_of_a_task(tmp_path):
     task = replace(TASKS["two-exit-hall"], dt=0.005, decision_dt=0.2)
     place, options = task.place(6), {"grid": (2, 1), "interval": 1.0}
-    random_policy(0).save(tmp_path / "walk.npz")
+    random_policy(0).save(tmp_path / "walk.safetensors")
     batch = RoutingBatch(place, **options)
     network = random_network(batch.layout.size, int(batch.choices.sum()))
-    LearnedController(network, batch.choices, {"scenario": task.scenario, **options}).save(tmp_path / "lead.npz")
+    LearnedController(network, batch.choices, {"scenario": task.scenario, **options}).save(
+        tmp_path / "lead.safetensors"
+    )
     for name, decision_dt in (("walk", 0.2), ("lead", 0.1)):  # a controller has an interval of its own
-        (entry,) = make_entries([str(tmp_path / f"{name}.npz")], place, task)
+        (entry,) = make_entries([str(tmp_path / f"{name}.safetensors")], place, task)
         env = entry.driver(place, "nsm2", 1)(1).env
         assert (entry.name, env.simulation.dt, env.decision_dt) == (name, 0.005, decision_dt)
 
@@ -132,7 +134,7 @@ def test_runs_are_counted_and_whoever_is_left_counts_until_the_time_limit():
         stuck, episodes=[stuck.episodes[0], *(one._replace(blocked_since=9.0) for one in stuck.episodes[1:])]
     )
     place = SMALL.place()
-    rows = [task_row(SMALL, place, one, quick) for one in (quick, stuck)]
+    rows = [task_row(SMALL, place, one, [quick, stuck]) for one in (quick, stuck)]
     assert [(row["blocked"], row["unfinished"], row["left"]) for row in rows] == [(0, 0, 0), (2, 3, 3)]
     # Of two people one is out after 1 s, the other never, and the time limit is 100 s.
     assert [row["mean_exit"]["mean"] for row in rows] == [pytest.approx(16.0), pytest.approx(50.5)]
@@ -149,6 +151,10 @@ def test_a_task_is_a_named_set_of_options(small_task):
     for row in told["rows"]:
         assert list(row)[: len(KEYS)] == KEYS
         assert (row["task"], row["scheme"], row["people"], row["runs"]) == ("small", "nsm2", 4, 3)
+        for name in ("blocked", "unfinished"):
+            low, high = row[f"{name}_share"]["ci95"]
+            assert row[f"{name}_share"]["mean"] == row[name] / 3 and low <= row[name] / 3 <= high and high - low > 0.5
+        assert {"contact_impulse", "max_pressure", "crushed_share", "crushed_time", "pressure_is_force"} <= set(row)
         assert set(row["clearing_time"]) == set(row["mean_exit"]) == {"mean", "ci95"}
     for row, name in zip(told["rows"], ("shortest", "follow", "random"), strict=True):
         expected = run(name, SMALL.place(), runs=3)

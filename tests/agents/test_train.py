@@ -23,7 +23,8 @@ from agents.evaluation.evaluation import evaluate
 from agents.learned.callback import saturation
 from agents.learned.rate import FallingRate
 from agents.learned.training import CURVE_COLUMNS, PolicyCallback
-from agents.network import read_network
+from agents.networks import read_network
+from agents.tasks import PRESETS, TASKS
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
 from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 
@@ -34,7 +35,7 @@ from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 def job(tmp_path_factory):
     """A whole run from the command line, as small as can be."""
     root = tmp_path_factory.mktemp("runs")
-    options = ("--minutes", 0.2, "--steps", 3000, "--envs", 2, "--runs", 2, "--seed", 7)
+    options = ("--scenario", "room-v0", "--minutes", 0.2, "--steps", 3000, "--envs", 2, "--runs", 2, "--seed", 7)
     result = call(*options, "--root", root, "--name", "tiny")
     assert result.exit_code == 0, result.output
     return root, result
@@ -45,12 +46,12 @@ def test_a_run_leaves_model_config_results_curves_and_film(job):
     folder = root / "tiny"
     left = {path.name for path in folder.iterdir()}
     pictures = {"learning_curve.png", "egress_curves.png", "evacuation.gif"}
-    assert {"best.npz", "checkpoint.pt", "config.json", "results.json", "learning_curve.csv"} | pictures <= left
+    assert {"best.safetensors", "checkpoint.pt", "config.json", "results.json", "learning_curve.csv"} | pictures <= left
     assert not [name for name in left if "part" in name]
     assert list((folder / "tensorboard").glob("events*"))
     assert (folder / "evacuation.gif").read_bytes()[:3] == b"GIF"
     assert all((folder / name).read_bytes()[:4] == b"\x89PNG" for name in pictures if name.endswith("png"))
-    _, facts = read_network(folder / "best.npz")
+    _, facts = read_network(folder / "best.safetensors")
     assert {"scenario": "room-v0", "scheme": "nsm2", "dt": 0.01, "seed": 7}.items() <= facts["trained"].items()
 
 
@@ -69,11 +70,13 @@ def test_the_results_compare_all_policies_on_the_same_held_out_draws(job):
     rows = {row["policy"]: row for row in told["rows"]}
     assert set(rows) == {"random", "stand-still", "shortest", "learned"}
     assert rows["stand-still"]["unfinished"] == 40
-    assert rows["shortest"] == evaluate(make_policy("shortest"), runs=2).row()
-    learned, shortest = (evaluate(make_policy(name), runs=2) for name in (str(root / "tiny" / "best.npz"), "shortest"))
-    assert rows["learned"] == learned.row()
-    assert told["learned_minus_shortest"] == json.loads(json.dumps(minus_first(learned, shortest)))
-    assert told["learned_over_shortest"] == pytest.approx(last_times(learned).mean() / last_times(shortest).mean())
+    assert evaluate(make_policy("shortest"), runs=2).row().items() <= rows["shortest"].items()
+    learned, shortest = (
+        evaluate(make_policy(name), runs=2) for name in (str(root / "tiny" / "best.safetensors"), "shortest")
+    )
+    assert (learned.row() | {"policy": "learned"}).items() <= rows["learned"].items()
+    assert told["learned_minus_rule"] == json.loads(json.dumps(minus_first(learned, shortest)))
+    assert told["learned_over_rule"] == pytest.approx(last_times(learned).mean() / last_times(shortest).mean())
     assert all(name in result.stdout for name in rows)
 
 
@@ -86,7 +89,7 @@ def test_the_learning_curve_has_a_row_before_and_after(job):
 
 def test_the_learning_curve_says_how_sure_it_is(job):
     row = curve(job[0] / "tiny")[0]
-    best = make_policy(str(job[0] / "tiny" / "best.npz"))
+    best = make_policy(str(job[0] / "tiny" / "best.safetensors"))
     config = json.loads((job[0] / "tiny" / "config.json").read_text())
     assert config["eval_runs"] == 500 and config["validation_seed"] == 2_000_000
     times = last_times(evaluate(best, runs=500, first_seed=2_000_000))
@@ -96,9 +99,9 @@ def test_the_learning_curve_says_how_sure_it_is(job):
 
 def test_the_same_name_twice_overwrites_nothing(job, monkeypatch):
     root, _ = job
-    monkeypatch.setattr(train, "train", lambda folder, config: False)  # as if interrupted at once
+    monkeypatch.setattr(train, "train", lambda *args: False)  # as if interrupted at once
     before = {path: path.stat().st_mtime_ns for path in (root / "tiny").rglob("*")}
-    result = call("--root", root, "--name", "tiny")
+    result = call("--root", root, "--name", "tiny", "--scenario", "room-v0")
     assert result.exit_code == 130
     assert (root / "tiny-2" / "config.json").exists()
     assert {path: path.stat().st_mtime_ns for path in (root / "tiny").rglob("*")} == before
@@ -119,16 +122,17 @@ def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monke
         seen.add(dt)
         init(self, *args, dt=dt, **options)
 
-    def smaller(*args):
-        config = default(*args)
+    def smaller(*args, **given):
+        config = default(*args, **given)
         config["ppo"] |= {"n_steps": 4}
-        return config | {"eval_runs": 1, "scenario": "small-room"}
+        return config | {"eval_runs": 1, "scenario": "small-room", "people": 3}
 
     monkeypatch.setitem(SCENARIOS, "small-room", lambda: make_scenario("room-v0", count=3, time_limit=6.0))
     monkeypatch.setattr(Simulation, "__init__", watched)
+    monkeypatch.setattr("agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
     monkeypatch.setattr(train, "default_config", smaller)
     monkeypatch.setattr("agents.training_config.default_config", smaller)
-    result = call(*asked, "--steps", 20, "--envs", 1, "--runs", 1, "--root", tmp_path)
+    result = call(*asked, "--scenario", "room-v0", "--steps", 20, "--envs", 1, "--runs", 1, "--root", tmp_path)
     assert result.exit_code == 0, result.output
     assert seen == {dt}
 
@@ -236,7 +240,13 @@ def test_the_same_seed_trains_the_same_policy(tmp_path):
         (("--name", "../x"), "../x cannot name a run"),
         (("--dt", 0), "--dt 0.0 1e-05"),
         (("--dt", 0.03), "0.03 0.1"),
-        (("--envs", 10_000_000), "--envs 200000000 at most 200000 --envs 10000"),
+        (("--scenario", "room-v0", "--envs", 10_000_000), "--envs 200000000 at most 200000 --envs 10000"),
+        (("--task", "hall"), "unknown task hall competitive-door"),
+        (("--task", "floor"), "no preset floor competitive-door"),
+        (("--task", "room", "--scenario", "room-v0"), "--scenario room-v0 --task room leave one out"),
+        (("--scenario", "room-v0", "--people", 5), "--people 5 scenario says"),
+        (("--people", 5000), "5000 people do not fit"),
+        (("--threads", 0), "--threads 0"),
     ],
 )
 def test_a_mistake_is_answered_plainly_before_anything_is_written(tmp_path, args, words):
@@ -246,6 +256,45 @@ def test_a_mistake_is_answered_plainly_before_anything_is_written(tmp_path, args
     for word in words.split():
         assert word in result.stderr.replace("\n", "")
     assert not (tmp_path / "runs").exists()
+
+
+def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monkeypatch):
+    """Trained with other people and another physics step than it is judged with."""
+    seen, init = [], Simulation.__init__
+
+    def watched(self, scenarios, *args, dt, **options):
+        init(self, scenarios, *args, dt=dt, **options)
+        seen.append((dt, self.bodies.env_start[1]))
+
+    monkeypatch.setattr(Simulation, "__init__", watched)
+    monkeypatch.setattr("agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
+    monkeypatch.setattr("agents.drivers.SHARES", (1.0,))
+    monkeypatch.setattr("agents.drivers.SEARCH_RUNS", 1)
+    options = ("--task", "literal-room", "--people", 6, "--steps", 700, "--envs", 1, "--runs", 1, "--threads", 1)
+    result = call(*options, "--root", tmp_path)
+    assert result.exit_code == 0, result.output
+    (folder,) = tmp_path.iterdir()
+    assert folder.name == "literal-room-hertz-literal-seed0"
+    config = json.loads((folder / "config.json").read_text())
+    assert (config["task"], config["people"], config["dt"], config["action"]) == ("literal-room", 6, 0.01, "speeds")
+    assert config["reward"]["weights"]["contact"] > 0.0 and "ahead" in config["observation"]["terms"]
+    assert set(seen) == {(0.01, 6), (0.01, 20), (0.001, 20)}  # trained, validated, judged
+    rows = json.loads((folder / "results.json").read_text())["rows"]
+    names = ["rule", "random", "rule-best-speed", "density-cap", "headway", "follow", "zipper", "learned"]
+    assert [row["policy"] for row in rows] == names
+    assert all(row["people"] == 20 and row["task"] == "literal-room" for row in rows)
+    assert "literal-room, version 1" in result.stdout
+
+
+@pytest.mark.parametrize("task", PRESETS)
+def test_presets_train_in_the_place_of_their_task(task):
+    config = train.task_config(task)
+    judged = TASKS[task]
+    assert config["options"].keys() == judged.options.keys() and config["scheme"] == judged.scheme
+    assert config["strategy"] == judged.rule and config["decision_dt"] == judged.decision_dt
+    env = train.make_env(config, envs=1)
+    assert env.num_people == config["people"] <= judged.people
+    assert env.action_kind.name == config["action"]
 
 
 def test_a_root_that_cannot_hold_folders_is_named(tmp_path):
@@ -264,7 +313,7 @@ def test_a_library_that_is_missing_is_named_before_anything_is_written(tmp_path,
 
 
 def test_the_run_of_a_scenario_file_is_named_after_it(tmp_path, monkeypatch):
-    monkeypatch.setattr(train, "train", lambda folder, config: False)  # as if interrupted at once
+    monkeypatch.setattr(train, "train", lambda *args: False)  # as if interrupted at once
     file = tmp_path / "plans" / "hut.toml"
     file.parent.mkdir()
     file.write_text((ROOT / "crowd_env/scenarios/data/bottleneck-v0.toml").read_text())

@@ -75,7 +75,7 @@ def root(finished, tmp_path):
 
 def test_a_budget_beside_resume_is_honoured(root, monkeypatch):
     trained = []
-    monkeypatch.setattr(train, "train", lambda folder, config: trained.append(config) or False)
+    monkeypatch.setattr(train, "train", lambda folder, config, threads: trained.append(config) or False)
     assert call("--root", root, "--resume", "tiny", "--steps", 9000, "--minutes", 6).exit_code == 130
     kept = json.loads((root / "tiny" / "config.json").read_text())
     assert kept == trained[0] and (kept["steps"], kept["minutes"], kept["envs"]) == (9000, 6.0, 2)
@@ -110,7 +110,7 @@ def test_what_resume_cannot_honour_is_refused_and_nothing_is_written(root, args,
     ("file", "harm", "words"),
     [
         ("config.json", lambda text: b"[1]", "config.json does not hold"),
-        ("config.json", lambda text: b"{}", "config.json lacks 'scenario'"),
+        ("config.json", lambda text: b"{}", "config.json lacks 'task'"),
         ("config.json", lambda text: text.replace(b'"ppo"', b'"other"'), "config.json lacks 'ppo'"),
         (
             "config.json",
@@ -129,14 +129,14 @@ def test_what_resume_cannot_honour_is_refused_and_nothing_is_written(root, args,
         ("checkpoint.pt", lambda text: b"no zip", "checkpoint.pt is not a checkpoint"),
         ("checkpoint.pt", lambda text: pickle.dumps(Path("x")), "checkpoint.pt is not a checkpoint"),
         ("checkpoint.pt", None, "checkpoint.pt is not a checkpoint"),
-        ("best.npz", lambda text: text[:500], "best.npz is not a network"),
+        ("best.safetensors", lambda text: text[:500], "best.safetensors is not a network"),
     ],
 )
 def test_damaged_files_are_named_in_one_sentence(root, file, harm, words):
     path = root / "tiny" / file
     content = path.read_bytes()
     path.unlink() if harm is None else path.write_bytes(harm(content))
-    steps = () if file == "best.npz" else ("--steps", 9000)  # a finished run is judged again
+    steps = () if file == "best.safetensors" else ("--steps", 9000)  # a finished run is judged again
     result = call("--root", root, "--resume", "tiny", "--runs", 1, *steps)
     assert result.exit_code == 2, (result.output, result.exception)
     assert "Traceback" not in result.stderr
@@ -156,9 +156,9 @@ def test_a_checkpoint_executes_nothing(root, tmp_path):
     assert not mark.exists()
 
 
-def test_the_folder_of_an_earlier_version_is_refused(root):
-    (root / "tiny" / "learning_curve.csv").unlink()
-    (root / "tiny" / "checkpoint.pt").rename(root / "tiny" / "checkpoint.zip")
+@pytest.mark.parametrize(("new", "old"), [("checkpoint.pt", "checkpoint.zip"), ("best.safetensors", "best.npz")])
+def test_the_folder_of_an_earlier_version_is_refused(root, new, old):
+    (root / "tiny" / new).rename(root / "tiny" / old)
     result = call("--root", root, "--resume", "tiny")
     assert result.exit_code == 2 and "earlier version" in result.stderr
 
@@ -167,7 +167,8 @@ def test_the_folder_of_an_earlier_version_is_refused(root):
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_and_a_request_to_end_save_a_checkpoint_and_say_how_to_go_on(tmp_path, number):
-    command = [sys.executable, "train.py", "--envs", "2", "--runs", "2", "--root", str(tmp_path), "--name", "stopped"]
+    options = ["--scenario", "room-v0", "--envs", "2", "--runs", "2", "--root", str(tmp_path), "--name", "stopped"]
+    command = [sys.executable, "train.py", *options]
     job = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     folder = tmp_path / "stopped"
     deadline = time.monotonic() + 120
@@ -182,7 +183,7 @@ def test_ctrl_c_and_a_request_to_end_save_a_checkpoint_and_say_how_to_go_on(tmp_
     rows = curve(folder)
     assert len(rows) == 2 and rows[-1]["steps"] > 0
     assert checkpoint(folder)["steps"] == rows[-1]["steps"]
-    assert make_policy(str(folder / "best.npz"))
+    assert make_policy(str(folder / "best.safetensors"))
 
 
 def test_an_interrupt_while_policies_are_compared_says_how_to_go_on(tmp_path, monkeypatch):

@@ -53,12 +53,12 @@ def test_training_is_repeatable_and_keeps_its_best(tmp_path, options):
         made = train_controller(
             tmp_path / name, options, envs=2, steps=128, seconds=60.0, seed=5, eval_every=64, eval_runs=2, final_runs=3
         )
-        curves.append([{key: value for key, value in row.items() if key != "seconds"} for row in made["curve"]])
+        curves.append([{key: value for key, value in row.items() if "seconds" not in key} for row in made["curve"]])
         assert json.loads((tmp_path / name / "learning_curve.json").read_text()) == made["curve"]
-        assert sorted(path.name for path in (tmp_path / name).iterdir()) == ["best.npz", "learning_curve.json"]
+        assert sorted(path.name for path in (tmp_path / name).iterdir()) == ["best.safetensors", "learning_curve.json"]
     assert curves[0] == curves[1] and [row["steps"] for row in curves[0]] == [0, 64, 128]
     assert not made["interrupted"] and len(made["finalists"]) == 3 and made["best"] in made["finalists"]
-    saved = LearnedController.load(tmp_path / "one" / "best.npz")
+    saved = LearnedController.load(tmp_path / "one" / "best.safetensors")
     judged = evaluate_controller(saved, runs=3, first_seed=FINAL_SEED, **saved.options)
     assert last_times(judged).mean() == pytest.approx(made["best"]["last"])
     assert last_times(judged).std(ddof=1) / np.sqrt(3) == pytest.approx(made["best"]["standard_error"])
@@ -109,7 +109,7 @@ def test_an_interrupted_training_keeps_its_best_and_ends(tmp_path, options, monk
 
     monkeypatch.setattr(routing.ControllerCallback, "_on_step", interrupt)
     made = routing.train_controller(tmp_path, options, envs=2, steps=128, seconds=60.0, seed=5, eval_runs=2)
-    assert made["interrupted"] and made["best"]["steps"] == 0 and (tmp_path / "best.npz").exists()
+    assert made["interrupted"] and made["best"]["steps"] == 0 and (tmp_path / "best.safetensors").exists()
     assert made["finalists"] == []
 
 
@@ -243,8 +243,8 @@ def test_an_interrupt_while_training_ends_at_once_and_says_what_there_is(tmp_pat
     monkeypatch.setattr(command, "evaluate_controller", lambda *args, **more: pytest.fail("it goes on judging"))
     told = call(*SMALL, "--runs", 2, "--out", tmp_path / "run")
     assert told.exit_code == 130
-    assert "agents.evaluate" in told.stderr and "run/best.npz" in told.stderr
-    assert LearnedController.load(tmp_path / "run" / "best.npz")
+    assert "agents.evaluate" in told.stderr and "run/best.safetensors" in told.stderr
+    assert LearnedController.load(tmp_path / "run" / "best.safetensors")
 
 
 @pytest.mark.slow
@@ -255,7 +255,7 @@ def test_a_minute_of_training_beats_the_random_controller(tmp_path, options):
     train_controller(tmp_path, options, envs=16, steps=20_000, seconds=60.0, seed=0, eval_every=4096, eval_runs=20)
     learned, random, nearest = (
         evaluate_controller(controller, runs=30, first_seed=1_000_000, **options)
-        for controller in (LearnedController.load(tmp_path / "best.npz"), RandomController(), "nearest exit")
+        for controller in (LearnedController.load(tmp_path / "best.safetensors"), RandomController(), "nearest exit")
     )
     for other in (random, nearest):
         assert paired(last_times(learned), last_times(other))["ci95"][1] < 0.0

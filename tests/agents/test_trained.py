@@ -1,18 +1,21 @@
 """Trained networks: numbers in a file that opens without running anything, and acts as the model did."""
 
 import base64
-import io
 import json
 import os
+import struct
+import sys
 import zipfile
 
 import numpy as np
 import pytest
 from evaluations import SMALL, call, random_network, random_policy
+from safetensors import safe_open
+from safetensors.numpy import save
 
 from agents import make_policy
 from agents.evaluation.evaluation import evaluate
-from agents.network import Network, read_network
+from agents.networks import MLP, read_network, write_network
 from agents.trained import LearnedController, LearnedPolicy, load_trained
 from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.envs.action import make_action
@@ -23,22 +26,22 @@ NARROW = ObservationLayout(terms=("direction", "neighbors"), neighbors=2)
 def test_a_saved_policy_is_the_same_policy(tmp_path):
     policy = random_policy(frame="world", observation=NARROW)
     policy.trained = {"scenario": "room-v0", "dt": 0.01}
-    policy.save(tmp_path / "model.npz")
-    assert [path.name for path in tmp_path.iterdir()] == ["model.npz"]
-    read = make_policy(str(tmp_path / "model.npz"))
+    policy.save(tmp_path / "model.safetensors")
+    assert [path.name for path in tmp_path.iterdir()] == ["model.safetensors"]
+    read = make_policy(str(tmp_path / "model.safetensors"))
     assert read.env_options == policy.env_options and read.trained == policy.trained
     single = [weight.astype(np.float32) for weight in policy.network.weights]
     assert all((one == other).all() for one, other in zip(read.network.weights, single, strict=True))
     result = evaluate(read, SMALL, runs=2)
-    again = evaluate(LearnedPolicy.load(tmp_path / "model.npz"), SMALL, runs=2)
+    again = evaluate(LearnedPolicy.load(tmp_path / "model.safetensors"), SMALL, runs=2)
     assert repr(result.episodes) == repr(again.episodes) and result.policy == "learned"
 
 
 def test_the_file_says_what_it_is_for(tmp_path):
-    random_policy(frame="world", observation=NARROW).save(tmp_path / "a.npz")
-    _, facts = read_network(tmp_path / "a.npz")
-    assert facts["format"] == "crowd_env network" and facts["version"] == 1 and facts["kind"] == "policy"
-    assert facts["layers"] == [NARROW.size, 8, 8, 2] and facts["activation"] == "tanh"
+    random_policy(frame="world", observation=NARROW).save(tmp_path / "a.safetensors")
+    _, facts = read_network(tmp_path / "a.safetensors")
+    assert facts["format"] == "crowd_env network" and facts["version"] == 2 and facts["kind"] == "policy"
+    assert facts["network"] == {"kind": "mlp", "activation": "tanh"}
     assert facts["action"] == {"kind": "continuous", "frame": "world"}
     assert facts["observation"]["terms"] == ["direction", "neighbors"]
 
@@ -57,7 +60,7 @@ def test_actions_stay_within_their_bounds_and_choices_are_the_likeliest():
     layout, rng = ObservationLayout(), np.random.default_rng(0)
     rows = rng.uniform(-1.0, 1.0, (50, layout.size)).astype(np.float32)
     loud = random_policy()
-    loud.network = Network((*loud.network.weights[:2], 30 * loud.network.weights[2]), loud.network.biases)
+    loud.network = MLP((*loud.network.weights[:2], 30 * loud.network.weights[2]), loud.network.biases)
     action = loud.act(rows, layout, rng)
     assert np.abs(action).max() == 1.0 and np.abs(loud.network(rows)).max() > 2.0
     discrete = random_policy(action="discrete")
@@ -86,36 +89,39 @@ def test_a_network_has_to_fit_what_it_is_for():
     with pytest.raises(ValueError, match="7 outputs for choices among"):
         LearnedController(random_network(5, 7), np.array([3, 3]), {})
     with pytest.raises(ValueError, match="do not fit"):
-        Network((np.ones((3, 2)), np.ones((2, 4))), (np.ones(3), np.ones(2)))
+        MLP((np.ones((3, 2)), np.ones((2, 4))), (np.ones(3), np.ones(2)))
     with pytest.raises(ValueError, match="not finite"):
-        Network((np.full((3, 2), np.nan),), (np.ones(3),))
+        MLP((np.full((3, 2), np.nan),), (np.ones(3),))
 
 
 # --------------------------------------------------------------------------------------------------------- broken files
 
 
-def _npz(path, facts=None, **changes):
-    """Return the bytes of the file with facts or arrays replaced, or left out if None."""
-    with np.load(path) as file:
-        arrays = dict(file) | {name: array for name, array in changes.items() if array is not None}
-    if facts is not None:
-        arrays["facts"] = np.array(json.dumps(json.loads(str(arrays["facts"])) | facts))
-    out = io.BytesIO()
-    np.savez(out, **{name: array for name, array in arrays.items() if name not in changes or changes[name] is not None})
-    return out.getvalue()
+def _file(path, facts=None, **changes):
+    """Return the bytes of the file with facts or tensors replaced, or left out if None."""
+    with safe_open(path, framework="numpy") as file:
+        tensors = {name: file.get_tensor(name) for name in file.keys()} | changes  # noqa: SIM118
+        said = json.loads(file.metadata()["crowd_env"]) | (facts or {})
+    return save({name: one for name, one in tensors.items() if one is not None}, {"crowd_env": json.dumps(said)})
+
+
+def _header(path, change):
+    """Return the file with its header replaced, as text."""
+    content = path.read_bytes()
+    end = 8 + struct.unpack("<Q", content[:8])[0]
+    header = change(json.loads(content[8:end])).encode()
+    return struct.pack("<Q", len(header)) + header + content[end:]
 
 
 def _claims(path):
-    """Return the file with an array that says it holds 8 TB."""
-    out = io.BytesIO()
-    header = (
-        b"\x93NUMPY\x01\x00v\x00"
-        + b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000, 1000000), }".ljust(117)
-    )
-    with zipfile.ZipFile(path) as old, zipfile.ZipFile(out, "w") as new:
-        for name in old.namelist():
-            new.writestr(name, header + b"\n" if name == "weight0.npy" else old.read(name))
-    return out.getvalue()
+    """Return the file with a tensor that says it holds 4 TB."""
+    return _header(path, lambda header: json.dumps(header | {"weight0": header["weight0"] | {"shape": [10**6, 10**6]}}))
+
+
+def _reaches(path):
+    """Return the file with a tensor that says it ends after the file does."""
+    weight = {"dtype": "F32", "shape": [10**6], "data_offsets": [0, 4 * 10**6]}
+    return _header(path, lambda header: json.dumps({"__metadata__": header["__metadata__"], "weight0": weight}))
 
 
 @pytest.mark.parametrize(
@@ -124,47 +130,117 @@ def _claims(path):
         lambda path: b"",
         lambda path: b"no zip",
         lambda path: path.read_bytes()[:1000],
-        lambda path: _npz(path, weight1=None),
-        lambda path: _npz(path, facts={"format": "other"}),
-        lambda path: _npz(path, facts={"version": 2}),
-        lambda path: _npz(path, facts={"kind": "dancer"}),
-        lambda path: _npz(path, facts={"action": {"kind": "continuous"}}),
-        lambda path: _npz(path, facts={"action": 3}),
-        lambda path: _npz(path, facts={"observation": {"smell": 1}}),
-        lambda path: _npz(path, facts={"observation": {"terms": ["smell"]}}),
-        lambda path: _npz(path, weight0=np.ones((3, 3), dtype=np.float32)),
-        lambda path: _npz(path, weight0=np.array([{"a": 1}], dtype=object)),
-        lambda path: _npz(path, bias0=np.full(8, np.inf, dtype=np.float32)),
-        lambda path: _npz(path, more=np.ones(3)),
-        lambda path: _npz(path)[:-30],
+        lambda path: _file(path, weight1=None),
+        lambda path: _file(path, facts={"format": "other"}),
+        lambda path: _file(path, facts={"version": 1}),
+        lambda path: _file(path, facts={"network": {"kind": "forest"}}),
+        lambda path: _file(path, facts={"network": {"kind": ["mlp"]}}),
+        lambda path: _file(path, facts={"network": {"kind": "mlp", "activation": "relu"}}),
+        lambda path: _file(path, facts={"network": {}}),
+        lambda path: _file(path, facts={"network": "mlp"}),
+        lambda path: _file(path, facts={"kind": "dancer"}),
+        lambda path: _file(path, facts={"action": {"kind": "continuous"}}),
+        lambda path: _file(path, facts={"action": 3}),
+        lambda path: _file(path, facts={"observation": {"smell": 1}}),
+        lambda path: _file(path, facts={"observation": {"terms": ["smell"]}}),
+        lambda path: _file(path, weight0=np.ones((3, 3), dtype=np.float32)),
+        lambda path: _file(path, weight0=np.ones((8, 48))),
+        lambda path: _file(path, weight0=np.ones((8, 48), dtype=np.float16)),
+        lambda path: _file(path, bias0=np.full(8, np.inf, dtype=np.float32)),
+        lambda path: _file(path, more=np.ones(3)),
+        lambda path: _file(path, **dict.fromkeys(["weight0", "weight1", "weight2", "bias0", "bias1", "bias2"])),
+        lambda path: _file(path)[:-30],
+        lambda path: _file(path) + b"more",
+        lambda path: _header(path, lambda header: "no JSON"),
+        lambda path: _header(path, lambda header: json.dumps({"__metadata__": {"crowd_env": "["}})),
+        lambda path: _header(path, lambda header: json.dumps({"__metadata__": {"crowd_env": "[" * 10**5}})),
+        lambda path: _header(path, lambda header: json.dumps({"__metadata__": {"format": "np"}})),
+        lambda path: _header(path, lambda header: "{}"),
+        lambda path: struct.pack("<Q", 2**63) + path.read_bytes()[8:],
         _claims,
+        _reaches,
     ],
 )  # fmt: skip
 def test_a_broken_file_is_refused_by_name_in_one_sentence(tmp_path, harm):
-    good, bad = tmp_path / "good.npz", tmp_path / "bad.npz"
+    good, bad = tmp_path / "good.safetensors", tmp_path / "bad.safetensors"
     random_policy().save(good)
     bad.write_bytes(harm(good))
-    with pytest.raises(ValueError, match=r"bad\.npz"):
+    with pytest.raises(ValueError, match=r"bad\.safetensors"):
         make_policy(str(bad))
     code, _, told = call("--runs", 1, "--policies", bad)
     assert code == 2
-    assert told.startswith("error: ") and len(told.splitlines()) == 1 and "bad.npz" in told
+    assert told.startswith("error: ") and len(told.splitlines()) == 1 and "bad.safetensors" in told
 
 
-@pytest.mark.parametrize("name", ["none.npz", "none.zip"])
+def test_a_flipped_bit_is_refused_or_harmless(tmp_path):
+    """No bit of a file makes reading it fail otherwise than in a sentence."""
+    path, bad = tmp_path / "good.safetensors", tmp_path / "bad.safetensors"
+    random_policy(observation=NARROW).save(path)
+    whole, rng, refused = path.read_bytes(), np.random.default_rng(0), 0
+    header = 8 + struct.unpack("<Q", whole[:8])[0]
+    for bit in [*range(64), *rng.integers(64, 8 * header, 400), *rng.integers(8 * header, 8 * len(whole), 50)]:
+        harmed = bytearray(whole)
+        harmed[bit // 8] ^= 1 << (bit % 8)
+        bad.write_bytes(bytes(harmed))
+        try:
+            LearnedPolicy.load(bad)
+        except ValueError as error:
+            assert "bad.safetensors" in str(error)
+            refused += 1
+    assert refused > 100
+
+
+def test_a_file_too_large_is_not_opened(tmp_path, monkeypatch):
+    random_policy().save(tmp_path / "a.safetensors")
+    monkeypatch.setattr("agents.networks.file._MOST_BYTES", 1000)
+    with pytest.raises(ValueError, match=r"a\.safetensors .* bytes; at most 1000 are read"):
+        make_policy(str(tmp_path / "a.safetensors"))
+
+
+def test_a_network_of_an_earlier_version_is_refused_with_what_to_do(tmp_path):
+    np.savez(tmp_path / "best.npz", weight0=np.ones((2, 2)))
+    with pytest.raises(
+        ValueError, match=r"best\.npz is a network of an earlier version.*\.safetensors.*train it again"
+    ):
+        make_policy(str(tmp_path / "best.npz"))
+    code, _, told = call("--runs", 1, "--policies", tmp_path / "best.npz")
+    assert code == 2 and "earlier version" in told and len(told.splitlines()) == 1
+
+
+def test_a_tensor_is_written_as_it_is_however_it_lies_in_memory(tmp_path):
+    weight = np.arange(6.0).reshape(2, 3)
+    for k, same in enumerate((weight, np.asfortranarray(weight), np.repeat(weight, 2, axis=1)[:, ::2])):
+        write_network(tmp_path / f"{k}.safetensors", MLP((same,), (np.zeros(2),)), {})
+        read, _ = read_network(tmp_path / f"{k}.safetensors")
+        np.testing.assert_array_equal(read.weights[0], weight)
+    assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1  # the same network is the same file
+
+
+def test_reading_without_the_library_says_what_to_install(tmp_path, monkeypatch):
+    random_policy().save(tmp_path / "a.safetensors")
+    monkeypatch.setitem(sys.modules, "safetensors.numpy", None)
+    monkeypatch.setitem(sys.modules, "safetensors", None)
+    with pytest.raises(ModuleNotFoundError, match=r"networks need safetensors.* pip install safetensors"):
+        make_policy(str(tmp_path / "a.safetensors"))
+    assert make_policy("follow")
+
+
+@pytest.mark.parametrize("name", ["none.safetensors", "none.zip"])
 def test_a_missing_file_is_refused_by_name(tmp_path, name):
     with pytest.raises(ValueError, match=rf"cannot read the network .*{name}: no such file"):
         make_policy(str(tmp_path / name))
 
 
 def test_a_policy_is_no_controller_nor_the_other_way_round(tmp_path):
-    random_policy().save(tmp_path / "policy.npz")
-    LearnedController(random_network(5, 7), np.array([3, 4]), {"scenario": "hall"}).save(tmp_path / "controller.npz")
-    with pytest.raises(ValueError, match=r"policy\.npz is a policy of people's own steps"):
-        LearnedController.load(tmp_path / "policy.npz")
-    with pytest.raises(ValueError, match=r"controller\.npz is a controller"):
-        make_policy(str(tmp_path / "controller.npz"))
-    with pytest.raises(ValueError, match=r"must end in \.npz"):
+    random_policy().save(tmp_path / "policy.safetensors")
+    LearnedController(random_network(5, 7), np.array([3, 4]), {"scenario": "hall"}).save(
+        tmp_path / "controller.safetensors"
+    )
+    with pytest.raises(ValueError, match=r"policy\.safetensors is a policy of people's own steps"):
+        LearnedController.load(tmp_path / "policy.safetensors")
+    with pytest.raises(ValueError, match=r"controller\.safetensors is a controller"):
+        make_policy(str(tmp_path / "controller.safetensors"))
+    with pytest.raises(ValueError, match=r"must end in \.safetensors"):
         random_policy().save(tmp_path / "policy.zip")
 
 
@@ -218,9 +294,9 @@ def test_what_is_in_a_pickle_is_not_executed(model, tmp_path):
             read(str(path))
     code, _, told = call("--runs", 1, "--policies", path)
     assert code == 2 and "--trust-pickle" in told and not mark.exists()
-    path.rename(tmp_path / "evil.npz")  # under another name it is no network
+    path.rename(tmp_path / "evil.safetensors")  # under another name it is no network
     with pytest.raises(ValueError, match="is not a network"):
-        make_policy(str(tmp_path / "evil.npz"))
+        make_policy(str(tmp_path / "evil.safetensors"))
     assert not mark.exists()
     pickled(model, path, Payload(mark))
     make_policy(str(path), trust_pickle=True)
@@ -232,10 +308,10 @@ def test_a_trusted_pickle_is_read_and_can_be_saved_as_numbers(model, tmp_path):
     pickled(model, path)
     policy = make_policy(str(path), trust_pickle=True)
     assert policy.env_options == {"frame": "world", "action": "continuous", "observation": NARROW}
-    policy.save(tmp_path / "new.npz")
+    policy.save(tmp_path / "new.safetensors")
     rows = np.random.default_rng(0).uniform(-1.0, 1.0, (40, NARROW.size)).astype(np.float32)
     expected = model.predict(rows, deterministic=True)[0]
-    for one in (policy, make_policy(str(tmp_path / "new.npz"))):
+    for one in (policy, make_policy(str(tmp_path / "new.safetensors"))):
         np.testing.assert_allclose(one.act(rows, NARROW, None), expected, atol=1e-6)
     code, told, _ = call("--runs", 1, "--policies", path, "--trust-pickle", "--json")
     assert code == 0 and json.loads(told)["rows"][0]["policy"] == "old"
@@ -258,8 +334,8 @@ def test_the_numbers_act_as_the_model_does(action, tmp_path):
         for number in model.policy.parameters():
             number.mul_(2.0).add_(0.1 * torch.randn(number.shape))
     policy = LearnedPolicy(network_of(model), env_options_of(env))
-    policy.save(tmp_path / "saved.npz")
-    saved = make_policy(str(tmp_path / "saved.npz"))
+    policy.save(tmp_path / "saved.safetensors")
+    saved = make_policy(str(tmp_path / "saved.safetensors"))
     assert make_action(saved.env_options["action"]) == env.action_kind  # what it acts with is in its file
     rows = np.random.default_rng(0).uniform(-1.0, 1.0, (500, env.layout.size)).astype(np.float32)
     expected = model.predict(rows, deterministic=True)[0]
@@ -271,15 +347,14 @@ def test_the_numbers_act_as_the_model_does(action, tmp_path):
 
 def test_acting_needs_no_torch(tmp_path):
     import subprocess
-    import sys
 
-    random_policy().save(tmp_path / "a.npz")
+    random_policy().save(tmp_path / "a.safetensors")
     program = f"""
 import sys
 for name in ("torch", "stable_baselines3"):
     sys.modules[name] = None
 from agents import evaluate
-sys.exit(evaluate.app(["--runs", "1", "--policies", "{(tmp_path / "a.npz").as_posix()}", "--json"]))
+sys.exit(evaluate.app(["--runs", "1", "--policies", "{(tmp_path / "a.safetensors").as_posix()}", "--json"]))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -1,0 +1,157 @@
+"""Judge what a training run has learned: the table on held-out draws, the curves, and the film beside the rule."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from agents import POLICIES
+from agents.drivers import best_share, policy_driver
+from agents.evaluate import compare
+from agents.evaluation.comparison import last_times, minus_first, ratio
+from agents.evaluation.entries import RULE, make_entries
+from agents.evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
+from agents.evaluation.folder import EvaluationFolder, settings_of
+from agents.evaluation.protocol import task_row, task_table
+from agents.evaluation.report import comparison_table, crowding_table
+from agents.networks import network_digest
+from agents.policy import Policy
+from agents.rules import StrategyPolicy
+from agents.trained import LearnedPolicy
+from agents.training_config import judged_place, task_of
+from agents.walking import RuleAtShare
+from crowd_env import Scenario
+from crowd_env.cli.console import run_title
+from crowd_env.files.json_file import json_number, write_json
+
+LEARNED = "learned"
+NETWORK, RESULTS = "best.safetensors", "results.json"
+# The first is what the others are compared with.
+_OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still")))
+_OF_SCENARIO = ("shortest", "stand-still", "random")
+_FILM_SECONDS = 12.0  # that a film of any evacuation lasts, by and large
+
+
+def physics_of(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options of `evaluate` under which a run is validated: those it was trained with."""
+    return {name: config[name] for name in ("scheme", "dt", "decision_dt", "strategy", "manner", "outline")}
+
+
+def title_of(config: Mapping[str, Any]) -> str:
+    """Return what stands above the table and the egress curves."""
+    task, place = config["task"], judged_place(config)
+    said = run_title(place, config["scheme"])
+    return said if task is None else f"{task}, version {task_of(config).version}: {said}"
+
+
+def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> list[Evaluation]:
+    """Evaluate the baselines and the learned policy on the same held-out draws and write ``results.json``.
+
+    Beside the figures it holds all that a shipped policy's card says: the task, the network, what was spent, and the figures
+    of the network on the validation draws, by which it was chosen.
+
+    A task is judged as it stands: with all its people, at its own physics step.  What has been evaluated is kept in the folder,
+    so that an interrupted evaluation goes on.
+    """
+    task, place, scheme = task_of(config), judged_place(config), config["scheme"]
+    own = config["task"] is not None
+    *rules, network = make_entries([*(_OF_TASK if own else _OF_SCENARIO), str(folder / NETWORK)], place, task)
+    entries = [*rules, replace(network, name=LEARNED)]
+    kept = EvaluationFolder(folder / f"held-out-{runs}", settings_of(place, runs, 0, task if own else None))
+    results = compare(entries, place, [scheme], runs=runs, threads=threads, folder=kept)
+    rule, learned = results[0], results[-1]
+    rows = [task_row(task, place, result, rule) if own else result.row() for result in results]
+    content = {
+        "config": config,
+        "task": task.identity() if own else None,
+        "network": network_digest(folder / NETWORK),
+        **_training(folder),
+        "learned_minus_rule": minus_first(learned, rule),
+        "learned_over_rule": ratio(learned, rule),
+        "rows": rows,
+    }
+    write_json(folder / RESULTS, content)
+    return results
+
+
+def _training(folder: Path) -> dict[str, Any]:
+    """Return what the training took in all, and the figures of the network that was kept."""
+    from agents.learned.training import read_curve, score
+
+    curve = read_curve(folder / "learning_curve.csv")
+    kept = min(curve, key=score)
+    return {
+        "spent": {name: curve[-1][name] for name in ("steps", "seconds", "cpu_seconds")},
+        "validation": {name: json_number(value) for name, value in kept.items()},
+    }
+
+
+def tables(config: Mapping[str, Any], results: list[Evaluation]) -> list[Table]:
+    """Return the tables that are printed at the end of a run."""
+    title = f"{title_of(config)}, {results[0].runs} held-out draws"
+    if config["task"] is None:
+        return [comparison_table(results, title)]
+    return [task_table(results, title), crowding_table(results)]
+
+
+def draw(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:
+    """Write learning curve, egress curves and the film of the rule beside the learned policy."""
+    from crowd_env.rendering import egress_curves
+
+    _draw_curve(folder, config)
+    shown = {one.policy: one.exit_times for one in results if one.policy in (results[0].policy, LEARNED, "density-cap")}
+    egress_curves(folder / "egress_curves.png", shown, title=title_of(config))
+    _write_film(folder, config, results)
+
+
+def _draw_curve(folder: Path, config: Mapping[str, Any]) -> None:
+    from agents.learned.training import read_curve, score
+    from crowd_env.rendering import learning_curve
+
+    curve, place, physics = read_curve(folder / "learning_curve.csv"), judged_place(config), physics_of(config)
+    # The curve was measured on validation draws, so the rule it is compared with is too.
+    options = {name: value for name, value in physics.items() if name not in ("manner", "outline")}
+    rule: Policy = StrategyPolicy(config["strategy"])
+    label = f"rule: {config['strategy']} path"
+    if config["task"] is not None:
+        share = best_share(place, **options)
+        rule, label = RuleAtShare(share), f"rule at its best speed ({share:g} of the own)"
+    beside = evaluate(rule, place, **physics, runs=config["eval_runs"], first_seed=VALIDATION_SEED)
+    learning_curve(
+        folder / "learning_curve.png",
+        [row["steps"] for row in curve],
+        {LEARNED: [row["evacuation_time"] for row in curve]},
+        errors={LEARNED: [row["standard_error"] for row in curve]},
+        reference={
+            label: float(last_times(beside).mean()),
+            f"kept, best of {len(curve)}": min(curve, key=score)["evacuation_time"],
+        },
+        title=f"{config['eval_runs']} validation draws at each point, ± standard error",
+        xlabel="training steps, all pedestrian slots together",
+    )
+
+
+def _write_film(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:
+    """Write the film of a draw in which the rule leaves somebody inside, if there is one."""
+    from crowd_env.rendering import write_film
+    from crowd_env.rendering.live import record
+
+    task, place = task_of(config), judged_place(config)
+    stuck = np.flatnonzero(results[0].column("unfinished") > 0)
+    seed = HELD_OUT_SEED + (int(stuck[0]) if len(stuck) else 0)
+    options = {"scheme": config["scheme"], "rules": False, **task.env_options(config["scheme"])}
+    beside: list[tuple[Policy, str]] = [
+        (StrategyPolicy(task.rule), "rule: full speed ahead"),
+        (LearnedPolicy.load(folder / NETWORK), "learned"),
+    ]
+    films = [record(place, seed=seed, title=title, driver=_driver(one, place, options)) for one, title in beside]
+    end = min(max(film.end for film in films), 1.3 * films[-1].end)
+    speed = max(1.0, round(end / _FILM_SECONDS))
+    write_film(folder / "evacuation.gif", films, fps=12.5, speed=speed, max_seconds=end)
+
+
+def _driver(policy: Policy, place: Scenario, options: dict[str, Any]) -> Any:
+    return policy_driver(policy, place, **options)

@@ -1,0 +1,90 @@
+"""The file of a network: one ``.safetensors`` with the float32 tensors and, in its header, what they are for.
+
+The format (https://github.com/huggingface/safetensors) holds numbers and text alone.  The facts stand in the header's metadata
+as one JSON text: weights and what they mean cannot get apart, and one atomic write suffices.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents.networks.network import Network
+from agents.networks.registry import NETWORKS
+from crowd_env.checks import known
+from crowd_env.files.atomic import written
+
+FORMAT, VERSION = "crowd_env network", 2
+_FACTS = "crowd_env"  # key of the metadata
+_MOST_BYTES = 2**28  # of a file: a hundred times the networks made here
+
+
+def write_network(path: Path, network: Network, facts: dict[str, Any]) -> None:
+    """Write a network and what there is to know of it, whole or not at all.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If safetensors is not installed.
+    """
+    save = _safetensors().numpy.save
+    made_of = {"kind": network.kind, **network.settings()}
+    header = {"format": FORMAT, "version": VERSION, **facts, "network": made_of}
+    # The library reads memory as it lies: an array in another order would be written wrongly.
+    tensors = {name: np.ascontiguousarray(one, dtype=np.float32) for name, one in network.tensors().items()}
+    content = save(tensors, {_FACTS: json.dumps(header, allow_nan=False)})
+    with written(path) as part:
+        part.write_bytes(content)
+
+
+def read_network(path: Path) -> tuple[Network, dict[str, Any]]:
+    """Read what `write_network` wrote; nothing in the file is executed, whatever it holds.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing, or no such network.
+    ModuleNotFoundError
+        If safetensors is not installed.
+    """
+    library = _safetensors()
+    try:
+        size = path.stat().st_size
+        if size > _MOST_BYTES:
+            raise ValueError(f"it has {size} bytes; at most {_MOST_BYTES} are read")
+        with library.safe_open(path, framework="numpy") as file:
+            facts = json.loads((file.metadata() or {}).get(_FACTS, "null"))
+            if not isinstance(facts, dict) or facts.get("format") != FORMAT:
+                raise ValueError("it does not say what it is")
+            if facts.get("version") != VERSION:
+                raise ValueError(f"it has version {facts.get('version')!r}; this program reads version {VERSION}")
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
+        odd = [name for name, one in tensors.items() if one.dtype != np.float32]
+        if odd:
+            raise ValueError(f"its tensor {odd[0]} is of {tensors[odd[0]].dtype}, not of float32")
+        settings = dict(facts["network"])
+        kind = settings.pop("kind")
+        return NETWORKS[known("kind of network", kind, NETWORKS)].of(tensors, settings), facts
+    except OSError as error:
+        raise ValueError(f"cannot read the network {path}: {error.strerror or error}") from None
+    except Exception as error:  # a damaged file fails in many places: header, JSON, shapes
+        said = f"it does not say its {error}" if isinstance(error, KeyError) else error
+        raise ValueError(f"{path} is not a network saved by train.py or agents.train_routing: {said}") from None
+
+
+def network_digest(path: Path) -> str:
+    """Return the hash by which results and cards name the network that they are about."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _safetensors() -> Any:
+    """Return the library; policies without a network need none."""
+    try:
+        import safetensors.numpy
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"networks need {error.name}, which is not installed: pip install safetensors", name=error.name
+        ) from None
+    return safetensors

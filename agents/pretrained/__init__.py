@@ -1,0 +1,44 @@
+"""Trained policies that are shipped, by name: ``agents.load("competitive-door/ppo")``.
+
+A policy is two files in the folder of its task.  ``NAME.safetensors`` is all that acting needs: the weights, and in its header
+the kind of the network, observation, action and what it was trained for.  ``NAME.json`` is its card, for people and for papers:
+how it was trained, and what it reached on held-out draws.  Nothing is said twice; the card names the weights it is about by
+their digest.  ``python -m agents.ship`` writes both.
+"""
+
+from pathlib import Path
+
+from agents.trained import NUMBERS, LearnedController, LearnedPolicy, load_trained, names_file
+
+FOLDER = Path(__file__).parent
+
+# Name, TASK/POLICY -> file of the network: what lies in the folder.
+PRETRAINED: dict[str, Path] = {f"{path.parent.name}/{path.stem}": path for path in sorted(FOLDER.glob(f"*/*{NUMBERS}"))}
+
+
+def load(name: str, *, trust_pickle: bool = False) -> LearnedPolicy | LearnedController:
+    """Return a trained policy; of a task that decides exits it is a controller.
+
+    Parameters
+    ----------
+    name : of a shipped policy in `PRETRAINED`, or the path of a network (.safetensors).
+    trust_pickle : open a path of stable-baselines3 (.zip) too, see `agents.trained.load_trained`.
+
+    Raises
+    ------
+    ValueError
+        If the name is unknown (the message lists the shipped ones), or the network cannot be read.
+    ModuleNotFoundError
+        If safetensors is not installed.
+    """
+    if names_file(name):
+        return load_trained(name, trust_pickle=trust_pickle)
+    if name not in PRETRAINED:
+        shipped = ", ".join(PRETRAINED) or "none"
+        raise ValueError(f"unknown trained policy {name!r}; shipped: {shipped}, or the path of a network ({NUMBERS})")
+    found = load_trained(PRETRAINED[name])
+    found.name = name
+    return found
+
+
+__all__ = ["PRETRAINED", "load"]

@@ -1,0 +1,33 @@
+"""What no crowd can do better than in a place, and what recorded crowds do there."""
+
+import numpy as np
+
+from crowd_env import Scenario
+from crowd_env.state import Floats
+
+# 1/(m s)  79 published flows through doors of 0.4 to 2.8 m, among them Kretz, Grünebohm, Schreckenberg 2006 (J. Stat. Mech.
+# P10014), Seyfried et al. 2009 (Transp. Sci. 43:395) and Nagai 2006, lie from 1.6 to 2.8; Seyfried's door of 1 m passes 1.9.
+RECORDED_FLOW, LARGEST_RECORDED_FLOW = 1.9, 2.8
+_BODIES = 2000  # that are drawn for the means of a population
+
+
+def exit_widths(place: Scenario) -> Floats:
+    """Return the widths (X,) [m] of the exits."""
+    ends = place.geometry.exits
+    return np.asarray(np.hypot(*(ends[:, 1] - ends[:, 0]).T))
+
+
+def touching_flow(place: Scenario) -> float:
+    """Return how many people a second [1/s] pass all exits one behind the other, touching, each at the own desired speed.
+
+    As many walk abreast as bodies of mean width fit into an exit side by side, at least one.  In a zigzag bodies could pass a
+    little closer.
+    """
+    rng = np.random.default_rng(0)
+    parts = place.population.parts
+    drawn = [part.changed(count=max(1, _BODIES * part.count // place.population.count), starts=None) for part in parts]
+    bodies = [part.draw_bodies(rng) for part in drawn]
+    width = 2.0 * float(np.concatenate([one.radius for one in bodies]).mean())
+    speed = float(np.concatenate([one.desired_speed for one in bodies]).mean())
+    abreast = np.maximum(1.0, np.floor(exit_widths(place) / width + 1e-9))
+    return float(abreast.sum()) * speed / width

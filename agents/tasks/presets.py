@@ -1,0 +1,111 @@
+"""What a policy is trained with, task by task: place, people, step, action, observation, reward, algorithm and budget.
+
+A preset is a start that was seen to learn, not a part of the task: what is trained is judged in the task as it stands, at its
+own physics step and with its own number of people.
+"""
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from typing import Any
+
+from agents.tasks.registry import make_task
+from crowd_env import Scenario, make_scenario
+from crowd_env.checks import known, whole
+from crowd_env.envs.observation.terms import USUAL
+
+# What everyone sees: the usual terms, and of those who are nearer the exit the next one and how many they are.
+_WITH_AHEAD = (*USUAL, "ahead")
+
+
+@dataclass(frozen=True)
+class Preset:
+    """What policies of people's own steps are trained with for a task.
+
+    Parameters
+    ----------
+    task : name of the task.
+    people : how many are trained with; by and large fewer than the policy is judged with.
+    dt : s, physics step of training: a longer one than the task's where that changes no distribution and saves time.
+    options : of the scenario, where they are others than the task's.
+    action : kind of action.
+    terms : of the observation.
+    reward : table of `RewardWeights`.
+    ppo : settings of `agents.learned.PPOSettings` that are others than its defaults.
+    envs : rooms side by side.
+    steps : training steps, summed over all pedestrian slots.
+    eval_every, eval_runs : steps between evaluations on validation draws, and how many draws each takes.
+    """
+
+    task: str
+    _: KW_ONLY
+    people: int
+    dt: float
+    options: Mapping[str, Any] = field(default_factory=dict)
+    action: str | Mapping[str, Any] = "speeds"
+    terms: tuple[str, ...] = _WITH_AHEAD
+    reward: Mapping[str, Any] = field(
+        default_factory=lambda: {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0}, "team_share": 0.0}
+    )
+    ppo: Mapping[str, Any] = field(default_factory=lambda: {"gamma": 0.98})
+    envs: int = 24
+    steps: int = 24_000_000
+    eval_every: int = 2_400_000
+    eval_runs: int = 24
+
+    def place(self, people: int | None = None) -> Scenario:
+        """Return the scenario that is trained in, with ``people`` of the same kinds if given.
+
+        Raises
+        ------
+        ValueError
+            If so many do not fit.
+        """
+        return training_place(
+            make_task(self.task).scenario,
+            {**make_task(self.task).options, **self.options},
+            self.people if people is None else people,
+        )
+
+
+def training_place(scenario: str, options: Mapping[str, Any], people: int | None) -> Scenario:
+    """Return a scenario under options, with so many people of its kinds if that is given.
+
+    Raises
+    ------
+    ValueError
+        If an option is unknown or out of range, or so many people do not fit.
+    """
+    place = make_scenario(scenario, **options)
+    if people is None or people == place.population.count:
+        return place
+    return make_scenario(scenario, **options, population=place.population.changed(count=whole("--people", people)))
+
+
+_ALL = (
+    # A room of 10 m instead of 15 m: the way to the door is shorter, and more of the training happens at the door.
+    Preset("competitive-door", people=60, dt=0.01, options={"side": 10.0}),
+    Preset("narrow-door", people=80, dt=0.01, envs=16),
+    Preset("hertz-room", people=60, dt=0.01),
+    Preset("literal-room", people=20, dt=0.01, envs=48),
+    Preset("counter-flow", people=30, dt=0.01, action="speeds-directions", envs=32),
+    Preset("room", people=20, dt=0.01, envs=48),
+    Preset("pillar", people=60, dt=0.01),
+    Preset("bottleneck", people=60, dt=0.01),
+    Preset("t-junction", people=60, dt=0.01),
+    Preset("crossing", people=40, dt=0.01, envs=32),
+)
+
+# Name of the task -> preset.
+PRESETS: Mapping[str, Preset] = {preset.task: preset for preset in _ALL}
+
+
+def make_preset(task: str) -> Preset:
+    """Return the preset of a task in `PRESETS`.
+
+    Raises
+    ------
+    ValueError
+        If there is none; the message lists the tasks that have one.
+    """
+    make_task(task)
+    return PRESETS[known("task with a training preset", task, PRESETS)]
