@@ -1,5 +1,6 @@
 """Who decides: policies over arrays, rule-based and learned, behind one protocol."""
 
+from agents.evolved import Evolved
 from agents.policy import Policy
 from agents.pretrained import PRETRAINED, load
 from agents.rules import RandomWalk, ShortestPath, StandStill
@@ -15,6 +16,7 @@ POLICIES: dict[str, type[Policy]] = {
     "density-cap": DensityCap,
     "headway": HeadwayRule,
     "follow": Follow,
+    "evolution": Evolved,
     "zipper": Zipper,
 }
 
@@ -49,6 +51,7 @@ __all__ = [
     "POLICIES",
     "PRETRAINED",
     "DensityCap",
+    "Evolved",
     "Follow",
     "HeadwayRule",
     "Policy",

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
 
 from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
 from agents.evaluation.credible import RULE
@@ -16,6 +15,7 @@ from agents.evaluation.evaluation import HELD_OUT_SEED, Cell, Evaluation, evalua
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.protocol import credible_lines, task_row, task_table
 from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
+from agents.lists_of_names import ListsOfNames
 from agents.runs import versions
 from agents.tasks import TASKS, Task, make_task
 from agents.training_config import RUNS
@@ -43,26 +43,6 @@ _SCENARIO, _NAMED, _SCHEME, _RUNS = (
     "nsm2",
     100,
 )  # unless a task or an option says otherwise
-
-
-class _ListsOfNames(TyperCommand):
-    """A command whose options for policies and schemes take several names each: ``--policies shortest fastest``."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        return super().parse_args(ctx, _one_by_one(args))
-
-
-def _one_by_one(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments with the name of its option before every name of a list."""
-    found: list[str] = []
-    option = None
-    for argument in arguments:
-        if argument.startswith("--"):
-            option = argument if argument in (_POLICIES, _POLICY, _SCHEMES) else None
-        elif option is not None and found[-1] != option:
-            found.append(option)
-        found.append(argument)
-    return found
 
 
 def compare(
@@ -131,7 +111,7 @@ def summary(
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-@app.command(cls=_ListsOfNames)
+@app.command(cls=ListsOfNames)
 def main(
     task: Annotated[
         str | None,
@@ -153,8 +133,8 @@ def main(
             show_default="shortest fastest; of a task rule",
             help="rule: the strategy of a task; shortest, nearest, fastest, comfortable; the name of a route or exit; rules: "
             "the shortest path with the scenario's control rules in force, which are off for all others; random, stand-still; "
-            "rules of walking: rule-best-speed, density-cap, headway (the manner hurried), follow, zipper; a shipped "
-            "policy (TASK/NAME), or a learned network (.safetensors).  The others are compared with the first.",
+            "rules of walking: rule-best-speed, density-cap, headway (the manner hurried), follow, evolution, zipper; a "
+            "shipped policy (TASK/NAME), or a learned network (.safetensors).  The others are compared with the first.",
         ),
     ] = None,
     schemes: Annotated[

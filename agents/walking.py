@@ -119,7 +119,7 @@ class DensityCap(WalkingRule):
         """Return full speed, or the cap where it is dense."""
         people = np.rint(observation[:, layout["density"]][:, 0] * (np.pi * DENSITY_RADIUS**2 * DENSITY_SCALE))
         dense = people > self.density * np.pi * DENSITY_RADIUS**2
-        return _along(np.where(dense, self.speed, np.inf), _desired_speed(observation, layout))
+        return along(np.where(dense, self.speed, np.inf), desired_speed(observation, layout))
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ class Follow(WalkingRule):
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
         """Return the speed that keeps the distance to the leader."""
-        return _along(self._speed(observation, layout, LEADER), _desired_speed(observation, layout), self.back)
+        return along(self._speed(observation, layout, LEADER), desired_speed(observation, layout), self.back)
 
     def _speed(self, observation: np.ndarray, layout: ObservationLayout, term: ObservationTerm) -> Floats:
         """Return the speed (P,) [m/s] that keeps the distance; infinite where there is nobody to follow."""
@@ -216,14 +216,14 @@ class Zipper(Follow):
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
         """Return the speed that keeps the distance to the one before in the order."""
-        return _along(self._speed(observation, layout, PREDECESSOR), _desired_speed(observation, layout), self.back)
+        return along(self._speed(observation, layout, PREDECESSOR), desired_speed(observation, layout), self.back)
 
 
-def _desired_speed(observation: np.ndarray, layout: ObservationLayout) -> Floats:
+def desired_speed(observation: np.ndarray, layout: ObservationLayout) -> Floats:
     """Return the desired speed (P,) [m/s] that is observed, up to 2 m/s; rows of those who are out hold a tiny number."""
     return np.maximum(SPEED_SCALE * observation[:, layout["desired_speed"]][:, 0].astype(np.float64), 1e-9)
 
 
-def _along(velocity: Floats, desired: Floats, back: float = 0.0) -> np.ndarray:
+def along(velocity: Floats, desired: Floats, back: float = 0.0) -> np.ndarray:
     """Return the actions (P, 2) of velocities (P,) [m/s] along the way, within ``-back`` and 1 of the desired speed."""
     return np.column_stack([np.clip(velocity / desired, -back, 1.0), np.zeros(len(velocity))])

@@ -12,7 +12,8 @@ from agents import POLICIES
 from agents.drivers import best_share, policy_driver
 from agents.evaluate import compare
 from agents.evaluation.comparison import last_times, minus_first, ratio
-from agents.evaluation.entries import RULE, make_entries
+from agents.evaluation.credible import RULE
+from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.protocol import task_row, task_table
@@ -63,7 +64,7 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     kept = EvaluationFolder(folder / f"held-out-{runs}", settings_of(place, runs, 0, task if own else None))
     results = compare(entries, place, [scheme], runs=runs, threads=threads, folder=kept)
     rule, learned = results[0], results[-1]
-    rows = [task_row(task, place, result, rule) if own else result.row() for result in results]
+    rows = [task_row(task, place, result, results) if own else result.row() for result in results]
     content = {
         "config": config,
         "task": task.identity() if own else None,

@@ -202,8 +202,8 @@ def test_a_folder_holds_one_task_of_one_version(tmp_path):
     [
         (("--task", "moon"), r"unknown task 'moon'; known: competitive-door, narrow-door"),
         (
-            ("--task", "small", "--policies", "evolution"),
-            r"unknown policy 'evolution'; known: rule, .*zipper, or the path of",
+            ("--task", "small", "--policies", "evolve"),
+            r"unknown policy 'evolve'; known: rule, .*zipper, .*or the path of",
         ),
         (("--policies", "rule"), "'rule' is the strategy of a task; give --task"),
         (

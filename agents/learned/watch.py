@@ -1,0 +1,63 @@
+"""What watches a training in a benchmark: how much of the budget is spent, and how good the policy is by now."""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from agents.policy import Policy
+
+
+class Watch:
+    """Ends a training when its budget of processor time is spent, and judges the policy on the way.
+
+    An algorithm asks `goes_on` before every update, the first included, and stops when the answer is no.
+
+    Parameters
+    ----------
+    seconds : of processor time of this process, without what `judge` takes.
+    judge : takes a policy and returns figures, the smaller ``order`` the better.
+    checkpoints : how often the policy is judged beside the start; the last time is at the end.
+
+    Attributes
+    ----------
+    curve : a row for each time that the policy was judged: ``steps``, decision steps of people so far, ``seconds`` of
+        processor time, and what ``judge`` returned.
+    best : the policy of the best row, and its number.
+    """
+
+    def __init__(
+        self, seconds: float, judge: Callable[[Policy], Mapping[str, Any]], checkpoints: int, decision_dt: float = 0.1
+    ) -> None:
+        self.seconds, self.checkpoints, self.decision_dt = seconds, checkpoints, decision_dt
+        self.curve: list[dict[str, Any]] = []
+        self.best: tuple[Policy, int] | None = None
+        self._judge = judge
+        self._begin = time.process_time()
+
+    @property
+    def spent(self) -> float:
+        """Processor time so far [s]."""
+        return time.process_time() - self._begin
+
+    @property
+    def share(self) -> float:
+        """Share of the budget that is spent, at most 1."""
+        return min(self.spent / self.seconds, 1.0)
+
+    def goes_on(self, steps: int, policy: Callable[[], Policy]) -> bool:
+        """Judge the policy if that is due, and return whether to go on training.
+
+        Parameters
+        ----------
+        steps : decision steps of people that were trained on so far.
+        policy : returns the policy as it is now, which later training must not change.
+        """
+        spent = self.spent
+        if len(self.curve) <= self.checkpoints * min(spent / self.seconds, 1.0):
+            found = policy()
+            row = {"steps": int(steps), "seconds": round(spent, 3), **self._judge(found)}
+            if self.best is None or row["order"] < self.curve[self.best[1]]["order"]:
+                self.best = found, len(self.curve)
+            self.curve.append(row)
+            self._begin += self.spent - spent  # judging is no training
+        return spent < self.seconds

@@ -1,0 +1,46 @@
+"""PPO by stable-baselines3 under a `Watch`, as the other algorithms of a benchmark are."""
+
+from typing import cast
+
+from stable_baselines3.common.callbacks import BaseCallback
+
+from agents.learned.export import network_of
+from agents.learned.ppo import PPOSettings, make_ppo
+from agents.learned.rate import FallingRate
+from agents.learned.training import env_options_of
+from agents.learned.watch import Watch
+from agents.trained import LearnedPolicy
+from crowd_env import CrowdEnv
+
+_ENDLESS = 10**12  # steps: the watch ends the training
+
+
+def train_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, watch: Watch) -> None:
+    """Train until ``watch`` says that it is enough; ``env`` is made with ``autoreset=True``."""
+    make_ppo(env, settings, seed).learn(_ENDLESS, callback=_Watched(env, watch))
+
+
+class _Watched(BaseCallback):
+    """Asks the watch after every rollout, before the update on it; counts decisions of people who are inside."""
+
+    def __init__(self, env: CrowdEnv, watch: Watch) -> None:
+        super().__init__()
+        self.env, self.watch = env, watch
+        self.decided, self.enough = 0, False
+
+    def _on_training_start(self) -> None:
+        self._ask()
+
+    def _on_step(self) -> bool:
+        return not self.enough
+
+    def _on_rollout_end(self) -> None:
+        self.decided += int(self.model.rollout_buffer.mask.sum())  # type: ignore[attr-defined]
+        self._ask()
+        cast(FallingRate, self.model.learning_rate).time_spent = self.watch.share
+
+    def _ask(self) -> None:
+        self.enough = not self.watch.goes_on(self.decided, self._policy)
+
+    def _policy(self) -> LearnedPolicy:
+        return LearnedPolicy(network_of(self.model), env_options_of(self.env))
