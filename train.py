@@ -1,11 +1,13 @@
 """Train a policy to lead a crowd out, and compare it with the rules: the main job, also ``make train``."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from agents.evaluation.credible import RULE
 from agents.evaluation.evaluation import HELD_OUT_SEED
 from agents.evaluation.report import table_console
 from agents.evaluation.trained_run import draw, judge, physics_of, tables
@@ -18,18 +20,22 @@ from agents.training_config import (
     check_libraries,
     default_config,
     extended,
+    facts_of,
     judged_place,
     make_env,
     read_config,
+    start_of,
     task_config,
     task_of,
 )
-from crowd_env.checks import whole
+from crowd_env.checks import known, whole
 from crowd_env.cli.console import MannerName, OutlineOption, friendly_errors, notes
+from crowd_env.executors import check_cluster
 from crowd_env.files.json_file import write_json
 from crowd_env.rendering.libraries import require_libraries
 
 _TASK = "competitive-door"
+_OF_THE_MACHINE = ("runs", "root", "resume", "threads", "runners")  # options that do not belong to what is trained
 _RUNS = 50  # held-out draws where there is no task
 
 
@@ -39,6 +45,7 @@ def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
 
     from agents.learned import PPOSettings, make_ppo
     from agents.learned.checkpoint import read_checkpoint
+    from agents.learned.cloning import clone
     from agents.learned.training import PolicyCallback, read_curve
 
     notes.print("compiling the physics (half a minute the first time, cached afterwards) ...")
@@ -51,8 +58,10 @@ def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         venv: Any = model.get_env()
         venv.seed((config["seed"] + model.num_timesteps) % HELD_OUT_SEED)  # other draws
         notes.print(f"going on at {model.num_timesteps} steps")
+    elif config["start"] != RULE:
+        notes.print(f"cloning {config['start']}, a fraction of a minute ...")
+        clone(model, start_of(config), config["seed"])
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
-    facts = ("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "seed")
     callback = PolicyCallback(
         folder,
         env,
@@ -61,10 +70,7 @@ def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         max_seconds=60.0 * config["minutes"],
         eval_every=config["eval_every"],
         eval_runs=config["eval_runs"],
-        trained={
-            "task": None if config["task"] is None else task_of(config).identity(),
-            **{name: config[name] for name in (*facts, "versions")},
-        },
+        trained=facts_of(config),
         curve=curve,
     )
     left = config["steps"] - model.num_timesteps
@@ -74,6 +80,16 @@ def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         finally:
             callback.close()
     return not callback.interrupted
+
+
+def train_with_rllib(folder: Path, config: dict[str, Any], threads: int = 1, runners: int | None = None) -> bool:
+    """Train as `train` does, with RLlib on a Ray cluster, by so many runners."""
+    from agents.learned.rllib.training import train_on_cluster
+
+    return train_on_cluster(folder, config, runners, threads)
+
+
+BACKENDS: dict[str, Callable[..., bool]] = {"native": train, "rllib": train_with_rllib}
 
 
 def main(
@@ -99,6 +115,14 @@ def main(
     ] = None,
     manner: MannerName = None,
     outline: OutlineOption = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            show_default="the preset's, or rule",
+            help="What learning starts from: rule, full speed along the way, or a policy of rules that is cloned: "
+            "evolution, follow, density-cap, ...",
+        ),
+    ] = None,
     minutes: Annotated[
         float | None,
         typer.Option(help="Training stops after this many minutes, if not by then done.", show_default="15"),
@@ -115,6 +139,14 @@ def main(
     threads: Annotated[
         int, typer.Option(help="Of the simulation; results do not depend on it.", show_default="2, or all cores")
     ] = min(2, os.cpu_count() or 1),
+    backend: Annotated[
+        str,
+        typer.Option(help=f"What trains: {', '.join(BACKENDS)} (on the nodes of a Ray cluster, see docs/ray.md)."),
+    ] = "native",
+    runners: Annotated[
+        int | None,
+        typer.Option(help="Processes that simulate for rllib.", show_default="all cores of the cluster but one"),
+    ] = None,
     name: Annotated[
         str, typer.Option(help="Folder below runs/; made from task or scenario, scheme and seed if not given.")
     ] = "",
@@ -145,20 +177,28 @@ def main(
         whole("--threads", threads)
         if runs is not None:
             whole("--runs", runs, RUNS)
+        known("backend", backend, BACKENDS)
+        far = {} if runners is None else {"runners": whole("--runners", runners)}
         check_libraries()
         require_libraries(".png")
         given = _given(context)
         if "resume" in given:
             folder, config = _resumed(root, resume, given)
         else:
-            config = _begun(given, seed)
+            config = _begun(given, seed) | {"backend": backend}
+        if config["backend"] == "rllib":
+            check_cluster()
+        elif far:
+            raise ValueError(f"--runners is {runners}: runners belong to --backend rllib; leave them out")
+        if folder is None:
             check_config(config)
             who = "".join(f"-{one}" for one in (manner, outline) if one is not None)
+            who += "" if backend == "native" else f"-{backend}"
             what = config["task"] or Path(config["scenario"]).stem
             folder = new_folder(root, name or f"{what}-{config['scheme']}{who}-seed{seed}")
         write_json(folder / "config.json", config)
         notes.print(f"writing to {folder}/")
-        if not train(folder, config, threads):
+        if not BACKENDS[config["backend"]](folder, config, threads, **far):
             raise KeyboardInterrupt
         runs = runs or (_RUNS if config["task"] is None else task_of(config).runs)
         results = judge(folder, config, runs, threads)
@@ -175,7 +215,7 @@ def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
     ValueError
         If task and scenario are both given, or something in them is unknown or out of range.
     """
-    of_run = ("people", "scheme", "dt", "manner", "outline", "minutes", "steps", "envs")
+    of_run = ("people", "scheme", "dt", "manner", "outline", "start", "minutes", "steps", "envs")
     options: dict[str, Any] = {option: given[option] for option in of_run if option in given}
     if "scenario" not in given:
         return task_config(given.get("task", _TASK), seed, **options)
@@ -185,8 +225,9 @@ def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
         )
     if "people" in given:
         raise ValueError(f"--people is {given['people']}: a scenario says how many there are; leave it out")
-    start: dict[str, Any] = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5}
-    return default_config(given["scenario"], seed=seed, **(start | options))
+    usual: dict[str, Any] = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5}
+    start_with = options.pop("start", RULE)
+    return default_config(given["scenario"], seed=seed, **(usual | options)) | {"start": start_with}
 
 
 def _given(context: typer.Context) -> dict[str, Any]:
@@ -210,7 +251,7 @@ def _resumed(root: Path, resume: str, given: dict[str, Any]) -> tuple[Path, dict
     curve = read_curve(folder / "learning_curve.csv")
     if (folder / "checkpoint.zip").exists() or (folder / "best.npz").exists():
         raise ValueError(f"{folder} was written by an earlier version, which this one cannot go on with")
-    of_run = {option: value for option, value in given.items() if option not in ("runs", "root", "resume", "threads")}
+    of_run = {option: value for option, value in given.items() if option not in _OF_THE_MACHINE}
     return folder, extended(config, of_run, curve, resume)
 
 

@@ -3,14 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
+
+from agents import POLICIES, make_policy
+from agents.evaluation.credible import RULE
 from agents.evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
 from agents.runs import versions
 from agents.tasks import Task, make_preset, make_task
 from agents.tasks.presets import training_place
+from agents.walking import WalkingRule
 from crowd_env import CrowdEnv, ObservationLayout, Scenario, make_scenario, make_scheme
-from crowd_env.checks import POSITIVE, Range, number, whole
+from crowd_env.checks import POSITIVE, Range, known, number, whole
 from crowd_env.files.json_file import read_json
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
@@ -42,6 +47,7 @@ def default_config(
 
     place = make_scenario(scenario)
     return {
+        "backend": "native",
         "task": None,
         "scenario": scenario,
         "options": {},
@@ -60,6 +66,7 @@ def default_config(
         "action": "continuous",
         "observation": ObservationLayout().as_table(),
         "reward": {"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.5},
+        "start": RULE,
         "ppo": asdict(PPOSettings()),
         "eval_every": 1_500_000,
         "eval_runs": 500,
@@ -74,8 +81,8 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
 
     Parameters
     ----------
-    given : any of ``people``, ``scheme``, ``dt`` [s], ``manner``, ``outline``, ``envs``, ``steps``, ``minutes``; None = as
-        the preset has it.
+    given : any of ``people``, ``scheme``, ``dt`` [s], ``manner``, ``outline``, ``start``, ``envs``, ``steps``, ``minutes``;
+        None = as the preset has it.
 
     Raises
     ------
@@ -102,6 +109,7 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
         "action": preset.action,
         "observation": ObservationLayout(terms=preset.terms).as_table(),
         "reward": dict(preset.reward),
+        "start": given.get("start", preset.start),
         "ppo": asdict(PPOSettings(**preset.ppo)),
         "eval_every": preset.eval_every,
         "eval_runs": preset.eval_runs,
@@ -135,10 +143,29 @@ def task_of(config: Mapping[str, Any]) -> Task:
     )
 
 
+def start_of(config: Mapping[str, Any]) -> WalkingRule:
+    """Return the rule that a run begins by cloning.
+
+    Raises
+    ------
+    ValueError
+        If it is no rule of walking.
+    """
+    names = [name for name, kind in POLICIES.items() if issubclass(kind, WalkingRule)]
+    return cast(WalkingRule, make_policy(known("start", config["start"], [RULE, *names])))
+
+
 def judged_place(config: Mapping[str, Any]) -> Scenario:
     """Return the scenario that a run is judged in: of a task with all its people, else what is trained in."""
     place = place_of(config) if config["task"] is None else make_task(config["task"]).place()
     return replace(place, manner=config["manner"], outline=config["outline"])
+
+
+def facts_of(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the file of a network says of its training."""
+    facts = ("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "seed", "versions")
+    task = None if config["task"] is None else task_of(config).identity()
+    return {"task": task, **{name: config[name] for name in facts}}
 
 
 def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 1) -> CrowdEnv:
@@ -201,7 +228,10 @@ def check_config(config: Mapping[str, Any]) -> None:
     check_budget(minutes=config["minutes"], steps=config["steps"], envs=config["envs"])
     number("--dt", config["dt"], LEAST_DT, "s")
     check_envs(config["envs"], place_of(config).population.count)
-    make_env(config, envs=1)
+    env = make_env(config, envs=1)
+    if config["start"] != RULE:
+        rule = start_of(config)
+        rule.act(np.zeros((env.num_people, env.layout.size), dtype=np.float32), env.layout, np.random.default_rng(0))
 
 
 def read_config(path: Path) -> dict[str, Any]:

@@ -7,11 +7,21 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from crowd_env.checks import known
-from crowd_env.executors.cluster import RayCluster
+from crowd_env.executors.cluster import RayCluster, check_cluster
 from crowd_env.executors.executor import Executor, Serial, WorkerDied
 from crowd_env.executors.processes import Processes, all_cores
 
-__all__ = ["EXECUTORS", "Executor", "Processes", "RayCluster", "Serial", "WorkerDied", "all_cores", "make_executor"]
+__all__ = [
+    "EXECUTORS",
+    "Executor",
+    "Processes",
+    "RayCluster",
+    "Serial",
+    "WorkerDied",
+    "all_cores",
+    "check_cluster",
+    "make_executor",
+]
 
 EXECUTORS: Mapping[str, Callable[..., Executor]] = {
     "serial": Serial,

@@ -45,7 +45,7 @@ class RayCluster:
 
     def __init__(self, cores: int = 1) -> None:
         self.cores, self._ray = cores, load_ray()
-        self._began = begin(self._ray)
+        self._began = _begin(self._ray)
         sizes = [int(node["Resources"].get("CPU", 0)) for node in self._ray.nodes() if node["Alive"]]
         if max(sizes, default=0) < cores:
             self.close()
@@ -109,32 +109,39 @@ def load_ray() -> Any:
         raise ModuleNotFoundError(f"a Ray cluster needs {error.name}, which is not installed: {INSTALL}") from None
 
 
-def begin(ray: Any) -> bool:
-    """Connect to the cluster, or begin one; False if this process was connected before.
+def check_cluster() -> None:
+    """Raise now, not when the work begins, if Ray is not installed or no cluster is at ``RAY_ADDRESS``.
+
+    Ray itself would try to reach it for minutes, and then end the process.
 
     Raises
     ------
     ValueError
-        If there is no cluster at ``RAY_ADDRESS``.
+        If nothing listens at the address.
+    ModuleNotFoundError
+        If Ray is not installed; the message says how to install it.
     """
-    if ray.is_initialized():
-        return False
+    load_ray()
     address = os.environ.get("RAY_ADDRESS", "")
-    try:
-        _check_address(address)
-        with _signals_kept():
-            ray.init(include_dashboard=False, log_to_driver=False, logging_level="ERROR")
-    except (OSError, RuntimeError, ValueError) as error:
-        where = f" at RAY_ADDRESS {address}" if address else ""
-        raise ValueError(f"cannot connect to a Ray cluster{where}: {error}") from None
-    return True
-
-
-def _check_address(address: str) -> None:
-    """Raise OSError if nothing listens at an address "host:port": Ray itself would wait for minutes, and end the process."""
     host, _, port = address.rpartition("//")[2].partition("/")[0].rpartition(":")
     if host and port.isdecimal():
-        socket.create_connection((host, int(port)), timeout=_REACHED).close()
+        try:
+            socket.create_connection((host, int(port)), timeout=_REACHED).close()
+        except OSError as error:
+            raise ValueError(f"cannot connect to a Ray cluster at RAY_ADDRESS {address}: {error}") from None
+
+
+def _begin(ray: Any) -> bool:
+    """Connect to the cluster, or begin one; False if this process was connected before."""
+    if ray.is_initialized():
+        return False
+    check_cluster()
+    try:
+        with _signals_kept():
+            ray.init(include_dashboard=False, log_to_driver=False, logging_level="ERROR")
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        raise ValueError(f"cannot connect to a Ray cluster: {error}") from None
+    return True
 
 
 @contextmanager
