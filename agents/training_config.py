@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from agents import POLICIES, make_policy
-from agents.evaluation.credible import RULE
+from agents.evaluation.entries import RULE
 from agents.evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
 from agents.runs import versions
 from agents.tasks import Task, make_preset, make_task
@@ -95,7 +95,7 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
     judged, preset = make_task(task), make_preset(task)
     scheme = given.get("scheme", judged.scheme)
     config = default_config(judged.scenario, scheme, seed, preset.envs, preset.steps, MINUTES)
-    place = preset.place(given.get("people"))
+    place, start = preset.place(given.get("people")), given.get("start", preset.start)
     return {
         **config,
         "task": task,
@@ -109,8 +109,8 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
         "action": preset.action,
         "observation": ObservationLayout(terms=preset.terms).as_table(),
         "reward": dict(preset.reward),
-        "start": given.get("start", preset.start),
-        "ppo": asdict(PPOSettings(**preset.ppo)),
+        "start": start,
+        "ppo": asdict(PPOSettings(**preset.settings(start))),
         "eval_every": preset.eval_every,
         "eval_runs": preset.eval_runs,
         **{name: given[name] for name in ("envs", "steps", "minutes") if name in given},

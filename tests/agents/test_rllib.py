@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import signal
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -13,6 +14,9 @@ ray = pytest.importorskip("ray", reason="Ray is not installed: an environment of
 pytest.importorskip("ray.rllib", reason="RLlib is not installed: pip install 'ray[rllib]'")
 pytestmark = pytest.mark.slow
 
+import torch  # noqa: E402
+
+from agents.learned.ppo import PPOSettings  # noqa: E402
 from agents.learned.rllib import training  # noqa: E402  (these load RLlib)
 from agents.learned.rllib.runner import _Seen  # noqa: E402
 from agents.trained import LearnedPolicy  # noqa: E402
@@ -108,20 +112,32 @@ def test_an_interrupted_training_goes_on_from_its_checkpoint(nodes, tmp_path, mo
     assert whole and more[0][0] > rows[-1][0] and check_folder(tmp_path)[-1] >= 2_000
 
 
-def test_it_begins_as_the_rule():
-    from agents.learned.ppo import PPOSettings
-    from agents.learned.rllib.module import module_spec, network_of
+@pytest.mark.parametrize("kind", ["speeds", "continuous"])
+def test_it_begins_as_the_native_training(kind):
+    from ray.rllib.algorithms.ppo.torch.default_ppo_torch_rl_module import DefaultPPOTorchRLModule
+    from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 
-    for kind, neutral in (("speeds", 4), ("continuous", [1.0, 0.0])):
-        env = make_env(config(action=kind, ppo=config()["ppo"] | {"rule_logit": 2.0}), envs=1)
-        module = module_spec(env, PPOSettings(**config()["ppo"] | {"rule_logit": 2.0})).build()
-        network = network_of({name: value.numpy() for name, value in module.state_dict().items()})
-        found = network(env.reset(seed=0)[0])
-        if kind == "speeds":
-            assert (found.argmax(axis=1) == neutral).all()
-            assert np.allclose(found[:, neutral] - found[:, 0], 2.0, atol=0.2)
-        else:
-            assert np.allclose(found, neutral, atol=0.1)
+    from agents.learned.rllib.module import first_policy, model_config, policy_in, state_with
+
+    settings = PPOSettings(**config()["ppo"] | {"rule_logit": 2.0})
+    told = config(action=kind, start="rule", ppo=asdict(settings))
+    env, first = make_env(told, envs=1), first_policy(told)
+    module = RLModuleSpec(
+        module_class=DefaultPPOTorchRLModule,
+        observation_space=env.single_observation_space,
+        action_space=env.single_action_space,
+        model_config=asdict(model_config(env, settings)),
+    ).build()
+    state = state_with({name: value.numpy() for name, value in module.state_dict().items()}, first, -0.5)
+    module.load_state_dict({name: torch.as_tensor(value) for name, value in state.items()})
+    observation = torch.as_tensor(env.reset(seed=0)[0])
+    inputs = module.forward_inference({"obs": observation})["action_dist_inputs"].numpy()
+    np.testing.assert_allclose(inputs[:, : first.outputs], first(observation.numpy()), atol=1e-5)
+    assert np.array_equal(policy_in(state)(observation.numpy()), first(observation.numpy()))
+    if kind == "speeds":
+        assert (inputs.argmax(axis=1) == int(env.action_kind.neutral)).all()
+    else:
+        np.testing.assert_allclose(inputs, np.tile([1.0, 0.0, -0.5, -0.5], (6, 1)), atol=0.1)
 
 
 def test_stretches_end_where_people_leave_and_where_an_evacuation_begins_anew():

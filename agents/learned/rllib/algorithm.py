@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from typing import Any
 
+import torch
 from ray.rllib.algorithms.ppo import PPO, PPOConfig
 
 from agents.learned.ppo import PPOSettings
-from agents.learned.rllib.module import module_spec, network_of
+from agents.learned.rllib.module import model_config, policy_in, state_with
 from agents.learned.rllib.runner import CrowdEnvRunner
 from agents.networks import MLP
 from agents.training_config import make_env
@@ -23,6 +24,7 @@ def make_algorithm(config: Mapping[str, Any], runners: int) -> PPO:
     A runner that dies is begun again, on another node if its own is gone; until then the others go on without it.
     """
     settings = PPOSettings(**config["ppo"])
+    torch.set_num_threads(1)  # the network is small: a second thread costs more than it brings
     rooms = -(-config["envs"] // runners)
     env = make_env(config, envs=1)
     # At most a quarter of the slots of a round: so many people are inside in one, and RLlib asks for no second.
@@ -46,7 +48,7 @@ def make_algorithm(config: Mapping[str, Any], runners: int) -> PPO:
             sample_timeout_s=None,
         )
         .learners(num_learners=0)
-        .rl_module(rl_module_spec=module_spec(env, settings))
+        .rl_module(model_config=model_config(env, settings))
         .training(
             lr=settings.learning_rate,
             gamma=settings.gamma,
@@ -76,8 +78,14 @@ def make_algorithm(config: Mapping[str, Any], runners: int) -> PPO:
 
 def policy_of(algorithm: PPO) -> MLP:
     """Return the network of the policy as it is now."""
+    return policy_in(algorithm.learner_group.get_weights(module_ids={_MODULE})[_MODULE])
+
+
+def begin_with(algorithm: PPO, policy: MLP, log_std: float) -> None:
+    """Set the policy of an untrained algorithm, here and in all runners."""
     state = algorithm.learner_group.get_weights(module_ids={_MODULE})
-    return network_of(state[_MODULE])
+    algorithm.learner_group.set_weights({_MODULE: state_with(state[_MODULE], policy, log_std)})
+    algorithm.env_runner_group.sync_weights(from_worker_or_learner_group=algorithm.learner_group, inference_only=True)
 
 
 def set_rate(algorithm: PPO, rate: float) -> None:

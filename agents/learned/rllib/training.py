@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from agents.evaluation.entries import RULE
 from agents.evaluation.evaluation import VALIDATION_SEED, evaluate
 from agents.evaluation.trained_run import NETWORK, physics_of
 from agents.learned.rate import FallingRate
@@ -28,6 +29,8 @@ _PATIENCE = 600.0  # s  without a step of any runner, until the training is give
 def train_on_cluster(folder: Path, config: Mapping[str, Any], runners: int | None = None, threads: int = 1) -> bool:
     """Train, or go on training, in ``folder`` on a Ray cluster; False if it was interrupted.
 
+    The policy starts as the native one does; what RLlib begins at random are the values.
+
     Parameters
     ----------
     runners : processes that simulate, a core each; by default as many as the cluster has cores, less one that learns.
@@ -36,8 +39,14 @@ def train_on_cluster(folder: Path, config: Mapping[str, Any], runners: int | Non
     Raises
     ------
     ValueError
-        If the cluster cannot be reached, or all of its runners have died and none can be begun again.
+        If the cluster cannot be reached, all of its runners have died and none can be begun again, or actions are to follow
+        a distribution that RLlib lacks.
     """
+    distribution = config["ppo"]["distribution"]
+    if distribution != "gaussian":
+        raise ValueError(
+            f"--backend rllib knows continuous actions of a Gaussian, not of the distribution {distribution}"
+        )
     cluster = RayCluster()
     try:
         return _Training(folder, config, runners or max(cluster.workers - _LEARNER, 1), threads).run()
@@ -87,6 +96,7 @@ class _Training:
                     self.steps = self.curve[-1]["steps"]
                     notes.print(f"going on at {self.steps:.0f} steps")
                 else:
+                    self._start()
                     self._evaluate()
                 due, shown = self.steps + self.config["eval_every"], 0
                 while self.share < 1.0 and not self.interrupted:
@@ -100,6 +110,15 @@ class _Training:
         finally:
             self.algorithm.stop()
         return not self.interrupted
+
+    def _start(self) -> None:
+        """Begin as the native training would."""
+        from agents.learned.rllib.algorithm import begin_with
+        from agents.learned.rllib.module import first_policy
+
+        if self.config["start"] != RULE:
+            notes.print(f"cloning {self.config['start']}, a fraction of a minute ...")
+        begin_with(self.algorithm, first_policy(self.config), self.config["ppo"]["log_std_init"])
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         if self.interrupted:
