@@ -1,13 +1,13 @@
-"""RLlib trains on the PettingZoo environment as it stands, in processes of its own."""
-
-import importlib.util
+"""RLlib: agents that leave one by one, and one network for all of them."""
 
 import numpy as np
 import pytest
-from repository import ROOT
+from client_examples import client_example
 
-ray = pytest.importorskip("ray", reason="Ray is not installed: an environment of its own has it, see docs/ray.md")
-pytest.importorskip("ray.rllib", reason="RLlib is not installed: pip install 'ray[rllib]'")
+example = client_example("rllib", "torch", "ray", "ray.rllib")
+
+import ray  # noqa: E402
+
 pytestmark = pytest.mark.slow
 
 
@@ -25,28 +25,31 @@ def cluster():
     ray.shutdown()
 
 
-def example():
-    spec = importlib.util.spec_from_file_location("rllib_client", ROOT / "examples/clients/rllib.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_ppo_trains_everybody_with_one_network():
-    returns = example().main(iterations=2, runners=1)
-    assert len(returns) == 2 and np.isfinite(returns[-1])
-
-
 def test_those_who_get_out_leave_and_the_others_go_on():
-    env = example().make_env({"scheme": "nsm2"})
-    observations, _ = env.reset(seed=0)
+    room = example.make_room(example.ROOM)
+    observations, _ = room.reset(seed=0)
     inside, left = set(observations), set()
-    assert len(inside) == 20
+    assert len(inside) == 12
     while True:
-        actions = {agent: np.array([1.0, 0.0], dtype=np.float32) for agent in env.agents}
-        _, _, terminated, truncated, _ = env.step(actions)
-        left |= {agent for agent, out in terminated.items() if out and agent != "__all__"}
-        assert not left & set(env.agents)
+        before = set(room.agents)
+        _, _, terminated, truncated, _ = room.step(dict.fromkeys(room.agents, 4))
+        out = {agent for agent in before if terminated[agent]}
+        assert not out & left and set(room.agents) == before - out - {a for a in before if truncated[a]}
+        left |= out
         if terminated["__all__"] or truncated["__all__"]:
             break
     assert left == inside
+
+
+def test_ppo_trains_one_network_on_the_steps_of_everybody():
+    algorithm = example.make_algorithm(runners=1)
+    (name,) = algorithm.learner_group.get_weights()
+    before = algorithm.learner_group.get_weights()[name]
+    found = algorithm.train()["env_runners"]
+    after = algorithm.learner_group.get_weights()[name]
+    algorithm.stop()
+    assert name == example.EVERYBODY
+    steps, of_agents = found["num_env_steps_sampled"], found["num_agent_steps_sampled"]
+    # Those who have left make no steps.
+    assert steps >= example.ROLLOUT and steps < sum(of_agents.values()) < 12 * steps
+    assert any(not np.array_equal(after[part], before[part]) for part in after)
