@@ -130,7 +130,7 @@ def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monke
 
     monkeypatch.setitem(SCENARIOS, "small-room", lambda: make_scenario("room-v0", count=3, time_limit=6.0))
     monkeypatch.setattr(Simulation, "__init__", watched)
-    monkeypatch.setattr("agents.evaluate._warm_up", lambda *args: None)  # in a room of its own
+    monkeypatch.setattr("agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
     monkeypatch.setattr(train, "default_config", smaller)
     monkeypatch.setattr("agents.training_config.default_config", smaller)
     result = call(*asked, "--scenario", "room-v0", "--steps", 20, "--envs", 1, "--runs", 1, "--root", tmp_path)
@@ -268,7 +268,7 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
         seen.append((dt, self.bodies.env_start[1]))
 
     monkeypatch.setattr(Simulation, "__init__", watched)
-    monkeypatch.setattr("agents.evaluate._warm_up", lambda *args: None)  # in a room of its own
+    monkeypatch.setattr("agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
     monkeypatch.setattr("agents.drivers.SHARES", (1.0,))
     monkeypatch.setattr("agents.drivers.SEARCH_RUNS", 1)
     options = ("--task", "literal-room", "--people", 6, "--steps", 700, "--envs", 1, "--runs", 1, "--threads", 1)
