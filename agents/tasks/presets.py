@@ -133,6 +133,20 @@ _ALL = (
         eval_every=800_000,
         eval_runs=100,
     ),
+    # Doors of 1 m pass two abreast: there is little to gain beside the fastest way.  No progress is paid: it would count the
+    # longer way to the other exit at once, and what is saved there only later.
+    Preset(
+        "two-exit-hall",
+        people=150,
+        dt=0.01,
+        action={"name": "speeds-exits", "speeds": [0.5, 1.0]},
+        terms=(*_WITH_AHEAD, "routes", "queues_shown"),
+        reward={"weights": {"time": 1.0}, "team_share": 0.5},
+        ppo={"gamma": 0.995, "rule_logit": 4.0, "batch_size": 4096},
+        envs=4,
+        steps=2_400_000,
+        eval_every=800_000,
+    ),
     Preset("room", people=20, dt=0.01, envs=48),
     Preset("pillar", people=60, dt=0.01),
     Preset("bottleneck", people=60, dt=0.01),
