@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from agents.benchmark.algorithms import ALGORITHMS
-from agents.benchmark.job import Job, Plan, do, read_result
+from agents.benchmark.job import Job, Plan, do, fixed_policy, read_result
 from agents.benchmark.summary import draw, summarize, table
 from agents.evaluation.credible import RULE
 from agents.lists_of_names import ListsOfNames
@@ -69,6 +69,8 @@ def main(
         make_preset(task)
         chosen = [known("algorithm", name, ALGORITHMS) for name in algorithms or ALGORITHMS]
         beside = list(_BASELINES if baselines is None else baselines)
+        for name in beside:
+            fixed_policy(name, make_task(task))
         whole("--seeds", seeds, Range(1, 1000))
         whole("--checkpoints", checkpoints)
         whole("--validation-runs", validation_runs)

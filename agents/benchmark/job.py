@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -18,7 +17,7 @@ from agents.evaluation.fingerprint import fingerprint
 from agents.evaluation.protocol import task_row
 from agents.policy import Policy
 from agents.rules import StrategyPolicy
-from agents.tasks import make_task
+from agents.tasks import Task, make_task
 from agents.training_config import place_of, task_config
 from crowd_env import ObservationLayout, Scenario
 from crowd_env.files.json_file import json_number, read_json, write_json
@@ -114,8 +113,12 @@ def _claimed(path: Path) -> Iterator[bool]:
 def _fixed(job: Job, plan: Plan) -> dict[str, Any]:
     """Judge a policy that is not trained here."""
     task = make_task(plan.task)
-    policy = StrategyPolicy(task.rule, name=RULE) if job.name == RULE else make_policy(job.name)
-    return {**_of_plan(job, plan), "policy": job.name, **_final(policy, plan)}
+    return {**_of_plan(job, plan), "policy": job.name, **_final(fixed_policy(job.name, task), plan)}
+
+
+def fixed_policy(name: str, task: Task) -> Policy:
+    """Return a policy that is not trained here: the rule of the task, or what `agents.make_policy` takes."""
+    return StrategyPolicy(task.rule, name=RULE) if name == RULE else make_policy(name)
 
 
 def _trained(job: Job, seed: int, plan: Plan) -> dict[str, Any]:
@@ -176,8 +179,7 @@ def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
         np.isfinite(result.column("blocked_since")),
     )
     runs = {name: [json_number(one) for one in values.astype(float)] for name, values in zip(_RAW, raw, strict=True)}
-    constants: dict[str, float] = asdict(cast(Any, policy)) if is_dataclass(policy) else {}
-    return {"final": row, "of_runs": runs, "constants": constants, "options": fingerprint(options)}
+    return {"final": row, "of_runs": runs, "constants": result.constants, "options": fingerprint(options)}
 
 
 def _evaluated(policy: Policy, place: Scenario, runs: int, seed: int, options: dict[str, Any]) -> Evaluation:
