@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from agents.evaluation.entries import RULE
 from agents.evaluation.evaluation import HELD_OUT_SEED
 from agents.evaluation.report import table_console
 from agents.evaluation.trained_run import draw, judge, physics_of, tables
@@ -21,6 +22,7 @@ from agents.training_config import (
     judged_place,
     make_env,
     read_config,
+    start_of,
     task_config,
     task_of,
 )
@@ -39,6 +41,7 @@ def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
 
     from agents.learned import PPOSettings, make_ppo
     from agents.learned.checkpoint import read_checkpoint
+    from agents.learned.cloning import clone
     from agents.learned.training import PolicyCallback, read_curve
 
     notes.print("compiling the physics (half a minute the first time, cached afterwards) ...")
@@ -51,6 +54,9 @@ def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         venv: Any = model.get_env()
         venv.seed((config["seed"] + model.num_timesteps) % HELD_OUT_SEED)  # other draws
         notes.print(f"going on at {model.num_timesteps} steps")
+    elif config["start"] != RULE:
+        notes.print(f"cloning {config['start']}, a fraction of a minute ...")
+        clone(model, start_of(config), config["seed"])
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     facts = ("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "seed")
     callback = PolicyCallback(
@@ -99,6 +105,14 @@ def main(
     ] = None,
     manner: MannerName = None,
     outline: OutlineOption = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            show_default="the preset's, or rule",
+            help="What learning starts from: rule, full speed along the way, or a policy of rules that is cloned: "
+            "evolution, follow, density-cap, ...",
+        ),
+    ] = None,
     minutes: Annotated[
         float | None,
         typer.Option(help="Training stops after this many minutes, if not by then done.", show_default="15"),
@@ -175,7 +189,7 @@ def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
     ValueError
         If task and scenario are both given, or something in them is unknown or out of range.
     """
-    of_run = ("people", "scheme", "dt", "manner", "outline", "minutes", "steps", "envs")
+    of_run = ("people", "scheme", "dt", "manner", "outline", "start", "minutes", "steps", "envs")
     options: dict[str, Any] = {option: given[option] for option in of_run if option in given}
     if "scenario" not in given:
         return task_config(given.get("task", _TASK), seed, **options)
@@ -185,8 +199,9 @@ def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
         )
     if "people" in given:
         raise ValueError(f"--people is {given['people']}: a scenario says how many there are; leave it out")
-    start: dict[str, Any] = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5}
-    return default_config(given["scenario"], seed=seed, **(start | options))
+    usual: dict[str, Any] = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5}
+    start_with = options.pop("start", RULE)
+    return default_config(given["scenario"], seed=seed, **(usual | options)) | {"start": start_with}
 
 
 def _given(context: typer.Context) -> dict[str, Any]:

@@ -8,12 +8,19 @@ from typing import Annotated, Any
 import typer
 
 from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
-from agents.evaluation.credible import RULE
-from agents.evaluation.entries import Entry, make_entries
+from agents.evaluation.entries import RULE, Entry, make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate_driver
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.protocol import credible_lines, task_row, task_table
 from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
+from agents.evaluation.robustness import (
+    few_runs,
+    judge_trial,
+    lines_of_trials,
+    make_trials,
+    robustness_table,
+    summary_of_trials,
+)
 from agents.lists_of_names import ListsOfNames
 from agents.runs import versions
 from agents.tasks import TASKS, Task, make_task
@@ -194,6 +201,14 @@ def main(
             help="Open networks of stable-baselines3 (.zip) too: opening one runs whatever code its maker put in.",
         ),
     ] = False,
+    robustness: Annotated[
+        bool,
+        typer.Option(
+            "--robustness",
+            help="Also judge on the held-out variations of the task (twice the people, other doors, other schemes, other "
+            "people, half of them learned), by default on a fifth of its draws; rows carry the variation.",
+        ),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
 ) -> None:
     """Compare ways to lead people out, on a task or under any contact schemes, on the same draws.
@@ -204,12 +219,26 @@ def main(
 
     python -m agents.evaluate --task competitive-door --policies rule follow competitive-door/ppo --people 200
 
+    python -m agents.evaluate --task competitive-door --policies rule follow competitive-door/ppo --robustness
+
     python -m agents.evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
 
     python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.safetensors --out comparison
     """
     with friendly_errors("" if out is None else "the same command goes on"):
         chosen = None if task is None else make_task(task)
+        if robustness:
+            given: dict[str, Any] = {
+                "--scenario": scenario,
+                "--schemes": schemes,
+                "--people": people,
+                "--manner": manner,
+            }
+            given |= {"--learned-share": learned_share, "--outline": outline}
+            _refuse_beside_robustness(chosen, given)
+            assert chosen is not None
+            _vary(chosen, policies or [RULE], runs, seed, threads, out, trust_pickle, as_json)
+            return
         place = with_manner(_place(chosen, scenario, people), manner, outline)
         policies = policies or list(_NAMED if chosen is None else (RULE,))
         schemes = list(dict.fromkeys(schemes or [_SCHEME if chosen is None else chosen.scheme]))
@@ -240,6 +269,44 @@ def main(
         if learned_share is not None:
             title += f", {100 * learned_share:g} % learned"
         _show(results, title, place, chosen)
+
+
+def _refuse_beside_robustness(task: Task | None, given: dict[str, Any]) -> None:
+    """Raise ValueError if something is asked for that --robustness says itself, or there is no task."""
+    if task is None:
+        raise ValueError("--robustness varies a task; name one by --task")
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(f"--robustness says itself what it varies, {name} among it; leave one out")
+
+
+def _vary(
+    task: Task,
+    policies: Sequence[str],
+    runs: int | None,
+    seed: int,
+    threads: int,
+    out: Path | None,
+    trust_pickle: bool,
+    as_json: bool,
+) -> None:
+    """Judge policies on a task and its variations, and say what came out."""
+    runs = whole("--runs", few_runs(task) if runs is None else runs, RUNS)
+    whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
+    whole("--threads", threads)
+    trials = make_trials(task, policies, trust_pickle=trust_pickle)
+    found = [(one, judge_trial(task, one, compare, runs=runs, seed=seed, threads=threads, out=out)) for one in trials]
+    figures = summary_of_trials(task, found, runs, seed)
+    if out is not None:
+        write_json(out / "robustness.json", figures)
+    if as_json:
+        typer.echo(json.dumps(figures, allow_nan=False))
+        return
+    title = f"{task.name}, version {task.version}, and its variations: {runs} runs each"
+    console = table_console()
+    console.print(robustness_table(found, title))
+    for line in lines_of_trials(found):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 def _place(task: Task | None, scenario: str | None, people: int | None) -> Scenario:

@@ -3,14 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
+
+from agents import POLICIES, make_policy
+from agents.evaluation.entries import RULE
 from agents.evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
 from agents.runs import versions
 from agents.tasks import Task, make_preset, make_task
 from agents.tasks.presets import training_place
+from agents.walking import WalkingRule
 from crowd_env import CrowdEnv, ObservationLayout, Scenario, make_scenario, make_scheme
-from crowd_env.checks import POSITIVE, Range, number, whole
+from crowd_env.checks import POSITIVE, Range, known, number, whole
 from crowd_env.files.json_file import read_json
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
@@ -60,6 +65,7 @@ def default_config(
         "action": "continuous",
         "observation": ObservationLayout().as_table(),
         "reward": {"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.5},
+        "start": RULE,
         "ppo": asdict(PPOSettings()),
         "eval_every": 1_500_000,
         "eval_runs": 500,
@@ -74,8 +80,8 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
 
     Parameters
     ----------
-    given : any of ``people``, ``scheme``, ``dt`` [s], ``manner``, ``outline``, ``envs``, ``steps``, ``minutes``; None = as
-        the preset has it.
+    given : any of ``people``, ``scheme``, ``dt`` [s], ``manner``, ``outline``, ``start``, ``envs``, ``steps``, ``minutes``;
+        None = as the preset has it.
 
     Raises
     ------
@@ -88,7 +94,7 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
     judged, preset = make_task(task), make_preset(task)
     scheme = given.get("scheme", judged.scheme)
     config = default_config(judged.scenario, scheme, seed, preset.envs, preset.steps, MINUTES)
-    place = preset.place(given.get("people"))
+    place, start = preset.place(given.get("people")), given.get("start", preset.start)
     return {
         **config,
         "task": task,
@@ -102,7 +108,8 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
         "action": preset.action,
         "observation": ObservationLayout(terms=preset.terms).as_table(),
         "reward": dict(preset.reward),
-        "ppo": asdict(PPOSettings(**preset.ppo)),
+        "start": start,
+        "ppo": asdict(PPOSettings(**preset.settings(start))),
         "eval_every": preset.eval_every,
         "eval_runs": preset.eval_runs,
         **{name: given[name] for name in ("envs", "steps", "minutes") if name in given},
@@ -133,6 +140,18 @@ def task_of(config: Mapping[str, Any]) -> Task:
         rule=config["strategy"],
         decision_dt=config["decision_dt"],
     )
+
+
+def start_of(config: Mapping[str, Any]) -> WalkingRule:
+    """Return the rule that a run begins by cloning.
+
+    Raises
+    ------
+    ValueError
+        If it is no rule of walking.
+    """
+    names = [name for name, kind in POLICIES.items() if issubclass(kind, WalkingRule)]
+    return cast(WalkingRule, make_policy(known("start", config["start"], [RULE, *names])))
 
 
 def judged_place(config: Mapping[str, Any]) -> Scenario:
@@ -201,7 +220,10 @@ def check_config(config: Mapping[str, Any]) -> None:
     check_budget(minutes=config["minutes"], steps=config["steps"], envs=config["envs"])
     number("--dt", config["dt"], LEAST_DT, "s")
     check_envs(config["envs"], place_of(config).population.count)
-    make_env(config, envs=1)
+    env = make_env(config, envs=1)
+    if config["start"] != RULE:
+        rule = start_of(config)
+        rule.act(np.zeros((env.num_people, env.layout.size), dtype=np.float32), env.layout, np.random.default_rng(0))
 
 
 def read_config(path: Path) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import typer
 from agents.benchmark.algorithms import ALGORITHMS
 from agents.benchmark.job import Job, Plan, do, fixed_policy, read_result
 from agents.benchmark.summary import draw, summarize, table
-from agents.evaluation.credible import RULE
+from agents.evaluation.entries import RULE
 from agents.lists_of_names import ListsOfNames
 from agents.tasks import PRESETS, make_preset, make_task
 from agents.training_config import RUNS, check_budget, check_libraries

@@ -11,7 +11,7 @@ from agents import make_policy
 from agents.benchmark.algorithms import ALGORITHMS
 from agents.drivers import policy_driver
 from agents.evaluation.comparison import last_times, mean_times
-from agents.evaluation.credible import RULE
+from agents.evaluation.entries import RULE
 from agents.evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate_driver
 from agents.evaluation.fingerprint import fingerprint
 from agents.evaluation.protocol import task_row

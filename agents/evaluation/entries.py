@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from agents import POLICIES, PRETRAINED, make_policy
 from agents.drivers import SAMPLE, ControllerDriver, policy_driver
-from agents.evaluation.credible import RULE
 from agents.policy import Policy
 from agents.rules import StrategyPolicy
 from agents.tasks.task import Task
@@ -20,6 +19,7 @@ from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 
 RULES = "rules"
+RULE = "rule"  # the strategy of a task, at full speed
 
 
 @dataclass(frozen=True)
@@ -70,12 +70,29 @@ def make_entries(
     if twice:
         raise ValueError(f"policy {twice[0]!r} is named twice; once is enough")
     crowd = _Crowd(scenario, task, trust_pickle, learned_share)
-    found = [_make(name, crowd) for name in names]
+    found = []
+    for name in names:
+        try:
+            found.append(_make(name, crowd))
+        except NotMixed as error:
+            error.policy = name
+            raise
     labels = [entry.name for entry in found]
     return [
         Entry(given, one.driver, one.source) if one.source and labels.count(one.name) > 1 else one
         for given, one in zip(names, found, strict=True)
     ]
+
+
+class NotMixed(ValueError):
+    """A policy that cannot move some of the people while the others follow the rule.
+
+    Attributes
+    ----------
+    policy : as it was named.
+    """
+
+    policy = ""
 
 
 class _Crowd(NamedTuple):
@@ -126,7 +143,7 @@ def _policy_entry(policy: Policy, crowd: _Crowd, source: Path | None = None) -> 
 
 
 def _check_mixed(policy: Policy, rule: str) -> None:
-    """Raise ValueError if a policy cannot move some of the people while the others follow the rule."""
+    """Raise NotMixed if a policy cannot move some of the people while the others follow the rule."""
     options = policy.env_options
     if isinstance(policy, StrategyPolicy) and (options["strategy"], options["rules"]) != (rule, False):
         why = f"it chooses everyone's way, and the others of a mixed crowd follow the rule, which is {rule}"
@@ -134,9 +151,8 @@ def _check_mixed(policy: Policy, rule: str) -> None:
         why = "it gives everyone a manner; in a mixed crowd --manner is that of the people who follow the rule"
     else:
         return
-    raise ValueError(
-        f"policy {policy.name!r} cannot move a part of the people: {why}; leave out --learned-share, or it"
-    )
+    why = f"policy {policy.name!r} cannot move a part of the people: {why}; leave out --learned-share, or it"
+    raise NotMixed(why)
 
 
 def _of_task(task: Task | None, scheme: str | ContactScheme) -> dict[str, Any]:
@@ -159,7 +175,7 @@ def _learned_entry(path: Path, crowd: _Crowd) -> Entry:
     if isinstance(found, LearnedPolicy):
         return _policy_entry(found, crowd, path)
     if crowd.learned_share is not None:
-        raise ValueError(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
+        raise NotMixed(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
     of_the_run = ("scenario", "scheme", "dt", "threads", "manner", "outline")
     own = {key: value for key, value in found.options.items() if key not in of_the_run}
     own["sample_dt"] = SAMPLE

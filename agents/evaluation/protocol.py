@@ -62,25 +62,34 @@ def task_row(task: Task, place: Scenario, result: Evaluation, results: Sequence[
 
 def task_table(results: Sequence[Evaluation], title: str) -> Table:
     """Return a table of the figures by which policies are judged on a task."""
+    caption, columns = task_columns()
+    table = new_table(caption, *columns, title=title)
+    for result, _ in with_first(results, table):
+        add_row(table, result.policy, *task_cells(result))
+    return table
+
+
+def task_columns() -> tuple[str, tuple[str, ...]]:
+    """Return what stands below a table of tasks, and its columns after that of the policy."""
     caption = (
         "Runs of all in which the exits blocked, and in which someone was left inside, blocked ones included; %: with its "
         "95 % interval (Wilson). clearing: s, of the last person, in the runs that cleared, with its 95 % interval; mean "
         "exit: s, of all people; who is left inside counts until the time limit."
     )
-    table = new_table(caption, "blocked", "%", "unfinished", "clearing", "mean exit", "flow\n1/s", title=title)
-    for result, _ in with_first(results, table):
-        row = result.row()
-        add_row(
-            table,
-            result.policy,
-            f"{row['blocked_runs']} of {row['runs']}",
-            percent(row["blocked_share"]),
-            str(row["unfinished_runs"]),
-            _interval(row["evacuation_time"]),
-            _interval(named(mean_times(result))),
-            "-" if row["flow"]["mean"] is None else f"{row['flow']['mean']:.2f}",
-        )
-    return table
+    return caption, ("blocked", "%", "unfinished", "clearing", "mean exit", "flow\n1/s")
+
+
+def task_cells(result: Evaluation) -> list[str]:
+    """Return the cells of a policy under `task_columns`."""
+    row = result.row()
+    return [
+        f"{row['blocked_runs']} of {row['runs']}",
+        percent(row["blocked_share"]),
+        str(row["unfinished_runs"]),
+        _interval(row["evacuation_time"]),
+        _interval(named(mean_times(result))),
+        "-" if row["flow"]["mean"] is None else f"{row['flow']['mean']:.2f}",
+    ]
 
 
 def credible_lines(results: Sequence[Evaluation], place: Scenario) -> list[str]:
@@ -111,4 +120,5 @@ def _interval(found: dict[str, Any]) -> str:
     low, high = found["ci95"]
     if found["mean"] is None:
         return "-"
-    return f"{found['mean']:.1f}" + ("" if low is None else f" ({low:.1f}..{high:.1f})")
+    digits = 1 if max(found["mean"], high or 0.0) < 99.95 else 0
+    return f"{found['mean']:.{digits}f}" + ("" if low is None else f" ({low:.{digits}f}..{high:.{digits}f})")

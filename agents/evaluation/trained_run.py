@@ -12,8 +12,7 @@ from agents import POLICIES
 from agents.drivers import best_share, policy_driver
 from agents.evaluate import compare
 from agents.evaluation.comparison import last_times, minus_first, ratio
-from agents.evaluation.credible import RULE
-from agents.evaluation.entries import make_entries
+from agents.evaluation.entries import RULE, make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.protocol import task_row, task_table

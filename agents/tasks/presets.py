@@ -30,7 +30,9 @@ class Preset:
     action : kind of action.
     terms : of the observation.
     reward : table of `RewardWeights`.
-    ppo : settings of `agents.learned.PPOSettings` that are others than its defaults.
+    start : what the policy starts as: "rule", full speed along the way, or a policy of `agents.POLICIES` that is cloned.
+    ppo : settings of `agents.learned.PPOSettings` that are others than its defaults ...
+    once_cloned : ... and those that are others again where learning starts from a cloned rule.
     envs : rooms side by side.
     steps : training steps, summed over all pedestrian slots.
     eval_every, eval_runs : steps between evaluations on validation draws, and how many draws each takes.
@@ -46,11 +48,28 @@ class Preset:
     reward: Mapping[str, Any] = field(
         default_factory=lambda: {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0}, "team_share": 0.0}
     )
-    ppo: Mapping[str, Any] = field(default_factory=lambda: {"gamma": 0.98})
+    start: str = "rule"
+    ppo: Mapping[str, Any] = field(
+        default_factory=lambda: {
+            "gamma": 0.98,
+            "n_steps": 32,
+            "batch_size": 4096,
+            "n_epochs": 4,
+            "ent_coef": 0.001,
+        }
+    )
+    # Small steps and no wish to be random: the clone acts well already, and its logits are sure of it.
+    once_cloned: Mapping[str, Any] = field(
+        default_factory=lambda: {"learning_rate": 2e-4, "ent_coef": 0.0, "rule_logit": 0.0}
+    )
     envs: int = 24
-    steps: int = 24_000_000
-    eval_every: int = 2_400_000
+    steps: int = 12_000_000
+    eval_every: int = 1_200_000
     eval_runs: int = 24
+
+    def settings(self, start: str) -> dict[str, Any]:
+        """Return the settings of PPO for a start."""
+        return {**self.ppo, **(self.once_cloned if start != "rule" else {})}
 
     def place(self, people: int | None = None) -> Scenario:
         """Return the scenario that is trained in, with ``people`` of the same kinds if given.
@@ -81,11 +100,21 @@ def training_place(scenario: str, options: Mapping[str, Any], people: int | None
     return make_scenario(scenario, **options, population=place.population.changed(count=whole("--people", people)))
 
 
+# Doors that pass one body at a time: there is an order to find.
+_BY_ORDER: dict[str, Any] = {
+    "start": "evolution",
+    "action": {"name": "speeds", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]},
+    # Everyone alone would rather push in front; who heads the queue pays for those who wait behind.
+    "reward": {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}, "team_share": 0.0},
+    "steps": 6_000_000,
+    "eval_every": 600_000,
+}
+
 _ALL = (
     # A room of 10 m instead of 15 m: the way to the door is shorter, and more of the training happens at the door.
-    Preset("competitive-door", people=60, dt=0.01, options={"side": 10.0}),
-    Preset("narrow-door", people=80, dt=0.01, envs=16),
-    Preset("hertz-room", people=60, dt=0.01),
+    Preset("competitive-door", people=60, dt=0.01, options={"side": 10.0}, **_BY_ORDER),
+    Preset("narrow-door", people=80, dt=0.01, **_BY_ORDER | {"envs": 16}),
+    Preset("hertz-room", people=60, dt=0.01, **_BY_ORDER),
     Preset("literal-room", people=20, dt=0.01, envs=48),
     Preset("counter-flow", people=30, dt=0.01, action="speeds-directions", envs=32),
     Preset("room", people=20, dt=0.01, envs=48),

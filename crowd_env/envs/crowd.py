@@ -244,7 +244,7 @@ class CrowdEnv:
         Parameters
         ----------
         seed : an int gives environment ``e`` the generator of (seed, e); a sequence gives each what a batch of one would
-            get from its seed; None goes on drawing from the generators as they are.
+            get from its seed; None goes on drawing from the generators as they are, and the first time draws at random.
 
         Raises
         ------
@@ -253,7 +253,7 @@ class CrowdEnv:
         """
         chosen = np.ones(self.num_envs, dtype=np.bool_) if mask is None else array("mask", mask, (self.num_envs,), "b")
         for e, words in enumerate(seed_words(seed, self.num_envs)):
-            if chosen[e] and words is not None:
+            if chosen[e] and (words is not None or not self._started):  # copies that have not begun share no draw
                 self._generators[e] = np.random.default_rng(words)
         for k in np.flatnonzero(chosen):
             self._restart(int(k))

@@ -99,6 +99,6 @@ def test_what_cannot_be_mixed_is_said_in_one_line(small, arguments, message):
 def test_a_controller_cannot_be_mixed(tmp_path):
     batch = RoutingBatch(SMALL, grid=(2, 1), interval=1.0)
     network = random_network(batch.layout.size, int(batch.choices.sum()))
-    LearnedController(network, batch.choices, {"scenario": "hall"}).save(tmp_path / "leader.npz")
-    with pytest.raises(ValueError, match=r"leader\.npz sends everyone of a region to an exit"):
-        make_entries([str(tmp_path / "leader.npz")], SMALL, learned_share=0.5)
+    LearnedController(network, batch.choices, {"scenario": "hall"}).save(tmp_path / "leader.safetensors")
+    with pytest.raises(ValueError, match=r"leader\.safetensors sends everyone of a region to an exit"):
+        make_entries([str(tmp_path / "leader.safetensors")], SMALL, learned_share=0.5)

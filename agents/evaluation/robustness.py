@@ -1,0 +1,146 @@
+"""Policies on the variations of a task: what they gain in the task as it stands, and whether they lose it elsewhere."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rich.table import Table
+from rich.text import Text
+
+from agents.evaluation.entries import Entry, NotMixed, make_entries
+from agents.evaluation.evaluation import Evaluation
+from agents.evaluation.folder import EvaluationFolder, settings_of
+from agents.evaluation.protocol import credible_lines, task_cells, task_columns, task_row
+from agents.evaluation.report import add_row, new_table
+from agents.runs import versions
+from agents.tasks.task import Task
+from agents.tasks.variations import Variation, variations
+from crowd_env import Scenario
+from crowd_env.cli.console import notes
+
+LEAST_RUNS, PART = 10, 5  # of the draws of a task, by default
+
+
+class Trial(NamedTuple):
+    """Policies on one variation of a task."""
+
+    variation: Variation
+    place: Scenario
+    scheme: str
+    entries: list[Entry]
+    left_out: list[str]  # policies that cannot move a part of the people
+
+    def settings(self, task: Task, runs: int, seed: int) -> dict[str, Any]:
+        """Return what results of the trial depend on beside policy and scheme."""
+        return settings_of(self.place, runs, seed, task, self.variation.learned_share)
+
+    def facts(self, task: Task, runs: int, seed: int) -> dict[str, Any]:
+        """Return what the variation is, ready for JSON; the digest is of the place."""
+        one = self.variation
+        return {
+            "variation": one.name,
+            "about": one.about,
+            "scheme": self.scheme,
+            "people": self.place.population.count,
+            "learned_share": one.learned_share or 1.0,
+            "digest": self.settings(task, runs, seed)["digest"],
+        }
+
+
+Found = Sequence[tuple[Trial, Sequence[Evaluation]]]
+
+
+def few_runs(task: Task) -> int:
+    """Return the draws of each variation by default: a fifth of those of the task."""
+    return max(LEAST_RUNS, task.runs // PART)
+
+
+def make_trials(task: Task, policies: Sequence[str], *, trust_pickle: bool = False) -> list[Trial]:
+    """Return a trial for the task as it stands and for each variation, before any of them is run.
+
+    Raises
+    ------
+    ValueError
+        As `make_entries`, and if people do not fit.
+    """
+    return [_trial(task, one, policies, trust_pickle) for one in variations(task)]
+
+
+def _trial(task: Task, one: Variation, policies: Sequence[str], trust_pickle: bool) -> Trial:
+    place, named = one.place(task), list(policies)
+    left_out: list[str] = []
+    while True:
+        try:
+            entries = make_entries(named, place, task, trust_pickle=trust_pickle, learned_share=one.learned_share)
+            return Trial(one, place, one.scheme or task.scheme, entries, left_out)
+        except NotMixed as error:
+            if len(named) == 1:
+                return Trial(one, place, one.scheme or task.scheme, [], [*left_out, error.policy])
+            named.remove(error.policy)
+            left_out.append(error.policy)
+
+
+def judge_trial(
+    task: Task,
+    trial: Trial,
+    compare: Callable[..., list[Evaluation]],
+    *,
+    runs: int,
+    seed: int = 0,
+    threads: int = 1,
+    out: Path | None = None,
+) -> list[Evaluation]:
+    """Evaluate the policies of a trial on the same draws.
+
+    Parameters
+    ----------
+    compare : `agents.evaluate.compare`, or what does its work elsewhere.
+    out : holds a folder for each variation, from which an interrupted evaluation goes on.
+    """
+    notes.print(f"{trial.variation.name}: {trial.variation.about}", markup=False, highlight=False)
+    kept = None
+    if out is not None:
+        kept = EvaluationFolder(out / trial.variation.name, trial.settings(task, runs, seed))
+    return compare(trial.entries, trial.place, [trial.scheme], runs=runs, seed=seed, threads=threads, folder=kept)
+
+
+def summary_of_trials(task: Task, found: Found, runs: int, seed: int) -> dict[str, Any]:
+    """Return everything about policies on the variations of a task but single runs, ready for JSON.
+
+    The rows are those of the protocol with a ``variation``; "task" is the task as it stands.
+    """
+    return {
+        "task": task.identity(),
+        "runs": runs,
+        "seed": seed,
+        "variations": [trial.facts(task, runs, seed) for trial, _ in found],
+        "rows": [
+            {**task_row(task, trial.place, one, results), "variation": trial.variation.name}
+            for trial, results in found
+            for one in results
+        ],
+        "versions": versions(),
+    }
+
+
+def lines_of_trials(found: Found) -> list[str]:
+    """Return what a table cannot say: which results cannot be believed, and which policies were left out."""
+    lines = []
+    for trial, results in found:
+        name = trial.variation.name
+        lines += [f"{name}: {one}" for one in credible_lines(results, trial.place) if one.startswith("NOT")]
+        if trial.left_out:
+            lines.append(f"{name}: left out, since they cannot move a part of the people: {', '.join(trial.left_out)}.")
+    return lines
+
+
+def robustness_table(found: Found, title: str) -> Table:
+    """Return the table of a task with a section for each variation."""
+    caption, columns = task_columns()
+    table = new_table(f"{caption} A variation's policies are judged on the same draws.", *columns, title=title)
+    for trial, results in found:
+        table.add_section()
+        table.add_row(Text(trial.variation.name, style="bold"))
+        for one in results:
+            add_row(table, one.policy, *task_cells(one))
+    return table

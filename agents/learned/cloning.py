@@ -1,0 +1,120 @@
+"""Start a policy at a rule that is better than "walk the shortest path": clone the rule, then learn from rewards.
+
+A reward that everyone earns alone has several equilibria.  PPO that starts at full speed ahead finds one in which people wait
+in a cluster and dash through the door one by one; the same reward pays more where they follow each other closely, and PPO that
+starts there stays there.
+"""
+
+from typing import Any, cast
+
+import gymnasium
+import numpy as np
+import torch
+from stable_baselines3.common.vec_env import VecEnv
+from torch.nn import functional
+
+from agents.walking import WalkingRule
+from crowd_env import CrowdEnv
+from crowd_env.adapters.sb3 import CrowdVecEnv
+from crowd_env.envs.action import SpeedTable
+from crowd_env.state import Floats
+
+ROUNDS, DECISIONS, EPOCHS = 8, 300, 4  # of DAgger: decision steps of each, and passes over all that is kept
+_KEPT = 0.25  # of the samples: neighboring decisions are much alike
+_LEARNING_RATE, _BATCH = 1e-3, 4096
+_TEACHER_ROUNDS = 3  # until the policy acts for itself
+
+
+def clone(model: Any, rule: WalkingRule, seed: int) -> float:
+    """Let the policy of an actor-critic model do as a rule does; return the loss of the last pass.
+
+    DAgger (Ross, Gordon, Bagnell 2011): who acts changes from the rule to the policy within three rounds, and what the rule
+    would have done in the situations that this led to is learned.  Of discrete actions the two nearest to what the rule wants
+    share the label.
+
+    Parameters
+    ----------
+    model : of stable-baselines3, on a `CrowdVecEnv` whose observations hold the terms of the rule.
+    rule : what is cloned; it acts along and to the left of the path.
+    seed : of the draws and of who acts.
+
+    Raises
+    ------
+    ValueError
+        If the observation lacks a term of the rule, or the actions are in another frame.
+    """
+    venv = cast(VecEnv, model.get_env())
+    while not isinstance(venv, CrowdVecEnv):
+        venv = cast(Any, venv).venv
+    env = venv.env
+    if env.frame != "path":
+        raise ValueError(f"policy {rule.name!r} cannot be cloned: it acts in the frame 'path', not in {env.frame!r}")
+    rng = np.random.default_rng(seed)
+    policy = model.policy
+    optimizer = torch.optim.Adam(policy.parameters(), lr=_LEARNING_RATE)
+    seen: list[np.ndarray] = []
+    wanted: list[np.ndarray] = []
+    loss = torch.tensor(np.nan)
+    observation, _ = env.reset(seed)
+    for round_ in range(ROUNDS):
+        share = max(0.0, 1.0 - round_ / _TEACHER_ROUNDS)
+        for _ in range(DECISIONS):
+            command = np.asarray(rule.act(observation, env.layout, rng))
+            kept = env.active & (rng.random(env.num_people) < _KEPT)
+            seen.append(observation[kept])
+            wanted.append(command[kept])
+            observation = env.step(_mixed(policy, env, observation, command, share, rng)).observation
+        inputs = torch.as_tensor(np.concatenate(seen))
+        labels = torch.as_tensor(_labels(env, np.concatenate(wanted)), dtype=torch.float32)
+        for _ in range(EPOCHS):
+            for part in torch.randperm(len(inputs), generator=_generator(rng)).split(_BATCH):
+                loss = _loss(policy, env, inputs[part], labels[part])
+                optimizer.zero_grad()
+                loss.backward()
+                optimizer.step()
+    return float(loss)
+
+
+def _generator(rng: np.random.Generator) -> torch.Generator:
+    return torch.Generator().manual_seed(int(rng.integers(2**31)))
+
+
+def _head(policy: Any, observation: torch.Tensor) -> torch.Tensor:
+    """Return logits, or the mean of a continuous action."""
+    return cast(torch.Tensor, policy.action_net(policy.mlp_extractor.policy_net(observation)))
+
+
+def _loss(policy: Any, env: CrowdEnv, inputs: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+    out = _head(policy, inputs)
+    if isinstance(env.single_action_space, gymnasium.spaces.Discrete):
+        return functional.cross_entropy(out, labels)
+    return functional.mse_loss(out, labels)
+
+
+def _labels(env: CrowdEnv, command: Floats) -> Floats:
+    """Return the labels of commands (K, 2): themselves, or the shares (K, A) of the two nearest choices."""
+    if not isinstance(env.single_action_space, gymnasium.spaces.Discrete):
+        return command
+    choices = cast(SpeedTable, env.action_kind.decode).commands
+    rows = np.arange(len(command))
+    distance = np.linalg.norm(command[:, None] - choices, axis=2)
+    first, second = np.argsort(distance, axis=1, kind="stable")[:, :2].T
+    way = choices[second] - choices[first]
+    part = ((command - choices[first]) * way).sum(axis=1) / (way * way).sum(axis=1)
+    found = np.zeros((len(command), len(choices)))
+    found[rows, second] = np.clip(part, 0.0, 1.0)
+    found[rows, first] = 1.0 - found[rows, second]
+    return found
+
+
+@torch.no_grad()
+def _mixed(
+    policy: Any, env: CrowdEnv, observation: np.ndarray, command: Floats, share: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the actions of all: the ``share`` of people, drawn anew, does as the rule wants, the others as the policy does."""
+    out = _head(policy, torch.as_tensor(observation)).numpy()
+    by_rule = rng.random(env.num_people) < share
+    if isinstance(env.single_action_space, gymnasium.spaces.Discrete):
+        drawn = (out + rng.gumbel(size=out.shape)).argmax(axis=1)
+        return np.where(by_rule, _labels(env, command).argmax(axis=1), drawn)
+    return np.clip(np.where(by_rule[:, None], command, out), -1.0, 1.0)
