@@ -125,7 +125,8 @@ def _trained(job: Job, seed: int, plan: Plan) -> dict[str, Any]:
     """Train, and judge the best policy of all checkpoints."""
     from agents.learned.watch import Watch
 
-    algorithm, config = ALGORITHMS[job.name], task_config(plan.task, seed)
+    algorithm = ALGORITHMS[job.name]
+    config = task_config(plan.task, seed, start=algorithm.start)
     terms = [*config["observation"]["terms"], *algorithm.terms]
     config["observation"] = ObservationLayout(terms=list(dict.fromkeys(terms))).as_table()
     place = place_of(config)
