@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from agents.evaluation.credible import RULE
+from agents.evaluation.entries import RULE
 from agents.training_config import make_env, place_of, start_of
 
 if TYPE_CHECKING:

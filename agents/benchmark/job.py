@@ -170,7 +170,7 @@ def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
     """Return the figures of a policy in the task as it stands, on held-out draws, and those of every run."""
     task = make_task(plan.task)
     options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
-    result = _evaluated(policy, task.place(), plan.runs, task.seeds.start, options)
+    result = _evaluated(policy, task.place(), plan.runs, task.seeds.start, options, measure=True)
     row = task_row(task, task.place(), result, [result])
     del row["minus_first"], row["credible"]  # beside nothing else than itself
     cleared = result.column("unfinished") == 0
@@ -183,6 +183,8 @@ def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
     return {"final": row, "of_runs": runs, "constants": result.constants, "options": fingerprint(options)}
 
 
-def _evaluated(policy: Policy, place: Scenario, runs: int, seed: int, options: dict[str, Any]) -> Evaluation:
+def _evaluated(
+    policy: Policy, place: Scenario, runs: int, seed: int, options: dict[str, Any], *, measure: bool = False
+) -> Evaluation:
     driver = policy_driver(policy, place, **options)
-    return evaluate_driver(driver, place, policy.name, options["scheme"], runs=runs, first_seed=seed)
+    return evaluate_driver(driver, place, policy.name, options["scheme"], runs=runs, first_seed=seed, measure=measure)

@@ -64,7 +64,7 @@ def small(monkeypatch):
     """Small evaluations: one draw stands for all, and one algorithm that trains nothing."""
     calls = []
 
-    def evaluated(policy, place, runs, seed, options):
+    def evaluated(policy, place, runs, seed, options, *, measure=False):
         calls.append((policy.name, runs, seed))
         time = 50.0 if isinstance(policy, Evolved) else 80.0
         unfinished = np.array([0.0] * (runs - 1) + [0.0 if isinstance(policy, Evolved) else 3.0])
