@@ -58,8 +58,8 @@ def main(
 ) -> None:
     """Train algorithms on a task with several seeds each, and compare them by interquartile means, intervals and curves.
 
-    Every result is a file of its own, written when it is whole: an interrupted command goes on, several processes may share a
-    folder, and more seeds or algorithms can be added later.
+    Every result is a file of its own, written when it is whole, with the best network beside it: an interrupted command goes
+    on, several processes may share a folder, and more seeds or algorithms can be added later.
 
     Example: python -m agents.benchmark --task competitive-door --algorithms ppo evolution --seeds 10
     """

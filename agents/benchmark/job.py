@@ -18,6 +18,7 @@ from agents.evaluation.protocol import task_row
 from agents.policy import Policy
 from agents.rules import StrategyPolicy
 from agents.tasks import Task, make_task
+from agents.trained import NUMBERS, LearnedPolicy
 from agents.training_config import place_of, task_config
 from crowd_env import ObservationLayout, Scenario
 from crowd_env.files.json_file import json_number, read_json, write_json
@@ -61,7 +62,7 @@ def do(job: Job, plan: Plan, folder: Path) -> dict[str, Any] | None:
             if not mine:
                 return None
             if not path.exists():
-                write_json(path, _fixed(job, plan) if job.seed is None else _trained(job, job.seed, plan))
+                write_json(path, _fixed(job, plan) if job.seed is None else _trained(job, job.seed, plan, path))
     return read_result(path, job, plan)
 
 
@@ -121,8 +122,8 @@ def fixed_policy(name: str, task: Task) -> Policy:
     return StrategyPolicy(task.rule, name=RULE) if name == RULE else make_policy(name)
 
 
-def _trained(job: Job, seed: int, plan: Plan) -> dict[str, Any]:
-    """Train, and judge the best policy of all checkpoints."""
+def _trained(job: Job, seed: int, plan: Plan, path: Path) -> dict[str, Any]:
+    """Train, and judge the best policy of all checkpoints; a network is kept beside the result, under the same name."""
     from agents.learned.watch import Watch
 
     algorithm = ALGORITHMS[job.name]
@@ -138,6 +139,8 @@ def _trained(job: Job, seed: int, plan: Plan) -> dict[str, Any]:
     algorithm.train(config, watch)
     assert watch.best is not None  # the start is always judged
     policy, row = watch.best
+    if isinstance(policy, LearnedPolicy):
+        policy.save(path.with_suffix(NUMBERS))
     return {
         **_of_plan(job, plan),
         "algorithm": job.name,

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from repository import ROOT
 from typer.testing import CliRunner
 
 from agents.benchmark import __main__ as command
@@ -15,8 +14,10 @@ from agents.benchmark.algorithms import ALGORITHMS, Algorithm
 from agents.benchmark.job import Job, Plan, checkpoint, do
 from agents.benchmark.statistics import bootstrap_interval, interquartile_mean, performance_profile
 from agents.benchmark.summary import summarize, table
+from agents.evaluation.entries import make_entries
 from agents.evolved import Evolved
 from agents.rules import ShortestPath
+from agents.tasks import make_task
 
 TEN = [70.38, 69.6, 71.92, 70.31, 68.39, 71.08, 73.91, 72.84, 67.89, 66.2]
 FIVE = [61.38, 62.04, 59.67, 61.78, 60.75]
@@ -187,4 +188,7 @@ def test_every_algorithm_trains_for_a_moment(tmp_path):
     code, out, err = call(*args, "--baselines", "rule", "--out", tmp_path)
     assert code == 0, err
     assert all(f"`{name}`" in out for name in ALGORITHMS)
-    assert ROOT not in tmp_path.parents
+    (entry,) = make_entries(
+        [str(tmp_path / "attention-seed0.safetensors")], make_task("room").place(), make_task("room")
+    )
+    assert entry.source is not None
