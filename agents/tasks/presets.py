@@ -4,6 +4,7 @@ A preset is a start that was seen to learn, not a part of the task: what is trai
 own physics step and with its own number of people.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
@@ -15,6 +16,7 @@ from crowd_env.envs.observation.terms import USUAL
 
 # What everyone sees: the usual terms, and of those who are nearer the exit the next one and how many they are.
 _WITH_AHEAD = (*USUAL, "ahead")
+_HALF = math.pi / 4  # half left
 
 
 @dataclass(frozen=True)
@@ -106,8 +108,8 @@ _BY_ORDER: dict[str, Any] = {
     "action": {"name": "speeds", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]},
     # Everyone alone would rather push in front; who heads the queue pays for those who wait behind.
     "reward": {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}, "team_share": 0.0},
-    "steps": 6_000_000,
-    "eval_every": 600_000,
+    "steps": 3_000_000,
+    "eval_every": 300_000,
 }
 
 _ALL = (
@@ -116,7 +118,21 @@ _ALL = (
     Preset("narrow-door", people=80, dt=0.01, **_BY_ORDER | {"envs": 16}),
     Preset("hertz-room", people=60, dt=0.01, **_BY_ORDER),
     Preset("literal-room", people=20, dt=0.01, envs=48),
-    Preset("counter-flow", people=30, dt=0.01, action="speeds-directions", envs=32),
+    # Full speed alone: with slower choices people learn to wait for one another in front of the other group.  Contact weighs
+    # little: at 0.3 waiting pays more than a side of one's own.  Both groups have to agree on a side, which takes many updates.
+    Preset(
+        "counter-flow",
+        people=30,
+        dt=0.01,
+        action={"name": "speeds-directions", "speeds": [1.0], "headings": [-_HALF, -_HALF / 2, 0.0, _HALF / 2, _HALF]},
+        terms=USUAL,
+        reward={"weights": {"progress": 0.5, "time": 1.0, "contact": 0.1}, "team_share": 0.0},
+        ppo={"gamma": 0.99, "rule_logit": 1.0, "batch_size": 4096},
+        envs=16,
+        steps=6_000_000,
+        eval_every=800_000,
+        eval_runs=100,
+    ),
     Preset("room", people=20, dt=0.01, envs=48),
     Preset("pillar", people=60, dt=0.01),
     Preset("bottleneck", people=60, dt=0.01),

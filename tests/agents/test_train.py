@@ -27,6 +27,7 @@ from agents.networks import read_network
 from agents.tasks import PRESETS, TASKS
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
 from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
+from crowd_env.envs.action import make_action
 
 # ------------------------------------------------------------------------------------------------------ the whole job
 
@@ -280,7 +281,7 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
     assert config["reward"]["weights"]["contact"] > 0.0 and "ahead" in config["observation"]["terms"]
     assert set(seen) == {(0.01, 6), (0.01, 20), (0.001, 20)}  # trained, validated, judged
     rows = json.loads((folder / "results.json").read_text())["rows"]
-    names = ["rule", "random", "rule-best-speed", "density-cap", "headway", "follow", "zipper", "learned"]
+    names = ["rule", "rule-best-speed", "density-cap", "headway", "follow", "evolution", "zipper", "random", "learned"]
     assert [row["policy"] for row in rows] == names
     assert all(row["people"] == 20 and row["task"] == "literal-room" for row in rows)
     assert "literal-room, version 1" in result.stdout
@@ -294,7 +295,7 @@ def test_presets_train_in_the_place_of_their_task(task):
     assert config["strategy"] == judged.rule and config["decision_dt"] == judged.decision_dt
     env = train.make_env(config, envs=1)
     assert env.num_people == config["people"] <= judged.people
-    assert env.action_kind.name == config["action"]
+    assert env.action_kind.name == make_action(config["action"]).name
 
 
 def test_a_root_that_cannot_hold_folders_is_named(tmp_path):
