@@ -96,8 +96,7 @@ def main(
         rows = summarize(results)
         write_json(folder / "summary.json", {"plan": plan._asdict(), "rows": rows})
         write_text(folder / "table.md", table(rows))
-        place = make_task(task).place()
-        draw(folder, results, f"{task}: {place.population.count} people")
+        draw(folder, results, task, make_task(task).people)
     typer.echo(table(rows), nl=False)
 
 
