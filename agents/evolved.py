@@ -76,7 +76,7 @@ class Evolved(WalkingRule):
         action = along(np.where(share > 0.0, velocity, np.inf), desired, self.back)
         nearest = seen["neighbors"]  # the first five columns are of the nearest
         action[:, 1] = -self.side * np.sign(nearest[:, 1]) * nearest[:, 4] ** 4
-        return action
+        return action / np.maximum(np.hypot(*action.T), 1.0)[:, None]
 
 
 def _unsquashed(value: Floats, scale: float) -> Floats:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from agents.benchmark.algorithms import ALGORITHMS
-from agents.benchmark.job import Job, Plan, do, read_result
+from agents.benchmark.job import Job, Plan, do, fixed_policy, read_result
 from agents.benchmark.summary import draw, summarize, table
 from agents.evaluation.entries import RULE
 from agents.lists_of_names import ListsOfNames
@@ -58,8 +58,8 @@ def main(
 ) -> None:
     """Train algorithms on a task with several seeds each, and compare them by interquartile means, intervals and curves.
 
-    Every result is a file of its own, written when it is whole: an interrupted command goes on, several processes may share a
-    folder, and more seeds or algorithms can be added later.
+    Every result is a file of its own, written when it is whole, with the best network beside it: an interrupted command goes
+    on, several processes may share a folder, and more seeds or algorithms can be added later.
 
     Example: python -m agents.benchmark --task competitive-door --algorithms ppo evolution --seeds 10
     """
@@ -69,6 +69,8 @@ def main(
         make_preset(task)
         chosen = [known("algorithm", name, ALGORITHMS) for name in algorithms or ALGORITHMS]
         beside = list(_BASELINES if baselines is None else baselines)
+        for name in beside:
+            fixed_policy(name, make_task(task))
         whole("--seeds", seeds, Range(1, 1000))
         whole("--checkpoints", checkpoints)
         whole("--validation-runs", validation_runs)
@@ -94,8 +96,7 @@ def main(
         rows = summarize(results)
         write_json(folder / "summary.json", {"plan": plan._asdict(), "rows": rows})
         write_text(folder / "table.md", table(rows))
-        place = make_task(task).place()
-        draw(folder, results, f"{task}: {place.population.count} people")
+        draw(folder, results, task, make_task(task).people)
     typer.echo(table(rows), nl=False)
 
 

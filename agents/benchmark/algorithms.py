@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from agents.training_config import make_env, place_of
+from agents.evaluation.entries import RULE
+from agents.training_config import make_env, place_of, start_of
 
 if TYPE_CHECKING:
     from agents.learned.watch import Watch
@@ -18,18 +19,21 @@ class Algorithm(NamedTuple):
     about : a line for people.
     train : takes the config of a run (`agents.training_config.task_config`) and the `Watch` that ends it.
     terms : of the observation beside those of the preset.
+    start : what it begins at; None = as the preset has it, which may be a better rule that is cloned.
     """
 
     about: str
     train: Callable[[dict[str, Any], "Watch"], None]
     terms: tuple[str, ...] = ()
+    start: str | None = RULE
 
 
 def _ppo(config: dict[str, Any], watch: "Watch") -> None:
     from agents.learned.ppo import PPOSettings
     from agents.learned.watched import train_ppo
 
-    train_ppo(make_env(config), PPOSettings(**config["ppo"]), config["seed"], watch)
+    start = None if config["start"] == RULE else start_of(config)
+    train_ppo(make_env(config), PPOSettings(**config["ppo"]), config["seed"], watch, start)
 
 
 def _mappo(config: dict[str, Any], watch: "Watch") -> None:
@@ -66,7 +70,10 @@ def _evolution(config: dict[str, Any], watch: "Watch") -> None:
 
 ALGORITHMS: Mapping[str, Algorithm] = MappingProxyType(
     {
-        "ppo": Algorithm("PPO by stable-baselines3, as train.py has it", _ppo),
+        "ppo": Algorithm("PPO by stable-baselines3, begun at the rule", _ppo),
+        "ppo-cloned": Algorithm(
+            "the same, begun as train.py does: where the preset says so, as a clone", _ppo, start=None
+        ),
         "mappo": Algorithm("PPO whose critic sees everyone's state", _mappo),
         "attention": Algorithm("PPO whose network attends to the neighbors", _attention, ("lead",)),
         "dqn": Algorithm("double DQN: independent Q-learning with shared parameters", _dqn),

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -18,7 +17,8 @@ from agents.evaluation.fingerprint import fingerprint
 from agents.evaluation.protocol import task_row
 from agents.policy import Policy
 from agents.rules import StrategyPolicy
-from agents.tasks import make_task
+from agents.tasks import Task, make_task
+from agents.trained import NUMBERS, LearnedPolicy
 from agents.training_config import place_of, task_config
 from crowd_env import ObservationLayout, Scenario
 from crowd_env.files.json_file import json_number, read_json, write_json
@@ -62,7 +62,7 @@ def do(job: Job, plan: Plan, folder: Path) -> dict[str, Any] | None:
             if not mine:
                 return None
             if not path.exists():
-                write_json(path, _fixed(job, plan) if job.seed is None else _trained(job, job.seed, plan))
+                write_json(path, _fixed(job, plan) if job.seed is None else _trained(job, job.seed, plan, path))
     return read_result(path, job, plan)
 
 
@@ -114,15 +114,20 @@ def _claimed(path: Path) -> Iterator[bool]:
 def _fixed(job: Job, plan: Plan) -> dict[str, Any]:
     """Judge a policy that is not trained here."""
     task = make_task(plan.task)
-    policy = StrategyPolicy(task.rule, name=RULE) if job.name == RULE else make_policy(job.name)
-    return {**_of_plan(job, plan), "policy": job.name, **_final(policy, plan)}
+    return {**_of_plan(job, plan), "policy": job.name, **_final(fixed_policy(job.name, task), plan)}
 
 
-def _trained(job: Job, seed: int, plan: Plan) -> dict[str, Any]:
-    """Train, and judge the best policy of all checkpoints."""
+def fixed_policy(name: str, task: Task) -> Policy:
+    """Return a policy that is not trained here: the rule of the task, or what `agents.make_policy` takes."""
+    return StrategyPolicy(task.rule, name=RULE) if name == RULE else make_policy(name)
+
+
+def _trained(job: Job, seed: int, plan: Plan, path: Path) -> dict[str, Any]:
+    """Train, and judge the best policy of all checkpoints; a network is kept beside the result, under the same name."""
     from agents.learned.watch import Watch
 
-    algorithm, config = ALGORITHMS[job.name], task_config(plan.task, seed)
+    algorithm = ALGORITHMS[job.name]
+    config = task_config(plan.task, seed, start=algorithm.start)
     terms = [*config["observation"]["terms"], *algorithm.terms]
     config["observation"] = ObservationLayout(terms=list(dict.fromkeys(terms))).as_table()
     place = place_of(config)
@@ -134,6 +139,8 @@ def _trained(job: Job, seed: int, plan: Plan) -> dict[str, Any]:
     algorithm.train(config, watch)
     assert watch.best is not None  # the start is always judged
     policy, row = watch.best
+    if isinstance(policy, LearnedPolicy):
+        policy.save(path.with_suffix(NUMBERS))
     return {
         **_of_plan(job, plan),
         "algorithm": job.name,
@@ -166,7 +173,7 @@ def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
     """Return the figures of a policy in the task as it stands, on held-out draws, and those of every run."""
     task = make_task(plan.task)
     options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
-    result = _evaluated(policy, task.place(), plan.runs, task.seeds.start, options)
+    result = _evaluated(policy, task.place(), plan.runs, task.seeds.start, options, measure=True)
     row = task_row(task, task.place(), result, [result])
     del row["minus_first"], row["credible"]  # beside nothing else than itself
     cleared = result.column("unfinished") == 0
@@ -176,10 +183,11 @@ def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
         np.isfinite(result.column("blocked_since")),
     )
     runs = {name: [json_number(one) for one in values.astype(float)] for name, values in zip(_RAW, raw, strict=True)}
-    constants: dict[str, float] = asdict(cast(Any, policy)) if is_dataclass(policy) else {}
-    return {"final": row, "of_runs": runs, "constants": constants, "options": fingerprint(options)}
+    return {"final": row, "of_runs": runs, "constants": result.constants, "options": fingerprint(options)}
 
 
-def _evaluated(policy: Policy, place: Scenario, runs: int, seed: int, options: dict[str, Any]) -> Evaluation:
+def _evaluated(
+    policy: Policy, place: Scenario, runs: int, seed: int, options: dict[str, Any], *, measure: bool = False
+) -> Evaluation:
     driver = policy_driver(policy, place, **options)
-    return evaluate_driver(driver, place, policy.name, options["scheme"], runs=runs, first_seed=seed)
+    return evaluate_driver(driver, place, policy.name, options["scheme"], runs=runs, first_seed=seed, measure=measure)

@@ -89,14 +89,20 @@ def _middle(row: Mapping[str, Any]) -> float:
     return np.inf if found is None else float(found)
 
 
-def draw(folder: Path, results: Results, title: str) -> list[Path]:
-    """Draw learning curves over decisions and over processor time, and performance profiles; return the files."""
+def draw(folder: Path, results: Results, task: str, people: int) -> list[Path]:
+    """Draw learning curves over decisions and over processor time, and performance profiles; return the files.
+
+    Curves are of validation draws of the place that is trained in, interquartile means over seeds with 95 % intervals;
+    profiles are of held-out draws of the task with so many ``people``.
+    """
     from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure
     from crowd_env.rendering.palette import QUIET, SERIES
 
     learned = {name: found for name, found in results.items() if "curve" in found[0]}
     files = []
     if learned:
+        trained = next(iter(learned.values()))[0]["config"]["people"]
+        title = f"{task}: validation draws with the {trained} people of training"
         figure = new_figure((11.0, 6.5))
         panels = figure.subplots(2, 2, sharex="col")
         for column, (unit, label, scale) in enumerate(
@@ -116,7 +122,11 @@ def draw(folder: Path, results: Results, title: str) -> list[Path]:
         files.append(save_figure(figure, folder / "curves.png"))
     figure = new_figure((7.0, 4.2))
     axes = quiet_axes(
-        figure.subplots(), "clearing time, s", "share of held-out runs cleared by then", title=title, grid=True
+        figure.subplots(),
+        "clearing time, s",
+        "share of held-out runs cleared by then",
+        title=f"{task}: {people} people",
+        grid=True,
     )
     known = np.concatenate([clearing_of(one) for found in results.values() for one in found])
     known = known[np.isfinite(known)]

@@ -4,29 +4,41 @@ from typing import cast
 
 from stable_baselines3.common.callbacks import BaseCallback
 
+from agents.learned.cloning import DECISIONS, ROUNDS, clone
 from agents.learned.export import network_of
 from agents.learned.ppo import PPOSettings, make_ppo
 from agents.learned.rate import FallingRate
 from agents.learned.training import env_options_of
 from agents.learned.watch import Watch
 from agents.trained import LearnedPolicy
+from agents.walking import WalkingRule
 from crowd_env import CrowdEnv
 
 _ENDLESS = 10**12  # steps: the watch ends the training
 
 
-def train_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, watch: Watch) -> None:
-    """Train until ``watch`` says that it is enough; ``env`` is made with ``autoreset=True``."""
-    make_ppo(env, settings, seed).learn(_ENDLESS, callback=_Watched(env, watch))
+def train_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, watch: Watch, start: WalkingRule | None = None) -> None:
+    """Train until ``watch`` says that it is enough.
+
+    Parameters
+    ----------
+    env : made with ``autoreset=True``.
+    start : a rule that is cloned first, which counts as training, with the decisions of everyone.
+    """
+    model, decided = make_ppo(env, settings, seed), 0
+    if start is not None:
+        clone(model, start, seed)
+        decided = ROUNDS * DECISIONS * env.num_people
+    model.learn(_ENDLESS, callback=_Watched(env, watch, decided))
 
 
 class _Watched(BaseCallback):
     """Asks the watch after every rollout, before the update on it; counts decisions of people who are inside."""
 
-    def __init__(self, env: CrowdEnv, watch: Watch) -> None:
+    def __init__(self, env: CrowdEnv, watch: Watch, decided: int) -> None:
         super().__init__()
-        self.env, self.watch = env, watch
-        self.decided, self.enough = 0, False
+        self.env, self.watch, self.decided = env, watch, decided
+        self.enough = False
 
     def _on_training_start(self) -> None:
         self._ask()

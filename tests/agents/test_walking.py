@@ -7,7 +7,7 @@ import pytest
 from evaluations import call, hall, run
 from repository import ROOT
 
-from agents import POLICIES, DensityCap, Follow, HeadwayRule, RuleAtShare, Zipper
+from agents import POLICIES, DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, Zipper
 from agents.drivers import PolicyDriver, best_share
 from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import evaluate
@@ -15,7 +15,7 @@ from agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.envs.rollout import run_episodes
 
-RULES = (RuleAtShare(1.0), DensityCap(), HeadwayRule(), Follow(), Zipper())
+RULES = (RuleAtShare(1.0), DensityCap(), HeadwayRule(), Follow(), Evolved(), Zipper())
 FOLLOWING = (Follow(), Zipper())
 RNG = np.random.default_rng(0)
 
@@ -190,6 +190,7 @@ def test_a_rule_without_what_it_sees_is_refused(policy, words):
         (HeadwayRule, {"manner": {"push": -0.1}}, "push is -0.1"),
         (HeadwayRule, {"manner": "rude"}, "unknown manner 'rude'"),
         (Follow, {"time": 0.0}, "follow.*time is 0"),
+        (Evolved, {"damping": 11.0}, "evolution.*damping is 11"),
         (Zipper, {"back": 2.0}, "zipper.*back is 2"),
     ],
 )

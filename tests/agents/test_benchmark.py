@@ -1,0 +1,194 @@
+"""The benchmark of learning algorithms: its statistics against those of another library, and the command from start to end."""
+
+import json
+from dataclasses import asdict
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from agents.benchmark import __main__ as command
+from agents.benchmark import job as jobs
+from agents.benchmark.algorithms import ALGORITHMS, Algorithm
+from agents.benchmark.job import Job, Plan, checkpoint, do
+from agents.benchmark.statistics import bootstrap_interval, interquartile_mean, performance_profile
+from agents.benchmark.summary import summarize, table
+from agents.evaluation.entries import make_entries
+from agents.evolved import Evolved
+from agents.rules import ShortestPath
+from agents.tasks import make_task
+
+TEN = [70.38, 69.6, 71.92, 70.31, 68.39, 71.08, 73.91, 72.84, 67.89, 66.2]
+FIVE = [61.38, 62.04, 59.67, 61.78, 60.75]
+
+
+# ------------------------------------------------------------------------------------------------------ the statistics
+
+
+@pytest.mark.parametrize(
+    ("values", "middle", "interval"),
+    [(TEN, 70.28, (68.675, 71.868333)), (FIVE, 61.303333, (60.03, 61.953333))],
+    ids=["ten", "five"],
+)
+def test_interquartile_means_and_intervals_are_those_of_rliable(values, middle, interval):
+    """By `rliable` 1.2.0 with 50 000 resamples."""
+    assert interquartile_mean(values) == pytest.approx(middle, abs=1e-6)
+    assert bootstrap_interval(values) == pytest.approx(interval, abs=0.1)
+
+
+def test_performance_profiles_are_those_of_rliable():
+    """Which counts scores above a threshold: of times that are at most as long, the rest."""
+    at = [60.0, 65.0, 70.0, 75.0]
+    np.testing.assert_allclose(1.0 - performance_profile(TEN, at), [1.0, 1.0, 0.6, 0.0])
+    np.testing.assert_allclose(1.0 - performance_profile(FIVE, at), [0.8, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(performance_profile([50.0, np.nan], at), 0.5)
+
+
+def test_one_run_has_no_interval_and_an_interval_is_always_the_same():
+    assert np.isnan(bootstrap_interval([70.0])).all()
+    assert bootstrap_interval(TEN) == bootstrap_interval(TEN)
+
+
+# --------------------------------------------------------------------------------------------------------- the command
+
+
+def quick(config, watch):
+    """An "algorithm" that stands in place, then knows how."""
+    watch.seconds, watch.checkpoints = 1e-9, 1e9  # always due
+    for steps, policy in enumerate((ShortestPath(), Evolved(), ShortestPath())):
+        watch.goes_on(steps, lambda policy=policy: policy)
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Small evaluations: one draw stands for all, and one algorithm that trains nothing."""
+    calls = []
+
+    def evaluated(policy, place, runs, seed, options, *, measure=False):
+        calls.append((policy.name, runs, seed))
+        time = 50.0 if isinstance(policy, Evolved) else 80.0
+        unfinished = np.array([0.0] * (runs - 1) + [0.0 if isinstance(policy, Evolved) else 3.0])
+        columns = {"unfinished": unfinished, "blocked_since": np.where(unfinished > 0, 20.0, np.nan)}
+        times = np.full((runs, 4), time) + np.arange(runs)[:, None]
+        constants = asdict(policy) if isinstance(policy, Evolved) else {}
+        return SimpleNamespace(column=columns.__getitem__, times_of_all=lambda: times, constants=constants)
+
+    row = {"clearing_time": {"mean": 50.0, "ci95": [49.0, 51.0]}, "mean_exit": {"mean": 30.0, "ci95": [29.0, 31.0]}}
+    row |= {"flow": 1.7, "unfinished": 0, "runs": 4}
+    monkeypatch.setattr(jobs, "_evaluated", evaluated)
+    monkeypatch.setattr(jobs, "task_row", lambda *_: row | {"minus_first": None, "credible": None})
+    known = {"quick": Algorithm("for tests", quick), "ppo": ALGORITHMS["ppo"]}
+    for module in (command, jobs):
+        monkeypatch.setattr(module, "ALGORITHMS", known)
+    return calls
+
+
+def call(*args):
+    result = CliRunner().invoke(command.app, [str(arg) for arg in args])
+    return result.exit_code, result.stdout, result.stderr
+
+
+def arguments(folder, *more):
+    plan = ("--algorithms", "quick", "--baselines", "follow", "rule", "--runs", 4, "--validation-runs", 3)
+    return (*plan, "--out", folder, *more)
+
+
+def test_the_command_trains_every_seed_once_and_goes_on_where_it_was(small, tmp_path):
+    code, out, err = call(*arguments(tmp_path, "--seeds", 2))
+    assert code == 0, err
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "curves.png",
+        "follow.json",
+        "profiles.png",
+        "quick-seed0.json",
+        "quick-seed1.json",
+        "rule.json",
+        "summary.json",
+        "table.md",
+    ]
+    rows = json.loads((tmp_path / "summary.json").read_text())["rows"]
+    assert rows["quick"]["seeds"] == 2 and rows["quick"]["clearing_time"]["iqm"] == 51.5
+    assert rows["rule"]["unfinished"]["runs"] == 1 and "| `quick` | 2 | 0 of 8" in out
+    made = len(small)
+    code, again, _ = call(*arguments(tmp_path, "--seeds", 2))
+    assert code == 0 and again == out and len(small) == made
+    assert call(*arguments(tmp_path, "--seeds", 3))[0] == 0 and len(small) == made + 4
+
+
+def test_the_best_checkpoint_is_judged_and_no_held_out_draw_is_seen_before(small, tmp_path):
+    assert call(*arguments(tmp_path, "--seeds", 1))[0] == 0
+    found = json.loads((tmp_path / "quick-seed0.json").read_text())
+    assert found["best"] == 1 and len(found["curve"]) == 3 and found["constants"]["back"] == Evolved().back
+    assert found["of_runs"]["clearing_times"] == [50.0, 51.0, 52.0, 53.0]
+    assert [seed for _, runs, seed in small if runs == 3] == [2_000_000] * 3  # validation
+    assert [seed for _, runs, seed in small if runs == 4] == [1_000_000] * 3  # held out
+
+
+def test_what_another_process_is_about_is_left_alone(small, tmp_path):
+    import fcntl
+
+    plan, job = Plan("competitive-door", 1.0, 2, 3, 4), Job("quick", 0)
+    with (tmp_path / ".quick-seed0.claim").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        assert do(job, plan, tmp_path) is None and not small
+    assert do(job, plan, tmp_path)["seed"] == 0 and small
+
+
+def test_results_of_another_plan_are_not_mixed(small, tmp_path):
+    assert call(*arguments(tmp_path, "--seeds", 1))[0] == 0
+    code, _, err = call(*arguments(tmp_path, "--seeds", 1, "--minutes", 3))
+    assert code != 0 and "has minutes 2.0, where this benchmark has 3.0; take another folder with --out" in " ".join(
+        err.split()
+    )
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (("--algorithms", "sarsa"), "unknown algorithm 'sarsa'; known: quick, ppo"),
+        (("--task", "nowhere"), "unknown task 'nowhere'"),
+        (("--task", "large-hall"), "large-hall"),
+        (("--seeds", "0"), "--seeds is 0"),
+        (("--minutes", "0"), "--minutes is 0"),
+        (("--baselines", "wind"), "unknown policy 'wind'"),
+        (("--report-only",), "nothing is finished in"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_is_trained(small, tmp_path, args, words):
+    given = args if "--task" in args or "--algorithms" in args else ("--algorithms", "quick", *args)
+    code, _, err = call("--out", tmp_path / "new", *given)
+    assert code != 0 and words in " ".join(err.split()) and "Traceback" not in err
+    assert not small and not (tmp_path / "new").exists()
+
+
+def test_a_checkpoint_with_fewer_left_is_the_better_one():
+    def of(unfinished, times):
+        return SimpleNamespace(
+            column={"unfinished": np.array(unfinished)}.__getitem__, times_of_all=lambda: np.array(times)
+        )
+
+    slow = checkpoint(of([0, 0], [[90.0, 95.0], [80.0, 99.0]]))
+    stuck = checkpoint(of([0, 2], [[40.0, 45.0], [40.0, 1000.0]]))
+    assert slow["order"] < stuck["order"] and slow["clearing_time"] == 97.0 and stuck["clearing_time"] == 45.0
+
+
+def test_tables_have_the_soonest_that_always_clears_first():
+    def result(times):
+        final = {"clearing_time": {"mean": 1.0, "ci95": [0.5, 1.5]}, "mean_exit": {"mean": 1.0}, "flow": 1.0}
+        return {"of_runs": {"clearing_times": times}, "final": final}
+
+    rows = summarize({"stuck": [result([40.0, None])], "slow": [result([90.0, 92.0])], "fast": [result([50.0, 52.0])]})
+    assert [line.split("`")[1] for line in table(rows).splitlines()[2:]] == ["fast", "slow", "stuck"]
+
+
+@pytest.mark.slow
+def test_every_algorithm_trains_for_a_moment(tmp_path):
+    args = ("--task", "room", "--seeds", 1, "--minutes", 0.02, "--checkpoints", 1, "--validation-runs", 2, "--runs", 2)
+    code, out, err = call(*args, "--baselines", "rule", "--out", tmp_path)
+    assert code == 0, err
+    assert all(f"`{name}`" in out for name in ALGORITHMS)
+    (entry,) = make_entries(
+        [str(tmp_path / "attention-seed0.safetensors")], make_task("room").place(), make_task("room")
+    )
+    assert entry.source is not None
