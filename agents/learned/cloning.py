@@ -10,6 +10,7 @@ from typing import Any, cast
 import gymnasium
 import numpy as np
 import torch
+from stable_baselines3.common.distributions import CategoricalDistribution, DiagGaussianDistribution
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn import functional
 
@@ -41,7 +42,8 @@ def clone(model: Any, rule: WalkingRule, seed: int) -> float:
     Raises
     ------
     ValueError
-        If the observation lacks a term of the rule, or the actions are in another frame.
+        If the observation lacks a term of the rule, the actions are in another frame, or follow neither a categorical nor a
+        normal distribution.
     """
     venv = cast(VecEnv, model.get_env())
     while not isinstance(venv, CrowdVecEnv):
@@ -51,6 +53,8 @@ def clone(model: Any, rule: WalkingRule, seed: int) -> float:
         raise ValueError(f"policy {rule.name!r} cannot be cloned: it acts in the frame 'path', not in {env.frame!r}")
     rng = np.random.default_rng(seed)
     policy = model.policy
+    if not isinstance(policy.action_dist, CategoricalDistribution | DiagGaussianDistribution):
+        raise ValueError(f"policy {rule.name!r} cannot be cloned into a policy of {type(policy.action_dist).__name__}")
     optimizer = torch.optim.Adam(policy.parameters(), lr=_LEARNING_RATE)
     seen: list[np.ndarray] = []
     wanted: list[np.ndarray] = []

@@ -81,6 +81,13 @@ def test_rules_act_in_the_frame_of_the_path():
         cloning.clone(make_ppo(env, PPOSettings(n_steps=4), seed=0), make_policy("evolution"), seed=0)
 
 
+def test_a_beta_policy_is_no_clone():
+    env = small_env(action="continuous")
+    model = make_ppo(env, PPOSettings(n_steps=4, distribution="beta"), seed=0)
+    with pytest.raises(ValueError, match="'evolution' cannot be cloned into a policy of Beta"):
+        cloning.clone(model, make_policy("evolution"), seed=0)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
