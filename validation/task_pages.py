@@ -85,13 +85,14 @@ def floor(name: str) -> Callable[["Sources"], str]:
         place, width = task.place(), float(exit_widths(task.place()).sum())
         alone = free_walk_time(task)
         touching, recorded = task.people / touching_flow(place), task.people / (RECORDED_FLOW * width)
-        best, human = max(alone, touching), max(alone, recorded)
+        best, human = max(alone, touching), ""
+        if recorded > best:
+            human = f": less than {recorded:.0f} s says more about the contact law than about people"
         return (
             f"**Floor: {best:.0f} s.** If nobody stood in anyone's way, the last of {task.people} people would be out after "
             f"{alone:.1f} s (mean over crowds). One behind the other, touching, as many abreast as bodies fit, each at the own "
             f"desired speed, they pass the exits of {width:.3g} m in {touching:.1f} s. At the {RECORDED_FLOW:g} /(s m) that "
-            f"people were recorded to pass a door of 1 m (Seyfried et al. 2009) it would be {recorded:.0f} s: less than "
-            f"{human:.0f} s says more about the contact law than about people."
+            f"people were recorded to pass a door of 1 m (Seyfried et al. 2009) it would be {recorded:.0f} s{human}."
         )
 
     return note
