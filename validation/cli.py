@@ -318,7 +318,7 @@ def pages(
     """
     with friendly_errors():
         for name in names or ():
-            if name not in TABLES:
+            if name not in TABLES and name not in GROUPS:
                 raise ValueError(f"unknown table {name!r}; known: {', '.join(TABLES)}")
         names = [one for name in names for one in GROUPS.get(name, (name,))] if names else None
         if folder is not None and not names:
