@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from agents.evaluation.credible import RULE
+from agents.evaluation.entries import RULE
 from agents.evaluation.evaluation import HELD_OUT_SEED
 from agents.evaluation.report import table_console
 from agents.evaluation.trained_run import draw, judge, physics_of, tables

@@ -46,7 +46,9 @@ def free_walk_time(task: Task) -> float:
     """
     alone = task.place(len(task.place().population.parts))
     options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
-    if not alone.zones:  # nobody is slow anywhere: the fastest way of someone alone is the shortest, which takes no planning
+    if (
+        not alone.zones
+    ):  # nobody is slow anywhere: the fastest way of someone alone is the shortest, which takes no planning
         options["strategy"] = "shortest"
     times = np.sort(np.concatenate([one.exit_time for one in run_episodes(alone, _ALONE, seed=0, **options)]))
     times = times[np.isfinite(times)]
