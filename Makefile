@@ -8,20 +8,25 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --no-input --disable-pip-version-check -c constraints.txt $(PIP_ARGS)
 
+# Each learning library that examples/clients shows: what it needs is in examples/clients/NAME.txt, its test is
+# tests/clients/test_NAME.py, and both meet in .venv-clients/NAME, since their requirements exclude each other.
+CLIENTS := $(sort $(basename $(notdir $(wildcard examples/clients/*.txt))))
+
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help train test map kernels lint format bench hooks clean distclean
+.PHONY: help train test clients map kernels lint format bench hooks clean distclean
 
 help:
 	@echo "make train    train a policy, compare it with the rules, write runs/   (ARGS='--help' lists its options)"
 	@echo "make test     run the tests                                            (ARGS='-m slow' the slow ones)"
+	@echo "make clients  try each learning library in an environment of its own   (ARGS='torchrl sb3' these alone)"
 	@echo "make map      hold crowds against laws, two minutes                    (ARGS='gate --data DIR' against recordings)"
 	@echo "make kernels  run the marked tests uncompiled, and say which lines of the kernels they reach"
 	@echo "make lint     check style, types and layers"
 	@echo "make format   format the code and mend what can be mended by machine"
 	@echo "make bench    measure the speed                                        (ARGS='--json' for a program)"
 	@echo "make hooks    run the checks at every git commit"
-	@echo "make clean    remove caches and build outputs (make distclean: .venv too; runs/ stays)"
+	@echo "make clean    remove caches and build outputs (make distclean: .venv, .venv-clients too; runs/ stays)"
 	@echo "Variables: PYTHON=$(PYTHON) (3.10 or newer), ARGS, PIP_ARGS (options for pip, such as another index)"
 
 train: $(VENV)/.train
@@ -29,6 +34,16 @@ train: $(VENV)/.train
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 2 --dist worksteal --durations 10 --durations-min 1 $(ARGS)
+
+# All are tried before one that failed ends it.
+clients:
+	$(if $(filter-out $(CLIENTS),$(ARGS)),$(error there is no client $(filter-out $(CLIENTS),$(ARGS)); known: $(CLIENTS)))
+	@failed=; for client in $(or $(ARGS),$(CLIENTS)); do \
+	  $(MAKE) --no-print-directory client-$$client || failed="$$failed $$client"; done; \
+	  [ -z "$$failed" ] || { echo "These clients failed, see above:$$failed" >&2; exit 1; }
+
+client-%: $(VENV)-clients/%/.made
+	$(VENV)-clients/$*/bin/python -m pytest -m "" --durations 3 tests/clients/test_$*.py
 
 map: $(VENV)/.dev
 	$(BIN)/python -m validation $(or $(ARGS),--quick)
@@ -59,10 +74,10 @@ hooks: $(VENV)/.dev
 
 clean:
 	rm -rf build dist *.egg-info .coverage .mypy_cache .pytest_cache .ruff_cache
-	find . -path ./$(VENV) -prune -o -path ./runs -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+	find . -path ./$(VENV) -prune -o -path ./$(VENV)-clients -prune -o -path ./runs -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean
-	rm -rf $(VENV)
+	rm -rf $(VENV) $(VENV)-clients
 
 # Each stamp says "these extras are installed as pyproject.toml and constraints.txt want them". It goes before the
 # installation starts and comes back only when all of it has succeeded. .dev contains .train.
@@ -98,3 +113,11 @@ $(VENV)/.dev: pyproject.toml constraints.txt
 	$(make_venv)
 	@$(PIP_INSTALL) -e '.[train,render,dev]' || $(install_failed)
 	@touch $(VENV)/.train $@
+
+.PRECIOUS: $(VENV)-clients/%/.made
+$(VENV)-clients/%/.made: examples/clients/%.txt pyproject.toml constraints.txt
+	$(check_python)
+	@echo "Building $(@D) ..."
+	@$(PYTHON) -m venv --clear $(@D)
+	@$(@D)/bin/python -m pip install --no-input --disable-pip-version-check $(PIP_ARGS) -e . -r $< pytest || $(install_failed)
+	@touch $@

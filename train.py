@@ -1,6 +1,7 @@
 """Train a policy to lead a crowd out, and compare it with the rules: the main job, also ``make train``."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +20,7 @@ from agents.training_config import (
     check_libraries,
     default_config,
     extended,
+    facts_of,
     judged_place,
     make_env,
     read_config,
@@ -26,12 +28,14 @@ from agents.training_config import (
     task_config,
     task_of,
 )
-from crowd_env.checks import whole
+from crowd_env.checks import known, whole
 from crowd_env.cli.console import MannerName, OutlineOption, friendly_errors, notes
+from crowd_env.executors import check_cluster
 from crowd_env.files.json_file import write_json
 from crowd_env.rendering.libraries import require_libraries
 
 _TASK = "competitive-door"
+_OF_THE_MACHINE = ("runs", "root", "resume", "threads", "runners")  # options that do not belong to what is trained
 _RUNS = 50  # held-out draws where there is no task
 
 
@@ -58,7 +62,6 @@ def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         notes.print(f"cloning {config['start']}, a fraction of a minute ...")
         clone(model, start_of(config), config["seed"])
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
-    facts = ("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "seed")
     callback = PolicyCallback(
         folder,
         env,
@@ -67,10 +70,7 @@ def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         max_seconds=60.0 * config["minutes"],
         eval_every=config["eval_every"],
         eval_runs=config["eval_runs"],
-        trained={
-            "task": None if config["task"] is None else task_of(config).identity(),
-            **{name: config[name] for name in (*facts, "versions")},
-        },
+        trained=facts_of(config),
         curve=curve,
     )
     left = config["steps"] - model.num_timesteps
@@ -80,6 +80,16 @@ def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         finally:
             callback.close()
     return not callback.interrupted
+
+
+def train_with_rllib(folder: Path, config: dict[str, Any], threads: int = 1, runners: int | None = None) -> bool:
+    """Train as `train` does, with RLlib on a Ray cluster, by so many runners."""
+    from agents.learned.rllib.training import train_on_cluster
+
+    return train_on_cluster(folder, config, runners, threads)
+
+
+BACKENDS: dict[str, Callable[..., bool]] = {"native": train, "rllib": train_with_rllib}
 
 
 def main(
@@ -129,6 +139,14 @@ def main(
     threads: Annotated[
         int, typer.Option(help="Of the simulation; results do not depend on it.", show_default="2, or all cores")
     ] = min(2, os.cpu_count() or 1),
+    backend: Annotated[
+        str,
+        typer.Option(help=f"What trains: {', '.join(BACKENDS)} (on the nodes of a Ray cluster, see docs/ray.md)."),
+    ] = "native",
+    runners: Annotated[
+        int | None,
+        typer.Option(help="Processes that simulate for rllib.", show_default="all cores of the cluster but one"),
+    ] = None,
     name: Annotated[
         str, typer.Option(help="Folder below runs/; made from task or scenario, scheme and seed if not given.")
     ] = "",
@@ -159,20 +177,28 @@ def main(
         whole("--threads", threads)
         if runs is not None:
             whole("--runs", runs, RUNS)
+        known("backend", backend, BACKENDS)
+        far = {} if runners is None else {"runners": whole("--runners", runners)}
         check_libraries()
         require_libraries(".png")
         given = _given(context)
         if "resume" in given:
             folder, config = _resumed(root, resume, given)
         else:
-            config = _begun(given, seed)
+            config = _begun(given, seed) | {"backend": backend}
+        if config["backend"] == "rllib":
+            check_cluster()
+        elif far:
+            raise ValueError(f"--runners is {runners}: runners belong to --backend rllib; leave them out")
+        if folder is None:
             check_config(config)
             who = "".join(f"-{one}" for one in (manner, outline) if one is not None)
+            who += "" if backend == "native" else f"-{backend}"
             what = config["task"] or Path(config["scenario"]).stem
             folder = new_folder(root, name or f"{what}-{config['scheme']}{who}-seed{seed}")
         write_json(folder / "config.json", config)
         notes.print(f"writing to {folder}/")
-        if not train(folder, config, threads):
+        if not BACKENDS[config["backend"]](folder, config, threads, **far):
             raise KeyboardInterrupt
         runs = runs or (_RUNS if config["task"] is None else task_of(config).runs)
         results = judge(folder, config, runs, threads)
@@ -225,7 +251,7 @@ def _resumed(root: Path, resume: str, given: dict[str, Any]) -> tuple[Path, dict
     curve = read_curve(folder / "learning_curve.csv")
     if (folder / "checkpoint.zip").exists() or (folder / "best.npz").exists():
         raise ValueError(f"{folder} was written by an earlier version, which this one cannot go on with")
-    of_run = {option: value for option, value in given.items() if option not in ("runs", "root", "resume", "threads")}
+    of_run = {option: value for option, value in given.items() if option not in _OF_THE_MACHINE}
     return folder, extended(config, of_run, curve, resume)
 
 

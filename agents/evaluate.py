@@ -2,14 +2,16 @@
 
 import json
 from collections.abc import Sequence
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
-from agents.evaluation.entries import RULE, Entry, make_entries
-from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation, evaluate_driver
+from agents.evaluation.entries import RULE, Entry, made_drivers, make_entries
+from agents.evaluation.evaluation import HELD_OUT_SEED, Cell, Evaluation, evaluate_cells
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.protocol import credible_lines, task_row, task_table
 from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
@@ -25,7 +27,7 @@ from agents.lists_of_names import ListsOfNames
 from agents.runs import versions
 from agents.tasks import TASKS, Task, make_task
 from agents.training_config import RUNS
-from crowd_env import SCHEMES, CrowdEnv, Scenario, make_scenario, make_scheme
+from crowd_env import SCHEMES, Scenario, make_scenario, make_scheme
 from crowd_env.checks import Range, number, whole
 from crowd_env.cli.console import (
     MannerName,
@@ -37,9 +39,8 @@ from crowd_env.cli.console import (
     with_manner,
     with_people,
 )
+from crowd_env.executors import Executor, Serial, make_executor
 from crowd_env.files.json_file import write_json
-from crowd_env.headway import Headway
-from crowd_env.outline import Outline
 from crowd_env.physics import check_outline
 from crowd_env.rendering.libraries import require_libraries
 
@@ -61,54 +62,36 @@ def compare(
     seed: int = 0,
     threads: int = 1,
     folder: EvaluationFolder | None = None,
+    executor: Executor | None = None,
 ) -> list[Evaluation]:
     """Evaluate every entry under every scheme: run ``k`` of all of them starts from the same people in the same places.
 
-    What ``folder`` has kept is taken from there.
+    What ``folder`` has kept is taken from there.  The rest is shared out by ``executor``, by default one batch after the other
+    here; results do not depend on it.
     """
-    results: list[Evaluation] = []
-    total = len(schemes) * len(entries)
-    for scheme in schemes:
-        warm: set[bool] = set()  # whether people keep a distance: then more is compiled
-        for entry in entries:
-            result = folder.load(entry, scheme) if folder is not None else None
-            if result is None:
-                headway = scenario.manner_of_run(entry.manner)
-                if (headway is None) not in warm:
-                    _warm_up(scheme, headway, scenario.outline_of_run())
-                    warm.add(headway is None)
-                result = _evaluate(entry, scenario, scheme, runs, seed, threads, f"{len(results) + 1}/{total}")
-                if folder is not None:
-                    folder.save(entry, scheme, result)
-            results.append(result)
-    return results
+    executor = executor or Serial()
+    pairs = [(entry, scheme) for scheme in schemes for entry in entries]
+    results = [None if folder is None else folder.load(*pair) for pair in pairs]
+    todo = [k for k, result in enumerate(results) if result is None]
 
+    def finished(number: int, result: Evaluation) -> None:
+        k = todo[number]
+        results[k] = result
+        if folder is not None:
+            folder.save(*pairs[k], result)
+        if not notes.is_terminal:  # no bar there: say in lines how far it is
+            title = f"{k + 1}/{len(pairs)} {result.policy}, {result.scheme}"
+            notes.print(f"{title}: mean exit time {mean_times(result).mean():.2f} s", markup=False)
 
-def _evaluate(
-    entry: Entry, scenario: Scenario, scheme: str, runs: int, seed: int, threads: int, number: str
-) -> Evaluation:
-    title = f"{number} {entry.name}, {scheme}"
-    with progress_bar(title, runs) as progress:
-        result = evaluate_driver(
-            entry.driver(scenario, scheme, threads),
-            scenario,
-            entry.name,
-            scheme,
-            runs=runs,
-            first_seed=HELD_OUT_SEED + seed,
-            measure=True,
-            progress=progress,
-        )
-    if not notes.is_terminal:  # no bar there: say the same in lines
-        notes.print(f"{title}: mean exit time {mean_times(result).mean():.2f} s", markup=False)
-    return result
-
-
-def _warm_up(scheme: str, headway: Headway | None, outline: Outline | None) -> None:
-    """Load the kernels, so that compiling them is not counted as computing."""
-    env = CrowdEnv("room-v0", scheme=scheme, strategy="fastest", manner=headway, outline=outline)
-    env.reset(seed=0)
-    env.step(None)
+    with progress_bar("evaluating", runs * len(todo)) as progress:
+        drivers = made_drivers([pairs[k] for k in todo], scenario, threads, executor)
+        cells = [
+            Cell(driver, scenario, entry.name, scheme, entry.manner)
+            for (entry, scheme), driver in zip([pairs[k] for k in todo], drivers, strict=True)
+        ]
+        options: dict[str, Any] = {"runs": runs, "first_seed": HELD_OUT_SEED + seed, "measure": True}
+        evaluate_cells(cells, executor=executor, finished=finished, progress=progress, **options)
+    return [result for result in results if result is not None]
 
 
 def summary(
@@ -201,6 +184,13 @@ def main(
             help="Open networks of stable-baselines3 (.zip) too: opening one runs whatever code its maker put in.",
         ),
     ] = False,
+    ray: Annotated[
+        bool,
+        typer.Option(
+            "--ray",
+            help="Spread the draws over a Ray cluster, see docs/ray.md; results do not depend on it.",
+        ),
+    ] = False,
     robustness: Annotated[
         bool,
         typer.Option(
@@ -237,7 +227,8 @@ def main(
             given |= {"--learned-share": learned_share, "--outline": outline}
             _refuse_beside_robustness(chosen, given)
             assert chosen is not None
-            _vary(chosen, policies or [RULE], runs, seed, threads, out, trust_pickle, as_json)
+            with closing(_executor(ray, threads)) as executor:
+                _vary(chosen, policies or [RULE], runs, seed, threads, out, trust_pickle, as_json, executor)
             return
         place = with_manner(_place(chosen, scenario, people), manner, outline)
         policies = policies or list(_NAMED if chosen is None else (RULE,))
@@ -258,7 +249,9 @@ def main(
         if out is not None:
             require_libraries(".png")  # says now, not after the work, that the drawing library is missing
             folder = EvaluationFolder(out, settings)
-        results = compare(entries, place, schemes, runs=runs, seed=seed, threads=threads, folder=folder)
+        with closing(_executor(ray, threads)) as executor:
+            options: dict[str, Any] = {"seed": seed, "threads": threads, "folder": folder, "executor": executor}
+            results = compare(entries, place, schemes, runs=runs, **options)
         figures = summary(results, place, settings, chosen)
         if folder is not None:
             _write(folder, results, figures, place, HELD_OUT_SEED + seed)
@@ -269,6 +262,11 @@ def main(
         if learned_share is not None:
             title += f", {100 * learned_share:g} % learned"
         _show(results, title, place, chosen)
+
+
+def _executor(ray: bool, threads: int) -> Executor:
+    """Return what simulates: a cluster of whose cores a batch takes as many as it has threads, or this process."""
+    return make_executor("ray", cores=threads) if ray else Serial()
 
 
 def _refuse_beside_robustness(task: Task | None, given: dict[str, Any]) -> None:
@@ -289,13 +287,15 @@ def _vary(
     out: Path | None,
     trust_pickle: bool,
     as_json: bool,
+    executor: Executor,
 ) -> None:
     """Judge policies on a task and its variations, and say what came out."""
     runs = whole("--runs", few_runs(task) if runs is None else runs, RUNS)
     whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
     whole("--threads", threads)
     trials = make_trials(task, policies, trust_pickle=trust_pickle)
-    found = [(one, judge_trial(task, one, compare, runs=runs, seed=seed, threads=threads, out=out)) for one in trials]
+    how: dict[str, Any] = {"runs": runs, "seed": seed, "threads": threads, "out": out}
+    found = [(one, judge_trial(task, one, partial(compare, executor=executor), **how)) for one in trials]
     figures = summary_of_trials(task, found, runs, seed)
     if out is not None:
         write_json(out / "robustness.json", figures)

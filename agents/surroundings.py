@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env import ObservationLayout, ObservationTerm
-from crowd_env.envs.observation.perception import SLOWEST
 from crowd_env.envs.observation.view import SIGHT, View
 from crowd_env.state import Floats, Ints
 
@@ -25,14 +24,9 @@ class Leader(NamedTuple):
     speed: Floats  # (P,)  m/s, of the leader along the leader's own way
 
 
-def remaining_way(view: View) -> Floats:
-    """Return the length (P,) [m] of the rest of everyone's route."""
-    return np.asarray(view.travel_time * np.maximum(view.bodies.desired_speed, SLOWEST))
-
-
 def write_leader(view: View, out: np.ndarray) -> None:
     """Write the `Leader` of everyone among those in front on the same route, within 3 m between centers."""
-    way = remaining_way(view)
+    way = view.distance_to_go
     for rows, dx, dy in _pairs(view):
         ahead = dx * view.direction[rows, :1] + dy * view.direction[rows, 1:] > 0.0
         route = view.followed[rows]
@@ -45,7 +39,7 @@ def write_leader(view: View, out: np.ndarray) -> None:
 
 def write_predecessor(view: View, out: np.ndarray) -> None:
     """Write the `Leader` of everyone among all on the same route, wherever they are; of equals, the lower slot is nearer."""
-    way, inside = remaining_way(view), np.flatnonzero(view.seen & view.state.active)
+    way, inside = view.distance_to_go, np.flatnonzero(view.seen & view.state.active)
     env = np.searchsorted(view.bodies.env_start, inside, side="right")
     order = np.lexsort((way[inside], view.followed[inside], env))
     rows, env, route = inside[order], env[order], view.followed[inside][order]

@@ -47,6 +47,7 @@ def default_config(
 
     place = make_scenario(scenario)
     return {
+        "backend": "native",
         "task": None,
         "scenario": scenario,
         "options": {},
@@ -94,7 +95,7 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
     judged, preset = make_task(task), make_preset(task)
     scheme = given.get("scheme", judged.scheme)
     config = default_config(judged.scenario, scheme, seed, preset.envs, preset.steps, MINUTES)
-    place = preset.place(given.get("people"))
+    place, start = preset.place(given.get("people")), given.get("start", preset.start)
     return {
         **config,
         "task": task,
@@ -108,8 +109,8 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
         "action": preset.action,
         "observation": ObservationLayout(terms=preset.terms).as_table(),
         "reward": dict(preset.reward),
-        "start": given.get("start", preset.start),
-        "ppo": asdict(PPOSettings(**preset.ppo)),
+        "start": start,
+        "ppo": asdict(PPOSettings(**preset.settings(start))),
         "eval_every": preset.eval_every,
         "eval_runs": preset.eval_runs,
         **{name: given[name] for name in ("envs", "steps", "minutes") if name in given},
@@ -158,6 +159,13 @@ def judged_place(config: Mapping[str, Any]) -> Scenario:
     """Return the scenario that a run is judged in: of a task with all its people, else what is trained in."""
     place = place_of(config) if config["task"] is None else make_task(config["task"]).place()
     return replace(place, manner=config["manner"], outline=config["outline"])
+
+
+def facts_of(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the file of a network says of its training."""
+    facts = ("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "seed", "versions")
+    task = None if config["task"] is None else task_of(config).identity()
+    return {"task": task, **{name: config[name] for name in facts}}
 
 
 def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 1) -> CrowdEnv:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from agents.tasks import TASKS
 from crowd_env.files.atomic import write_text
 from crowd_env.files.json_file import read_json
-from validation import blocked, bodies_tables, map_tables, reproduced, tables, task_pages
+from validation import blocked, bodies_tables, map_tables, reproduced, tables, task_pages, training_tables
 from validation.cases.case import DISC
 from validation.finished import complete_rows, draws, of_bodies
 
@@ -238,17 +238,10 @@ TABLES: dict[str, Table] = {
     ),
     "training": Table(
         "docs/training.md",
-        (
-            "policy",
-            "evacuation time of the runs that ended, s",
-            "95 % interval of the mean, s",
-            "flow, 1/s",
-            "left inside",
-            "contact impulse, N s per person",
-        ),
-        tables.training,
-        tables.training_note,
-        made_by="python train.py --runs 500",
+        training_tables.TRAINING_HEAD,
+        training_tables.training,
+        training_tables.training_note,
+        made_by="python train.py",
     ),
     "map": Table(
         "docs/validation.md", map_tables.PASSED_HEAD, map_tables.passed, map_tables.criteria, made_by=_MAP_COMMAND

@@ -265,47 +265,6 @@ def tasks(source: "Sources") -> Cells:
     return rows
 
 
-def training(source: "Sources") -> Cells:
-    """One row a policy."""
-    rows = []
-    for row in source.read("results.json")["rows"]:
-        low, high = row["evacuation_time"]["ci95"]
-        rows.append(
-            [
-                row["policy"],
-                _spread(row["evacuation_time"], 2),
-                "–" if low is None else f"{low:.2f} to {high:.2f}",
-                _spread(row["flow"], 2),
-                _left(row),
-                f"{row['contact_impulse']['mean']:.0f}",
-            ]
-        )
-    return rows
-
-
-def training_note(source: "Sources") -> str:
-    """Say what the training has gained over the rule, and which of its networks was kept."""
-    from agents.learned.training import read_curve, score  # brings torch
-
-    found = source.read("results.json")
-    config, gain = found["config"], found["learned_minus_shortest"]["evacuation_time"]
-    impulse = {row["policy"]: row["contact_impulse"]["mean"] for row in found["rows"]}
-    curve = read_curve(source.path("learning_curve.csv"))
-    best, last = min(curve, key=score), curve[-1]
-    return (
-        f"{found['rows'][0]['runs']} held-out draws of `{config['scenario']}` under `{config['scheme']}`, after "
-        f"{last['steps'] / 1e6:.1f} million steps in {last['seconds']:.0f} s of training, seed {config['seed']}. Run by run "
-        f"on the same draws the time of the last person changes by {_signed(gain['mean'], 2)} s from the rule that the policy "
-        f"starts from to the learned policy (95 % interval {_interval(gain, 2)} s), which is faster in "
-        f"{100.0 * gain['faster']:.0f} % of the runs; the contact impulse changes by "
-        f"{_less(impulse['learned'], impulse['shortest'])}. The network that is kept "
-        f"is the best of the {len(curve)} that were evaluated on {config['eval_runs']} validation draws each: the one after "
-        f"{100.0 * best['steps'] / last['steps']:.0f} % of the training ({best['evacuation_time']:.2f} ± "
-        f"{best['standard_error']:.2f} s, standard error); at the end of the training it is "
-        f"{last['evacuation_time']:.2f} ± {last['standard_error']:.2f} s."
-    )
-
-
 # ------------------------------------------------------------------------------------------------------------ scenarios
 
 

@@ -168,7 +168,7 @@ def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
     options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
     result = _evaluated(policy, task.place(), plan.runs, task.seeds.start, options)
     row = task_row(task, task.place(), result, [result])
-    del row["minus_first"]  # of nothing else than itself
+    del row["minus_first"], row["credible"]  # beside nothing else than itself
     cleared = result.column("unfinished") == 0
     raw = (
         np.where(cleared, last_times(result), np.nan),
@@ -176,7 +176,7 @@ def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
         np.isfinite(result.column("blocked_since")),
     )
     runs = {name: [json_number(one) for one in values.astype(float)] for name, values in zip(_RAW, raw, strict=True)}
-    constants = asdict(cast(Any, policy)) if is_dataclass(policy) else {}
+    constants: dict[str, float] = asdict(cast(Any, policy)) if is_dataclass(policy) else {}
     return {"final": row, "of_runs": runs, "constants": constants, "options": fingerprint(options)}
 
 

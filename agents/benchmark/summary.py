@@ -123,7 +123,7 @@ def draw(folder: Path, results: Results, title: str) -> list[Path]:
     at = np.linspace(known.min() - 2.0, min(known.max(), 3.0 * known.min()), 200)
     for k, (name, found) in enumerate(results.items()):
         profile = performance_profile(np.concatenate([clearing_of(one) for one in found]), at)
-        style = {"color": hex_of(SERIES[k % len(SERIES)]), "linewidth": 1.8}
+        style: dict[str, Any] = {"color": hex_of(SERIES[k % len(SERIES)]), "linewidth": 1.8}
         if name not in learned:
             style = {"color": hex_of(QUIET), "linewidth": 1.2, "linestyle": ("-", "--", ":", "-.")[k % 4]}
         axes.plot(at, profile, label=name, **style)

@@ -14,6 +14,7 @@ from agents.trained import LearnedPolicy, load_trained, names_file
 from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.executors import Executor, WorkerDied
 from crowd_env.headway import Manner
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
@@ -82,6 +83,40 @@ def make_entries(
         Entry(given, one.driver, one.source) if one.source and labels.count(one.name) > 1 else one
         for given, one in zip(names, found, strict=True)
     ]
+
+
+class _Pair(NamedTuple):
+    """An entry under a scheme."""
+
+    entry: Entry
+    scheme: str
+    scenario: Scenario
+    threads: int
+
+
+def made_drivers(
+    pairs: Sequence[tuple[Entry, str]], scenario: Scenario, threads: int, executor: Executor
+) -> list[Callable[[int], Driver]]:
+    """Return the makers of batches of entries, each under a scheme.
+
+    A rule may have to look for its best constant first, hence this too is work for an executor.
+
+    Raises
+    ------
+    ValueError
+        If a process of the executor has died.
+    """
+    found: dict[int, Callable[[int], Driver]] = {}
+    pieces = [_Pair(*pair, scenario, threads) for pair in pairs]
+    try:
+        executor.run(_made_driver, pieces, found.__setitem__)
+    except WorkerDied as error:
+        raise ValueError(str(error)) from None
+    return [found[k] for k in range(len(pieces))]
+
+
+def _made_driver(pair: _Pair, stopped: Callable[[], bool]) -> Callable[[int], Driver]:
+    return pair.entry.driver(pair.scenario, pair.scheme, pair.threads)
 
 
 class NotMixed(ValueError):

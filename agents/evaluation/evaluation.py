@@ -1,17 +1,19 @@
 """Evaluate policies on the same draws: the same people at the same starting positions, for every policy and scheme."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from agents.drivers import PolicyBatches, learned_people, policy_driver
 from agents.evaluation.measurements import Measured, MeasurementRecorder
 from agents.policy import Policy
-from crowd_env import EpisodeMetrics, Scenario, make_scenario
-from crowd_env.envs.rollout import Driver, column, figures_of, named, run_episodes
+from crowd_env import CrowdEnv, EpisodeMetrics, Scenario, make_scenario
+from crowd_env.envs.rollout import BatchDone, Driver, RunBatch, column, figures_of, make_batches, named, simulate_batch
+from crowd_env.executors import Executor, Serial, WorkerDied
 from crowd_env.files.json_file import json_number
+from crowd_env.headway import Manner
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.state import Bools, Floats
 
@@ -168,40 +170,129 @@ def evaluate_driver(
     name: str,
     scheme: str | ContactScheme,
     *,
-    runs: int,
-    first_seed: int = HELD_OUT_SEED,
-    measure: bool = False,
     progress: Callable[[int], None] | None = None,
+    **options: Any,
 ) -> Evaluation:
-    """Run evacuations under any driver: every evaluation of policies and controllers comes here.
+    """Run evacuations under any driver, here; ``options`` are those of `evaluate_cells`.
 
     Parameters
     ----------
     driver : takes a number of evacuations of ``scenario`` and returns a batch of them.
     name : of the policy.
-    measure : take a sample every decision step, see `agents.evaluation.measurements`.
 
     Raises
     ------
     ValueError
         If the number of runs or the seed is out of range, or the crowd does not fit.
     """
-    recorder = MeasurementRecorder(scenario.geometry) if measure else None
-    episodes = run_episodes(scenario, runs, seed=first_seed, driver=driver, recorder=recorder, progress=progress)
+    found: list[Evaluation] = []
+    cell = Cell(driver, scenario, name, scheme)
+    evaluate_cells([cell], finished=lambda _, result: found.append(result), progress=progress, **options)
+    return found[0]
+
+
+class Cell(NamedTuple):
+    """A policy or controller that is evaluated under a scheme."""
+
+    driver: Callable[[int], Driver]  # takes a number of evacuations of the scenario and returns a batch of them
+    scenario: Scenario
+    name: str  # of the policy
+    scheme: str | ContactScheme
+    manner: Manner | None = None  # how people walk, if the policy says so itself
+
+
+def evaluate_cells(
+    cells: Sequence[Cell],
+    *,
+    runs: int,
+    first_seed: int = HELD_OUT_SEED,
+    measure: bool = False,
+    executor: Executor | None = None,
+    finished: Callable[[int, Evaluation], None],
+    progress: Callable[[int], None] | None = None,
+) -> None:
+    """Run the evacuations of all cells: every evaluation of policies and controllers comes here.
+
+    The runs of a cell are cut into batches, always the same ones, and put together in their order: an evaluation does not
+    depend on where its batches were simulated.
+
+    Parameters
+    ----------
+    measure : take a sample every decision step, see `agents.evaluation.measurements`.
+    executor : simulates the batches, by default one after the other here.
+    finished : called with the number of a cell and its evaluation, as soon as all of its runs have ended.
+    progress : called with the number of runs that have just finished.
+
+    Raises
+    ------
+    ValueError
+        If the number of runs or the seed is out of range, the crowd does not fit, or a process of the executor has died.
+    """
+    pieces: list[tuple[int, RunBatch]] = []
+    for k, cell in enumerate(cells):
+        recorder = MeasurementRecorder(cell.scenario.geometry) if measure else None
+        batches = make_batches(cell.scenario, runs, seed=first_seed, driver=cell.driver, recorder=recorder, workers=1)
+        pieces += [(k, batch) for batch in batches]
+    outcomes: list[dict[int, BatchDone]] = [{} for _ in cells]  # of each cell, by the first run of the batch
+
+    def done(number: int, outcome: BatchDone) -> None:
+        k, batch = pieces[number]
+        outcomes[k][batch.runs.start] = outcome
+        if progress is not None:
+            progress(len(batch.runs))
+        if sum(len(one.episodes) for one in outcomes[k].values()) == runs:
+            batch.driver.last = None  # no batch of the cell is left to use it again
+            finished(k, _joined(cells[k], [outcomes[k][first] for first in sorted(outcomes[k])]))
+            outcomes[k].clear()
+
+    try:
+        (executor or Serial()).run(_simulate, [(cells[k], batch) for k, batch in pieces], done)
+    except WorkerDied as error:
+        raise ValueError(str(error)) from None
+
+
+def _simulate(piece: tuple[Cell, RunBatch], stopped: Callable[[], bool]) -> BatchDone:
+    cell, batch = piece
+    if batch.recorder is not None:
+        _warm_up(cell)
+    return simulate_batch(batch, stopped)
+
+
+_warm: set[tuple[str, bool, bool]] = set()  # schemes whose kernels this process has loaded, with distances and outlines
+
+
+def _warm_up(cell: Cell) -> None:
+    """Load the kernels, once in a process, so that compiling them is not counted as computing."""
+    headway, outline = cell.scenario.manner_of_run(cell.manner), cell.scenario.outline_of_run()
+    key = (make_scheme(cell.scheme).info.name, headway is None, outline is None)
+    if key in _warm:
+        return
+    env = CrowdEnv("room-v0", scheme=cell.scheme, strategy="fastest", manner=headway, outline=outline)
+    env.reset(seed=0)
+    env.step(None)
+    _warm.add(key)
+
+
+def _joined(cell: Cell, batches: Sequence[BatchDone]) -> Evaluation:
+    """Return the evaluation that the batches of a cell, in their order, amount to."""
+    episodes = [episode for batch in batches for episode in batch.episodes]
+    recorder = batches[0].recorder
+    for batch in batches[1:] if recorder is not None else ():
+        recorder.merge(batch.recorder)
     constants, learned = {}, None
-    if isinstance(driver, PolicyBatches):
-        constants = driver.constants
-        if driver.learned_share is not None:
+    if isinstance(cell.driver, PolicyBatches):
+        constants = cell.driver.constants
+        if cell.driver.learned_share is not None:
             seeds = [episode.seed for episode in episodes]
-            learned = learned_people(seeds, scenario.population.count, driver.learned_share)
+            learned = learned_people(seeds, cell.scenario.population.count, cell.driver.learned_share)
     return Evaluation(
-        name,
-        make_scheme(scheme).info.name,
+        cell.name,
+        make_scheme(cell.scheme).info.name,
         [episode.metrics for episode in episodes],
         [episode.exit_time for episode in episodes],
         np.array([episode.end for episode in episodes]),
         episodes[0].time_limit,
-        scenario.geometry.exit_names,
+        cell.scenario.geometry.exit_names,
         None if recorder is None else recorder.measured(episodes),
         constants,
         learned,

@@ -77,7 +77,7 @@ class RunMeasurements(NamedTuple):
 
 
 class MeasurementRecorder:
-    """Measures the evacuations of a rollout of equally large crowds; the maps are over all of them."""
+    """Measures the evacuations of a batch of equally large crowds; the maps are over all of them."""
 
     def __init__(self, geometry: Geometry) -> None:
         self.grid = grid_over(geometry)
@@ -126,6 +126,13 @@ class MeasurementRecorder:
         hurry = float((walked / np.maximum(env.simulation.bodies.desired_speed[people] * times, 1e-9)).max())
         peaks = float(self._max_density[e]), float(self._max_pressure[e])
         return RunMeasurements(exits, walked, *peaks, self._crushed[people].copy(), hurry)
+
+    def merge(self, later: "MeasurementRecorder") -> None:
+        """Add what another recorder saw of later batches; sums are rounded by the order of merging."""
+        self._sums = self._sums + later._sums
+        self._most = np.maximum(self._most, later._most)
+        self._samples += later._samples
+        self._spent = self._spent + later._spent
 
     @property
     def maps(self) -> Maps:

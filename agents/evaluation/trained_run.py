@@ -30,7 +30,7 @@ from crowd_env.files.json_file import json_number, write_json
 LEARNED = "learned"
 NETWORK, RESULTS = "best.safetensors", "results.json"
 # The first is what the others are compared with.
-_OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still")))
+_OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still", "random")), "random")
 _OF_SCENARIO = ("shortest", "stand-still", "random")
 _FILM_SECONDS = 12.0  # that a film of any evacuation lasts, by and large
 

@@ -11,10 +11,12 @@ import torch
 from torch import Tensor, nn
 
 from agents.learned.batch import Decided, SceneBatch
-from agents.learned.modules import ModulePolicy
+from agents.learned.export import plain
 from agents.learned.networks import AttentionCritic, CentralCritic, NeighborAttention, layers
 from agents.learned.ppo import PPOSettings
+from agents.learned.training import env_options_of
 from agents.learned.watch import Watch
+from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv
 
 _VALUE_WEIGHT, _LARGEST_GRADIENT = 0.5, 0.5
@@ -84,7 +86,7 @@ def train_actor_critic(
     parameters = [*networks.actor.parameters(), *networks.critic.parameters()]
     optimizer = torch.optim.Adam(parameters, lr=settings.learning_rate, eps=1e-5)
     steps = 0
-    while watch.goes_on(steps, lambda: ModulePolicy(networks.actor, env)):
+    while watch.goes_on(steps, lambda: LearnedPolicy(plain(networks.actor), env_options_of(env))):
         for group in optimizer.param_groups:
             group["lr"] = settings.learning_rate * (1.0 - watch.share)
         rollout = collect(batch, networks, settings)
@@ -116,7 +118,7 @@ def collect(batch: SceneBatch, networks: Networks, settings: PPOSettings) -> Rol
         targets.append(advantage + own)
         chain, value = advantage, own
     parts = [torch.stack(part) for part in zip(*rows, strict=True)]
-    return Rollout(*parts, torch.stack(advantages[::-1]), torch.stack(targets[::-1]))
+    return Rollout._make([*parts, torch.stack(advantages[::-1]), torch.stack(targets[::-1])])
 
 
 def update(rollout: Rollout, networks: Networks, optimizer: torch.optim.Optimizer, settings: PPOSettings) -> None:

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import gymnasium
 import numpy as np
 import torch
 from torch import Tensor
@@ -45,10 +46,10 @@ class SceneBatch:
         people = set(np.diff(env.env_start).tolist())
         if len(people) > 1:
             raise ValueError(f"scenes have {sorted(people)} people; they must all have as many")
-        self.choices = getattr(env.single_action_space, "n", None)
-        if self.choices is None:
+        space = env.single_action_space
+        if not isinstance(space, gymnasium.spaces.Discrete):
             raise ValueError(f"action {env.action_kind.name!r} is not discrete; take one such as 'speeds'")
-        self.env, self.with_state = env, with_state
+        self.env, self.with_state, self.choices = env, with_state, int(space.n)
         self.shape = (env.num_envs, people.pop())
         self.rule = int(np.asarray(env.action_kind.neutral))
         self._corner = np.array([place.geometry.bounds[:2] for place in env.scenario_of_env])[env.env_of_person]
@@ -65,8 +66,8 @@ class SceneBatch:
 
     def _decided(self, observation: np.ndarray, reward: np.ndarray, left: np.ndarray, cut: np.ndarray) -> Decided:
         parts = (observation, self.env.active, self._state(), reward.astype(np.float32), left, cut)
-        found = (torch.from_numpy(part).reshape(*self.shape, *part.shape[1:]) for part in parts)
-        return Decided(*found, self._ended)
+        found = [torch.from_numpy(part).reshape(*self.shape, *part.shape[1:]) for part in parts]
+        return Decided._make([*found, self._ended])
 
     def _state(self) -> np.ndarray:
         """Return the state (P, F) of everyone."""

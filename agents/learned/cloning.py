@@ -29,8 +29,8 @@ def clone(model: Any, rule: WalkingRule, seed: int) -> float:
     """Let the policy of an actor-critic model do as a rule does; return the loss of the last pass.
 
     DAgger (Ross, Gordon, Bagnell 2011): who acts changes from the rule to the policy within three rounds, and what the rule
-    would have done in the situations that this led to is learned.  Of discrete actions the two nearest to what the rule wants
-    share the label.
+    would have done in the situations that this led to is learned.  Of discrete actions two share the label, the nearest to
+    what the rule wants and the one beyond it.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def clone(model: Any, rule: WalkingRule, seed: int) -> float:
                 optimizer.zero_grad()
                 loss.backward()
                 optimizer.step()
-    return float(loss)
+    return loss.item()
 
 
 def _generator(rng: np.random.Generator) -> torch.Generator:
@@ -92,18 +92,21 @@ def _loss(policy: Any, env: CrowdEnv, inputs: torch.Tensor, labels: torch.Tensor
 
 
 def _labels(env: CrowdEnv, command: Floats) -> Floats:
-    """Return the labels of commands (K, 2): themselves, or the shares (K, A) of the two nearest choices."""
+    """Return the labels of commands (K, 2): themselves, or the shares (K, A) of two choices whose mean they nearly are."""
     if not isinstance(env.single_action_space, gymnasium.spaces.Discrete):
         return command
     choices = cast(SpeedTable, env.action_kind.decode).commands
     rows = np.arange(len(command))
-    distance = np.linalg.norm(command[:, None] - choices, axis=2)
-    first, second = np.argsort(distance, axis=1, kind="stable")[:, :2].T
-    way = choices[second] - choices[first]
-    part = ((command - choices[first]) * way).sum(axis=1) / (way * way).sum(axis=1)
+    first = np.linalg.norm(command[:, None] - choices, axis=2).argmin(axis=1)
+    way = choices - choices[first][:, None]  # (K, A, 2) from the nearest choice to each other one
+    rest = command - choices[first]
+    length = (way * way).sum(axis=2)
+    part = np.clip((way * rest[:, None]).sum(axis=2) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+    missed = np.linalg.norm(rest[:, None] - part[:, :, None] * way, axis=2)
+    second = (missed + 1e-6 * length).argmin(axis=1)  # of equally good ones the one that is less far
     found = np.zeros((len(command), len(choices)))
-    found[rows, second] = np.clip(part, 0.0, 1.0)
-    found[rows, first] = 1.0 - found[rows, second]
+    found[rows, second] = part[rows, second]
+    found[rows, first] += 1.0 - part[rows, second]
     return found
 
 

@@ -9,9 +9,11 @@ import torch
 from torch import Tensor, nn
 
 from agents.learned.batch import Decided, SceneBatch
-from agents.learned.modules import ModulePolicy
+from agents.learned.export import plain
 from agents.learned.networks import layers
+from agents.learned.training import env_options_of
 from agents.learned.watch import Watch
+from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv
 
 _LARGEST_GRADIENT = 1.0
@@ -135,7 +137,7 @@ def train_dqn(env: CrowdEnv, settings: DQNSettings, seed: int, watch: Watch) -> 
     optimizer = torch.optim.Adam(fast.parameters(), lr=settings.learning_rate)
     replay, returns = Replay(settings.capacity, env.layout.size), Returns(settings)
     steps = 0
-    while watch.goes_on(steps, lambda: ModulePolicy(fast, env)):
+    while watch.goes_on(steps, lambda: LearnedPolicy(plain(fast), env_options_of(env))):
         before = batch.now
         first, end = settings.explore
         random = first + (end - first) * min(watch.share / settings.explored, 1.0)

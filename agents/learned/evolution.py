@@ -66,7 +66,7 @@ def evolve(
     ModuleNotFoundError
         If the library cma is not installed.
     """
-    import cma  # of the extra "train"
+    import cma
 
     settings = settings or EvolutionSettings()
     start, scale, low, high = np.array(list(SEARCHED.values())).T

@@ -1,15 +1,20 @@
-"""From a model of stable-baselines3 to the plain numbers of its policy."""
+"""From torch to plain numbers: what a policy does without drawing actions at random."""
 
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, TypeVar
 
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
-from agents.networks import MLP
+from agents.learned.beta import BetaPolicy
+from agents.learned.networks import NeighborAttention
+from agents.networks import MLP, Attention, BetaMLP, Network
+
+Layers = TypeVar("Layers", bound=MLP)
 
 
 def network_of(model: Any) -> MLP:
-    """Return the policy network of an actor-critic model: what it does without drawing actions at random.
+    """Return the policy network of an actor-critic model of stable-baselines3.
 
     Raises
     ------
@@ -17,11 +22,31 @@ def network_of(model: Any) -> MLP:
         If it is more than layers of tanh units on flat observations.
     """
     policy = model.policy
-    layers = [*policy.mlp_extractor.policy_net, policy.action_net]
+    if not isinstance(policy.pi_features_extractor, FlattenExtractor):
+        raise ValueError("its network does not take flat observations")
+    kind = BetaMLP if isinstance(policy, BetaPolicy) else MLP
+    return _layers([*policy.mlp_extractor.policy_net, policy.action_net], kind)
+
+
+def plain(module: nn.Module) -> Network:
+    """Return an actor of `agents.learned.networks` as plain numbers: a copy, which later training does not change.
+
+    Raises
+    ------
+    ValueError
+        If it is neither layers of tanh units nor a `NeighborAttention`.
+    """
+    if not isinstance(module, NeighborAttention):
+        return _layers(module.children(), MLP)
+    parts = {name: _layers(getattr(module, name), MLP) for name in ("query", "token", "out")}
+    lead = module.lead.start if module.with_lead else None
+    return Attention(**parts, neighbors=module.neighbors.start, lead=lead, count=module.count)
+
+
+def _layers(modules: Iterable[nn.Module], kind: type[Layers]) -> Layers:
+    layers = list(modules)
     kinds = [nn.Linear, nn.Tanh] * (len(layers) // 2) + [nn.Linear]
-    same = len(layers) == len(kinds) and all(isinstance(one, kind) for one, kind in zip(layers, kinds, strict=True))
-    if not same or not isinstance(policy.pi_features_extractor, FlattenExtractor):
+    if len(layers) != len(kinds) or not all(map(isinstance, layers, kinds)):
         raise ValueError("its network is not made of linear layers with tanh between them")
-    linear = layers[::2]
-    arrays = [[getattr(one, name).detach().cpu().numpy() for one in linear] for name in ("weight", "bias")]
-    return MLP(tuple(arrays[0]), tuple(arrays[1]))
+    arrays = [[getattr(one, name).detach().cpu().numpy() for one in layers[::2]] for name in ("weight", "bias")]
+    return kind(tuple(arrays[0]), tuple(arrays[1]))

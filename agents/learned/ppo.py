@@ -8,11 +8,17 @@ import gymnasium
 import numpy as np
 import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 
+from agents.learned.beta import BetaPolicy, bias_at
 from agents.learned.rate import FallingRate
 from crowd_env import CrowdEnv
 from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
+from crowd_env.checks import known
+
+# Distribution of a continuous action -> policy of stable-baselines3.
+DISTRIBUTIONS = {"gaussian": ActorCriticPolicy, "beta": BetaPolicy}
 
 
 @dataclass(frozen=True)
@@ -28,21 +34,26 @@ class PPOSettings:
     clip_range: float = 0.2
     ent_coef: float = 0.003
     hidden: int = 64  # units in each of two layers
-    log_std_init: float = -0.7
+    distribution: str = "gaussian"  # of continuous actions: that, or "beta", which is bounded
+    log_std_init: float = -0.7  # of a Gaussian
     rule_logit: float = 2.0  # of a discrete action: how much likelier the rule is at first, as a logit
     target_kl: float = 0.05
+
+    def __post_init__(self) -> None:
+        known("distribution", self.distribution, DISTRIBUTIONS)
 
 
 def new_ppo(venv: VecEnv, settings: PPOSettings, seed: int, **options: Any) -> PPO:
     """Return an untrained PPO model on ``venv``; ``options`` are further ones of PPO."""
     torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
     taken = ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "target_kl")
+    own = {"log_std_init": settings.log_std_init} if settings.distribution == "gaussian" else {}
     return PPO(
-        "MlpPolicy",
+        DISTRIBUTIONS[settings.distribution],
         venv,
         learning_rate=FallingRate(settings.learning_rate),
         batch_size=min(settings.batch_size, settings.n_steps * venv.num_envs),
-        policy_kwargs={"net_arch": [settings.hidden] * 2, "log_std_init": settings.log_std_init},
+        policy_kwargs={"net_arch": [settings.hidden] * 2, **own},
         seed=seed,
         device="cpu",
         **{name: getattr(settings, name) for name in taken},
@@ -53,8 +64,9 @@ def new_ppo(venv: VecEnv, settings: PPOSettings, seed: int, **options: Any) -> P
 def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path | None = None) -> PPO:
     """Return an untrained PPO model on ``env`` (made with ``autoreset=True``).
 
-    The mean action starts at (1, 0), walk the shortest path, and of discrete actions that choice is the likeliest: learning
-    begins at the rule, not at a random walk through the room, and looks for what is better.
+    The mean action, of a Beta distribution the likeliest, starts at (1, 0), walk the shortest path, and of discrete actions
+    that choice is the likeliest: learning begins at the rule, not at a random walk through the room, and looks for what is
+    better.
     """
     log = None if log_folder is None else str(log_folder)
     model = new_ppo(CrowdVecEnv(env), settings, seed, rollout_buffer_class=MaskedRolloutBuffer, tensorboard_log=log)
@@ -62,7 +74,9 @@ def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path |
     if env.frame == "path":
         bias = cast(torch.nn.Linear, model.policy.action_net).bias
         with torch.no_grad():
-            if isinstance(space, gymnasium.spaces.Box):
+            if isinstance(model.policy, BetaPolicy):
+                bias.copy_(torch.tensor(bias_at(np.ravel(neutral))))
+            elif isinstance(space, gymnasium.spaces.Box):
                 bias.copy_(torch.tensor(np.ravel(neutral)))
             elif isinstance(space, gymnasium.spaces.Discrete):
                 bias[int(np.asarray(neutral))] += settings.rule_logit

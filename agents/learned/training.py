@@ -1,6 +1,7 @@
 """What accompanies the training of a shared policy: its learning curve, its checkpoints, a clean stop."""
 
 import csv
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
@@ -97,7 +98,9 @@ class PolicyCallback(TrainingCallback):
     def _evaluate(self) -> None:
         policy = LearnedPolicy(network_of(self.model), env_options_of(self.env), self.trained)
         result = evaluate(policy, self.scenario, runs=self.eval_runs, first_seed=VALIDATION_SEED, **self.judged)
-        row = self._row(result)
+        spent = {"steps": self.model.num_timesteps, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds}
+        row = curve_row(result, spent, self._returns)
+        self._returns.clear()
         best_before = min(map(score, self.curve), default=(np.inf, np.inf))
         self.curve.append(row)
         for name, value in row.items():
@@ -107,27 +110,30 @@ class PolicyCallback(TrainingCallback):
         if score(row) < best_before:
             policy.save(self.folder / "best.safetensors")
         write_curve(self.folder / "learning_curve.csv", self.curve)
-        self._note(
-            f"{row['steps']:.0f} of {self.model._total_timesteps} steps, {self.seconds:.0f} s: evacuation "
-            f"{row['evacuation_time']:.2f} ± {row['standard_error']:.2f} (standard error) s, "
-            f"{row['unfinished']:.0f} left inside"
-        )
+        self._note(curve_line(row, self.model._total_timesteps))
 
-    def _row(self, result: Evaluation) -> dict[str, float]:
-        times = last_times(result)
-        values = (
-            self.model.num_timesteps,
-            self.seconds,
-            self.cpu_seconds,
-            times.mean(),
-            times.std(ddof=1) / np.sqrt(len(times)) if len(times) > 1 else np.nan,
-            result.column("unfinished").sum(),
-            result.column("contact_impulse").mean(),
-            np.mean(self._returns) if self._returns else np.nan,
-            len(self._returns),
-        )
-        self._returns.clear()
-        return dict(zip(CURVE_COLUMNS, map(float, values), strict=True))
+
+def curve_row(result: Evaluation, spent: Mapping[str, float], returns: Sequence[float]) -> dict[str, float]:
+    """Return the row of a learning curve: an evaluation, what was spent by then, and returns of episodes since."""
+    times = last_times(result)
+    values = {
+        **spent,
+        "evacuation_time": times.mean(),
+        "standard_error": times.std(ddof=1) / np.sqrt(len(times)) if len(times) > 1 else np.nan,
+        "unfinished": result.column("unfinished").sum(),
+        "contact_impulse": result.column("contact_impulse").mean(),
+        "reward": np.mean(returns) if len(returns) else np.nan,
+        "episodes": len(returns),
+    }
+    return {name: float(values[name]) for name in CURVE_COLUMNS}
+
+
+def curve_line(row: Mapping[str, float], steps: float) -> str:
+    """Return a row of a learning curve in words, for a training of so many steps."""
+    return (
+        f"{row['steps']:.0f} of {steps} steps, {row['seconds']:.0f} s: evacuation {row['evacuation_time']:.2f} ± "
+        f"{row['standard_error']:.2f} (standard error) s, {row['unfinished']:.0f} left inside"
+    )
 
 
 def env_options_of(env: CrowdEnv) -> dict[str, Any]:

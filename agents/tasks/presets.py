@@ -4,6 +4,7 @@ A preset is a start that was seen to learn, not a part of the task: what is trai
 own physics step and with its own number of people.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
@@ -15,6 +16,7 @@ from crowd_env.envs.observation.terms import USUAL
 
 # What everyone sees: the usual terms, and of those who are nearer the exit the next one and how many they are.
 _WITH_AHEAD = (*USUAL, "ahead")
+_HALF = math.pi / 4  # half left
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,8 @@ class Preset:
     terms : of the observation.
     reward : table of `RewardWeights`.
     start : what the policy starts as: "rule", full speed along the way, or a policy of `agents.POLICIES` that is cloned.
-    ppo : settings of `agents.learned.PPOSettings` that are others than its defaults.
+    ppo : settings of `agents.learned.PPOSettings` that are others than its defaults ...
+    once_cloned : ... and those that are others again where learning starts from a cloned rule.
     envs : rooms side by side.
     steps : training steps, summed over all pedestrian slots.
     eval_every, eval_runs : steps between evaluations on validation draws, and how many draws each takes.
@@ -49,12 +52,26 @@ class Preset:
     )
     start: str = "rule"
     ppo: Mapping[str, Any] = field(
-        default_factory=lambda: {"gamma": 0.98, "n_steps": 32, "batch_size": 4096, "n_epochs": 4}
+        default_factory=lambda: {
+            "gamma": 0.98,
+            "n_steps": 32,
+            "batch_size": 4096,
+            "n_epochs": 4,
+            "ent_coef": 0.001,
+        }
+    )
+    # Small steps and no wish to be random: the clone acts well already, and its logits are sure of it.
+    once_cloned: Mapping[str, Any] = field(
+        default_factory=lambda: {"learning_rate": 2e-4, "ent_coef": 0.0, "rule_logit": 0.0}
     )
     envs: int = 24
     steps: int = 12_000_000
     eval_every: int = 1_200_000
     eval_runs: int = 24
+
+    def settings(self, start: str) -> dict[str, Any]:
+        """Return the settings of PPO for a start."""
+        return {**self.ppo, **(self.once_cloned if start != "rule" else {})}
 
     def place(self, people: int | None = None) -> Scenario:
         """Return the scenario that is trained in, with ``people`` of the same kinds if given.
@@ -85,21 +102,14 @@ def training_place(scenario: str, options: Mapping[str, Any], people: int | None
     return make_scenario(scenario, **options, population=place.population.changed(count=whole("--people", people)))
 
 
-# From where a cloned rule stands, small steps and little noise.
+# Doors that pass one body at a time: there is an order to find.
 _BY_ORDER: dict[str, Any] = {
     "start": "evolution",
     "action": {"name": "speeds", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]},
-    "ppo": {
-        "gamma": 0.98,
-        "n_steps": 32,
-        "batch_size": 4096,
-        "n_epochs": 4,
-        "learning_rate": 2e-4,
-        "ent_coef": 0.0,
-        "rule_logit": 0.0,
-    },
-    "steps": 6_000_000,
-    "eval_every": 600_000,
+    # Everyone alone would rather push in front; who heads the queue pays for those who wait behind.
+    "reward": {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}, "team_share": 0.0},
+    "steps": 3_000_000,
+    "eval_every": 300_000,
 }
 
 _ALL = (
@@ -108,7 +118,35 @@ _ALL = (
     Preset("narrow-door", people=80, dt=0.01, **_BY_ORDER | {"envs": 16}),
     Preset("hertz-room", people=60, dt=0.01, **_BY_ORDER),
     Preset("literal-room", people=20, dt=0.01, envs=48),
-    Preset("counter-flow", people=30, dt=0.01, action="speeds-directions", envs=32),
+    # Full speed alone: with slower choices people learn to wait for one another in front of the other group.  Contact weighs
+    # little: at 0.3 waiting pays more than a side of one's own.  Both groups have to agree on a side, which takes many updates.
+    Preset(
+        "counter-flow",
+        people=30,
+        dt=0.01,
+        action={"name": "speeds-directions", "speeds": [1.0], "headings": [-_HALF, -_HALF / 2, 0.0, _HALF / 2, _HALF]},
+        terms=USUAL,
+        reward={"weights": {"progress": 0.5, "time": 1.0, "contact": 0.1}, "team_share": 0.0},
+        ppo={"gamma": 0.99, "rule_logit": 1.0, "batch_size": 4096},
+        envs=16,
+        steps=6_000_000,
+        eval_every=800_000,
+        eval_runs=100,
+    ),
+    # Doors of 1 m pass two abreast: there is little to gain beside the fastest way.  No progress is paid: it would count the
+    # longer way to the other exit at once, and what is saved there only later.
+    Preset(
+        "two-exit-hall",
+        people=150,
+        dt=0.01,
+        action={"name": "speeds-exits", "speeds": [0.5, 1.0]},
+        terms=(*_WITH_AHEAD, "routes", "queues_shown"),
+        reward={"weights": {"time": 1.0}, "team_share": 0.5},
+        ppo={"gamma": 0.995, "rule_logit": 4.0, "batch_size": 4096},
+        envs=4,
+        steps=2_400_000,
+        eval_every=800_000,
+    ),
     Preset("room", people=20, dt=0.01, envs=48),
     Preset("pillar", people=60, dt=0.01),
     Preset("bottleneck", people=60, dt=0.01),

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,10 +11,11 @@ import typer
 
 from crowd_env.cli.console import AsJson, check_folder, counted, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.cli.paper_options import takes_settings
+from crowd_env.executors import Executor, all_cores, make_executor
 from crowd_env.files.csv_table import write_csv
 from crowd_env.rendering.canvas import save_figure
 from crowd_env.reproduce import FIGURES, PAPERS, Figure, Paper, Result, Settings, Work, find
-from crowd_env.reproduce.pool import Interrupted, all_cores, complete, distinct
+from crowd_env.reproduce.pool import Interrupted, complete, distinct
 from crowd_env.reproduce.report import as_object, show, show_names
 from crowd_env.reproduce.result import Halfway
 from crowd_env.reproduce.settings import flag
@@ -46,6 +48,12 @@ def reproduce(
         bool,
         typer.Option("--fresh", help="Compute all runs again instead of taking those kept.", rich_help_panel=_KEPT),
     ] = False,
+    ray: Annotated[
+        bool,
+        typer.Option(
+            "--ray", help="Spread the draws over a Ray cluster, see docs/ray.md. Results do not depend on it."
+        ),
+    ] = False,
     **options: Any,
 ) -> None:
     """Redo a table or figure of a paper, Pécol et al. 2011 or Lin, Ma, Lo, and print its numbers beside ours.
@@ -63,15 +71,15 @@ def reproduce(
     if name == "list":
         show_names(as_json)
         return
-    options |= {"workers": workers, "fresh": fresh}
+    options |= {"workers": workers, "fresh": fresh, "ray": ray}
     with friendly_errors():
         given = {key: value for key, value in options.items() if value is not None and value is not False}
         selection = _select(name, given, out)
     results: list[Result] = []
     stopped: str | None = None
-    with friendly_errors():
+    with friendly_errors(), closing(selection.executor()) as executor:
         try:
-            for result in selection.results():
+            for result in selection.results(executor):
                 paths = _write(result, out)
                 results.append(result)
                 if not as_json:
@@ -104,27 +112,34 @@ class _Selection:
     store: Store
     workers: int
     fresh: bool
+    ray: bool = False
 
     @property
     def names(self) -> list[str]:
         """The chosen figures, in the order of the results."""
         return [name for _, settings in self.parts for name in settings]
 
-    def results(self) -> Iterator[Result]:
+    def executor(self) -> Executor:
+        """Return what computes; a cluster is connected to."""
+        if self.ray:
+            return make_executor("ray")
+        return make_executor("serial") if self.workers == 1 else make_executor("processes", workers=self.workers)
+
+    def results(self, executor: Executor) -> Iterator[Result]:
         """Yield one result after the other."""
         for paper, settings in self.parts:
             figures = {name: paper.figures[name] for name in settings}
             made_of = {name: figure.runs(settings[name]) for name, figure in figures.items() if figure.runs is not None}
-            records = self._records([run for runs in made_of.values() for run in runs])
+            records = self._records([run for runs in made_of.values() for run in runs], executor)
             for name, figure in figures.items():
-                yield _run(name, figure, settings[name], records)
+                yield _run(name, figure, settings[name], records, executor if self.ray else None)
 
-    def _records(self, runs: list[Any]) -> Mapping[Any, Any]:
+    def _records(self, runs: list[Any], executor: Executor) -> Mapping[Any, Any]:
         """Return what comes of runs, each computed once, or taken from the folder."""
         if not runs:
             return {}
         with progress_bar("runs", len(distinct(runs))) as progress:
-            return complete(runs, self.store, workers=self.workers, fresh=self.fresh, progress=progress)
+            return complete(runs, self.store, executor=executor, fresh=self.fresh, progress=progress)
 
 
 def _select(name: str, given: Mapping[str, Any], out: Path) -> _Selection:
@@ -149,8 +164,10 @@ def _select(name: str, given: Mapping[str, Any], out: Path) -> _Selection:
     workers = given.get("workers", all_cores())
     if workers < 1:
         raise ValueError(f"--workers is {workers}; it must be at least 1")
+    if "workers" in given and "ray" in given:
+        raise ValueError(f"--workers is {workers} beside --ray: processes of this machine, or a cluster; leave one out")
     check_folder("--out", out)
-    return _Selection(parts, Store(out / "runs"), workers, given.get("fresh", False))
+    return _Selection(parts, Store(out / "runs"), workers, given.get("fresh", False), given.get("ray", False))
 
 
 def _owners(option: str) -> str:
@@ -166,10 +183,12 @@ def _owners(option: str) -> str:
     return " and ".join([", ".join(owners[:-1]), owners[-1]] if owners[:-1] else owners)
 
 
-def _run(name: str, figure: Figure[Any], settings: Settings, records: Mapping[Any, Any]) -> Result:
+def _run(
+    name: str, figure: Figure[Any], settings: Settings, records: Mapping[Any, Any], far: Executor | None
+) -> Result:
     steps = 0 if figure.steps is None else figure.steps(settings)
     with progress_bar(name, steps) as progress:
-        return figure.reproduce(settings, Work(progress, records))
+        return figure.reproduce(settings, Work(progress, records, far))
 
 
 def _write(result: Result, out: Path) -> list[Path]:

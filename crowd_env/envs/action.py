@@ -5,10 +5,10 @@ In the frame "path" the first axis is the direction of the shortest path at the 
 "world" the axes are x and y.  A vector longer than 1 is shortened to 1: nobody wants to be faster than the desired speed.
 
 Choices among a few speeds are easier to learn than a Gaussian around full speed, which saturates at the bound and then never
-tries to slow down.
+tries to slow down.  Where a place has several exits, an action may also say which of them to take, see `SpeedExitTable`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 from typing import Any, Literal
@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env._kernels.jit import kernel
-from crowd_env.checks import Range, array, check_fields, check_keys, known, refuse, require_all, shown
-from crowd_env.state import Bools, Floats
+from crowd_env.checks import NOT_NEGATIVE, Range, array, check_fields, check_keys, known, refuse, require_all, shown
+from crowd_env.state import Bools, Floats, Ints
 
 Frame = Literal["path", "world"]
 FRAMES: tuple[Frame, ...] = ("path", "world")
 
 RULE = (1.0, 0.0)  # the command of those who walk the shortest path
+KEEP = -1  # the choice of those who keep to their way
 
 _TURNS = np.arange(8) * np.pi / 4
 # Discrete action k < 8: full speed at k * 45 degrees to the left of the first axis; 8: stand still.
@@ -41,9 +42,13 @@ class ActionKind:
     space : of one pedestrian's action.
     decode : turns actions (P, *shape of the space) into commands (P, 2), desired velocities as multiples of the own desired
         speed.  Commands longer than 1 are shortened afterwards.  Rows of those who follow the rule hold the neutral action.
-        None = an action is a command.
+        None = an action is a command.  If ``routes`` is not None it returns two: commands, and choices (P,) among the ways
+        out, whole numbers in the order of `Scenario.ways`; ``KEEP``, -1, keeps to the own way.
     neutral : the action that is decoded as (1, 0), the rule: full speed along the way.  Learning may start from it; of a
         discrete kind it is the index of that choice.
+    routes : how many exits and routes an action chooses among; None = it chooses none.  0, of a table such as that of
+        "speeds-exits", is as many as the place has.
+    dwell : s, whoever has taken another way keeps to it for so long.
 
     Raises
     ------
@@ -53,11 +58,13 @@ class ActionKind:
 
     name: str
     space: gymnasium.Space[Any]
-    decode: Callable[[np.ndarray], np.ndarray] | None
+    decode: Callable[[np.ndarray], Any] | None
     neutral: ArrayLike
+    routes: int | None = None
+    dwell: float = 0.0
 
     def __post_init__(self) -> None:
-        check_fields("action kind", self)
+        check_fields("action kind", self, routes=NOT_NEGATIVE, dwell=NOT_NEGATIVE)
         if not isinstance(self.space, gymnasium.Space) or self.space.shape is None:
             refuse(f"action kind {self.name!r}: space", self.space, "a space of Gymnasium that has a shape")
         if self.decode is not None and not callable(self.decode):
@@ -65,12 +72,40 @@ class ActionKind:
         neutral = np.asarray(self.neutral)
         if neutral.shape != self.space.shape:
             refuse(f"action kind {self.name!r}: neutral", self.neutral, f"an action of the shape {self.space.shape}")
-        command = np.asarray(neutral[None] if self.decode is None else self.decode(neutral[None])).tolist()
-        if command != [list(RULE)]:
+        command, choice = self.decoded(neutral[None])
+        found = np.asarray(command).tolist() if choice is None else [np.asarray(command).tolist(), choice.tolist()]
+        rule: list[Any] = [list(RULE)] if choice is None else [[list(RULE)], [KEEP]]
+        if found != rule:
             raise ValueError(
-                f"action kind {self.name!r}: the neutral action {shown(self.neutral)} is decoded as {shown(command)}; it must "
-                f"be decoded as {[list(RULE)]}, the rule"
+                f"action kind {self.name!r}: the neutral action {shown(self.neutral)} is decoded as {shown(found)}; it must "
+                f"be decoded as {rule}, the rule"
             )
+
+    def decoded(self, action: np.ndarray) -> tuple[np.ndarray, Ints | None]:
+        """Return the commands of actions (P, *shape of the space), and the ways that they choose; None if there are none.
+
+        Raises
+        ------
+        ValueError
+            If ``decode`` raises it, or returns something else where ways are chosen.
+        """
+        if self.decode is None:
+            return action, None
+        found = self.decode(action)
+        if self.routes is None:
+            return found, None
+        if not isinstance(found, tuple) or len(found) != 2:
+            refuse(
+                f"action kind {self.name!r}: what decode returns", found, "a tuple (commands, choices) as it has routes"
+            )
+        choice = array(f"choices of action kind {self.name!r}", found[1], (len(action),), "iu").astype(np.int64)
+        bad = np.flatnonzero((choice < KEEP) | (choice >= max(self.routes, 0)))
+        if len(bad):
+            raise ValueError(
+                f"action kind {self.name!r}: way {choice[bad[0]]} is chosen; it must be {KEEP} to keep to the own way, or 0 "
+                f"to {self.routes - 1}"
+            )
+        return found[0], choice
 
 
 def _rows_of(commands: Floats, action: np.ndarray) -> Floats:
@@ -141,6 +176,42 @@ class SpeedTable:
         return ActionKind(name, gymnasium.spaces.Discrete(len(self.commands)), self, self.rule)
 
 
+@dataclass(frozen=True)
+class SpeedExitTable(SpeedTable):
+    """What the choices of "speeds-exits" mean: each speed in each heading, along the own way or along one from now on.
+
+    Of the K choices of the `SpeedTable`, choice ``k`` walks as ``k % K``.  ``k // K`` is 0 to keep to the own way, else 1 + the
+    number of the exit or route to take from now on, in the order of `Scenario.ways`.
+
+    Parameters
+    ----------
+    routes : number of exits and routes; 0 = as many as the place has, which an environment fills in.
+    dwell : s, whoever has taken another way keeps to it for so long: who can turn at every decision dithers.
+
+    Raises
+    ------
+    ValueError
+        If one of them is negative, or for what `SpeedTable` refuses.
+    """
+
+    routes: int = 0
+    dwell: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_fields("action", self, routes=NOT_NEGATIVE, dwell=NOT_NEGATIVE)
+
+    def __call__(self, action: np.ndarray) -> Any:
+        """Return the commands (P, 2) of choices (P,), and the ways that they choose (P,)."""
+        commands = self.commands
+        return _rows_of(np.tile(commands, (1 + self.routes, 1)), action), action.astype(np.int64) // len(commands) - 1
+
+    def kind(self, name: str) -> ActionKind:
+        """Return the kind of action with these choices."""
+        space = gymnasium.spaces.Discrete(len(self.commands) * (1 + self.routes))
+        return ActionKind(name, space, self, self.rule, self.routes, self.dwell)
+
+
 ACTIONS: Mapping[str, ActionKind] = MappingProxyType(
     {
         "continuous": ActionKind("continuous", gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32), None, RULE),
@@ -149,6 +220,8 @@ ACTIONS: Mapping[str, ActionKind] = MappingProxyType(
         "speeds": SpeedTable().kind("speeds"),
         # the same speeds, straight on or half right or half left
         "speeds-directions": SpeedTable(headings=(-np.pi / 4, 0.0, np.pi / 4)).kind("speeds-directions"),
+        # the speeds of "speeds", each along the own way or along that to one of the exits or routes
+        "speeds-exits": SpeedExitTable().kind("speeds-exits"),
     }
 )
 
@@ -189,14 +262,35 @@ def plain_action(kind: str | Mapping[str, Any] | ActionKind) -> str | dict[str, 
     if named is not None and isinstance(named.decode, SpeedTable) and isinstance(kind.decode, SpeedTable):
         if kind.decode == named.decode:
             return kind.name
-        return {"name": kind.name, **{key: list(values) for key, values in asdict(kind.decode).items()}}
+        plain = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(kind.decode).items()}
+        return {"name": kind.name, **plain}
     if named is not kind:
         raise ValueError(f"action kind {kind.name!r} is one of your own, which cannot be written as plain data")
     return kind.name
 
 
-def to_command(action: ArrayLike, kind: ActionKind, controlled: Bools) -> Floats:
+def fit_routes(kind: ActionKind, scenario: str, ways: Sequence[str]) -> ActionKind:
+    """Return the kind of action for a place with these exits and routes.
+
+    Raises
+    ------
+    ValueError
+        If it chooses among another number of them.
+    """
+    if kind.routes == 0 and isinstance(kind.decode, SpeedExitTable):
+        return replace(kind.decode, routes=len(ways)).kind(kind.name)
+    if kind.routes not in (None, len(ways)):
+        raise ValueError(
+            f"action kind {kind.name!r} chooses among {kind.routes} exits and routes; {scenario} has {len(ways)}: "
+            f"{', '.join(ways)}"
+        )
+    return kind
+
+
+def to_command(action: ArrayLike, kind: ActionKind, controlled: Bools) -> tuple[Floats, Ints | None]:
     """Return the commands (P, 2) of actions; (1, 0) for those who are not ``controlled`` (P,), whatever their action.
+
+    The second is the way that each chooses (P,), None if the kind of action chooses none.
 
     Raises
     ------
@@ -207,13 +301,14 @@ def to_command(action: ArrayLike, kind: ActionKind, controlled: Bools) -> Floats
     given = array(f"{kind.name} actions", action, (count, *shape))
     if kind.decode is not None and not controlled.all():
         given = np.where(controlled.reshape(count, *(1 for _ in shape)), given, kind.neutral)
-    command = np.array(given if kind.decode is None else kind.decode(given), dtype=np.float64, order="C")
+    decoded, choice = kind.decoded(given)
+    command = np.array(decoded, dtype=np.float64, order="C")
     if command.shape != (count, 2):
         raise ValueError(f"action kind {kind.name!r} decodes into the shape {command.shape}; it must be {(count, 2)}")
     bad = shorten(command, controlled)
     if bad >= 0:
         raise ValueError(f"action of pedestrian {bad} is {shown(given[bad].tolist())}; it must be finite")
-    return command
+    return command, choice
 
 
 @kernel

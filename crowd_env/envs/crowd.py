@@ -20,12 +20,13 @@ from crowd_env.envs.arguments import (
     scenarios_of,
     seed_words,
 )
-from crowd_env.envs.episode import EnvCheckpoint, init_episode, update_episode
-from crowd_env.envs.metrics import EpisodeMetrics, summarise_exits
+from crowd_env.envs.episode import EnvCheckpoint, init_episode, metrics_of, update_episode
+from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout, make_layout
 from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.observation.view import allocate_route_ahead
 from crowd_env.envs.reward import RewardFunction, RewardWeights, Transition, make_weights
+from crowd_env.envs.route_choice import fit_to_ways, make_route_choice, take_routes
 from crowd_env.headway import Manner
 from crowd_env.outline import BodyShape, room_of
 from crowd_env.physics import ContactScheme, check_outline, make_scheme
@@ -59,8 +60,8 @@ class CrowdEnv:
         that step, zeros afterwards.
     Action
         (P, 2) in [-1, 1]: the desired velocity as a multiple of the own desired speed, in ``frame``; or (P,) 0..8, or what
-        another kind of action takes.  Where ``rule`` is true, or if the action is None, the pedestrian walks the shortest
-        path instead.
+        another kind of action takes, which may choose an exit too.  Where ``rule`` is true, or if the action is None, the
+        pedestrian walks the shortest path instead.
     Reward
         (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.  Those who are out get nothing but
         their ``team_share``.
@@ -147,9 +148,9 @@ class CrowdEnv:
             time_limit = number("time_limit", time_limit, POSITIVE, "s")
         rules, autoreset = flag("rules", rules), flag("autoreset", autoreset)
         text("strategy", strategy, "the name of a strategy")
-        self.layout, self.reward_weights = make_layout(observation), make_weights(reward)
-        self.action_kind = make_action(action)
+        self.reward_weights, kind, layout = make_weights(reward), make_action(action), make_layout(observation)
         self.scenarios = [make_scenario(kind, **scenario_options) for kind in scenarios_of(scenario)]
+        self.action_kind, self.layout, choosing = fit_to_ways(kind, layout, self.scenarios)
         self.num_envs = num_envs
         self.decision_dt = decision_dt
         self.frame: Frame = frame
@@ -170,7 +171,7 @@ class CrowdEnv:
         self.env_start = bodies.env_start
         self.env_of_person = np.repeat(np.arange(num_envs), np.diff(self.env_start))
         self.strategy = strategy
-        self.route_set = [each.route_set(strategy, rules=rules) for each in self.scenarios]
+        self.route_set = [each.route_set(strategy, rules=rules, ways=choosing) for each in self.scenarios]
         self._usual_route: list[Ints | None] = [None] * len(self.scenarios)  # known where it is that of every episode
         self.simulation = Simulation(
             [each.geometry for each in self.scenarios],
@@ -188,7 +189,11 @@ class CrowdEnv:
         self.simulation.state.active[:] = False  # nobody is there before the first reset
         self._ahead = allocate_route_ahead(people)  # the observer writes it, the reward reads its potential
         in_world = frame == "world"
-        self._observer = Observer(self.simulation, self.layout, self._ahead, in_world=in_world, threads=threads)
+        routes_of_env = [self.route_set[k] for k in which]
+        dwell = self.action_kind.dwell
+        choice = make_route_choice(self.scenario_of_env, routes_of_env, self.env_start, dwell, used=choosing)
+        self._choice, ways = struct_ref(choice), choice.ways
+        self._observer = Observer(self.simulation, self.layout, self._ahead, ways, in_world=in_world, threads=threads)
         self._transition = struct_ref(
             Transition(
                 inside=np.zeros(people, dtype=np.bool_),
@@ -244,7 +249,7 @@ class CrowdEnv:
         Parameters
         ----------
         seed : an int gives environment ``e`` the generator of (seed, e); a sequence gives each what a batch of one would
-            get from its seed; None goes on drawing from the generators as they are.
+            get from its seed; None goes on drawing from the generators as they are, and the first time draws at random.
 
         Raises
         ------
@@ -253,7 +258,7 @@ class CrowdEnv:
         """
         chosen = np.ones(self.num_envs, dtype=np.bool_) if mask is None else array("mask", mask, (self.num_envs,), "b")
         for e, words in enumerate(seed_words(seed, self.num_envs)):
-            if chosen[e] and words is not None:
+            if chosen[e] and (words is not None or not self._started):  # copies that have not begun share no draw
                 self._generators[e] = np.random.default_rng(words)
         for k in np.flatnonzero(chosen):
             self._restart(int(k))
@@ -312,24 +317,7 @@ class CrowdEnv:
 
     def metrics(self, e: int) -> EpisodeMetrics:
         """Return the metrics of the episode of environment ``e`` so far."""
-        people, sums, episode = self.people(e), self.simulation.diagnostics, self._episode.fields
-        exits = summarise_exits(np.sort(self.simulation.state.exit_time[people]))
-        blocked = self.simulation.state.time[e] - episode.last_exit[e] > episode.blocked_after[e]
-        return EpisodeMetrics(
-            evacuation_time=exits.last,
-            mean_exit_time=exits.mean,
-            unfinished=exits.missing,
-            blocked_since=float(episode.last_exit[e]) if exits.missing and blocked else float("nan"),
-            flow=exits.flow,
-            contact_impulse=float(episode.impulse[people].mean()),
-            max_overlap=float(sums.max_overlap[e]),
-            mean_overlap=float(sums.overlap_sum[e] / max(sums.overlap_count[e], 1)),
-            max_outside=float(sums.max_outside[e]),
-            max_speed=float(sums.max_speed[e]),
-            escaped=int(self.simulation.escaped[people].sum()),
-            residual=float(sums.residual[e]),
-            unconverged=int(sums.unconverged[e]),
-        )
+        return metrics_of(e, self.people(e), self._episode.fields, self.simulation)
 
     def checkpoint(self) -> EnvCheckpoint:
         """Return a copy of all that the future depends on, to `restore` here, or in an environment made like this one.
@@ -341,6 +329,7 @@ class CrowdEnv:
             copy_arrays(self._episode.fields),
             copy_arrays(self._transition.fields),
             copy_arrays(self._ahead),
+            self._choice.fields.chosen_at.copy(),
             tuple(copy.deepcopy(rng.bit_generator.state) for rng in self._generators),
             self._started,
             self._interrupted,
@@ -361,6 +350,7 @@ class CrowdEnv:
         write_arrays(self._episode.fields, checkpoint.episode)
         write_arrays(self._transition.fields, checkpoint.step)
         write_arrays(self._ahead, checkpoint.ahead)
+        self._choice.fields.chosen_at[:] = checkpoint.chosen_at
         for rng, state in zip(self._generators, checkpoint.generators, strict=True):
             rng.bit_generator.state = copy.deepcopy(state)
         self._started, self._interrupted = checkpoint.started, checkpoint.interrupted
@@ -381,6 +371,7 @@ class CrowdEnv:
             self.simulation.send(e, chosen)
             if not scenario.depends_on_place(self.strategy):
                 self._usual_route[kind] = chosen
+        self._choice.fields.chosen_at[self.people(e)] = -np.inf
         self._episode.fields.impulse[self.people(e)] = 0.0
         self._episode.fields.last_exit[e] = 0.0
         self._episode.fields.step_start[e] = 0.0
@@ -395,6 +386,8 @@ class CrowdEnv:
         controlled = self.active
         if rule is not None:
             controlled &= ~array("rule", rule, (self.num_people,), "b")
-        command = to_command(action, self.action_kind, controlled)
+        command, way = to_command(action, self.action_kind, controlled)
+        if way is not None:
+            take_routes(way, controlled, self._choice, self._transition.fields.state)
         ruled = ~controlled
         return command, (ruled if self.frame == "world" else None), (ruled if self.manner_for == "ruled" else None)

@@ -6,8 +6,10 @@ import numpy as np
 
 from crowd_env._kernels.jit import kernel
 from crowd_env._kernels.struct_ref import StructRef, struct_ref
+from crowd_env.envs.metrics import EpisodeMetrics, summarise_exits
 from crowd_env.envs.reward import Transition
 from crowd_env.simulation.checkpoint import Arrays, Checkpoint
+from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import Bools, Floats
 
 
@@ -32,6 +34,7 @@ class EnvCheckpoint(NamedTuple):
     episode: Arrays  # of the `EpisodeState`
     step: Arrays  # of the `Transition`
     ahead: Arrays  # of the `RouteAhead`
+    chosen_at: Floats  # of the `RouteChoice`
     generators: tuple[Any, ...]  # states
     started: bool
     interrupted: bool
@@ -52,6 +55,28 @@ def init_episode(step: Any, time_limit: Floats, blocked_after: Floats) -> Struct
             truncated=np.zeros(people, dtype=np.bool_),
             ended=np.zeros(environments, dtype=np.bool_),
         )
+    )
+
+
+def metrics_of(e: int, people: slice, episode: EpisodeState, simulation: Simulation) -> EpisodeMetrics:
+    """Return the metrics of the episode so far of environment ``e``, whose slots are ``people``."""
+    sums = simulation.diagnostics
+    exits = summarise_exits(np.sort(simulation.state.exit_time[people]))
+    blocked = simulation.state.time[e] - episode.last_exit[e] > episode.blocked_after[e]
+    return EpisodeMetrics(
+        evacuation_time=exits.last,
+        mean_exit_time=exits.mean,
+        unfinished=exits.missing,
+        blocked_since=float(episode.last_exit[e]) if exits.missing and blocked else float("nan"),
+        flow=exits.flow,
+        contact_impulse=float(episode.impulse[people].mean()),
+        max_overlap=float(sums.max_overlap[e]),
+        mean_overlap=float(sums.overlap_sum[e] / max(sums.overlap_count[e], 1)),
+        max_outside=float(sums.max_outside[e]),
+        max_speed=float(sums.max_speed[e]),
+        escaped=int(simulation.escaped[people].sum()),
+        residual=float(sums.residual[e]),
+        unconverged=int(sums.unconverged[e]),
     )
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import kernel
+from crowd_env._kernels.jit import inner_kernel, kernel
 from crowd_env._kernels.struct_ref import StructRef, struct_ref
 from crowd_env.checks import SHARE, array, check_fields, from_data, known
 from crowd_env.envs.terms import RewardTerm, names_of, own_terms, weighed_terms
@@ -32,7 +32,7 @@ class Transition(NamedTuple):
 
 
 # The rows of the terms that `compute_reward` writes.
-PROGRESS, EXIT, TIME, CONTACT = range(4)
+PROGRESS, EXIT, TIME, CONTACT, HEAD = range(5)
 
 REWARDS: Mapping[str, int] = MappingProxyType(
     {
@@ -44,6 +44,10 @@ REWARDS: Mapping[str, int] = MappingProxyType(
         "time": TIME,
         # minus the contact impulse over the own mass [m/s]
         "contact": CONTACT,
+        # minus the time [s] as the head of a queue: inside, with nobody nearer the exit by the same route when the step begins.
+        # Over all of a route it sums to minus the time until the last of them is out, but for the rest of a step in which a
+        # head leaves.  It charges each for what others wait for: to follow closely pays, to push in front does not
+        "head": HEAD,
     }
 )
 
@@ -55,6 +59,24 @@ class RewardSpec(NamedTuple):
     weights: Floats  # (W,)  ... and by how much
     team_share: float
     shared: Bools  # (W,)  of which of them
+
+
+@inner_kernel
+def charge_heads(step: Transition, begin: int, end: int, term: Floats) -> None:
+    """Write the term `head` of those in ``begin:end``: of equally near people the one in the first slot is the head."""
+    routes = 0
+    for i in range(begin, end):
+        term[i] = 0.0
+        routes = max(routes, step.state.route[i] + 1)
+    for route in range(routes):
+        head, least = -1, np.inf
+        for i in range(begin, end):
+            if step.inside[i] and step.state.route[i] == route:
+                rest = step.travel_time_before[i] * step.bodies.desired_speed[i]  # m
+                if rest < least:
+                    head, least = i, rest
+        if head >= 0:
+            term[head] = -step.duration[head]
 
 
 @kernel
@@ -71,6 +93,7 @@ def compute_reward(step: Transition, spec: RewardSpec, terms: Floats, reward: Fl
     order, weights, share, shared = spec.order, spec.weights, spec.team_share, spec.shared
     for e in range(len(env_start) - 1):
         begin, end, total = env_start[e], env_start[e + 1], 0.0
+        charge_heads(step, begin, end, terms[HEAD])
         for i in range(begin, end):
             terms[PROGRESS, i] = before[i] - after[i] if inside[i] else 0.0
             terms[EXIT, i] = 1.0 if left[i] else 0.0

@@ -1,6 +1,8 @@
 """Many evacuations of one scenario, each of a draw of its own, and what they amount to."""
 
+import copy
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -8,6 +10,7 @@ import numpy as np
 from crowd_env.checks import NOT_NEGATIVE, whole
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.metrics import EpisodeMetrics, share_interval, summarise
+from crowd_env.executors import Executor, WorkerDied
 from crowd_env.files.json_file import json_number
 from crowd_env.headway import Manner, plain_manner
 from crowd_env.outline import BodyShape, plain_outline
@@ -112,33 +115,69 @@ def rollout(
     ValueError
         If the number of runs or the seed is out of range, or the crowd does not fit.
     """
-    runs, seed = whole("runs", runs), whole("seed", seed, NOT_NEGATIVE)
-
-    def rule(num_envs: int) -> Driver:
-        return Driver(CrowdEnv(scenario, num_envs=num_envs, threads=min(threads, num_envs), **options))
-
-    at_once = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.count))
-    batches = [range(first, min(first + at_once, runs)) for first in range(0, runs, at_once)]
-    return _finished(batches, seed, driver or rule, recorder, progress)
+    batches = make_batches(scenario, runs, seed=seed, driver=driver, recorder=recorder, threads=threads, **options)
+    return _finished(batches, progress)
 
 
-def _finished(
-    batches: Sequence[range],
-    seed: int,
-    make_driver: Callable[[int], Driver],
-    recorder: Recorder | None,
-    progress: Callable[[int], object] | None,
-) -> Iterator[Episode]:
-    """Yield the finished evacuations of one batch after the other."""
-    driver: Driver | None = None
+def _finished(batches: Sequence["RunBatch"], progress: Callable[[int], object] | None) -> Iterator[Episode]:
     for batch in batches:
-        if driver is None or driver.env.num_envs != len(batch):
-            driver = make_driver(len(batch))
+        yield from batch.episodes(progress)
+
+
+class ReusedDriver:
+    """Makes drivers, and gives the last one again where the next batch is as large; its copy elsewhere begins with none."""
+
+    def __init__(self, make: Callable[[int], Driver]) -> None:
+        self.make = make
+        self.last: Driver | None = None
+
+    def __call__(self, num_envs: int) -> Driver:
+        """Return a driver of so many evacuations."""
+        if self.last is None or self.last.env.num_envs != num_envs:
+            self.last = self.make(num_envs)
+        return self.last
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"make": self.make, "last": None}
+
+
+@dataclass(frozen=True)
+class _RuleDriver:
+    scenario: Scenario
+    threads: int
+    options: dict[str, Any]
+
+    def __call__(self, num_envs: int) -> Driver:
+        return Driver(CrowdEnv(self.scenario, num_envs=num_envs, threads=min(self.threads, num_envs), **self.options))
+
+
+@dataclass(frozen=True, eq=False)
+class RunBatch:
+    """Runs that are simulated side by side: a piece of work for an executor."""
+
+    runs: range  # their numbers
+    seed: int  # run k is the draw seed + k
+    driver: ReusedDriver
+    recorder: Recorder | None
+
+    def episodes(
+        self, progress: Callable[[int], object] | None = None, stopped: Callable[[], bool] | None = None
+    ) -> Iterator[Episode]:
+        """Yield the evacuations as they end.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If ``stopped``, which is called every step, says so.
+        """
+        driver, recorder = self.driver(len(self.runs)), self.recorder
         env = driver.env
-        driver.reset([seed + run for run in batch])
+        driver.reset([self.seed + run for run in self.runs])
         if recorder is not None:
             recorder.begin(env)
         while not env.finished.all():
+            if stopped is not None and stopped():
+                raise KeyboardInterrupt
             step = driver.step()
             if recorder is not None:
                 recorder.add(env, step)
@@ -146,8 +185,8 @@ def _finished(
             for e in ended:
                 state, people = env.simulation.state, env.people(e)
                 yield Episode(
-                    batch[e],
-                    seed + batch[e],
+                    self.runs[e],
+                    self.seed + self.runs[e],
                     step.info["metrics"][e],
                     state.exit_time[people].copy(),
                     state.exit_index[people].copy(),
@@ -159,23 +198,93 @@ def _finished(
                 progress(len(ended))
 
 
-def run_episodes(scenario: Scenario, runs: int, **options: Any) -> list[Episode]:
+class BatchDone(NamedTuple):
+    """What came of a `RunBatch`."""
+
+    episodes: list[Episode]  # in the order of their numbers
+    recorder: Any  # that saw the batch
+
+
+def simulate_batch(batch: RunBatch, stopped: Callable[[], bool]) -> BatchDone:
+    """Return what comes of a batch: the work of an executor."""
+    return BatchDone(sorted(batch.episodes(stopped=stopped), key=lambda episode: episode.run), batch.recorder)
+
+
+def make_batches(
+    scenario: Scenario,
+    runs: int,
+    *,
+    seed: int = 0,
+    driver: Callable[[int], Driver] | None = None,
+    recorder: Recorder | None = None,
+    threads: int = 1,
+    workers: int | None = None,
+    **options: Any,
+) -> list[RunBatch]:
+    """Return the batches of a `rollout`, whose parameters these are.
+
+    What a driver of one's own draws at random may depend on the batch, so its batches are always the same; where the rule
+    decides, nothing depends on them.
+
+    Parameters
+    ----------
+    workers : None = all batches are simulated here, one after the other, and share one recorder; else about how many are at a
+        time, elsewhere: then each has its own copy of the recorder, and those under the rule are small enough to occupy all.
+    """
+    runs, seed = whole("runs", runs), whole("seed", seed, NOT_NEGATIVE)
+    at_once = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.count))
+    if workers is not None and driver is None:
+        at_once = min(at_once, -(-runs // workers))
+    reused = ReusedDriver(driver or _RuleDriver(scenario, threads, options))
+    parts = [range(first, min(first + at_once, runs)) for first in range(0, runs, at_once)]
+    return [RunBatch(part, seed, reused, recorder if workers is None else copy.deepcopy(recorder)) for part in parts]
+
+
+def run_episodes(scenario: Scenario, runs: int, *, executor: Executor | None = None, **options: Any) -> list[Episode]:
     """Return the evacuations of a `rollout`, whose options these are, in the order of their numbers.
+
+    Parameters
+    ----------
+    executor : does the batches elsewhere, with a copy of the recorder each: all that is kept of them is `Episode.record`.
 
     Raises
     ------
     ValueError
-        If the number of runs or the seed is out of range, or the crowd does not fit.
+        If the number of runs or the seed is out of range, the crowd does not fit, or a process of the executor has died.
     RunsInterrupted
         On Ctrl-C, with the evacuations that were finished by then.
     """
     found: dict[int, Episode] = {}
     try:
-        for episode in rollout(scenario, runs, **options):
-            found[episode.run] = episode
+        if executor is None:
+            for episode in rollout(scenario, runs, **options):
+                found[episode.run] = episode
+        else:
+            _spread(scenario, runs, executor, found, **options)
     except KeyboardInterrupt:
         raise RunsInterrupted([found[run] for run in sorted(found)], runs) from None
+    except WorkerDied as error:
+        raise ValueError(f"{error}; {len(found)} of {runs} runs were finished") from None
     return [found[run] for run in range(runs)]
+
+
+def _spread(
+    scenario: Scenario,
+    runs: int,
+    executor: Executor,
+    found: dict[int, Episode],
+    *,
+    progress: Callable[[int], object] | None = None,
+    **options: Any,
+) -> None:
+    """Let an executor do the batches, and put the evacuations into ``found`` by their numbers."""
+
+    def done(k: int, batch: BatchDone) -> None:
+        found.update({episode.run: episode for episode in batch.episodes})
+        if progress is not None:
+            progress(len(batch.episodes))
+
+    executor.run(simulate_batch, make_batches(scenario, runs, workers=executor.workers, **options), done)
 
 
 def report(

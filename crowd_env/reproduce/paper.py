@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from crowd_env.executors import Executor
 from crowd_env.reproduce.result import Progress, Result
 from crowd_env.reproduce.run import Run
 from crowd_env.reproduce.settings import Settings
@@ -11,7 +12,8 @@ from crowd_env.reproduce.settings import Settings
 AnySettings = TypeVar("AnySettings", bound=Settings)
 
 DRAWS = frozenset({"runs", "seed"})  # options of a figure that depends on nothing else
-OF_KEPT_RUNS = frozenset({"workers", "fresh"})  # options of the computing, for figures made of runs that are kept
+SPREAD = frozenset({"ray"})  # options of a figure whose draws can be spread over a cluster
+OF_KEPT_RUNS = SPREAD | {"workers", "fresh"}  # options of the computing, for figures made of runs that are kept
 
 
 class Work(NamedTuple):
@@ -19,6 +21,7 @@ class Work(NamedTuple):
 
     progress: Progress  # to be called with each count done; in all `Figure.steps`
     records: Mapping[Any, Any]  # what came of each of `Figure.runs`
+    executor: Executor | None = None  # of the draws it simulates by itself; None = side by side in this process
 
 
 @dataclass(frozen=True)

@@ -77,8 +77,8 @@ class Scenario:
         require_grid(self.geometry, self.population.radius.low)
         for part in self.population.parts:
             require_names("start region", [part.start_region], self.geometry.regions)
-            require_names("exit", part.exits, self._exits)
-            require_names("route", [part.route], [*(route.name for route in self.routes), *self._exits])
+            require_names("exit", part.exits, self.exits)
+            require_names("route", [part.route], [*(route.name for route in self.routes), *self.exits])
         require_room(self.geometry, self.population.parts, room_of(shape))
 
     def manner_of_run(self, manner: Manner | None = None) -> Headway | None:
@@ -102,20 +102,27 @@ class Scenario:
         return make_outline(self.outline if outline is None else outline)
 
     @property
-    def _exits(self) -> tuple[str, ...]:
+    def exits(self) -> tuple[str, ...]:
+        """Names of the exits; several lines may make one."""
         return tuple(dict.fromkeys(self.geometry.exit_names))
+
+    @property
+    def ways(self) -> tuple[str, ...]:
+        """Names of all that people may choose among or be sent along: the exits, then the routes of other names."""
+        return tuple(dict.fromkeys((*self.exits, *(route.name for route in self.routes))))
 
     def field(self) -> NavigationField:
         """Return the travel-time field of the shortest way out, for the largest body of the population."""
         return self.route_set(rules=False).routes[0].field
 
-    def route_set(self, strategy: str = "shortest", *, rules: bool = True) -> RouteSet:
+    def route_set(self, strategy: str = "shortest", *, rules: bool = True, ways: bool = False) -> RouteSet:
         """Return all routes that people of this strategy, groups, rules and controllers may take; route 0 leads to any exit.
 
         Parameters
         ----------
         strategy : a name in `crowd_env.routing.strategies.STRATEGIES`, or that of a route or exit.
         rules : whether the control rules are in force.
+        ways : whether there is a route to each exit too, by the shortest path: all `ways`.
 
         Raises
         ------
@@ -124,12 +131,15 @@ class Scenario:
         """
         flag("rules", rules)
         routes = list(self.routes)
-        known = (*STRATEGIES, *(route.name for route in routes), *self._exits)
+        known = (*STRATEGIES, *(route.name for route in routes), *self.exits)
         if not isinstance(strategy, str) or strategy not in known:
             raise ValueError(f"{self.name}: unknown strategy {shown(strategy)}; known: {', '.join(known)}")
         for part in self.population.parts:
             names = [OUT, *(route.name for route in routes)]
             routes += [route for route in self._taken(part, strategy) if route.name not in names]
+        if ways:
+            taken = [route.name for route in routes]
+            routes += [Route(name, (name,)) for name in self.ways if name not in taken]
         radius = self.population.radius
         return RoutePlan(
             self.geometry,
@@ -151,12 +161,12 @@ class Scenario:
         own = {route.name: route for route in self.routes}
         if part.route is not None:
             return [own.get(part.route, Route(part.route, (part.route,)))]
-        if strategy in own or strategy in self._exits:
+        if strategy in own or strategy in self.exits:
             if not part.exits or strategy in part.exits:
                 return [own.get(strategy, Route(strategy, (strategy,)))]
             return [_best_of(part.exits, "shortest")]
         if STRATEGIES[strategy].per_exit:
-            return [own.get(name, Route(name, (name,))) for name in part.exits or self._exits]
+            return [own.get(name, Route(name, (name,))) for name in part.exits or self.exits]
         return [_best_of(part.exits, strategy)]
 
     def depends_on_place(self, strategy: str) -> bool:

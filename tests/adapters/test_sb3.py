@@ -156,7 +156,7 @@ def test_learning_starts_from_the_rule():
     np.testing.assert_allclose(action, np.tile([1.0, 0.0], (20, 1)), atol=0.1)
 
 
-@pytest.mark.parametrize("action", ["speeds", "speeds-directions"])
+@pytest.mark.parametrize("action", ["speeds", "speeds-directions", "speeds-exits"])
 def test_training_with_choices_of_speed_starts_near_the_rule_and_runs(action):
     venv = make(action=action)
     model = make_ppo(venv.env, PPOSettings(n_steps=16, batch_size=64, n_epochs=1), seed=0)

@@ -11,7 +11,7 @@ import pytest
 from evaluations import RULED, SMALL, call, hall, random_network, random_policy, run
 
 import crowd_env
-from agents import evaluate as command
+from agents.evaluation import evaluation
 from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED
 from agents.evaluation.fingerprint import fingerprint, source_stamp
@@ -54,21 +54,23 @@ def test_the_folder_holds_rows_runs_curves_and_maps(small, tmp_path):
 def test_an_interrupted_evaluation_goes_on_and_ends_as_if_it_had_not_been(small, tmp_path, monkeypatch):
     monkeypatch.setattr(EvaluationFolder, "draw", lambda *a: [])  # pictures are another matter
     assert call(*ASKED, "--out", tmp_path / "whole")[0] == 0
-    real, evaluated = command._evaluate, []
+    real, batches = evaluation.simulate_batch, []
 
-    def breaks_at_the_third(entry, scenario, scheme, *rest):
-        if len(evaluated) == 2:
+    def breaks_at_the_third(*work):
+        if len(batches) == 2:
             raise KeyboardInterrupt
-        evaluated.append((entry.name, scheme))
-        return real(entry, scenario, scheme, *rest)
+        batches.append(work)
+        return real(*work)
 
-    monkeypatch.setattr(command, "_evaluate", breaks_at_the_third)
+    monkeypatch.setattr(evaluation, "simulate_batch", breaks_at_the_third)
     code, _, err = call(*ASKED, "--out", tmp_path / "broken")
     assert code == 130 and "goes on" in err and not (tmp_path / "broken/rows.json").exists()
+    kept = {path.name for path in (tmp_path / "broken/kept").iterdir()}
+    assert kept == {"shortest-nsm2.npz", "east-nsm2.npz"}
     again = []
-    monkeypatch.setattr(command, "_evaluate", lambda *a: again.append((a[0].name, a[2])) or real(*a))
+    monkeypatch.setattr(evaluation, "simulate_batch", lambda *work: again.append(work) or real(*work))
     assert call(*ASKED, "--out", tmp_path / "broken")[0] == 0
-    assert evaluated == [("shortest", "nsm2"), ("east", "nsm2")] and again == [("shortest", "dem"), ("east", "dem")]
+    assert len(again) == 2
     assert everything(tmp_path / "broken") == everything(tmp_path / "whole")
 
 

@@ -27,6 +27,7 @@ from agents.networks import read_network
 from agents.tasks import PRESETS, TASKS
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
 from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
+from crowd_env.envs.action import make_action
 
 # ------------------------------------------------------------------------------------------------------ the whole job
 
@@ -129,7 +130,7 @@ def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monke
 
     monkeypatch.setitem(SCENARIOS, "small-room", lambda: make_scenario("room-v0", count=3, time_limit=6.0))
     monkeypatch.setattr(Simulation, "__init__", watched)
-    monkeypatch.setattr("agents.evaluate._warm_up", lambda *args: None)  # in a room of its own
+    monkeypatch.setattr("agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
     monkeypatch.setattr(train, "default_config", smaller)
     monkeypatch.setattr("agents.training_config.default_config", smaller)
     result = call(*asked, "--scenario", "room-v0", "--steps", 20, "--envs", 1, "--runs", 1, "--root", tmp_path)
@@ -267,7 +268,7 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
         seen.append((dt, self.bodies.env_start[1]))
 
     monkeypatch.setattr(Simulation, "__init__", watched)
-    monkeypatch.setattr("agents.evaluate._warm_up", lambda *args: None)  # in a room of its own
+    monkeypatch.setattr("agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
     monkeypatch.setattr("agents.drivers.SHARES", (1.0,))
     monkeypatch.setattr("agents.drivers.SEARCH_RUNS", 1)
     options = ("--task", "literal-room", "--people", 6, "--steps", 700, "--envs", 1, "--runs", 1, "--threads", 1)
@@ -280,7 +281,7 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
     assert config["reward"]["weights"]["contact"] > 0.0 and "ahead" in config["observation"]["terms"]
     assert set(seen) == {(0.01, 6), (0.01, 20), (0.001, 20)}  # trained, validated, judged
     rows = json.loads((folder / "results.json").read_text())["rows"]
-    names = ["rule", "random", "rule-best-speed", "density-cap", "headway", "follow", "zipper", "learned"]
+    names = ["rule", "rule-best-speed", "density-cap", "headway", "follow", "evolution", "zipper", "random", "learned"]
     assert [row["policy"] for row in rows] == names
     assert all(row["people"] == 20 and row["task"] == "literal-room" for row in rows)
     assert "literal-room, version 1" in result.stdout
@@ -294,7 +295,7 @@ def test_presets_train_in_the_place_of_their_task(task):
     assert config["strategy"] == judged.rule and config["decision_dt"] == judged.decision_dt
     env = train.make_env(config, envs=1)
     assert env.num_people == config["people"] <= judged.people
-    assert env.action_kind.name == config["action"]
+    assert env.action_kind.name == make_action(config["action"]).name
 
 
 def test_a_root_that_cannot_hold_folders_is_named(tmp_path):

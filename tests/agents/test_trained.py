@@ -320,7 +320,9 @@ def test_a_trusted_pickle_is_read_and_can_be_saved_as_numbers(model, tmp_path):
         make_policy(str(path), trust_pickle=True)
 
 
-@pytest.mark.parametrize("action", ["continuous", "discrete", {"name": "speeds", "speeds": [0, 0.5, 1]}])
+@pytest.mark.parametrize(
+    "action", ["continuous", "discrete", {"name": "speeds", "speeds": [0, 0.5, 1]}, "speeds-exits"]
+)
 def test_the_numbers_act_as_the_model_does(action, tmp_path):
     """Without torch, to 1e-6; weights far from zero, so that tanh bends and bounds cut."""
     torch = pytest.importorskip("torch")

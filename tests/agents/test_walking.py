@@ -12,7 +12,6 @@ from agents.drivers import PolicyDriver, best_share
 from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import evaluate
 from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.surroundings import remaining_way
 from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.envs.rollout import run_episodes
 
@@ -141,7 +140,7 @@ def assert_alike(policy, env, observation, expected):
 def test_following_of_all_is_the_following_of_each(policy):
     env, observation = crowd(policy)
     state, bodies, ways = env.simulation.state, env.simulation.bodies, env._ahead.direction
-    x, v, way = state.position, state.velocity, remaining_way(env._observer._view.fields)
+    x, v, way = state.position, state.velocity, env._observer._view.fields.distance_to_go
     route = env.simulation.history.followed
 
     def decide(i, others):

@@ -215,6 +215,8 @@ CASES = [
     ("reproduce table5 --out good.toml", "good.toml not a folder"),
     ("reproduce lin-fig6 --workers 0", "--workers 0 at least 1"),
     ("reproduce table5 --side 1e9", "nodes"),
+    ("reproduce lin-fig5 --workers 2 --ray", "--workers 2 beside --ray"),
+    ("reproduce table3 --ray", "--ray belongs to"),
 ]
 
 USAGE = ["run --n 0", "run --n 2.5", "run --seed -1", "run --runs many", "run --dt", "fly", "run a b", "run --fly"]

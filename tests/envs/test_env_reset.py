@@ -1,6 +1,10 @@
 """Which environments a reset begins, and that all others stand still and earn nothing."""
 
+import copy
+import pickle
+
 import numpy as np
+import pytest
 
 from crowd_env import CrowdEnv
 
@@ -44,3 +48,13 @@ def test_nobody_is_inside_before_the_first_reset():
     env.reset([1, 2])
     assert env.active.all()
     assert not env.finished.any()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_copies_of_an_environment_that_has_not_begun_draw_crowds_of_their_own(copied):
+    """Wrappers that copy one environment many times, as SuperSuit's do, would otherwise step the same room many times over."""
+    env = CrowdEnv(count=4)
+    one, other = (each.reset()[0] for each in (env, copied(env)))
+    assert not np.array_equal(one, other)
+    again, same = (each.reset()[0] for each in (env, copied(env)))  # once begun, a copy goes on as the environment does
+    np.testing.assert_array_equal(again, same)

@@ -22,7 +22,7 @@ HALL = make_scenario("room-v0", count=300, side=16.0)
 
 
 @pytest.mark.parametrize("neighbors", [1, 6, 7, 32])
-@pytest.mark.parametrize("terms", [tuple(TERMS), ("density",), ("neighbors",), ("lead",), ("ahead",)])
+@pytest.mark.parametrize("terms", [tuple(TERMS), ("density",), ("neighbors",), ("lead",), ("ahead",), ("queues_seen",)])
 def test_all_pairs_and_cells_show_the_same_to_the_last_bit(terms, neighbors):
     env = CrowdEnv([HALL, CLUTTERED], num_envs=3, observation=ObservationLayout(terms, neighbors=neighbors))
     env.reset(seed=1)

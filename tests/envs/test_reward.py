@@ -72,6 +72,43 @@ def test_the_first_travel_time_is_the_length_of_the_way_over_the_own_speed():
     np.testing.assert_allclose(time, env._ahead.travel_time, rtol=1e-5)
 
 
+@pytest.mark.parametrize("scheme", ["dem", "nsm2", "hertz"])
+@pytest.mark.parametrize("policy", [rule, drunk])
+def test_heads_of_queues_are_charged_for_the_time_until_the_last_is_out(policy, scheme):
+    """One at a time: together they pay for the clearing time, but for the rest of the steps in which a head gets out."""
+    env, _, steps = episodes(policy, scheme=scheme, reward={"head": 1.0, "time": 0.0})
+    charged = np.array([step.info["reward/head"] for _, step, _ in steps])
+    np.testing.assert_allclose([step.reward for _, step, _ in steps], charged)
+    for e in range(env.num_envs):
+        people = env.people(e)
+        times = env.simulation.state.exit_time[people]
+        cleared = np.nanmax(times) if np.isfinite(times).all() else env.simulation.state.time[e]
+        assert ((charged[:, people] < 0).sum(axis=1) <= 1).all()
+        left = np.array([step.terminated[people] for _, step, _ in steps])
+        heads_left = (left & (charged[:, people] < 0)).sum()
+        assert heads_left > 5 or policy is drunk
+        assert cleared - env.decision_dt * heads_left <= -charged[:, people].sum() <= cleared + 1e-9
+        stayed = (charged[:, people] < 0) & ~left
+        np.testing.assert_allclose(charged[:, people][stayed], -env.decision_dt, atol=1e-9)
+
+
+def test_the_head_is_nearest_by_its_route_and_every_route_has_one():
+    env = CrowdEnv("two-exit-hall-v0", strategy="nearest", num_envs=2)
+    env.reset(seed=0)
+    rng, routes = np.random.default_rng(0), set()
+    for _ in range(20):
+        inside, before = env.active.copy(), env._ahead.potential * env.simulation.bodies.desired_speed
+        step = env.step(drunk(rng, env.num_people))
+        for e in range(2):
+            people = np.arange(env.num_people)[env.people(e)]
+            for route in np.unique(env.simulation.state.route[people]):
+                those = people[inside[people] & (env.simulation.state.route[people] == route)]
+                charged = those[step.info["reward/head"][those] < 0]
+                assert charged.tolist() == [those[before[those].argmin()]]
+                routes.add(int(route))
+    assert len(routes) == 2
+
+
 def test_walking_away_costs_progress():
     _, _, steps = episodes(backwards, time_limit=1.0)
     assert (total(steps, "progress") < 0.1).all() and total(steps, "progress").mean() < -0.1

@@ -6,6 +6,7 @@ from evacuations import evacuated
 
 from crowd_env import CrowdEnv, make_scenario
 from crowd_env.envs.rollout import Driver, RunsInterrupted, report, rollout, run_episodes
+from crowd_env.executors import Processes, Serial
 from crowd_env.rendering.live import record
 
 
@@ -118,3 +119,23 @@ def test_a_film_has_every_moment_of_the_evacuation_of_its_seed():
     np.testing.assert_array_equal(film.exit_time, episode.exit_time)
     assert film.title == "title" and film.time[:-1] == pytest.approx(0.1 * np.arange(len(film.time) - 1))
     assert film.time[-1] == episode.end and film.active[0].all() and not film.active[-1].any()
+
+
+def test_an_executor_makes_the_same_evacuations():
+    expected, counts = run_episodes(room(), 7, scheme="dem", seed=2, recorder=Counts()), []
+    found = run_episodes(
+        room(), 7, scheme="dem", seed=2, recorder=Counts(), executor=Processes(2), progress=counts.append
+    )
+    assert repr(found) == repr(expected) and sorted(counts) == [3, 4]
+
+
+def test_an_executor_keeps_what_is_finished_at_an_interruption():
+    class Interrupted(Serial):
+        workers = 3
+
+        def run(self, work, pieces, done):
+            super().run(work, pieces[:2], done)
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunsInterrupted, match="6 of 7 runs are finished"):
+        run_episodes(room(), 7, scheme="dem", executor=Interrupted())

@@ -73,7 +73,7 @@ def test_a_reward_of_ones_own_is_shared_by_its_name():
 
 
 def test_the_tables_cannot_be_changed_and_every_compiled_term_has_a_column():
-    for known, line in ((TERMS, CompiledTerm(1)), (REWARDS, 4)):
+    for known, line in ((TERMS, CompiledTerm(1)), (REWARDS, 5)):
         with pytest.raises(TypeError):
             known["late"] = line
         with pytest.raises(TypeError):

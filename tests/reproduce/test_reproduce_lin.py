@@ -15,8 +15,8 @@ from evacuations import evacuated
 from lin_runs import invented
 from reproductions import nothing
 
+from crowd_env.executors import Processes
 from crowd_env.physics import SCHEMES
-from crowd_env.reproduce import pool
 from crowd_env.reproduce import store as store_of_runs
 from crowd_env.reproduce.lin2016.run import Run, Stopped, until_blocked
 from crowd_env.reproduce.lin2016.sample import sample
@@ -164,14 +164,14 @@ def test_interrupted_and_resumed_is_uninterrupted(uninterrupted, tmp_path, monke
         complete(SMALL, Store(tmp_path / "runs"), progress=nothing)
     assert len(list((tmp_path / "runs").iterdir())) == 3
     again = []
-    monkeypatch.setattr(Run, "simulate", lambda run: again.append(run) or simulate(run))
+    monkeypatch.setattr(Run, "simulate", lambda run, stopped=None: again.append(run) or simulate(run))
     assert complete(SMALL, Store(tmp_path / "runs"), progress=nothing) == uninterrupted
     assert len(again) == 5 and not set(again) & set(done)
 
 
 def test_the_number_of_processes_changes_nothing(uninterrupted, tmp_path):
     store, counts = Store(tmp_path), []
-    assert complete(SMALL, store, workers=2, progress=counts.append) == uninterrupted
+    assert complete(SMALL, store, executor=Processes(2), progress=counts.append) == uninterrupted
     assert sum(counts) == len(SMALL)
     assert {run: store.load(run) for run in SMALL} == uninterrupted
     assert len(list(tmp_path.iterdir())) == len(SMALL)
@@ -180,7 +180,7 @@ def test_the_number_of_processes_changes_nothing(uninterrupted, tmp_path):
 def test_an_error_in_another_process_arrives_and_the_rest_is_kept(tmp_path):
     wild = replace(SMALL[0], dt=0.5)
     with pytest.raises(ValueError, match="stable step"):
-        complete([*SMALL[:2], wild], Store(tmp_path), workers=2, progress=nothing)
+        complete([*SMALL[:2], wild], Store(tmp_path), executor=Processes(2), progress=nothing)
 
 
 def test_what_is_kept_is_what_was_computed(tmp_path):
@@ -298,7 +298,7 @@ def test_the_numbers_of_the_paper(tmp_path):
         "100 at 2, no rotation": settings.draws(100, 2.0, **plain),
     }
     runs = [run for some in draws.values() for run in some]
-    records = complete(runs, Store(tmp_path), workers=pool.all_cores(), progress=nothing)
+    records = complete(runs, Store(tmp_path), executor=Processes(), progress=nothing)
     found = {name: sample(records, some) for name, some in draws.items()}
     assert 110 <= sample(records, settings.draws(100, 1.0)).median <= 140
     assert 320 <= found["200 at 0.6"].median <= 385 and found["200 at 0.6"].blocked == 0

@@ -26,7 +26,7 @@ def invented(runs, shift=0.0, by_a=42, lost=0):
 def scripted(monkeypatch):
     """Let evacuations be invented: with rules everything is 2 s later and two people more take B."""
 
-    def instead(settings, rules, progress):
+    def instead(settings, rules, progress, executor=None):
         progress(settings.runs)
         return invented(settings.runs, 2.0, 40) if rules else invented(settings.runs)
 
@@ -87,7 +87,7 @@ def test_table_7_stands_beside_the_paper_and_says_what_rules_change(scripted, fo
 
 
 def test_no_difference_is_a_result_too(monkeypatch, folder):
-    monkeypatch.setattr(table7, "evacuate", lambda settings, rules, progress: invented(settings.runs))
+    monkeypatch.setattr(table7, "evacuate", lambda settings, rules, progress, executor: invented(settings.runs))
     text = " ".join(table7.reproduce(PecolSettings(runs=3), ALONE).remarks)
     assert "change (mean of the draws, 95 % interval): nothing." in text and "do not shorten" in text
     text = " ".join(table7.reproduce(PecolSettings(runs=1), ALONE).remarks)
@@ -95,7 +95,9 @@ def test_no_difference_is_a_result_too(monkeypatch, folder):
 
 
 def test_rules_that_help_are_said_to(monkeypatch):
-    monkeypatch.setattr(table7, "evacuate", lambda s, rules, progress: invented(s.runs, -3.0 if rules else 0.0))
+    monkeypatch.setattr(
+        table7, "evacuate", lambda s, rules, progress, executor: invented(s.runs, -3.0 if rules else 0.0)
+    )
     assert "they shorten the evacuation" in " ".join(table7.reproduce(PecolSettings(runs=3), ALONE).remarks)
 
 

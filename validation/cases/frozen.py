@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 
 from crowd_env.envs.metrics import share_interval
+from crowd_env.executors import Processes
 from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.reproduce.pool import all_cores, complete
+from crowd_env.reproduce.pool import complete
 from crowd_env.reproduce.store import Store
 from validation.cases.case import Row, Setting, row
 
@@ -87,7 +88,7 @@ def _rows(setting: Setting) -> Iterator[Row]:
             at = ", ".join(f"{name} {value:g}" for name, value in variant.items())
             setting.notify(f"{at}: {len(SPEEDS) * draws} evacuations")
             every = [one for some in runs.values() for one in some]
-            records = complete(every, store, workers=all_cores(), progress=lambda _: None)
+            records = complete(every, store, executor=Processes(), progress=lambda _: None)
             blocked = {times: [records[one].blocked_since is not None for one in some] for times, some in runs.items()}
             yield finding(setting, usual, speed, blocked)
 

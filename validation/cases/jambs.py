@@ -5,6 +5,7 @@ Twenty people of 0.2 to 0.25 m leave a room of 5 m by a door hardly wider than t
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 from shapely.geometry import box
 
@@ -39,7 +40,7 @@ def run(setting: Setting) -> Iterator[Row]:
             for radius in _RADII:
                 setting.notify(f"{name}, {setting.manner}, door {door:g} m, jambs of {radius:g} m")
                 place, seed = narrow_door(door, radius), setting.seed
-                walking = {"manner": setting.manner, "outline": setting.outline}
+                walking: dict[str, Any] = {"manner": setting.manner, "outline": setting.outline}
                 episodes = run_episodes(place, setting.draws, seed=seed, scheme=scheme, **walking)
                 more[f"stuck, radius {radius:g} m"] = sum(episode.metrics.unfinished > 0 for episode in episodes)
             stuck = ", ".join(f"{more[f'stuck, radius {radius:g} m']} with {radius:g} m" for radius in _RADII)

@@ -16,6 +16,7 @@ from crowd_env.state import Ints
 ALL_PAIRS = 96
 MOST_NEIGHBORS = 32
 MOST_RAYS = 360
+MOST_ROUTES = 1000
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class ObservationLayout(Layout):
     terms : names in ``TERMS`` and `ObservationTerm` objects, in the order of the columns; by default the ``USUAL`` ones.
     neighbors : how many nearest people are seen.
     rays : how many directions walls are felt for in.
+    routes : number of exits and routes that the terms of each tell of; 0 = as many as the place has, which an environment
+        fills in.
 
     Raises
     ------
@@ -43,15 +46,22 @@ class ObservationLayout(Layout):
     terms: Sequence[str | ObservationTerm] = USUAL
     neighbors: int = 6
     rays: int = 8
+    routes: int = 0
 
     def __post_init__(self) -> None:
-        check_fields("observation", self, neighbors=Range(1, MOST_NEIGHBORS), rays=Range(1, MOST_RAYS))
+        counts = {"neighbors": Range(1, MOST_NEIGHBORS), "rays": Range(1, MOST_RAYS), "routes": Range(0, MOST_ROUTES)}
+        check_fields("observation", self, **counts)
         object.__setattr__(self, "terms", observed_terms(ObservationTerm, self.terms, TERMS))
 
     @property
     def own_terms(self) -> tuple[ObservationTerm, ...]:
         """The terms that are not compiled."""
         return own_terms(ObservationTerm, self.terms)
+
+    @property
+    def tells_of_routes(self) -> bool:
+        """Whether a term has columns for each exit and route of the place."""
+        return any(TERMS[term].of_each == "routes" for term in self.terms if isinstance(term, str))
 
     def width(self, name: str) -> int:
         """Return the number of columns of a term."""
@@ -79,7 +89,8 @@ class ObservationLayout(Layout):
             raise ValueError(
                 f"{term.kind} {term.name!r} is a function of your own, which cannot be written as plain data"
             )
-        return {"terms": list(self.names), "neighbors": self.neighbors, "rays": self.rays}
+        table = {"terms": list(self.names), "neighbors": self.neighbors, "rays": self.rays}
+        return {**table, "routes": self.routes} if self.tells_of_routes else table
 
     def plan(self, largest: int, all_pairs: int = ALL_PAIRS) -> Plan:
         """Return where the compiled terms go, and scratch for one thread.

@@ -36,7 +36,8 @@ def neighbor_features(e: int, begin: int, end: int, view: View, plan: Plan, out:
         head, columns, rows = put_into_one_cell(e, begin, end, view.listed, active, near)
     else:
         column = plan.column
-        sight = SIGHT if max(column.neighbors, column.lead, column.ahead) >= 0 else DENSITY_RADIUS
+        far = max(column.neighbors, column.lead, column.ahead, column.queues_seen) >= 0
+        sight = SIGHT if far else DENSITY_RADIUS
         head, columns, rows = sort_into_cells(e, begin, view.bodies.env_start[e + 1], active, position, near, sight)
     for cell in range(head, head + rows * columns):
         first_item, end_item = begin + near.cell_start[cell], begin + near.cell_start[cell + 1]
@@ -107,6 +108,8 @@ def write_neighbors(
             out[i, at_density] = clipped(close * (1.0 / (np.pi * DENSITY_RADIUS**2 * DENSITY_SCALE)))
         if plan.column.ahead >= 0:
             write_ahead(e, i, count, begin, view, plan, out)
+        if plan.column.queues_seen >= 0:
+            write_queues_seen(i, count, begin, view, plan, out)
         if at_neighbors < 0 and at_lead < 0:
             continue
         if len(nearest) <= 6:
@@ -162,6 +165,21 @@ def write_ahead(e: int, i: int, count: int, begin: int, view: View, plan: Plan, 
         out[i, first] = max(1.0 - least * (1.0 / SIGHT), 0.0)
         out[i, first + 1] = clipped((velocity[following, 0] * ex + velocity[following, 1] * ey) / SPEED_SCALE)
         out[i, first + 2] = ahead / (ahead + AHEAD_SCALE)
+
+
+@inner_kernel
+def write_queues_seen(i: int, count: int, begin: int, view: View, plan: Plan, out: Rows) -> None:
+    """Write the term `queues_seen` of person ``i``."""
+    around, length, first = plan.around, view.length_of_way, plan.column.queues_seen
+    x, y = view.state.position[i, 0], view.state.position[i, 1]
+    for n in range(count):
+        dx, dy, j = x - around[0, n], y - around[1, n], begin + int(around[3, n])
+        k = view.heads_for[j]
+        if dx * dx + dy * dy < SIGHT * SIGHT and length[j, k] < length[i, k]:
+            out[i, first + k] += 1.0
+    for k in range(length.shape[1]):
+        nearer = out[i, first + k]
+        out[i, first + k] = nearer / (nearer + AHEAD_SCALE)
 
 
 @inner_kernel

@@ -6,7 +6,7 @@ from crowd_env._kernels.struct_ref import struct_ref
 from crowd_env._kernels.threads import Workers
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.perception import perceive
-from crowd_env.envs.observation.view import RouteAhead, View
+from crowd_env.envs.observation.view import RouteAhead, View, Ways
 from crowd_env.physics.neighbors.lists import allocate_neighbors
 from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import Bools, Ints
@@ -21,12 +21,20 @@ class Observer:
     ----------
     simulation, layout : whom, and what of them.
     ahead : where to write what is left of everyone's route, whatever the layout.
+    ways : that people may choose among.
     in_world : vectors along x and y, else along and to the left of the shortest path.
     threads : spread environments over so many; observations do not depend on it.
     """
 
     def __init__(
-        self, simulation: Simulation, layout: ObservationLayout, ahead: RouteAhead, *, in_world: bool, threads: int
+        self,
+        simulation: Simulation,
+        layout: ObservationLayout,
+        ahead: RouteAhead,
+        ways: Ways,
+        *,
+        in_world: bool,
+        threads: int,
     ) -> None:
         people, environments = len(simulation.bodies.radius), len(simulation.state.time)
         self.layout = layout
@@ -59,6 +67,9 @@ class Observer:
                 listed=self._listed,
                 axis=self._axis,
                 distance_to_go=np.zeros(people),
+                ways=ways,
+                length_of_way=np.zeros((people, layout.routes)),
+                heads_for=np.zeros(people, dtype=np.int64),
                 **ahead._asdict(),
             )
         )

@@ -7,15 +7,12 @@ processor.
 
 from crowd_env._kernels.jit import index, inner_kernel, kernel
 from crowd_env.envs.observation.neighbors import clipped, neighbor_features
-from crowd_env.envs.observation.view import SIGHT, SPEED_SCALE, Cells, Columns, Plan, Rows, View
+from crowd_env.envs.observation.view import SIGHT, SLOWEST, SPEED_SCALE, TIME_SCALE, Cells, Columns, Plan, Rows, View
+from crowd_env.envs.observation.ways import way_features
 from crowd_env.navigation.lookup import travel_time_at, way_at
 from crowd_env.state import Bools, Ints
 
-TIME_SCALE = 5.0  # s     a travel time of 5 s is observed as 1/2
 KICK_SCALE = 1.0  # m/s   an impulse that changes the own speed by this much is observed as 1
-SLOWEST = (
-    0.1  # m/s   travel times of those who want to be slower are those at this speed: at none they would be infinite
-)
 
 
 @kernel
@@ -29,7 +26,9 @@ def perceive(environments: Ints, view: View, plan: Plan, out: Rows) -> None:
         write_own_features(begin, end, view, column, out)
         if column.walls >= 0:
             cast_rays(e, begin, end, view, plan, out)
-        if max(column.density, column.neighbors, column.lead, column.ahead) >= 0:
+        if max(column.routes, column.queues_seen, column.queues_shown) >= 0:
+            way_features(e, begin, end, view, plan, out)
+        if max(column.density, column.neighbors, column.lead, column.ahead, column.queues_seen) >= 0:
             neighbor_features(e, begin, end, view, plan, out)
 
 

@@ -44,7 +44,7 @@ class CompiledTerm(NamedTuple):
     """A term whose columns a kernel writes, see `crowd_env.envs.observation.perception`."""
 
     width: int
-    of_each: Literal["", "neighbors", "rays"] = ""  # field of the layout: so many times the width
+    of_each: Literal["", "neighbors", "rays", "routes"] = ""  # field of the layout: so many times the width
     usual: bool = True  # part of an observation whose terms are not named
 
 
@@ -76,6 +76,13 @@ TERMS: Mapping[str, CompiledTerm] = MappingProxyType(
         # of the people within 3 m who are nearer the exit along the own route: closeness of the next, which is 1 - lead / 3 m
         # (at least 0), the speed of that person along the route / 2 m/s, and their number n as n / (n + 10); 0 if there is none
         "ahead": CompiledTerm(3, usual=False),
+        # two values for each exit and route of the place, in the order of `Scenario.ways`, as who knows the plan knows them:
+        # the time t that this way takes at the own desired speed, as t / (t + 5 s), and 1 for the one that is followed
+        "routes": CompiledTerm(2, of_each="routes", usual=False),
+        # how many of the people within 3 m are nearer the end of each way than oneself and heading for it, n as n / (n + 10)
+        "queues_seen": CompiledTerm(1, of_each="routes", usual=False),
+        # the same of all people inside, as signs would show it that count those who wait: n / (n + 50)
+        "queues_shown": CompiledTerm(1, of_each="routes", usual=False),
     }
 )
 

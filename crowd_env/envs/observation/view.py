@@ -15,6 +15,9 @@ Cells = NDArray[np.int32]
 
 SIGHT = 3.0  # m     how far neighbors and walls are seen
 SPEED_SCALE = 2.0  # m/s
+TIME_SCALE = 5.0  # s     a travel time of 5 s is observed as 1/2
+# Travel times of those who want to be slower are those at this speed: at none they would be infinite.
+SLOWEST = 0.1  # m/s
 
 
 class RouteAhead(NamedTuple):
@@ -28,6 +31,13 @@ class RouteAhead(NamedTuple):
 def allocate_route_ahead(people: int) -> RouteAhead:
     """Return the arrays for so many people, of whom nothing is known yet."""
     return RouteAhead(np.zeros((people, 2)), np.zeros(people), np.zeros(people))
+
+
+class Ways(NamedTuple):
+    """The C exits and routes that people may choose among, in the order of `Scenario.ways`; none where they choose none."""
+
+    route: Ints  # (E, C)  number of the route
+    then: Ints  # (E, C)  route that takes over at the region that it leads to; -1 = none
 
 
 class View(NamedTuple):
@@ -54,6 +64,9 @@ class View(NamedTuple):
     distance_to_go: (
         Floats  # (P,)    m   scratch: the rest of the route of those who are seen, their travel time at 1 m/s
     )
+    ways: Ways
+    length_of_way: Floats  # (P, C)  m   scratch: rest of each way from where they stand, as `distance_to_go`
+    heads_for: Ints  # (P,)    scratch: the way that they go, or that looks most like it
 
 
 class Columns(NamedTuple):
@@ -70,6 +83,9 @@ class Columns(NamedTuple):
     neighbors: int
     lead: int
     ahead: int
+    routes: int
+    queues_seen: int
+    queues_shown: int
 
 
 class Plan(NamedTuple):

@@ -93,8 +93,7 @@ class RoutingBatch:
         )
         self.scenario = self.env.scenarios[0]
         geometry, route_set = self.scenario.geometry, self.env.route_set[0]
-        exits = tuple(dict.fromkeys(geometry.exit_names))
-        known = tuple(dict.fromkeys((*exits, *(route.name for route in self.scenario.routes))))
+        exits, known = self.scenario.exits, self.scenario.ways
         routes = check_names("route", routes, known) or known
         doors, regions = check_names("door", doors, geometry.doors), check_names("region", regions, [*geometry.regions])
         self.interval, self.autoreset = interval, autoreset

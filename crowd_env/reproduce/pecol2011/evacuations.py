@@ -8,6 +8,7 @@ import numpy as np
 
 from crowd_env.envs.metrics import share_interval
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
+from crowd_env.executors import Executor
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, Estimate, run_slopes
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
@@ -47,7 +48,7 @@ class Evacuations:
         return int(inside.sum()), int((inside > 0).sum())
 
 
-def evacuate(settings: PecolSettings, scheme: str, progress: Progress) -> Evacuations:
+def evacuate(settings: PecolSettings, scheme: str, progress: Progress, executor: Executor | None = None) -> Evacuations:
     """Run the draws ``seed`` to ``seed + runs - 1`` under a scheme, everyone walking the shortest path.
 
     They are the draws of ``crowd-env run``.
@@ -64,6 +65,7 @@ def evacuate(settings: PecolSettings, scheme: str, progress: Progress) -> Evacua
             settings.runs,
             seed=settings.seed,
             progress=progress,
+            executor=executor,
             scheme=contact,
             dt=settings.dt,
             # How often we look; the rule does not depend on it.

@@ -12,7 +12,7 @@ TITLE = "Figure 3: pedestrians out of the room against time; flows in persons/s"
 
 def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Figure 3 for the scheme of the settings; the paper draws NSM2."""
-    done = evacuate(settings, settings.scheme, work.progress)
+    done = evacuate(settings, settings.scheme, work.progress, work.executor)
     slope, start, exits = pooled_line(done.exit_times)
     mean = done.estimates["per run"].value
     remarks = [

@@ -24,7 +24,7 @@ _SHARES = (0.1, 0.5, 0.9)
 
 def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Figure 6."""
-    done = evacuate(settings, True, work.progress)
+    done = evacuate(settings, True, work.progress, work.executor)
     rows = [*rows_with_rules(done), unfinished_row("left inside", done), *_share_rows(done)]
     remarks = [
         SYNTHETIC,

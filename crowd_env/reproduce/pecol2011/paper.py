@@ -6,13 +6,14 @@ on a synthetic one.
 
 from collections.abc import Mapping
 from dataclasses import fields
+from typing import Any
 
-from crowd_env.reproduce.paper import DRAWS, Figure, Paper
+from crowd_env.reproduce.paper import DRAWS, SPREAD, Figure, Paper
 from crowd_env.reproduce.pecol2011 import fig1, fig2, fig3, fig6, table3, table5, table7, theatre
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 
-_ROOM = DRAWS | {one.name for one in fields(PecolSettings)} - {"scheme"}
-_THEATRE = {"runs": theatre.RUNS}
+_ROOM = DRAWS | SPREAD | {one.name for one in fields(PecolSettings)} - {"scheme"}
+_THEATRE: dict[str, Any] = {"options": DRAWS | SPREAD, "defaults": {"runs": theatre.RUNS}}
 
 
 def check(chosen: Mapping[str, PecolSettings]) -> None:
@@ -34,8 +35,8 @@ PAPER = Paper(
         "table5": Figure(
             table5.TITLE, table5.reproduce, lambda s: len(table5.SCHEMES) * s.runs, options=_ROOM, cpu_time=5
         ),
-        "table7": Figure(table7.TITLE, table7.reproduce, lambda s: 2 * s.runs, defaults=_THEATRE, cpu_time=60),
-        "fig6": Figure(fig6.TITLE, fig6.reproduce, lambda s: s.runs, defaults=_THEATRE, cpu_time=40),
+        "table7": Figure(table7.TITLE, table7.reproduce, lambda s: 2 * s.runs, **_THEATRE, cpu_time=60),
+        "fig6": Figure(fig6.TITLE, fig6.reproduce, lambda s: s.runs, **_THEATRE, cpu_time=40),
     },
     cpu_time=60,
     check=check,

@@ -35,7 +35,7 @@ def reproduce(settings: PecolSettings, work: Work) -> Result:
     done: dict[str, Evacuations] = {}
     for name in SCHEMES:
         try:
-            done[name] = evacuate(settings, name, work.progress)
+            done[name] = evacuate(settings, name, work.progress, work.executor)
         except Halfway as halfway:
             before = list(done.values())
             raise halfway.after(raw_times(settings, before), len(before) * settings.runs) from None

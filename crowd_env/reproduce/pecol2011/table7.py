@@ -30,7 +30,7 @@ _CLOSE = 0.10
 
 def reproduce(settings: PecolSettings, work: Work) -> Result:
     """Return Table 7, and what the control rules change in it."""
-    ruled, free = (evacuate(settings, rules, work.progress) for rules in (True, False))
+    ruled, free = (evacuate(settings, rules, work.progress, work.executor) for rules in (True, False))
     rows = [*rows_with_rules(ruled), unfinished_row("left inside", ruled)]
     changes = []
     for name in (*PRINTED, *IMPLIED):

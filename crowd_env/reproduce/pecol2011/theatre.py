@@ -10,10 +10,10 @@ import numpy as np
 
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
+from crowd_env.executors import Executor, all_cores
 from crowd_env.physics import NSM2, SocialForce
 from crowd_env.reproduce.pecol2011.flow import mean_of_runs
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
-from crowd_env.reproduce.pool import all_cores
 from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
 from crowd_env.reproduce.sound import require_none_escaped
 from crowd_env.scenarios import make_scenario
@@ -91,7 +91,7 @@ def theatre() -> Scenario:
     return make_scenario("theatre-v0")
 
 
-def evacuate(settings: PecolSettings, rules: bool, progress: Progress) -> Egress:
+def evacuate(settings: PecolSettings, rules: bool, progress: Progress, executor: Executor | None = None) -> Egress:
     """Run the draws ``seed`` to ``seed + runs - 1``, with or without the control rules; once for the same settings.
 
     Raises
@@ -103,7 +103,8 @@ def evacuate(settings: PecolSettings, rules: bool, progress: Progress) -> Egress
     if key in _made:
         progress(settings.runs)
         return _made[key]
-    options: dict[str, Any] = {"scheme": SCHEME, "rules": rules, "threads": all_cores(), "progress": progress}
+    options: dict[str, Any] = {"scheme": SCHEME, "rules": rules, "progress": progress, "executor": executor}
+    options["threads"] = all_cores() if executor is None else 1
     recorder = _RulesRecorder() if rules else None
     try:
         episodes = run_episodes(theatre(), settings.runs, seed=settings.seed, recorder=recorder, **options)

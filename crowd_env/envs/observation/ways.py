@@ -1,0 +1,107 @@
+"""The ways that people may choose among, compiled: how long each takes, who goes it, and how many wait there."""
+
+import numpy as np
+
+from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.envs.observation.neighbors import clipped
+from crowd_env.envs.observation.view import SLOWEST, TIME_SCALE, Plan, Rows, View
+from crowd_env.navigation.lookup import travel_time_at, way_at
+from crowd_env.state import Floats
+
+SHOWN_SCALE = 50.0  # people   a sign that shows so many is observed as 1/2
+
+
+@inner_kernel
+def way_features(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -> None:
+    """Find the ways of those in ``listed[begin:end]``; write the terms `routes` and `queues_shown` of environment ``e``."""
+    first, length, heads_for = plan.column.routes, view.length_of_way, view.heads_for
+    for n in range(index(begin), index(end)):
+        i = view.listed[n]
+        find_ways(e, i, view)
+        if first >= 0:
+            speed = max(view.bodies.desired_speed[i], SLOWEST)
+            for k in range(length.shape[1]):
+                time = length[i, k] / speed if view.state.active[i] else 0.0
+                out[i, first + 2 * k] = clipped(time / (time + TIME_SCALE))
+            out[i, first + 2 * heads_for[i] + 1] = 1.0
+    if plan.column.queues_shown >= 0:
+        for k in range(length.shape[1]):
+            write_queue_shown(k, begin, end, view, plan, out)
+
+
+@inner_kernel
+def find_ways(e: int, i: int, view: View) -> None:
+    """Write the length of each way of person ``i``, and which one that person goes.
+
+    It is the way that is followed, or among the others the one in whose direction the person wants to go: who takes the fastest
+    way is seen to head for one exit, and may turn.
+    """
+    x, y, r, followed = view.state.position[i, 0], view.state.position[i, 1], view.bodies.radius[i], view.followed[i]
+    heads_for, best = 0, -np.inf
+    for k in range(view.ways.route.shape[1]):
+        route = view.ways.route[e, k]
+        f, p = view.field_of_route[e, route], view.potential_of_route[e, route]
+        ex, ey, length = way_at(view.field, view.boundary, f, x, y, r)
+        if p != f:
+            length = travel_time_at(view.field, view.boundary, p, x, y, r)
+        view.length_of_way[i, k] = length
+        likeness = ex * view.direction[i, 0] + ey * view.direction[i, 1]
+        if followed == route or followed == view.ways.then[e, k]:
+            likeness = np.inf
+        if likeness > best:
+            heads_for, best = k, likeness
+    view.heads_for[i] = heads_for
+
+
+@inner_kernel
+def write_queue_shown(k: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -> None:
+    """Write how many of all are heading for the end of way ``k`` and nearer to it, of everyone in ``listed[begin:end]``."""
+    length, sorted_lengths, count = view.length_of_way, plan.key, 0
+    for n in range(index(begin), index(end)):
+        i = view.listed[n]
+        if view.state.active[i] and view.heads_for[i] == k:
+            sorted_lengths[count] = length[i, k]
+            count += 1
+    sort(sorted_lengths, count)
+    for n in range(index(begin), index(end)):
+        i = view.listed[n]
+        nearer = count_below(sorted_lengths, count, length[i, k])
+        out[i, plan.column.queues_shown + k] = nearer / (nearer + SHOWN_SCALE)
+
+
+@inner_kernel
+def sort(values: Floats, count: int) -> None:
+    """Sort the first ``count`` values in place, by a heap: as quick for any order, and without memory of its own."""
+    for root in range(count // 2 - 1, -1, -1):
+        sink(values, root, count)
+    for last in range(count - 1, 0, -1):
+        values[0], values[last] = values[last], values[0]
+        sink(values, 0, last)
+
+
+@inner_kernel
+def sink(values: Floats, root: int, count: int) -> None:
+    """Let a value of a heap of ``count`` sink until no child of its is larger."""
+    value, hole = values[root], root
+    while 2 * hole + 1 < count:
+        child = 2 * hole + 1
+        if child + 1 < count and values[child + 1] > values[child]:
+            child += 1
+        if values[child] <= value:
+            break
+        values[hole] = values[child]
+        hole = child
+    values[hole] = value
+
+
+@inner_kernel
+def count_below(values: Floats, count: int, limit: float) -> int:
+    """Return how many of the first ``count`` values, which ascend, are below a limit."""
+    low, high = 0, count
+    while low < high:
+        middle = (low + high) // 2
+        if values[middle] < limit:
+            low = middle + 1
+        else:
+            high = middle
+    return low

@@ -1,0 +1,96 @@
+"""A policy that starts as a rule: labels, what is learned from them, and what cannot be cloned."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+from training_runs import call
+
+from agents import make_policy
+from agents.learned import PPOSettings, cloning, make_ppo
+from agents.learned.export import network_of
+from agents.learned.training import env_options_of
+from agents.trained import LearnedPolicy
+from agents.training_config import make_env, task_config
+from crowd_env import CrowdEnv
+
+SPEEDS = {"name": "speeds", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]}
+
+
+def small_env(**changes):
+    """Return a training batch of the competitive door, with few people."""
+    return make_env(task_config("competitive-door", people=12, start="follow", envs=4) | changes)
+
+
+@pytest.mark.parametrize("action", ["speeds", SPEEDS, "speeds-directions"])
+def test_labels_are_shares_of_choices_whose_mean_is_what_the_rule_wants(action):
+    env = CrowdEnv("room-v0", action=action, count=2)
+    choices = env.action_kind.decode.commands
+    wanted = np.column_stack([np.random.default_rng(0).uniform(choices[:, 0].min(), 1.0, 200), np.zeros(200)])
+    labels = cloning._labels(env, wanted)
+    assert (labels >= 0.0).all() and ((labels > 0.0).sum(axis=1) <= 2).all()
+    np.testing.assert_allclose(labels.sum(axis=1), 1.0)
+    np.testing.assert_allclose(labels @ choices, wanted, atol=1e-6)
+    np.testing.assert_allclose(cloning._labels(env, choices) @ choices, choices, atol=1e-12)
+
+
+@pytest.mark.parametrize("action", [SPEEDS, "continuous"])
+def test_a_clone_acts_as_its_rule_where_it_was_never_trained(action, monkeypatch):
+    for name, value in (("ROUNDS", 4), ("DECISIONS", 120), ("EPOCHS", 12), ("_BATCH", 256)):
+        monkeypatch.setattr(cloning, name, value)
+    rule, env = make_policy("evolution"), small_env(action=action)
+    model = make_ppo(env, PPOSettings(n_steps=4, rule_logit=0.0), seed=0)
+    before = disagreement(model, env, rule)
+    cloning.clone(model, rule, seed=0)
+    after = disagreement(model, env, rule)
+    assert after < 0.5 * before and after < 0.25, (before, after)  # of the desired speed
+
+
+def disagreement(model, env, rule):
+    """Return the mean distance between what policy and rule want in evacuations that the rule leads."""
+    policy = LearnedPolicy(network_of(model), env_options_of(env))
+    observation, _ = env.reset(900_000)
+    rng, found = np.random.default_rng(0), []
+    for _ in range(80):
+        wanted = rule.act(observation, env.layout, rng)
+        chosen = policy.act(observation, env.layout, rng)
+        decode = env.action_kind.decode
+        command = chosen if decode is None else decode(chosen)
+        found.append(np.abs(command - wanted).sum(axis=1)[env.active])
+        actions = wanted if decode is None else cloning._labels(env, wanted).argmax(axis=1)
+        observation = env.step(actions).observation
+    return float(np.concatenate(found).mean())
+
+
+def test_the_same_seed_clones_the_same_network(monkeypatch):
+    monkeypatch.setattr(cloning, "ROUNDS", 1)
+    monkeypatch.setattr(cloning, "DECISIONS", 20)
+    networks = []
+    for _ in range(2):
+        env = small_env(action=SPEEDS)
+        model = make_ppo(env, PPOSettings(n_steps=4), seed=3)
+        cloning.clone(model, make_policy("evolution"), seed=3)
+        networks.append(network_of(model))
+    assert all((one == two).all() for one, two in zip(networks[0].weights, networks[1].weights, strict=True))
+
+
+def test_rules_act_in_the_frame_of_the_path():
+    env = small_env(frame="world", action="continuous")
+    with pytest.raises(ValueError, match="'evolution' cannot be cloned: it acts in the frame 'path', not in 'world'"):
+        cloning.clone(make_ppo(env, PPOSettings(n_steps=4), seed=0), make_policy("evolution"), seed=0)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--start", "nobody"), "unknown start 'nobody'; known: rule, rule-best-speed"),
+        (("--start", "random"), "unknown start 'random'"),
+        (("--start", "zipper"), "'zipper' needs the full state"),
+        (("--scenario", "room-v0", "--start", "evolution"), "'evolution' needs its own observation holds: ahead"),
+    ],
+)
+def test_a_start_that_cannot_be_is_refused_before_anything_is_written(tmp_path, options, words):
+    result = call("--root", tmp_path / "runs", *options)
+    assert result.exit_code == 2 and words in result.stderr.replace("\n", " "), result.stderr
+    assert not (tmp_path / "runs").exists()
