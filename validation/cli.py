@@ -26,9 +26,10 @@ from validation.cases import CASES
 from validation.cases.case import COMPARED, DISC, Case, Row, Setting
 from validation.cases.case import row as row_of
 from validation.finished import Finished, complete_rows, of_bodies
-from validation.pages import TABLES, fill, run
+from validation.pages import GROUPS, TABLES, fill, run
 from validation.positions import STORED, write
 
+_OF_TASKS = {name for group in GROUPS.values() for name in group} - set(GROUPS)
 _WIDTH = 140  # characters, where there is no terminal
 
 
@@ -297,7 +298,11 @@ def _bits_note(row: dict[str, Any]) -> str:
 @app.command()
 def pages(
     names: Annotated[
-        list[str] | None, typer.Argument(help=f"Tables: {', '.join(TABLES)}; default those that need no --from.")
+        list[str] | None,
+        typer.Argument(
+            help=f"Tables: {', '.join(name for name in TABLES if name not in _OF_TASKS)}; of the pages of tasks TASK-facts, "
+            "TASK-preset and TASK-results, or all of one kind: tasks, presets, leaderboard; default those that need no --from."
+        ),
     ] = None,
     folder: Annotated[
         Path | None,
@@ -309,12 +314,13 @@ def pages(
 
     Tables of long runs are made of the folder that such a run has written: the message says by which command.
 
-    Examples:  python -m validation pages clogging schemes;  python -m validation pages training --from runs/NAME
+    Examples:  python -m validation pages clogging tasks;  python -m validation pages training --from runs/NAME
     """
     with friendly_errors():
         for name in names or ():
-            if name not in TABLES:
+            if name not in TABLES and name not in GROUPS:
                 raise ValueError(f"unknown table {name!r}; known: {', '.join(TABLES)}")
+        names = [one for name in names for one in GROUPS.get(name, (name,))] if names else None
         if folder is not None and not names:
             raise ValueError("--from is the folder of one run; name the tables that are made of it")
         written: dict[str, str] = {}

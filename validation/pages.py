@@ -12,9 +12,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from agents.tasks import TASKS
 from crowd_env.files.atomic import write_text
 from crowd_env.files.json_file import read_json
-from validation import blocked, bodies_tables, map_tables, reproduced, tables, training_tables
+from validation import blocked, bodies_tables, map_tables, reproduced, tables, task_pages, training_tables
 from validation.cases.case import DISC
 from validation.finished import complete_rows, draws, of_bodies
 
@@ -254,3 +255,19 @@ TABLES: dict[str, Table] = {
     "foyer": Table("docs/scenarios.md", (), lambda _: [], tables.foyer_note),
 }
 TABLES |= {name: Table("docs/reproduce.md", *table) for name, table in reproduced.TABLES.items()}
+TABLES["leaderboard"] = Table(
+    "docs/tasks/README.md", task_pages.LEADERS_HEAD, task_pages.leaders, task_pages.leaders_note
+)
+for _name in TASKS:
+    _page = f"docs/tasks/{_name}.md"
+    _floor, _note = task_pages.floor(_name), task_pages.results_note(_name)
+    TABLES[f"{_name}-facts"] = Table(_page, task_pages.FACTS_HEAD, task_pages.facts(_name), _floor)
+    TABLES[f"{_name}-preset"] = Table(_page, task_pages.PRESET_HEAD, task_pages.preset(_name))
+    TABLES[f"{_name}-results"] = Table(_page, task_pages.RESULTS_HEAD, task_pages.results(_name), _note)
+
+# Name -> tables that are made together.
+GROUPS: dict[str, tuple[str, ...]] = {
+    "tasks": ("tasks", *(f"{name}-facts" for name in TASKS)),
+    "presets": tuple(f"{name}-preset" for name in TASKS),
+    "leaderboard": ("leaderboard", *(f"{name}-results" for name in TASKS)),
+}

@@ -2,13 +2,16 @@
 
 import numpy as np
 
+from agents.tasks.task import Task
 from crowd_env import Scenario
+from crowd_env.envs.rollout import run_episodes
 from crowd_env.state import Floats
 
 # 1/(m s)  79 published flows through doors of 0.4 to 2.8 m, among them Kretz, Grünebohm, Schreckenberg 2006 (J. Stat. Mech.
 # P10014), Seyfried et al. 2009 (Transp. Sci. 43:395) and Nagai 2006, lie from 1.6 to 2.8; Seyfried's door of 1 m passes 1.9.
 RECORDED_FLOW, LARGEST_RECORDED_FLOW = 1.9, 2.8
 _BODIES = 2000  # that are drawn for the means of a population
+_ALONE = 100  # runs of people who are alone
 
 
 def exit_widths(place: Scenario) -> Floats:
@@ -31,3 +34,23 @@ def touching_flow(place: Scenario) -> float:
     speed = float(np.concatenate([one.desired_speed for one in bodies]).mean())
     abreast = np.maximum(1.0, np.floor(exit_widths(place) / width + 1e-9))
     return float(abreast.sum()) * speed / width
+
+
+def free_walk_time(task: Task) -> float:
+    """Return when the last person [s] of a task would be out if nobody stood in the way: the mean over crowds.
+
+    People walk alone (of crowds of several groups, one of each) as the rule says, from places and with bodies that are drawn
+    anew in each of 100 runs; of as many of these as the task has people, the last one is out after
+
+        E[max] = sum_k t_(k) [(k / n)^N - ((k - 1) / n)^N]
+    """
+    alone = task.place(len(task.place().population.parts))
+    options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
+    if (
+        not alone.zones
+    ):  # nobody is slow anywhere: the fastest way of someone alone is the shortest, which takes no planning
+        options["strategy"] = "shortest"
+    times = np.sort(np.concatenate([one.exit_time for one in run_episodes(alone, _ALONE, seed=0, **options)]))
+    times = times[np.isfinite(times)]
+    share = (np.arange(len(times) + 1) / len(times)) ** task.people
+    return float(times @ np.diff(share))

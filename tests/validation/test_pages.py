@@ -29,7 +29,7 @@ def test_every_table_has_one_place_of_its_own_with_its_head(name):
 def test_every_place_has_a_table():
     marked = [
         name
-        for page in (ROOT / "docs").glob("*.md")
+        for page in (ROOT / "docs").rglob("*.md")
         for name in re.findall(r"<!-- table: ([\w-]+) -->", page.read_text())
     ]
     assert sorted(marked) == sorted(TABLES)
