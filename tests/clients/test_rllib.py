@@ -13,6 +13,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module", autouse=True)
 def cluster():
+    ray.cloudpickle.register_pickle_by_value(example)  # other processes cannot import it
     ray.init(
         address="local",
         num_cpus=2,
@@ -31,10 +32,10 @@ def test_those_who_get_out_leave_and_the_others_go_on():
     inside, left = set(observations), set()
     assert len(inside) == 12
     while True:
-        before = set(room.agents)
-        _, _, terminated, truncated, _ = room.step(dict.fromkeys(room.agents, 4))
+        before = set(room.par_env.agents)
+        _, _, terminated, truncated, _ = room.step(dict.fromkeys(room.par_env.agents, 4))
         out = {agent for agent in before if terminated[agent]}
-        assert not out & left and set(room.agents) == before - out - {a for a in before if truncated[a]}
+        assert not out & left and set(room.par_env.agents) == before - out - {a for a in before if truncated[a]}
         left |= out
         if terminated["__all__"] or truncated["__all__"]:
             break
