@@ -15,7 +15,7 @@ def client_example(client: str, *libraries: str) -> ModuleType:
     for library in libraries:
         where = f"`make clients ARGS={client}` tests it in an environment of its own"
         pytest.importorskip(library, reason=f"{library} is not installed here; {where}")
-    (path,) = FOLDER.glob(f"{client}_*.py")
+    (path,) = FOLDER.glob(f"{client}*.py")
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
