@@ -34,9 +34,9 @@ def percent(share: dict[str, Any]) -> str:
 
 
 def table_console() -> Console:
-    """Return where tables go: standard output, 100 columns wide where that is no terminal."""
+    """Return where tables go: standard output, 104 columns wide where that is no terminal."""
     console = Console()
-    return console if console.is_terminal else Console(width=100)
+    return console if console.is_terminal else Console(width=104)
 
 
 def comparison_table(results: list[Evaluation], title: str) -> Table:

@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from agents import POLICIES
-from agents.drivers import best_share, policy_driver
+from agents.drivers import policy_driver
 from agents.evaluate import compare
 from agents.evaluation.comparison import last_times, minus_first, ratio
 from agents.evaluation.entries import RULE, make_entries
@@ -22,7 +22,6 @@ from agents.policy import Policy
 from agents.rules import StrategyPolicy
 from agents.trained import LearnedPolicy
 from agents.training_config import judged_place, task_of
-from agents.walking import RuleAtShare
 from crowd_env import Scenario
 from crowd_env.cli.console import run_title
 from crowd_env.files.json_file import json_number, write_json
@@ -101,37 +100,42 @@ def draw(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> 
     """Write learning curve, egress curves and the film of the rule beside the learned policy."""
     from crowd_env.rendering import egress_curves
 
-    _draw_curve(folder, config)
+    _draw_curve(folder, config, results)
     shown = {one.policy: one.exit_times for one in results if one.policy in (results[0].policy, LEARNED, "density-cap")}
     egress_curves(folder / "egress_curves.png", shown, title=title_of(config))
     _write_film(folder, config, results)
 
 
-def _draw_curve(folder: Path, config: Mapping[str, Any]) -> None:
+def _draw_curve(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:
     from agents.learned.training import read_curve, score
     from crowd_env.rendering import learning_curve
 
-    curve, place, physics = read_curve(folder / "learning_curve.csv"), judged_place(config), physics_of(config)
-    # The curve was measured on validation draws, so the rule it is compared with is too.
-    options = {name: value for name, value in physics.items() if name not in ("manner", "outline")}
-    rule: Policy = StrategyPolicy(config["strategy"])
-    label = f"rule: {config['strategy']} path"
-    if config["task"] is not None:
-        share = best_share(place, **options)
-        rule, label = RuleAtShare(share), f"rule at its best speed ({share:g} of the own)"
-    beside = evaluate(rule, place, **physics, runs=config["eval_runs"], first_seed=VALIDATION_SEED)
+    curve = read_curve(folder / "learning_curve.csv")
     learning_curve(
         folder / "learning_curve.png",
         [row["steps"] for row in curve],
         {LEARNED: [row["evacuation_time"] for row in curve]},
         errors={LEARNED: [row["standard_error"] for row in curve]},
         reference={
-            label: float(last_times(beside).mean()),
+            **_references(config, results),
             f"kept, best of {len(curve)}": min(curve, key=score)["evacuation_time"],
         },
         title=f"{config['eval_runs']} validation draws at each point, ± standard error",
         xlabel="training steps, all pedestrian slots together",
     )
+
+
+def _references(config: Mapping[str, Any], results: list[Evaluation]) -> dict[str, float]:
+    """Return the times [s] that a learning curve is compared with."""
+    if config["task"] is not None:  # of the runs that cleared: the rule blocks, which would leave no room for the rest
+        judged = {result.policy: result.row()["evacuation_time"]["mean"] for result in results}
+        named = {name: judged.get(name) for name in ("rule-best-speed", "density-cap", "zipper")}
+        return {f"{name}, held-out draws": time for name, time in named.items() if time is not None}
+    # The curve was measured on validation draws, so the rule it is compared with is too.
+    rule = StrategyPolicy(config["strategy"])
+    place, physics = judged_place(config), physics_of(config)
+    beside = evaluate(rule, place, **physics, runs=config["eval_runs"], first_seed=VALIDATION_SEED)
+    return {f"{config['strategy']} path": float(last_times(beside).mean())}
 
 
 def _write_film(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:

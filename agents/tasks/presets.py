@@ -102,12 +102,21 @@ def training_place(scenario: str, options: Mapping[str, Any], people: int | None
     return make_scenario(scenario, **options, population=place.population.changed(count=whole("--people", people)))
 
 
+# Everyone alone would rather push in front; who heads the queue pays for those who wait behind.
+_CHARGED = {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}, "team_share": 0.0}
+
+# Where full speed is nearly best, contacts cost little.
+_NO_HARM: dict[str, Any] = {
+    "reward": {"weights": {"progress": 0.5, "time": 1.0, "contact": 0.1}, "team_share": 0.0},
+    "steps": 3_000_000,
+    "eval_every": 600_000,
+}
+
 # Doors that pass one body at a time: there is an order to find.
 _BY_ORDER: dict[str, Any] = {
     "start": "evolution",
     "action": {"name": "speeds", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]},
-    # Everyone alone would rather push in front; who heads the queue pays for those who wait behind.
-    "reward": {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}, "team_share": 0.0},
+    "reward": _CHARGED,
     "steps": 3_000_000,
     "eval_every": 300_000,
 }
@@ -117,7 +126,7 @@ _ALL = (
     Preset("competitive-door", people=60, dt=0.01, options={"side": 10.0}, **_BY_ORDER),
     Preset("narrow-door", people=80, dt=0.01, **_BY_ORDER | {"envs": 16}),
     Preset("hertz-room", people=60, dt=0.01, **_BY_ORDER),
-    Preset("literal-room", people=20, dt=0.01, envs=48),
+    Preset("literal-room", people=20, dt=0.01, envs=48, reward=_CHARGED),
     # Full speed alone: with slower choices people learn to wait for one another in front of the other group.  Contact weighs
     # little: at 0.3 waiting pays more than a side of one's own.  Both groups have to agree on a side, which takes many updates.
     Preset(
@@ -147,11 +156,11 @@ _ALL = (
         steps=2_400_000,
         eval_every=800_000,
     ),
-    Preset("room", people=20, dt=0.01, envs=48),
-    Preset("pillar", people=60, dt=0.01),
-    Preset("bottleneck", people=60, dt=0.01),
-    Preset("t-junction", people=60, dt=0.01),
-    Preset("crossing", people=40, dt=0.01, envs=32),
+    Preset("room", people=20, dt=0.01, **_NO_HARM | {"envs": 48, "eval_runs": 100}),
+    Preset("pillar", people=60, dt=0.01, **_NO_HARM),
+    Preset("bottleneck", people=60, dt=0.01, **_NO_HARM),
+    Preset("t-junction", people=60, dt=0.01, **_NO_HARM),
+    Preset("crossing", people=40, dt=0.01, **_NO_HARM | {"envs": 32}),
 )
 
 # Name of the task -> preset.
