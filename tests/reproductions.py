@@ -23,7 +23,7 @@ def call(line):
 
 def reported(line):
     result = call(line + " --json")
-    assert result.exit_code == 0, result.stderr
+    assert result.exit_code == 0, (result.stderr, result.exception)
     assert result.stdout.count("\n") == 1
     return json.loads(result.stdout)
 

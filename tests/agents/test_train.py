@@ -100,7 +100,7 @@ def test_the_learning_curve_says_how_sure_it_is(job):
 
 def test_the_same_name_twice_overwrites_nothing(job, monkeypatch):
     root, _ = job
-    monkeypatch.setattr(train, "train", lambda *args: False)  # as if interrupted at once
+    monkeypatch.setitem(train.BACKENDS, "native", lambda *args: False)  # as if interrupted at once
     before = {path: path.stat().st_mtime_ns for path in (root / "tiny").rglob("*")}
     result = call("--root", root, "--name", "tiny", "--scenario", "room-v0")
     assert result.exit_code == 130
@@ -314,7 +314,7 @@ def test_a_library_that_is_missing_is_named_before_anything_is_written(tmp_path,
 
 
 def test_the_run_of_a_scenario_file_is_named_after_it(tmp_path, monkeypatch):
-    monkeypatch.setattr(train, "train", lambda *args: False)  # as if interrupted at once
+    monkeypatch.setitem(train.BACKENDS, "native", lambda *args: False)  # as if interrupted at once
     file = tmp_path / "plans" / "hut.toml"
     file.parent.mkdir()
     file.write_text((ROOT / "crowd_env/scenarios/data/bottleneck-v0.toml").read_text())

@@ -75,7 +75,7 @@ def root(finished, tmp_path):
 
 def test_a_budget_beside_resume_is_honoured(root, monkeypatch):
     trained = []
-    monkeypatch.setattr(train, "train", lambda folder, config, threads: trained.append(config) or False)
+    monkeypatch.setitem(train.BACKENDS, "native", lambda folder, config, threads: trained.append(config) or False)
     assert call("--root", root, "--resume", "tiny", "--steps", 9000, "--minutes", 6).exit_code == 130
     kept = json.loads((root / "tiny" / "config.json").read_text())
     assert kept == trained[0] and (kept["steps"], kept["minutes"], kept["envs"]) == (9000, 6.0, 2)
@@ -110,7 +110,7 @@ def test_what_resume_cannot_honour_is_refused_and_nothing_is_written(root, args,
     ("file", "harm", "words"),
     [
         ("config.json", lambda text: b"[1]", "config.json does not hold"),
-        ("config.json", lambda text: b"{}", "config.json lacks 'task'"),
+        ("config.json", lambda text: b"{}", "config.json lacks 'backend'"),
         ("config.json", lambda text: text.replace(b'"ppo"', b'"other"'), "config.json lacks 'ppo'"),
         (
             "config.json",
@@ -188,7 +188,9 @@ def test_ctrl_c_and_a_request_to_end_save_a_checkpoint_and_say_how_to_go_on(tmp_
 
 def test_an_interrupt_while_policies_are_compared_says_how_to_go_on(tmp_path, monkeypatch):
     """The signal a service manager sends arrives as Ctrl-C does, in any part of the program."""
-    monkeypatch.setattr(train, "train", lambda *args: os.kill(os.getpid(), signal.SIGTERM) or time.sleep(5) or True)
+    monkeypatch.setitem(
+        train.BACKENDS, "native", lambda *args: os.kill(os.getpid(), signal.SIGTERM) or time.sleep(5) or True
+    )
     before = signal.getsignal(signal.SIGTERM)
     result = call("--root", tmp_path, "--name", "x", "--envs", 1)
     assert result.exit_code == 130 and "go on with: python train.py --resume x --root" in result.stderr

@@ -11,7 +11,7 @@ from crowd_env import CrowdEnv, Geometry, ObservationLayout, Population, Scenari
 from crowd_env.envs.observation.terms import TERMS
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
-FULL = ObservationLayout(tuple(TERMS), neighbors=7, rays=12)
+FULL = ObservationLayout(tuple(TERMS), neighbors=7, rays=12, routes=1)
 
 
 def crowds(frame="path", layout=FULL, scheme="nsm2"):

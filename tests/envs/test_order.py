@@ -104,5 +104,5 @@ def test_in_counter_flow_the_next_on_the_own_route_may_come_towards_one():
 
 
 def test_observations_hold_neither_unless_they_are_named():
-    assert set(TERMS) - set(USUAL) == {"lead", "ahead"}
+    assert set(TERMS) - set(USUAL) == {"lead", "ahead", "routes", "queues_seen", "queues_shown"}
     assert ObservationLayout().terms == USUAL and ObservationLayout().size == 48

@@ -26,7 +26,7 @@ def unread_infos():
         env.step({})
     assert is_unread(infos)
     names = [name for name in terms if name.startswith("reward/")]
-    assert len(names) == 4
+    assert len(names) == 5
     return infos, {f"pedestrian_{i}": {name: terms[name][i] for name in names} for i in range(8)}
 
 

@@ -90,7 +90,7 @@ def test_blocked_draws_are_counted_and_left_out_of_medians():
 
 
 def test_everything_blocked_is_said_and_drawn(folder, monkeypatch):
-    monkeypatch.setattr(Run, "simulate", lambda run: Record((), run.count, 0.0, invented(run).snapshots))
+    monkeypatch.setattr(Run, "simulate", lambda run, stopped=None: Record((), run.count, 0.0, invented(run).snapshots))
     object = reported("lin --runs 2 --workers 1")
     for row in object["rows"]:
         if row["unit"] == "s":

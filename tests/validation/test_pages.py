@@ -210,7 +210,7 @@ def test_controllers_are_told_beside_the_learned_one(tmp_path):
 
 def test_a_table_of_a_long_run_names_the_run(tmp_path):
     found = CliRunner().invoke(app, ["pages", "training"])
-    assert found.exit_code == 2 and "python train.py --runs 500; name it by --from" in found.stderr
+    assert found.exit_code == 2 and "python train.py; name it by --from" in found.stderr
     missing = CliRunner().invoke(app, ["pages", "map", "--from", str(tmp_path)])
     assert missing.exit_code == 2 and f"{tmp_path}/gate holds no finished rows" in missing.stderr.replace("\n", "")
     unnamed = CliRunner().invoke(app, ["pages", "--from", str(tmp_path)])
