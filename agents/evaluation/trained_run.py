@@ -121,7 +121,7 @@ def _draw_curve(folder: Path, config: Mapping[str, Any], results: list[Evaluatio
             f"kept, best of {len(curve)}": min(curve, key=score)["evacuation_time"],
         },
         title=f"{config['eval_runs']} validation draws at each point, ± standard error",
-        xlabel="training steps, all pedestrian slots together",
+        xlabel="training steps of all slots",
     )
 
 
@@ -154,7 +154,7 @@ def _write_film(folder: Path, config: Mapping[str, Any], results: list[Evaluatio
     films = [record(place, seed=seed, title=title, driver=_driver(one, place, options)) for one, title in beside]
     end = min(max(film.end for film in films), 1.3 * films[-1].end)
     speed = max(1.0, round(end / _FILM_SECONDS))
-    write_film(folder / "evacuation.gif", films, fps=12.5, speed=speed, max_seconds=end)
+    write_film(folder / "evacuation.gif", films, fps=10.0, width=640, speed=speed, max_seconds=end)
 
 
 def _driver(policy: Policy, place: Scenario, options: dict[str, Any]) -> Any:
