@@ -10,7 +10,7 @@ from crowds import clear
 from evacuations import evacuated
 
 from crowd_env import SCENARIOS, make_scenario
-from crowd_env.cli.main import _read_scenario
+from crowd_env.cli.run import _read_scenario
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import about, options_of
 from crowd_env.scenarios.file.reading import ScenarioFile
