@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 import crowd_env
-from agents.runs import versions
+
+from ..runs import versions
 
 
 def fingerprint(*parts: Any) -> str:

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from crowd_env.cli.clogging import clog
 from crowd_env.cli.console import AsJson, friendly_errors, progress_bar
+from crowd_env.cli.learning import WithLearning
 from crowd_env.cli.plan import plan
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.run import run
@@ -19,6 +20,7 @@ from crowd_env.physics import SCHEMES, make_scheme
 from crowd_env.scenarios import SCENARIOS, about
 
 app = typer.Typer(
+    cls=WithLearning,
     help="Crowds that really touch each other: run evacuations from the command line.",
     no_args_is_help=True,
     add_completion=False,
