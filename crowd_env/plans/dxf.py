@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
     from ezdxf.path import Path as Curve
 
-_LARGEST = 60_000_000  # bytes; reading takes about a second for three million of them
 _MOST = 200_000  # entities, blocks exploded
 _DEEPEST = 16  # blocks in blocks
 _COARSE = 0.005  # m; curves become straight lines that are no further from them
@@ -80,11 +79,6 @@ def _open(path: Path) -> "Document":
         )
     if b"EOF" not in tail:
         raise ValueError("the DXF drawing ends in the middle: it is not whole; save it anew")
-    if size > _LARGEST:
-        raise ValueError(
-            f"the DXF drawing has {size / 1e6:.0f} MB; at most {_LARGEST / 1e6:.0f} are read: keep only the layers {LAYERS} in a "
-            "drawing of their own"
-        )
     try:
         return ezdxf.readfile(path)  # type: ignore[attr-defined]  # its __init__ says no __all__
     except (ezdxf.DXFError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:  # type: ignore[attr-defined]
