@@ -176,3 +176,16 @@ def test_the_example_office_is_what_its_program_draws(tmp_path):
         new, shipped = (make_scenario(path) for path in (tmp_path / "office.dxf", ROOT / "examples/office.dxf"))
     assert shapely.equals(new.geometry.walkable, shipped.geometry.walkable)
     assert new.exits == shipped.exits == ("west", "east")
+
+
+def test_blocks_of_other_layers_are_not_exploded(tmp_path):
+    document, space = drawing()
+    box_of(space, 0, 0, 10, 6, "walkablearea")
+    tree = document.blocks.new("TREE")
+    for k in range(60):
+        tree.add_line((k, 0), (k, 1), dxfattribs={"layer": "leaves"})
+    for k in range(1000):  # 60000 lines
+        space.add_blockref("TREE", (k, 0), dxfattribs={"layer": "garden"})
+    plan = read(document, tmp_path)
+    assert plan.walkable.area == pytest.approx(60.0)
+    assert plan.notes == ("1000 things on layers of other names are left out: garden",)
