@@ -4,7 +4,7 @@ import os
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +18,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
 from crowd_env.headway import MANNERS, make_manner, plain_manner
 from crowd_env.outline import OUTLINES, make_outline, plain_outline
-from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
 
 INTERRUPTED = 130  # exit code, as shells have it
@@ -169,13 +168,6 @@ def evacuate(title: str, place: Scenario, runs: int, **options: Any) -> tuple[li
             if not error.episodes:
                 interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
             return error.episodes, error
-
-
-def with_people(name: str, people: Mapping[str, Any], **options: Any) -> Scenario:
-    """Return a scenario, by its name or from its file, with these fields of its population changed."""
-    if people:
-        options["population"] = make_scenario(name).population.changed(**people)
-    return make_scenario(name, **options)
 
 
 def with_manner(place: Scenario, manner: str | None, outline: str | None = None) -> Scenario:

@@ -24,13 +24,10 @@ from crowd_env.cli.console import (
     notes,
     run_title,
     with_manner,
-    with_people,
 )
+from crowd_env.cli.place import PLACES, Count, Exits, Radius, Speed, Starts, TimeLimit, Unit, read_place
 from crowd_env.envs.rollout import report
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, ContactScheme, make_scheme
-from crowd_env.scenarios import SCENARIOS, is_file
-from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt, unit_in_meters
-from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import MAX_SPEED
 
@@ -38,84 +35,17 @@ _LEAST_AROUND = 0.5  # m
 _EXITS_SHOWN = 4
 
 
-def _range(text: str, option: str) -> Uniform:
-    """Read "0.2,0.25" or "0.2"."""
-    try:
-        bounds = [float(part) for part in text.split(",")]
-    except ValueError:
-        bounds = []
-    if len(bounds) not in (1, 2):
-        raise ValueError(f"{option} is {text!r}; it must be one number or two separated by a comma, such as 0.2,0.25")
-    return Uniform(bounds[0], bounds[-1])
-
-
-def _read_scenario(
-    name: str,
-    exits: list[str],
-    count: int | None,
-    radius: str | None,
-    speed: str | None,
-    starts: Path | None,
-    limit: float | None,
-    unit: str | None = None,
-) -> Scenario:
-    """Return the scenario of the command line: a built-in name, or a floor plan in a file."""
-    meters = unit_in_meters(unit)
-    recorded = None if starts is None else meters * read_starts(starts)
-    if recorded is not None and count not in (None, len(recorded)):
-        raise ValueError(f"--n is {count}, but {starts} holds {len(recorded)} positions")
-    people: dict[str, Any] = {} if recorded is None else {"starts": recorded, "start_region": None}
-    number = count if recorded is None else len(recorded)
-    if number is not None:
-        people["count"] = number
-    if radius is not None:
-        people["radius"] = _range(radius, "--radius")
-    if speed is not None:
-        people["desired_speed"] = _range(speed, "--speed")
-    timing = {} if limit is None else {"time_limit": limit}
-    if name in SCENARIOS or is_file(name):
-        if exits:
-            raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
-        if unit is not None:
-            raise ValueError(f"{name} is in meters; --unit is for floor plans in files")
-        return with_people(name, people, **timing)
-    if not Path(name).suffix and not Path(name).exists():
-        raise ValueError(
-            f"unknown scenario {name!r}; known: {', '.join(SCENARIOS)}, or the path of a scenario (.toml, .json) "
-            "or of a floor plan (.wkt)"
-        )
-    return scenario_from_wkt(name, exits, Population(**{"count": 20, **people}), unit=unit, **timing)
-
-
 def run(
-    scenario: Annotated[
-        str, typer.Argument(help="Name of a scenario, a scenario file (.toml, .json), or a floor plan in WKT (meters).")
-    ] = "room-v0",
+    scenario: Annotated[str, typer.Argument(help=PLACES)] = "room-v0",
     scheme: Annotated[str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".")] = "nsm2",
     runs: Runs = 50,
-    exit: Annotated[
-        list[str] | None,
-        typer.Option(help='Exit of a floor plan: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be repeated.'),
-    ] = None,
-    unit: Annotated[
-        str | None,
-        typer.Option(
-            help="Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm or mm; default m."
-        ),
-    ] = None,
-    n: Annotated[
-        int | None, typer.Option(help="Number of people; default the scenario's, 20 on a plan of yours.", min=1)
-    ] = None,
-    radius: Annotated[
-        str | None, typer.Option(help="Body radius in m, one number or a range; default the scenario's, or 0.2,0.25.")
-    ] = None,
-    speed: Annotated[
-        str | None, typer.Option(help="Desired speed in m/s, one number or a range; default the scenario's, or 1.2,2.")
-    ] = None,
-    starts: Annotated[Path | None, typer.Option(help="CSV file with columns x,y: recorded starting positions.")] = None,
-    time_limit: Annotated[
-        float | None, typer.Option(help="People who are inside after this many seconds are unfinished.")
-    ] = None,
+    exit: Exits = None,
+    unit: Unit = None,
+    n: Count = None,
+    radius: Radius = None,
+    speed: Speed = None,
+    starts: Starts = None,
+    time_limit: TimeLimit = None,
     social: Annotated[
         str | None,
         typer.Option(
@@ -162,7 +92,8 @@ def run(
 
             check_picture("--film", film, tuple(FORMATS))
         _check_network(force_network, at, around)
-        found = _read_scenario(scenario, exit or [], n, radius, speed, starts, time_limit, unit)
+        people: dict[str, Any] = {"count": n, "radius": radius, "speed": speed, "starts": starts}
+        found = read_place(scenario, exits=exit, unit=unit, time_limit=time_limit, **people)
         place = with_manner(found, manner, outline)
         if at is not None and at > place.time_limit:
             raise ValueError(f"--at is {at:g} s; the evacuation ends after {place.time_limit:g} s at the latest")
