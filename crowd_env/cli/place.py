@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from crowd_env.cli.console import with_people
+from crowd_env.cli.console import PEOPLE, PLACE, RUNS, with_people
 from crowd_env.scenarios import SCENARIOS, is_file
 from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt, unit_in_meters
 from crowd_env.scenarios.population import Population, Uniform
@@ -18,24 +18,50 @@ PLACES = "Name of a scenario, a scenario file (.toml, .json), or a floor plan in
 Exits = Annotated[
     list[str] | None,
     typer.Option(
-        "--exit", help='Exit of a floor plan: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be repeated.'
+        "--exit",
+        help='Exit of a floor plan: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be repeated.',
+        rich_help_panel=PLACE,
     ),
 ]
 Unit = Annotated[
     str | None,
-    typer.Option(help="Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm or mm; default m."),
+    typer.Option(
+        help="Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm or mm; default m.",
+        rich_help_panel=PLACE,
+    ),
 ]
 Count = Annotated[
-    int | None, typer.Option("--n", help="Number of people; default the scenario's, 20 on a plan of yours.", min=1)
+    int | None,
+    typer.Option(
+        "--n", help="Number of people; default the scenario's, 20 on a plan of yours.", min=1, rich_help_panel=PEOPLE
+    ),
 ]
 Radius = Annotated[
-    str | None, typer.Option(help="Body radius in m, one number or a range; default the scenario's, or 0.2,0.25.")
+    str | None,
+    typer.Option(
+        help="Body radius in m, one number or a range; default the scenario's, or 0.2,0.25.", rich_help_panel=PEOPLE
+    ),
 ]
 Speed = Annotated[
-    str | None, typer.Option(help="Desired speed in m/s, one number or a range; default the scenario's, or 1.2,2.")
+    str | None,
+    typer.Option(
+        help="Desired speed in m/s, one number or a range; default the scenario's, or 1.2,2.", rich_help_panel=PEOPLE
+    ),
 ]
-Starts = Annotated[Path | None, typer.Option(help="CSV file with columns x,y: recorded starting positions.")]
-TimeLimit = Annotated[float | None, typer.Option(help="People who are inside after this many seconds are unfinished.")]
+Starts = Annotated[
+    Path | None,
+    typer.Option(
+        help="CSV file with columns x,y: recorded starting positions.",
+        rich_help_panel=PEOPLE,
+    ),
+]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(
+        help="People who are inside after this many seconds are unfinished.",
+        rich_help_panel=RUNS,
+    ),
+]
 
 
 def read_place(
