@@ -4,8 +4,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 from rich.console import RenderableType
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
 from crowd_env.checks import whole
 from crowd_env.cli.console import counted, interrupted, notes
@@ -18,6 +19,7 @@ from crowd_env.scenarios.scenario import Scenario
 _START = 1.5
 # s of a core that a decision takes outside of compiled kernels, which runs of one batch share.
 _OF_A_DECISION = 2e-4
+_SHARED = 0.1  # of the time of a batch: most that may go into what its runs share
 
 
 class Evacuations(NamedTuple):
@@ -80,8 +82,8 @@ def evacuate(
                 (record,) = run_episodes(place, runs, only=todo[:1], watch=tally, recorder=recorder, **options)
                 take([record._replace(record=None)])
             if todo[1:]:
-                executor = _executor(len(todo) - 1, workers, tally.begun - begin, tally)
-                run_episodes(place, runs, only=todo[1:], executor=executor, watch=tally, keep=take, **options)
+                way = _way(len(todo) - 1, workers, tally.begun - begin, tally)
+                run_episodes(place, runs, only=todo[1:], watch=tally, keep=take, **way, **options)
         except KeyboardInterrupt:
             stopped = RunsInterrupted([found[run] for run in sorted(found)], runs)
     if stopped is not None and not found:
@@ -89,17 +91,20 @@ def evacuate(
     return Evacuations([found[run] for run in sorted(found)], stopped, record if first is not None else None)
 
 
-def _executor(runs: int, workers: int | None, setting_up: float, tally: Tally) -> Processes | None:
-    """Return processes for the other runs if they save twice what they cost; else None: they stay in this one.
+def _way(runs: int, workers: int | None, setting_up: float, tally: Tally) -> dict[str, Any]:
+    """Return how the other runs are made: in processes, if these save twice what they cost, and how many side by side.
 
     Parameters
     ----------
-    setting_up : s, from the plan to the first step of a run; every process does it again.
+    setting_up : s, from the plan to the first step of a run; every process, and there every batch, does it again.
     """
     workers = min(all_cores() if workers is None else workers, runs)
-    ahead = runs * max(tally.spent - _OF_A_DECISION * tally.decisions, 0.0)
-    worth = ahead * (1.0 - 1.0 / workers) > 2.0 * (_START + setting_up)
-    return Processes(workers) if workers > 1 and worth else None
+    of_a_run = max(tally.spent - _OF_A_DECISION * tally.decisions, 1e-6)
+    worth = runs * of_a_run * (1.0 - 1.0 / workers) > 2.0 * (_START + setting_up)
+    # As few as make a small part of all that is shared: an interruption loses what has not come to its end.
+    shared = max(_OF_A_DECISION * tally.decisions, setting_up) / of_a_run
+    at_once = int(min(np.ceil(shared / _SHARED), runs)) or 1
+    return {"executor": Processes(workers) if workers > 1 and worth else None, "at_once": at_once}
 
 
 class _Bar(Progress):
@@ -110,11 +115,12 @@ class _Bar(Progress):
 
     def __init__(self, title: str, runs: int, people: int, tally: Tally, found: Mapping[int, Episode]) -> None:
         self._tally, self._found = tally, found  # first: the bar is drawn as soon as it is made
-        words = "{task.fields[out]} of {task.total} people out, {task.fields[done]}/{task.fields[runs]} runs, "
+        words = "{task.fields[out]}/{task.total} people out, {task.fields[done]}/{task.fields[runs]} runs, "
         columns = (
+            SpinnerColumn(),
             TextColumn("{task.description}"),
             BarColumn(20),
-            TextColumn(words + "{task.fields[seconds]:.1f} s simulated"),
+            TextColumn(words + "{task.fields[seconds]:.0f} s simulated"),
             TimeRemainingColumn(),
         )
         super().__init__(*columns, console=notes, transient=True, refresh_per_second=4, disable=not notes.is_terminal)

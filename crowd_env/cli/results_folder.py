@@ -107,7 +107,7 @@ def write_results(folder: ResultsFolder, title: str, figures: dict[str, Any], ep
         from crowd_env.rendering.figures import egress_curves
 
         paths.append(
-            egress_curves(folder.folder / CURVES, {"inside": [one.exit_time for one in episodes]}, title=title)
+            egress_curves(folder.folder / CURVES, {"last out": [one.exit_time for one in episodes]}, title=title)
         )
     except ModuleNotFoundError:
         pass  # said before the work

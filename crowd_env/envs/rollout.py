@@ -124,6 +124,7 @@ def rollout(
     progress: Callable[[int], object] | None = None,
     watch: Watch | None = None,
     only: Sequence[int] | None = None,
+    at_once: int | None = None,
     threads: int = 1,
     **options: Any,
 ) -> Iterator[Episode]:
@@ -139,6 +140,7 @@ def rollout(
     progress : called with the number of evacuations that have just been yielded.
     watch : is told how far the runs are.
     only : numbers of the runs that are wanted, 0 to ``runs`` - 1; by default all.
+    at_once : most runs side by side under the rule; fewer end sooner, and are a little slower in all.
     threads : of the simulation, at most one an evacuation.
     **options : of `crowd_env.envs.crowd.CrowdEnv`; a driver of one's own has made its environments already and takes none.
 
@@ -155,6 +157,7 @@ def rollout(
         recorder=recorder,
         watch=watch,
         only=only,
+        at_once=at_once,
         threads=threads,
         **options,
     )
@@ -275,6 +278,7 @@ def make_batches(
     recorder: Recorder | None = None,
     watch: Watch | None = None,
     only: Sequence[int] | None = None,
+    at_once: int | None = None,
     threads: int = 1,
     workers: int | None = None,
     **options: Any,
@@ -292,13 +296,15 @@ def make_batches(
     """
     runs, seed = whole("runs", runs), whole("seed", seed, NOT_NEGATIVE)
     numbers = range(runs) if only is None else only
-    at_once = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.count))
+    most = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.count))
+    if at_once is not None and driver is None:
+        most = min(most, at_once)
     reused = ReusedDriver(driver or _RuleDriver(scenario, threads, options))
     if workers is not None and driver is None:
-        rounds = -(-len(numbers) // (at_once * workers))  # in which every worker has a batch
+        rounds = -(-len(numbers) // (most * workers))  # in which every worker has a batch
         edges = np.linspace(0, len(numbers), min(rounds * workers, len(numbers)) + 1).astype(int).tolist()
     else:
-        edges = [*range(0, len(numbers), at_once), len(numbers)]
+        edges = [*range(0, len(numbers), most), len(numbers)]
     parts = [numbers[first:stop] for first, stop in itertools.pairwise(edges)]
     return [
         RunBatch(part, seed, reused, recorder if workers is None else copy.deepcopy(recorder), watch) for part in parts

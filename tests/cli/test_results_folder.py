@@ -148,11 +148,12 @@ def test_a_handful_of_small_runs_starts_no_process(monkeypatch):
 def test_processes_are_started_where_they_save_more_than_they_cost():
     with Tally(1) as tally:
         tally.spent, tally.decisions = 2.0, 100
-        assert evacuations._executor(49, 4, 0.5, tally).workers == 4
-        assert evacuations._executor(2, 4, 0.5, tally) is None  # 2 s saved, and 2 s for a process to begin
-        assert evacuations._executor(49, 1, 0.5, tally) is None
+        way = evacuations._way(49, 4, 0.5, tally)
+        assert way["executor"].workers == 4 and way["at_once"] == 3  # 0.5 s to set up, 6 s of runs
+        assert evacuations._way(2, 4, 0.5, tally)["executor"] is None  # 2 s saved, and 2 s for a process to begin
+        assert evacuations._way(49, 1, 0.5, tally)["executor"] is None
         tally.spent = 0.02  # a decision takes as long as its overhead, which runs of a batch share
-        assert evacuations._executor(1000, 4, 0.1, tally) is None
+        assert evacuations._way(1000, 4, 0.1, tally) == {"executor": None, "at_once": 1000}
 
 
 def test_an_interruption_keeps_runs_of_a_batch_that_were_finished():
