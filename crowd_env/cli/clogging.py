@@ -27,17 +27,15 @@ from crowd_env.cli.console import (
     notes,
     run_title,
     with_manner,
-    with_people,
 )
 from crowd_env.cli.evacuations import evacuate
+from crowd_env.cli.place import PLACES, Count, Exits, Speed, Unit, read_place
 from crowd_env.envs.rollout import Episode, RunsInterrupted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.results.report import share
-from crowd_env.scenarios import SCENARIOS
-from crowd_env.scenarios.population import Uniform
 from crowd_env.scenarios.scenario import Scenario
 
 _WIDTH = 100
@@ -55,15 +53,13 @@ crowd-env clogging --times results/exits.csv
 def clog(
     scenario: Annotated[
         str | None,
-        typer.Argument(
-            metavar="SCENARIO", help=f"One of {', '.join(SCENARIOS)}; default lin-room-v0, or with --times none."
-        ),
+        typer.Argument(metavar="SCENARIO", help=f"{PLACES}  By default lin-room-v0, or with --times none."),
     ] = None,
     scheme: Annotated[str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".")] = "hertz",
-    speed: Annotated[
-        float | None, typer.Option(help="Desired speed of everyone in m/s; default the scenario's.")
-    ] = None,
-    n: Annotated[int | None, typer.Option(help="Number of people; default the scenario's.", min=1)] = None,
+    exit: Exits = None,
+    unit: Unit = None,
+    n: Count = None,
+    speed: Speed = None,
     manner: MannerName = None,
     outline: OutlineOption = None,
     runs: Runs = 10,
@@ -97,10 +93,8 @@ def clog(
         episodes: list[Episode] = []
         stopped: RunsInterrupted | None = None
         if scenario is not None or not sets:
-            people: dict[str, Any] = {} if n is None else {"count": n}
-            if speed is not None:
-                people["desired_speed"] = Uniform(speed, speed)
-            place = with_manner(with_people(scenario or "lin-room-v0", people), manner, outline)
+            found_place = read_place(scenario or "lin-room-v0", exits=exit, unit=unit, count=n, speed=speed)
+            place = with_manner(found_place, manner, outline)
             contact = make_scheme(scheme)
             name = _name(place, contact)
             blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after

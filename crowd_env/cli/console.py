@@ -4,7 +4,7 @@ import os
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +17,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from crowd_env.headway import MANNERS, make_manner, plain_manner
 from crowd_env.outline import OUTLINES, make_outline, plain_outline
-from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
 
 INTERRUPTED = 130  # exit code, as shells have it
@@ -25,20 +24,20 @@ INTERRUPTED = 130  # exit code, as shells have it
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 # Sections of the help.
-PLACE, PEOPLE, PHYSICS, RUNS, OUTPUT = "Place", "People", "Physics", "Runs", "Output"
+OF_PLACE, OF_PEOPLE, OF_PHYSICS, OF_RUNS, OF_OUTPUT = "Place", "People", "Physics", "Runs", "Output"
 
 # Options that several commands have.
 AsJson = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object instead of a table.", rich_help_panel=OUTPUT)
+    bool, typer.Option("--json", help="Print one JSON object instead of a table.", rich_help_panel=OF_OUTPUT)
 ]
 Workers = Annotated[
     int | None,
     typer.Option(
-        help="Processes at most; default one a core. Results do not depend on it.", min=1, rich_help_panel=RUNS
+        help="Processes at most; default one a core. Results do not depend on it.", min=1, rich_help_panel=OF_RUNS
     ),
 ]
 Runs = Annotated[
-    int, typer.Option(help="Number of evacuations, each with other people in other places.", rich_help_panel=RUNS)
+    int, typer.Option(help="Number of evacuations, each with other people in other places.", rich_help_panel=OF_RUNS)
 ]
 MannerName = Annotated[
     str | None,
@@ -46,7 +45,7 @@ MannerName = Annotated[
         "--manner",
         metavar="NAME",
         help=f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's.",
-        rich_help_panel=PEOPLE,
+        rich_help_panel=OF_PEOPLE,
     ),
 ]
 OutlineOption = Annotated[
@@ -55,10 +54,10 @@ OutlineOption = Annotated[
         "--outline",
         metavar="NAME",
         help=f"What shape bodies have: {', '.join(OUTLINES)} (hertz alone); default the scenario's.",
-        rich_help_panel=PEOPLE,
+        rich_help_panel=OF_PEOPLE,
     ),
 ]
-Seed = Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0, rich_help_panel=RUNS)]
+Seed = Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0, rich_help_panel=OF_RUNS)]
 
 notes = Console(stderr=True, highlight=False)
 
@@ -172,13 +171,6 @@ def progress_bar(title: str, total: int = 0) -> Iterator[Callable[..., None]]:
     with Progress(*columns, console=notes, transient=True, disable=not notes.is_terminal) as bar:
         task = bar.add_task(title, total=total)
         yield lambda count, of=None: bar.update(task, advance=count, total=of)
-
-
-def with_people(name: str, people: Mapping[str, Any], **options: Any) -> Scenario:
-    """Return a scenario, by its name or from its file, with these fields of its population changed."""
-    if people:
-        options["population"] = make_scenario(name).population.changed(**people)
-    return make_scenario(name, **options)
 
 
 def with_manner(place: Scenario, manner: str | None, outline: str | None = None) -> Scenario:

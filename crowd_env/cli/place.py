@@ -6,61 +6,61 @@ from typing import Annotated, Any
 
 import typer
 
-from crowd_env.cli.console import PEOPLE, PLACE, RUNS, with_people
-from crowd_env.scenarios import SCENARIOS, is_file
-from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt, unit_in_meters
-from crowd_env.scenarios.population import Population, Uniform
+from crowd_env.cli.console import OF_PEOPLE, OF_PLACE, OF_RUNS
+from crowd_env.plans.reading import PLANS, read_plan
+from crowd_env.plans.units import unit_in_meters
+from crowd_env.scenarios import kind_of_place, make_scenario
+from crowd_env.scenarios.floor_plan import PEOPLE, people_on, read_starts, scenario_on
+from crowd_env.scenarios.population import Uniform
 from crowd_env.scenarios.scenario import Scenario
 
 # What a command line says of a place.
-PLACES = "Name of a scenario, a scenario file (.toml, .json), or a floor plan in WKT (meters)."
+PLACES = f"Name of a scenario, a scenario file (.toml, .json), or a floor plan: {PLANS}."
 
 Exits = Annotated[
     list[str] | None,
     typer.Option(
         "--exit",
-        help='Exit of a floor plan: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be repeated.',
-        rich_help_panel=PLACE,
+        help='Exit of a floor plan, in place of those in the file: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be '
+        "repeated.",
+        rich_help_panel=OF_PLACE,
     ),
 ]
 Unit = Annotated[
     str | None,
     typer.Option(
-        help="Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm or mm; default m.",
-        rich_help_panel=PLACE,
+        help="Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm or mm; default m, unless that cannot "
+        "be and the file says another.",
+        rich_help_panel=OF_PLACE,
     ),
 ]
 Count = Annotated[
     int | None,
     typer.Option(
-        "--n", help="Number of people; default the scenario's, 20 on a plan of yours.", min=1, rich_help_panel=PEOPLE
+        "--n",
+        help=f"Number of people; default the scenario's, or {PEOPLE} on a floor plan.",
+        min=1,
+        rich_help_panel=OF_PEOPLE,
     ),
 ]
 Radius = Annotated[
     str | None,
     typer.Option(
-        help="Body radius in m, one number or a range; default the scenario's, or 0.2,0.25.", rich_help_panel=PEOPLE
+        help="Body radius in m, one number or a range; default the scenario's, or 0.2,0.25.", rich_help_panel=OF_PEOPLE
     ),
 ]
 Speed = Annotated[
     str | None,
     typer.Option(
-        help="Desired speed in m/s, one number or a range; default the scenario's, or 1.2,2.", rich_help_panel=PEOPLE
+        help="Desired speed in m/s, one number or a range; default the scenario's, or 1.2,2.", rich_help_panel=OF_PEOPLE
     ),
 ]
 Starts = Annotated[
-    Path | None,
-    typer.Option(
-        help="CSV file with columns x,y: recorded starting positions.",
-        rich_help_panel=PEOPLE,
-    ),
+    Path | None, typer.Option(help="CSV file with columns x,y: recorded starting positions.", rich_help_panel=OF_PEOPLE)
 ]
 TimeLimit = Annotated[
     float | None,
-    typer.Option(
-        help="People who are inside after this many seconds are unfinished.",
-        rich_help_panel=RUNS,
-    ),
+    typer.Option(help="People who are inside after this many seconds are unfinished.", rich_help_panel=OF_RUNS),
 ]
 
 
@@ -79,7 +79,7 @@ def read_place(
 
     Parameters
     ----------
-    name : a scenario that ships with crowd_env, a scenario file, or a floor plan in a file.
+    name : a scenario that ships with crowd_env, a scenario file, or a floor plan in a file of any kind that is read.
     exits : of a floor plan, in the forms of `crowd_env.geometry.parsing.parse_exit`.
     unit : of a floor plan, of ``exits`` and of ``starts``.
     count : number of people.
@@ -105,19 +105,17 @@ def read_place(
         people["radius"] = _range(radius, "--radius")
     if speed is not None:
         people["desired_speed"] = _range(speed, "--speed")
-    timing = {} if time_limit is None else {"time_limit": time_limit}
-    if name in SCENARIOS or is_file(name):
-        if exits:
-            raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
-        if unit is not None:
-            raise ValueError(f"{name} is in meters; --unit is for floor plans in files")
-        return with_people(name, people, **timing)
-    if not Path(name).suffix and not Path(name).exists():
-        raise ValueError(
-            f"unknown scenario {name!r}; known: {', '.join(SCENARIOS)}, or the path of a scenario (.toml, .json) "
-            "or of a floor plan (.wkt)"
-        )
-    return scenario_from_wkt(name, exits or [], Population(**{"count": 20, **people}), unit=unit, **timing)
+    timing: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
+    if kind_of_place(name) == "plan":
+        plan = read_plan(name, exits or (), unit=unit)
+        return scenario_on(plan, people_on(plan, **people), **timing)
+    if exits:
+        raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
+    if unit is not None:
+        raise ValueError(f"{name} is in meters; --unit is for floor plans in files")
+    if people:
+        timing["population"] = make_scenario(name).population.changed(**people)
+    return make_scenario(name, **timing)
 
 
 def _range(text: str, option: str) -> Uniform:

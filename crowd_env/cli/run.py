@@ -9,10 +9,10 @@ import typer
 from rich.console import Console
 
 from crowd_env.cli.console import (
-    OUTPUT,
-    PEOPLE,
-    PHYSICS,
-    RUNS,
+    OF_OUTPUT,
+    OF_PEOPLE,
+    OF_PHYSICS,
+    OF_RUNS,
     AsJson,
     MannerName,
     OutlineOption,
@@ -58,25 +58,27 @@ def run(
         str,
         typer.Option(
             help="How people choose their way: shortest, nearest, fastest, comfortable, or a route or exit.",
-            rich_help_panel=PEOPLE,
+            rich_help_panel=OF_PEOPLE,
         ),
     ] = "shortest",
     rules: Annotated[
-        bool, typer.Option(" /--no-rules", help="Leave out the scenario's control rules.", rich_help_panel=PEOPLE)
+        bool, typer.Option(" /--no-rules", help="Leave out the scenario's control rules.", rich_help_panel=OF_PEOPLE)
     ] = True,
     scheme: Annotated[
-        str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".", rich_help_panel=PHYSICS)
+        str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".", rich_help_panel=OF_PHYSICS)
     ] = "nsm2",
     social: Annotated[
         str | None,
         typer.Option(
             help=f"Social force: {', '.join(SOCIAL_FORCES)}; default the scheme's: hertz has one, others none.",
-            rich_help_panel=PHYSICS,
+            rich_help_panel=OF_PHYSICS,
         ),
     ] = None,
     dt: Annotated[
         float | None,
-        typer.Option(help="Physics step in s; default the scheme's, 0.01 or (hertz) 0.001.", rich_help_panel=PHYSICS),
+        typer.Option(
+            help="Physics step in s; default the scheme's, 0.01 or (hertz) 0.001.", rich_help_panel=OF_PHYSICS
+        ),
     ] = None,
     runs: Runs = 50,
     seed: Seed = 0,
@@ -88,38 +90,38 @@ def run(
             help="Run what the config.json of an --out says; options beside it come first.",
             is_eager=True,
             callback=again,
-            rich_help_panel=RUNS,
+            rich_help_panel=OF_RUNS,
         ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
             help="Folder for tables of all runs and people, N(t) and what was run; the same command goes on there.",
-            rich_help_panel=OUTPUT,
+            rich_help_panel=OF_OUTPUT,
         ),
     ] = None,
     film: Annotated[
-        Path | None, typer.Option(help="Also film the first run: .gif or .mp4.", rich_help_panel=OUTPUT)
+        Path | None, typer.Option(help="Also film the first run: .gif or .mp4.", rich_help_panel=OF_OUTPUT)
     ] = None,
     force_network: Annotated[
         Path | None,
         typer.Option(
             help="Also draw who presses on whom in the first run: .png, lines as wide as the force.",
-            rich_help_panel=OUTPUT,
+            rich_help_panel=OF_OUTPUT,
         ),
     ] = None,
     at: Annotated[
         float | None,
         typer.Option(
             help="Moment of --force-network in s; default the end if the exits block, else the hardest push.",
-            rich_help_panel=OUTPUT,
+            rich_help_panel=OF_OUTPUT,
         ),
     ] = None,
     around: Annotated[
         float | None,
         typer.Option(
             help="How far around the exit --force-network shows, in m; inf for all; default 3.5 in big places.",
-            rich_help_panel=OUTPUT,
+            rich_help_panel=OF_OUTPUT,
         ),
     ] = None,
     as_json: AsJson = False,
