@@ -5,9 +5,9 @@ import pytest
 from evacuations import evacuated
 
 from crowd_env import CrowdEnv, make_scenario
-from crowd_env.envs.rollout import Driver, RunsInterrupted, rollout, run_episodes
+from crowd_env.envs.rollout import Driver, RunsInterrupted, Together, rollout, run_episodes
 from crowd_env.executors import Processes, Serial
-from crowd_env.rendering.live import record
+from crowd_env.rendering.live import FilmRecorder, record
 from crowd_env.results.report import report
 
 
@@ -90,6 +90,20 @@ def test_a_recorder_sees_every_moment_of_every_evacuation(two_at_once):
         moments, inside = episode.record
         assert moments == 1 + decisions(episode.end)
         assert inside == decisions(episode.exit_time).sum()
+
+
+def test_several_recorders_each_keep_their_own(two_at_once):
+    for episode in run_episodes(room(), 3, scheme="dem", recorder=Together([Counts(), FilmRecorder("film"), Counts()])):
+        (moments, _), film, (again, _) = episode.record
+        assert moments == again == len(film.time) and film.title == "film"
+
+
+def test_some_of_the_runs_are_those_of_all(two_at_once):
+    every, some = run_episodes(room(), 6, scheme="dem"), run_episodes(room(), 6, scheme="dem", only=[1, 4, 5])
+    assert [repr(one) for one in some] == [repr(every[run]) for run in (1, 4, 5)]
+    kept = []
+    run_episodes(room(), 6, scheme="dem", only=[1, 4, 5], at_once=1, keep=kept.extend)
+    assert [repr(one) for one in kept] == [repr(one) for one in some]
 
 
 def test_a_driver_of_ones_own_leads_the_batches(two_at_once):

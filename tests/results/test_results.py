@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from repository import ROOT
 
 from crowd_env import Groups, Population, make_scenario
 from crowd_env.analysis.exit_times import read_exits
 from crowd_env.envs.rollout import run_episodes
+from crowd_env.executors import Processes
 from crowd_env.files.csv_table import read_table
 from crowd_env.physics import make_scheme
 from crowd_env.results.config import difference, run_config
@@ -16,6 +18,7 @@ from crowd_env.results.egress import egress
 from crowd_env.results.folder import ResultsFolder
 from crowd_env.results.report import report, time_of_share
 from crowd_env.results.tables import read_tables, write_curve, write_tables
+from crowd_env.results.tally import Tally
 
 NAN = float("nan")
 
@@ -106,6 +109,46 @@ def test_the_report_tells_who_took_which_exit(place, episodes):
     assert told["t95"]["mean"] is None and 0 < told["mean_exit_time"]["mean"] < 20.0
     assert (told["seed"], told["dt"], told["strategy"], told["time_limit"]) == (2, 0.01, "nearest", 20.0)
     json.dumps(told, allow_nan=False)
+
+
+def test_every_column_is_explained(place, episodes, tmp_path):
+    text = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
+    paths = [*write_tables(tmp_path, place, episodes), write_curve(tmp_path, episodes)]
+    columns = {name for path in paths for name in path.read_text().splitlines()[0].split(",")}
+    missing = {name for name in columns if f"`{name}`" not in text}
+    assert missing == {"inside_q25", "inside_q50", "inside_q75"}  # between the first and the last, which are named
+
+
+# ---------------------------------------------------------------------------------------------------------- the tally
+
+
+@pytest.mark.parametrize("executor", [None, Processes(2)])
+def test_a_tally_comes_to_what_the_runs_do(place, executor):
+    with Tally(4) as tally:
+        assert tally.sofar() == (0.0, 0)
+        episodes = run_episodes(place, 4, scheme="dem", only=[0, 1, 3], executor=executor, watch=tally)
+        out = sum(int(np.isfinite(episode.exit_time).sum()) for episode in episodes)
+        assert tally.sofar() == (pytest.approx(sum(episode.end for episode in episodes)), out)
+        before = tally.sofar()
+        tally.take(episodes[0])  # its row is there already
+        assert tally.sofar() == before
+
+
+def test_a_tally_tells_of_a_run_under_way(place, monkeypatch):
+    monkeypatch.setattr("crowd_env.results.tally._EVERY", 0.0)
+    seen = []
+
+    class Seen(Tally):
+        def look(self, runs, env, over):
+            super().look(runs, env, over)
+            seen.append((*self.sofar(), self.decisions))
+
+    with Seen(1) as tally:
+        (episode,) = run_episodes(place, 1, scheme="dem", watch=tally)
+    seconds, out, decisions = zip(*seen, strict=True)
+    assert seconds[0] == 0.0 and seconds[-1] == episode.end and list(seconds) == sorted(seconds)
+    assert out[0] == 0 and list(out) == sorted(out) and len(set(out)) > 2
+    assert list(decisions) == list(range(-1, len(seen) - 1))
 
 
 # --------------------------------------------------------------------------------------------------------- the folder
