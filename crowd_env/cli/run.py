@@ -129,11 +129,11 @@ def run(
 ) -> None:
     """Evacuate a place many times, everyone walking as the strategy says, and report how it went."""
     # Everything that can be made of the first run.
-    every: list[Output] = [Film(film), ForceNetwork(force_network, at, around)]
+    possible: list[Output] = [Film(film), ForceNetwork(force_network, at, around)]
     with friendly_errors():
-        for output in every:
+        for output in possible:
             output.check()
-        outputs = [output for output in every if output.path is not None]
+        outputs = [output for output in possible if output.path is not None]
         people: dict[str, Any] = {"count": n, "radius": radius, "speed": speed, "starts": starts}
         found = read_place(scenario, exits=exit, unit=unit, time_limit=time_limit, **people)
         place = with_manner(found, manner, outline)
