@@ -1,0 +1,5 @@
+"""Recordings of evacuations: written as they run, in the formats of JuPedSim, PedPy and data frames, and read back."""
+
+from crowd_env.recording.recording import FrameContacts, Recording
+
+__all__ = ["FrameContacts", "Recording"]
