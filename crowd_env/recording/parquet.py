@@ -80,7 +80,6 @@ class ParquetWriter:
 
         person = joined(frames, "person")
         (x, y), (vx, vy) = joined(frames, "position").T, joined(frames, "velocity").T
-        gone = np.concatenate([np.isin(frame.person, frame.left) for frame in frames])
         columns: dict[str, Any] = {
             "frame": frame_of_rows(frames, self._frames),
             "time": np.repeat([frame.time for frame in frames], [len(frame.person) for frame in frames]),
@@ -90,7 +89,7 @@ class ParquetWriter:
             "vx": vx,
             "vy": vy,
             "pressure": joined(frames, "pressure"),
-            "inside": ~gone,
+            "inside": joined(frames, "inside"),
         }
         if self._head.outline is not None:
             columns["angle"] = joined(frames, "angle")
