@@ -139,12 +139,11 @@ def read_hdf5(path: Path) -> Recording:
     import h5py
 
     try:
-        try:
-            file = h5py.File(path, "r")
-        except OSError:
-            file = h5py.File(path, "r", libver="latest", swmr=True)  # whoever wrote it has not come to the end
+        file = h5py.File(path, "r")
     except OSError as error:
-        raise ValueError(f"cannot read {path}: {error}") from None
+        if "already open for write" not in str(error):
+            raise  # damaged: in the other mode HDF5 would wait for its writer to mend it
+        file = h5py.File(path, "r", libver="latest", swmr=True)  # whoever wrote it has not come to the end
     with file:
         if "trajectory" not in file or "fps" not in file["trajectory"].attrs:
             raise ValueError(
