@@ -219,6 +219,12 @@ def _add_layer(drawing: Drawing, layer: str, role: str, name: str, curves: Seque
         gap = 1000.0 * meters * found.closed_gap
         drawing.notes.append(f"layer {layer}: gaps between the ends of lines are closed, the widest {gap:.2g} mm")
     areas: list[BaseGeometry] = [*found.areas, *(_hatched(rings) for rings in hatches)]
+    if role == "exit" and all(area.is_valid for area in areas):  # an outline and its hatch are one exit
+        areas = list(shapely.get_parts(shapely.union_all(areas)))
+    if role == "walkable" and len(areas) > 1 and _nested(areas):
+        drawing.notes.append(
+            f"layer {layer}: an outline lies within another one, and is walkable too; holes belong on jps-obstacles"
+        )
     for area in areas:
         drawing.add(role, name, area)
     if not found.open:
@@ -241,6 +247,12 @@ def _add_layer(drawing: Drawing, layer: str, role: str, name: str, curves: Seque
         case _:
             what = f"{len(found.open)} lines that enclose nothing are left out"
             drawing.notes.append(f"layer {layer}: {what}, such as the one of which {open_line(longest, meters)}")
+
+
+def _nested(areas: Sequence[BaseGeometry]) -> bool:
+    """Return whether an area lies within another one, away from its outline."""
+    outer, inner = shapely.STRtree(areas).query(areas, predicate="contains_properly")
+    return bool((outer != inner).any())
 
 
 def _hatched(rings: Sequence[Floats]) -> BaseGeometry:
