@@ -59,8 +59,8 @@ class Driver:
 class Recorder(Protocol):
     """Keeps what a caller wants to know of evacuations beyond an `Episode`; one recorder sees one batch after the other."""
 
-    def begin(self, env: CrowdEnv) -> None:
-        """Look at the first moment of a batch, after its reset."""
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
+        """Look at the first moment of a batch, after its reset; environment ``e`` makes the run of the number ``runs[e]``."""
         ...
 
     def add(self, env: CrowdEnv, step: Step) -> None:
@@ -174,7 +174,7 @@ class RunBatch:
         env = driver.env
         driver.reset([self.seed + run for run in self.runs])
         if recorder is not None:
-            recorder.begin(env)
+            recorder.begin(env, self.runs)
         while not env.finished.all():
             if stopped is not None and stopped():
                 raise KeyboardInterrupt

@@ -1,5 +1,6 @@
 """The contact forces of an evacuation at the moment that tells most, or at a given one."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ def forces_of_run(
 class _LoadRecorder:
     """Adds up the contact impulses that people bear in each decision step."""
 
-    def begin(self, env: CrowdEnv) -> None:
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         self._load: list[list[float]] = [[] for _ in range(env.num_envs)]
 
     def add(self, env: CrowdEnv, step: Step) -> None:
