@@ -11,6 +11,7 @@ from rich.table import Table
 from crowd_env.cli.clogging import clog
 from crowd_env.cli.console import AsJson, friendly_errors, progress_bar
 from crowd_env.cli.plan import plan
+from crowd_env.cli.replay import replay
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.run import run
 from crowd_env.cli.schema import schema
@@ -43,6 +44,7 @@ def list_names(as_json: AsJson = False) -> None:
 
 
 app.command()(plan)
+app.command("replay")(replay)
 
 
 @app.command()

@@ -29,7 +29,7 @@ def plain_colors() -> dict[str, Any]:
         "pressure": _with_rims(pressure_color(level)),
         "speed": _with_rims(blend(_SPEED, level)),
         "time": _with_rims(blend(_TIME, level)),
-        "group": _with_rims(np.array(palette.SERIES, dtype=np.uint8)),
+        "group": _with_rims(darker(palette.SERIES, by=-0.1)),  # lighter: they are seen on a dark floor too
         "unknown": _with_rims(np.array([_UNKNOWN], dtype=np.uint8)),
     }
 
@@ -44,7 +44,7 @@ def style_variables() -> str:
         "exit": palette.EXIT,
         "mat": palette.EXIT_MAT,
         "ink": palette.INK,
-        "quiet": palette.QUIET,
+        "quiet": tuple(darker(palette.QUIET, by=0.06)),  # small letters need more contrast than those of a film
         "faint": palette.FAINT,
     }
     curves = (palette.SERIES, darker(palette.SERIES, by=-0.2))  # on a dark page lighter

@@ -16,7 +16,7 @@ from crowd_env.rendering.palette import FULL_PRESSURE
 from crowd_env.replay.colors import STEPS, plain_colors, style_variables
 from crowd_env.replay.pack import Column, pack
 from crowd_env.replay.shapes import plain_plan
-from crowd_env.replay.tracks import contacts_of, departures, thinned_frames, tracks_of
+from crowd_env.replay.tracks import contacts_of, thinned_frames, tracks_of
 from crowd_env.replay.words import fact_rows, outcome, titles
 
 MOST_ROWS = 5_000_000  # people in frames, and contacts, of one page: about 30 MB
@@ -95,13 +95,12 @@ def _packed(recording: Recording, most_rows: int) -> _Packed:
     frames = thinned_frames(recording, most_rows)
     tracks, contacts = tracks_of(recording, frames), contacts_of(recording, frames)
     plan, origin = plain_plan(recording)
-    left = departures(recording)
     columns = [
         Column("times", tracks.times, 1e-4, 2),
         Column("first", tracks.first, order=1),
         Column("samples", tracks.samples, order=1),
         Column("until", tracks.until, 1e-4, 1),
-        Column("exit_time", np.nan_to_num(left, nan=_NEVER), 1e-4, 1),
+        Column("exit_time", np.nan_to_num(recording.exit_time, nan=_NEVER), 1e-4, 1),
         Column("exit_index", recording.exit_index, order=1),
         Column("radius", recording.radius, 1e-4, 1),
         Column("desired_speed", np.nan_to_num(recording.desired_speed), 1e-3, 1),

@@ -35,17 +35,6 @@ def thinned_frames(recording: Recording, most: int) -> Ints:
     return kept if kept[-1] == frames - 1 else np.append(kept, frames - 1)
 
 
-def departures(recording: Recording) -> Floats:
-    """Return when people left (N,) [s]; nan for those who are inside at the end.
-
-    Recordings of other programs may not know exit times: there people left when they were seen last.
-    """
-    last = np.full(len(recording.radius), -np.inf)
-    np.maximum.at(last, recording.person, recording.times[recording.frame])
-    gone = np.isnan(recording.exit_time) & np.isfinite(last) & (last < recording.times[-1])
-    return np.where(gone, last, recording.exit_time)
-
-
 def tracks_of(recording: Recording, frames: Ints) -> Tracks:
     """Return the ways of people at ``frames``; where a person was not seen in between, the way is straight.
 

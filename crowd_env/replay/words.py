@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from crowd_env.recording import Recording
-from crowd_env.replay.tracks import departures
 
 # Facts that a title names, in this order, and how.
 _NAMED = {"scheme": "{}", "strategy": "{}", "manner": "{}", "outline": "{}", "seed": "seed {}"}
@@ -43,12 +42,16 @@ def titles(recordings: Sequence[Recording], names: Sequence[str]) -> tuple[str, 
 
 
 def outcome(recording: Recording) -> str:
-    """Return "all out after 39.6 s", or how many were left inside, and when."""
-    departure = departures(recording)
-    left = int(np.isnan(departure).sum())
-    if left == 0 and len(departure):
-        return f"all out after {departure.max():.1f} s"
-    return f"{left} still inside after {recording.times[-1]:.1f} s"
+    """Return "all out after 39.6 s", or how many were left inside, when, and why."""
+    facts, end = recording.facts, recording.times[-1]
+    left = int(np.isnan(recording.exit_time).sum())
+    if facts.get("finished") is False:
+        return f"{left} inside after {end:.1f} s, when the recording broke off"
+    if left == 0:
+        return f"all out after {recording.exit_time.max():.1f} s"
+    blocked = facts.get("blocked_since")
+    why = "" if blocked is None else f", exits blocked since {blocked:.1f} s"
+    return f"{left} still inside after {end:.1f} s{why}"
 
 
 def fact_rows(recording: Recording) -> list[list[str]]:

@@ -7,7 +7,7 @@ import pytest
 from replayed_pages import walk_out
 
 from crowd_env.recording import Recording
-from crowd_env.replay.tracks import Tracks, contacts_of, departures, thinned_frames, tracks_of
+from crowd_env.replay.tracks import Tracks, contacts_of, thinned_frames, tracks_of
 
 
 def sample_times(tracks: Tracks) -> np.ndarray:
@@ -82,15 +82,6 @@ def test_who_comes_late_is_shown_from_then_on_and_who_never_comes_is_not() -> No
     tracks = tracks_of(without_rows(recording, late), np.arange(0, len(recording.times), 3))
     assert tracks.first[1] == 3 and tracks.samples[1] > 0
     assert tracks.samples[2] == 0
-
-
-def test_without_exit_times_people_leave_when_they_are_seen_last() -> None:
-    known = walk_out(5, stays=1)
-    unknown = replace(known, exit_time=np.full(5, np.nan), exit_index=np.full(5, -1))
-    found, exact = departures(unknown), departures(known)
-    assert np.isnan(found[-1]) and np.isnan(exact[-1])
-    late = found[:4] - exact[:4]
-    assert ((late >= 0.0) & (late <= 0.1 + 1e-9)).all()  # the first frame after
 
 
 def test_contacts_of_the_frames_that_are_kept() -> None:

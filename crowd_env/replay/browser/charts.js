@@ -89,14 +89,19 @@ class Charts {
   }
 }
 
-// A step down for everyone who leaves.
+// A step down for everyone who leaves, and up for who comes later.
 function insideCurve(recording, point) {
-  let inside = recording.people;
+  const steps = [
+    ...Array.from(recording.arrivals, (time) => [time, 1]),
+    ...Array.from(recording.leavings, (time) => [time, -1]),
+  ].filter(([time]) => time > recording.begin && time <= recording.end);
+  steps.sort(([a], [b]) => a - b);
+  let inside = recording.inside(recording.begin);
   point(recording.begin, inside);
-  for (const time of recording.leavings) {
-    if (time > recording.end) break;
+  for (const [time, change] of steps) {
     point(time, inside);
-    point(time, --inside);
+    inside += change;
+    point(time, inside);
   }
   point(recording.end, inside);
 }

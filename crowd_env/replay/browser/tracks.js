@@ -30,6 +30,9 @@ class Recording {
     // When a person is no longer counted: out, or inside to the end.
     this.leaving = Float32Array.from(this.exit_time, (time) => (time < 0 ? Infinity : time));
     this.leavings = Float32Array.from(this.leaving).sort();
+    // When a person is first seen: in recordings of others not all are there from the beginning.
+    const seen = Float32Array.from(this.first, (frame, n) => (this.samples[n] ? (this.times[frame] ?? Infinity) : Infinity));
+    this.arrivals = seen.sort();
     this.exits = this.exitsByName();
     this.who = new Int32Array(this.people); // rows of people who are shown now
     for (const name of ["px", "py", "nowSpeed", "nowPressure", "nowAngle", "aheadX", "aheadY"]) {
@@ -74,7 +77,7 @@ class Recording {
   }
 
   inside(time) {
-    return this.people - (lastNotAbove(this.leavings, time) + 1);
+    return lastNotAbove(this.arrivals, time + 1e-6) - lastNotAbove(this.leavings, time);
   }
 
   // Mean over the people inside at each frame.

@@ -1,0 +1,70 @@
+"""The command ``crowd-env replay``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from crowd_env.cli.console import check_folder, counted, friendly_errors, notes
+from crowd_env.files.atomic import check_suffix
+
+
+def check_page(option: str, path: Path) -> None:
+    """Raise ValueError, before the work instead of after it, if the page ``path`` cannot be written."""
+    check_suffix(path, (".html",))
+    if path.is_dir():
+        raise ValueError(f"{option} {path}: this is a folder; name a file")
+    check_folder(option, path.parent)
+
+
+def replay(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help="Recording of a run (.sqlite, .h5, .parquet), or of JuPedSim; two are shown side by side."),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Page to write, .html; default beside the recording.")
+    ] = None,
+) -> None:
+    """Make one web page that replays a recording, or two side by side; it needs no network, only a browser.
+
+    Examples: crowd-env run room-v0 --runs 1 --record room.sqlite
+
+    crowd-env replay room.sqlite
+
+    crowd-env replay nearest.sqlite fastest.sqlite -o compared.html
+    """
+    with friendly_errors():
+        if len(recordings) > 2:
+            raise ValueError(f"{len(recordings)} recordings were given; a page shows one, or two side by side")
+        page = out or _beside(recordings)
+        check_page("--out", page)
+        from crowd_env.recording import load
+        from crowd_env.replay import write_page
+
+        written = write_page(page, [load(path) for path in recordings], names=_names(recordings))
+        for path, frames, left_out in zip(recordings, written.frames, written.left_out, strict=True):
+            if left_out:
+                notes.print(
+                    f"note: {path}: {frames} of {frames + left_out} frames are shown, so that the page stays small",
+                    style="yellow",
+                    markup=False,
+                    soft_wrap=True,
+                )
+        frames_of_people = counted(written.rows, "person in a frame", "people in frames")
+        notes.print(f"page: {written.path} ({_size(written.size)}, {frames_of_people})", markup=False, soft_wrap=True)
+
+
+def _beside(recordings: list[Path]) -> Path:
+    name = " and ".join(path.stem for path in recordings)
+    return recordings[0].with_name(f"{name}.html")
+
+
+def _names(recordings: list[Path]) -> list[str]:
+    """Return the names of the files, with their folders where two are called alike."""
+    names = [path.stem for path in recordings]
+    return names if len(set(names)) == len(names) else [str(path) for path in recordings]
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e6:.1f} MB" if count >= 1e6 else f"{max(count / 1e3, 1):.0f} kB"
