@@ -152,27 +152,28 @@ function drawForces(context, recording, view, theme, fullForce) {
   });
 }
 
+// How many are out by each exit; with the names of exits where there is room for all of them.
 function drawExitNames(context, recording, view, theme) {
-  const several = recording.exits.length > 1;
-  if (!several || recording.exits.length > 12) return;
+  if (recording.exits.length < 2 || recording.exits.length > 12) return;
   context.font = `600 12px ${theme.font}`;
+  const places = recording.exits.flatMap(({ name, ends, times }) => {
+    const [[ax, ay], [bx, by]] = ends[ends.length >> 1];
+    const [x, y] = [view.px((ax + bx) / 2), view.py((ay + by) / 2)];
+    if (x < 0 || y < 0 || x > view.width || y > view.height) return [];
+    const length = Math.hypot(bx - ax, by - ay) || 1;
+    const count = lastNotAbove(times, recording.time) + 1;
+    return [{ name, count, x, y, outX: (by - ay) / length, outY: (bx - ax) / length }];
+  });
+  const label = ({ x, y, outX, outY }, text) => {
+    const wide = context.measureText(text).width + 10;
+    return { text, wide, x: x + outX * (8 + wide / 2), y: y + outY * 17 };
+  };
+  const whole = places.map((place) => label(place, `${place.name} ${place.count}`));
+  const fit = whole.every(({ x, wide }) => x >= wide / 2 && x <= view.width - wide / 2);
+  const labels = fit ? whole : places.map((place) => label(place, `${place.count}`));
   context.textBaseline = "middle";
   context.textAlign = "center";
-  for (const { name, ends, times } of recording.exits) {
-    const [[ax, ay], [bx, by]] = ends[ends.length >> 1];
-    const length = Math.hypot(bx - ax, by - ay) || 1;
-    const [outX, outY] = [(by - ay) / length, (bx - ax) / length];
-    const [atX, atY] = [view.px((ax + bx) / 2), view.py((ay + by) / 2)];
-    if (atX < 0 || atY < 0 || atX > view.width || atY > view.height) continue;
-    const count = `${lastNotAbove(times, recording.time) + 1}`;
-    // The number alone where there is no room for the name.
-    const place = (text) => {
-      const wide = context.measureText(text).width + 10;
-      return { text, wide, x: atX + outX * (8 + wide / 2), y: atY + outY * 17 };
-    };
-    const fits = ({ x, wide }) => x >= wide / 2 && x <= view.width - wide / 2;
-    const whole = place(`${name} ${count}`);
-    const { text, wide, x, y } = fits(whole) ? whole : place(count);
+  for (const { text, wide, x, y } of labels) {
     context.fillStyle = theme.mat;
     context.beginPath();
     context.roundRect(x - wide / 2, y - 9, wide, 18, 9);
