@@ -5,10 +5,14 @@ const RIGHT = 14;
 const BELOW = 18;
 const ABOVE = 17; // for the name of a curve
 
-function ticksUpTo(end, most) {
-  const power = 10 ** Math.floor(Math.log10(end / most));
-  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => end / one <= most);
-  return Array.from({ length: Math.floor(end / step + 1e-9) + 1 }, (_, k) => Number((k * step).toPrecision(6)));
+// Multiples of 1, 2 or 5 times a power of ten, at most about `most`.
+function ticksBetween(begin, end, most) {
+  if (end - begin < 1e-3) return [Number(begin.toPrecision(6))];
+  const power = 10 ** Math.floor(Math.log10((end - begin) / most));
+  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => (end - begin) / one <= most);
+  const first = Math.ceil(begin / step - 1e-6);
+  const count = Math.floor(end / step + 1e-6) - first + 1;
+  return Array.from({ length: count }, (_, k) => Number(((first + k) * step).toPrecision(6)));
 }
 
 class Charts {
@@ -45,11 +49,11 @@ class Charts {
     context.fillStyle = theme.quiet;
     context.font = `11px ${theme.font}`;
     context.textBaseline = "bottom";
-    const ticks = ticksUpTo(Math.max(this.end - this.begin, 1e-6), Math.max(Math.floor(width / 75), 2));
+    const ticks = ticksBetween(this.begin, this.end, Math.max(Math.floor(width / 75), 2));
     ticks.forEach((tick, k) => {
-      context.textAlign = k ? "center" : "left";
+      context.textAlign = tick > this.begin + 1e-3 ? "center" : "left";
       const text = k === ticks.length - 1 ? `${tick} s` : `${tick}`;
-      const x = Math.min(this.x(this.begin + tick), width - 0.5 * context.measureText(text).width - 2);
+      const x = Math.min(this.x(tick), width - 0.5 * context.measureText(text).width - 2);
       context.fillText(text, x, height - 1);
     });
   }

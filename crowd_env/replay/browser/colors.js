@@ -30,7 +30,7 @@ function colorings(about, recordings) {
     key: "speed", name: "Speed", unit: "m/s", full, beyond: true, title: "Walking speed",
     number: (recording, n) => level(recording.nowSpeed[n], full),
   });
-  const last = largest(recordings.map((recording) => recording.leaving));
+  const last = largest(recordings.map((recording) => recording.leaving.map((time) => time - recording.begin)));
   if (last > 0) {
     const long = roundUp(last);
     found.push({
