@@ -1,25 +1,33 @@
-"""Where people are one frame after they have crossed an exit line."""
+"""Where people are in the two frames after they have crossed an exit line.
+
+PedPy counts a crossing in the frame that ends beyond the line, but not if it is the last frame of a trajectory: movements span
+no time there (`SpeedCalculation.BORDER_ADAPTIVE`).  So there are two.
+"""
 
 import numpy as np
 
 from crowd_env.state import Bools, Floats
 
-APRON = 0.5  # m, depth of the ground outside of an exit that rows beyond it lie on
-_LEAST, _MOST = 0.05, 0.45  # m beyond the line
+APRON = 0.6  # m, depth of the ground outside of an exit that rows beyond it lie on
+_LEAST, _MOST = 0.05, 0.5  # m beyond the line, and beyond the place before
 _FROM_ENDS = 1e-3  # m, from the ends of the line
 
 
-def places_beyond(line: Floats, before: Floats, position: Floats, velocity: Floats, since: Floats) -> Floats:
-    """Return where each of K people is, ``since`` (K,) [s] they crossed an exit line, in the frame after the crossing.
+def places_beyond(
+    line: Floats, before: Floats, position: Floats, velocity: Floats, since: Floats, interval: float
+) -> Floats:
+    """Return where each of K people is in the two frames after crossing an exit line (2, K, 2) [m].
 
-    That is on the straight way on, 5 cm to 45 cm beyond the line and within its width.  The straight way from where they were
-    in the frame before leads across the line: programs that look at frames alone count the crossing.
+    That is on the straight way on, at least 5 cm further out each time, 55 cm at most, and within the width of the exit.  The
+    straight way from where they were in the frame before leads across the line: programs that look at frames alone count it.
 
     Parameters
     ----------
     line : (K, 2, 2) m, ends of the exit line; what may be walked on lies to the left.
     before : (K, 2) m, in the frame before.
     position, velocity : (K, 2) m and m/s, at the end of the physics step that crossed the line.
+    since : (K,) s, from the crossing to the first of the two frames.
+    interval : s, from that to the second.
     """
     length = np.hypot(*(line[:, 1] - line[:, 0]).T)
     along = (line[:, 1] - line[:, 0]) / length[:, None]
@@ -45,7 +53,9 @@ def places_beyond(line: Floats, before: Floats, position: Floats, velocity: Floa
     for other in (aslant, on):
         counts = _crosses(at_before, depth_before, other[0], other[1], length)
         place = np.where(counts, other[0], place[0]), np.where(counts, other[1], place[1])
-    return np.asarray(line[:, 0] + place[0][:, None] * along + place[1][:, None] * outward)
+    later = kept(place[0] + interval * sideways), place[1] + np.clip(interval * out, _LEAST, _MOST)
+    further = later[0], np.minimum(later[1], _MOST + _LEAST)
+    return np.stack([line[:, 0] + a[:, None] * along + d[:, None] * outward for a, d in (place, further)])
 
 
 def _crosses(at_before: Floats, depth_before: Floats, at: Floats, depth: Floats, length: Floats) -> Bools:

@@ -77,7 +77,11 @@ def load(path: str | Path) -> Recording:
         hint = f"; {part} holds what was recorded before its run broke off" if part.exists() else ""
         raise ValueError(f"there is no recording {path}{hint}")
     _require_library(path, "reading")
-    return FORMATS[path.suffix.lower()].read(path)
+    try:
+        return FORMATS[path.suffix.lower()].read(path)
+    except Exception as error:  # a damaged file fails in many ways, and each library has exceptions of its own
+        words = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(words if str(path) in words else f"cannot read {path}: {words}") from None
 
 
 def _require_library(path: Path, doing: str) -> Any:

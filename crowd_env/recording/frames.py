@@ -12,9 +12,9 @@ from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.geometry.aprons import add_aprons
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
+from crowd_env.recording.contacts import find_contacts
 from crowd_env.recording.exits import APRON, places_beyond
 from crowd_env.recording.recording import FrameContacts
-from crowd_env.simulation.simulation import Simulation
 from crowd_env.state import Bools, Floats, Ints
 
 _AT_REST = 1e-3  # m/s; slower people go on facing as they did
@@ -50,6 +50,7 @@ class Frame(NamedTuple):
     pressure: Floats  # (K,)    N/m
     angle: Floats | None  # (K,)    rad
     contacts: FrameContacts | None  # of this frame alone, `start` (2,); in the order of i
+    inside: Bools  # (K,)    false where the row lies beyond an exit line
     left: Ints  # (L,)    people who got out since the frame before
     exit_time: Floats  # (L,)    s
     exit_index: Ints  # (L,)
@@ -115,6 +116,8 @@ class FrameSampler:
         self._gone = np.zeros(count, dtype=np.bool_)
         self._facing = np.tile([1.0, 0.0], (count, 1))
         self._last = env.simulation.state.position[self._people].copy()
+        self._leaving = np.zeros(count, dtype=np.bool_)  # who has got out, and one more row to come
+        self._onward = np.zeros((count, 2))  # where that is
 
     def first(self, env: CrowdEnv) -> Frame:
         """Return the frame of the start: nobody has touched anybody yet."""
@@ -134,6 +137,14 @@ class FrameSampler:
         self._impulse[:], self._seen_at = 0.0, time
         return frame
 
+    def after_end(self, env: CrowdEnv) -> Frame | None:
+        """Return one frame more, of the people alone who got out in the last one; None if nobody did."""
+        if not self._leaving.any():
+            return None
+        self._gone[:] = True
+        frame = self._frame(env, np.zeros(0, dtype=np.int64), np.zeros(len(self._gone)))
+        return frame._replace(time=self._seen_at + self._every * self._decision_dt)
+
     def _time(self, env: CrowdEnv) -> float:
         """Return the time of the moment [s]; a clock that stopped within a decision, when all were out, is at its end."""
         time = float(env.simulation.state.time[self._e])
@@ -146,17 +157,20 @@ class FrameSampler:
         position, velocity = state.position[self._people].copy(), state.velocity[self._people].copy()
         angle = state.angle[self._people]
         exit_time, exit_index = state.exit_time[self._people][left], state.exit_index[self._people][left]
-        position[left] = places_beyond(
-            self._exits[exit_index], self._last[left], position[left], velocity[left], time - exit_time
-        )
+        position[self._leaving] = self._onward[self._leaving]
+        ways = self._exits[exit_index], self._last[left], position[left], velocity[left], time - exit_time
+        position[left], self._onward[left] = places_beyond(*ways, self._every * self._decision_dt)
         if outline is None:
             speed = np.hypot(*velocity.T)
             turned = speed > _AT_REST
             self._facing[turned] = velocity[turned] / speed[turned, None]
         else:
             self._facing = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        rows = np.flatnonzero(~self._gone)  # of those inside, and those who have just left
+        rows = np.flatnonzero(~self._gone | self._leaving)
+        pressure = np.where(self._leaving, 0.0, pressure)
         self._gone[left] = True
+        self._leaving[:] = False
+        self._leaving[left] = True
         self._last = position
         return Frame(
             time=time,
@@ -166,33 +180,9 @@ class FrameSampler:
             facing=self._facing[rows],
             pressure=pressure[rows],
             angle=None if outline is None else angle[rows].copy(),
-            contacts=_contacts(env.simulation, self._e, ~self._gone) if self._contacts else None,
+            contacts=find_contacts(env.simulation, self._e, ~self._gone) if self._contacts else None,
+            inside=~self._gone[rows],
             left=left,
             exit_time=exit_time,
             exit_index=exit_index,
         )
-
-
-def _contacts(simulation: Simulation, e: int, inside: Bools) -> FrameContacts:
-    """Return the contacts of people who are inside (N,) that overlap or press, in the order of i."""
-    people = slice(int(simulation.bodies.env_start[e]), int(simulation.bodies.env_start[e + 1]))
-    position, radius = simulation.state.position[people], simulation.bodies.radius[people]
-    found, outline = simulation.contacts(e), simulation.outline
-    kept = inside[found.i] & ((found.j < 0) | inside[np.maximum(found.j, 0)])
-    kept &= (found.gap < 0.0) | (found.impulse != 0.0).any(axis=1)
-    rows = np.flatnonzero(kept)
-    rows = rows[np.argsort(found.i[rows], kind="stable")]
-    i, gap, normal = found.i[rows], found.gap[rows], found.normal[rows]
-    center, size = position[i], radius[i]
-    if outline is not None and found.disc_i is not None:
-        discs = outline.place_discs(position, radius, simulation.state.angle[people])
-        center, size = (array[i, found.disc_i[rows]] for array in discs)
-    return FrameContacts(
-        start=np.array([0, len(rows)]),
-        i=i,
-        j=found.j[rows],
-        gap=gap,
-        normal=normal,
-        point=center - normal * (size + 0.5 * gap)[:, None],
-        force=found.impulse[rows] / simulation.dt,
-    )

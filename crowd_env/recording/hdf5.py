@@ -7,13 +7,13 @@ The file is written in the mode of one writer and many readers (SWMR), in which 
 """
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from crowd_env.files.atomic import written
 from crowd_env.recording.foreign import recording_of_positions
 from crowd_env.recording.frames import Frame, Head
 from crowd_env.recording.recording import FrameContacts, Recording
@@ -110,13 +110,17 @@ class Hdf5Writer:
         table.flush()
 
     def finish(self, facts: Mapping[str, Any]) -> Path:
-        """Write the last facts, and move the file to its place."""
+        """Write all into a file without the gaps that rows leave which are packed anew with every flush, and the last facts."""
         import h5py
 
         self._file.close()
-        with h5py.File(self._part, "r+", libver="latest") as file:
+        create = {"mode": "w", "libver": "latest"}
+        with written(self._path) as half, h5py.File(self._part, "r") as given, h5py.File(half, **create) as file:
+            file.attrs.update(given.attrs)
             file.attrs["facts"] = json.dumps(self._head.facts | dict(facts))
-        os.replace(self._part, self._path)
+            for name in given:
+                given.copy(name, file)
+        self._part.unlink()
         return self._path
 
     def abandon(self) -> None:
@@ -135,12 +139,11 @@ def read_hdf5(path: Path) -> Recording:
     import h5py
 
     try:
-        try:
-            file = h5py.File(path, "r")
-        except OSError:
-            file = h5py.File(path, "r", libver="latest", swmr=True)  # whoever wrote it has not come to the end
+        file = h5py.File(path, "r")
     except OSError as error:
-        raise ValueError(f"cannot read {path}: {error}") from None
+        if "already open for write" not in str(error):
+            raise  # damaged: in the other mode HDF5 would wait for its writer to mend it
+        file = h5py.File(path, "r", libver="latest", swmr=True)  # whoever wrote it has not come to the end
     with file:
         if "trajectory" not in file or "fps" not in file["trajectory"].attrs:
             raise ValueError(

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.files.json_file import write_json
+from crowd_env.files.json_file import read_json, write_json
 from crowd_env.recording.frames import Frame, Head
 from crowd_env.recording.recording import FrameContacts, Recording
 from crowd_env.recording.writer import (
@@ -80,7 +80,6 @@ class ParquetWriter:
 
         person = joined(frames, "person")
         (x, y), (vx, vy) = joined(frames, "position").T, joined(frames, "velocity").T
-        gone = np.concatenate([np.isin(frame.person, frame.left) for frame in frames])
         columns: dict[str, Any] = {
             "frame": frame_of_rows(frames, self._frames),
             "time": np.repeat([frame.time for frame in frames], [len(frame.person) for frame in frames]),
@@ -90,7 +89,7 @@ class ParquetWriter:
             "vx": vx,
             "vy": vy,
             "pressure": joined(frames, "pressure"),
-            "inside": ~gone,
+            "inside": joined(frames, "inside"),
         }
         if self._head.outline is not None:
             columns["angle"] = joined(frames, "angle")
@@ -171,26 +170,20 @@ def read_parquet(path: Path) -> Recording:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
-        if path.is_dir():
-            told = json.loads((path / _HEAD).read_text(encoding="utf-8"))
-            parts = _parts(path)
-            if not parts:
-                raise ValueError(f"{path} holds no frame yet")
-            table = pa.concat_tables([pq.read_table(part).replace_schema_metadata(None) for part in parts])
-            for part in parts:
-                left = json.loads(pq.read_schema(part).metadata[_LEFT.encode()])
-                for who, time, row in zip(left["left"], left["exit_time"], left["exit_index"], strict=True):
-                    told["people"]["exit_time"][who], told["people"]["exit_index"][who] = time, row
-        else:
-            table = pq.read_table(path)
-            metadata = table.schema.metadata or {}
-            if _KEY not in metadata:
-                raise ValueError(f"{path} is a Parquet file without the facts of a recording of crowd_env")
-            told = json.loads(metadata[_KEY])
-    except (OSError, pa.ArrowInvalid) as error:
-        raise ValueError(f"cannot read {path}: {error}") from None
-    return _recording(table, told)
+    if not path.is_dir():
+        table = pq.read_table(path)
+        metadata = table.schema.metadata or {}
+        if _KEY not in metadata:
+            raise ValueError(f"{path} is a Parquet file without the facts of a recording of crowd_env")
+        return _recording(table, json.loads(metadata[_KEY]))
+    told, parts = read_json(path / _HEAD), _parts(path)
+    if not parts:
+        raise ValueError(f"{path} holds no frame yet")
+    for part in parts:
+        left = json.loads(pq.read_schema(part).metadata[_LEFT.encode()])
+        for who, time, row in zip(left["left"], left["exit_time"], left["exit_index"], strict=True):
+            told["people"]["exit_time"][who], told["people"]["exit_index"][who] = time, row
+    return _recording(pa.concat_tables([pq.read_table(part).replace_schema_metadata(None) for part in parts]), told)
 
 
 def _recording(table: Any, told: Mapping[str, Any]) -> Recording:

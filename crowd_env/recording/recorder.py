@@ -112,6 +112,9 @@ class RunRecorder:
             if frame is not None:
                 running.add(frame)
             if last:
+                after = running.sampler.after_end(env)
+                if after is not None:
+                    running.add(after)
                 running.flush()
                 metrics, state = step.info["metrics"][e], env.simulation.state
                 self._finished[e] = running.writer.finish(

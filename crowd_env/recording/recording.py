@@ -27,8 +27,9 @@ class FrameContacts(NamedTuple):
 class Recording:
     """One evacuation of N people, seen in F frames; its R rows lie frame by frame, those of a frame in the order of people.
 
-    A frame has a row for everyone inside.  In the first frame after someone got out there is one row more for that person,
-    beyond the exit line: where the straight way on leads by then, and at least a few centimeters past the line.
+    A frame has a row for everyone inside.  In the two frames after someone got out there is one row more for that person,
+    beyond the exit line: where the straight way on leads by then, and at least a few centimeters past the line.  If people get
+    out in the last frame of a run, one more follows in which they alone have a row.
 
     Raises
     ------
@@ -96,7 +97,7 @@ class Recording:
 
     @cached_property
     def beyond(self) -> Bools:
-        """Which rows (R,) lie beyond the exit line: the last row of each person who got out."""
+        """Which rows (R,) lie beyond the exit line: the last two rows of each person who got out."""
         return self.times[self.frame] >= np.nan_to_num(self.exit_time[self.person], nan=np.inf)
 
     @property

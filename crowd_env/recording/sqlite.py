@@ -149,14 +149,11 @@ def read_sqlite(path: Path) -> Recording:
     ValueError
         If it is no such file.
     """
-    try:
-        with closing(sqlite3.connect(path)) as file:
-            tables = {name for (name,) in file.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-            if not {"trajectory_data", "metadata", "geometry"} <= tables:
-                raise ValueError(f"{path} is an SQLite database without the tables of a trajectory of JuPedSim")
-            return _ours(file, tables) if {"facts", "motion"} <= tables else _of_jupedsim(file, path)
-    except sqlite3.Error as error:
-        raise ValueError(f"cannot read {path}: {error}") from None
+    with closing(sqlite3.connect(path)) as file:
+        tables = {name for (name,) in file.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not {"trajectory_data", "metadata", "geometry"} <= tables:
+            raise ValueError(f"{path} is an SQLite database without the tables of a trajectory of JuPedSim")
+        return _ours(file, tables) if {"facts", "motion"} <= tables else _of_jupedsim(file, path)
 
 
 def _ours(file: sqlite3.Connection, tables: set[str]) -> Recording:
