@@ -77,6 +77,7 @@ def test_names_that_hold_markup_stay_names(tmp_path: Path) -> None:
     assert len(parsed.scripts) == len(harmless.scripts)
     assert parsed.texts["title"] == parsed.texts["h1"] == EVIL
     assert parsed.about()["title"] == EVIL
+    assert "<" not in parsed.script("about")
     assert [f"{EVIL}: {EVIL}", EVIL] in parsed.about()["recordings"][0]["facts"]
     assert parsed.scripts[-1] == harmless.scripts[-1]  # the program itself
 
