@@ -16,11 +16,11 @@ from agents.trained import LearnedController
 from agents.training_config import RUNS, SEEDS, check_budget, check_envs, check_libraries
 from crowd_env.checks import number, whole
 from crowd_env.cli.console import MannerName, OutlineOption, friendly_errors, notes, progress_bar
-from crowd_env.envs.rollout import named
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.files.json_file import write_json
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
+from crowd_env.results.report import named
 from crowd_env.scenarios import make_scenario
 
 _MOST_CELLS = 10_000  # nobody decides about more, and their names alone fill memory

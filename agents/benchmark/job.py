@@ -13,7 +13,6 @@ from agents.drivers import policy_driver
 from agents.evaluation.comparison import last_times, mean_times
 from agents.evaluation.entries import RULE
 from agents.evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate_driver
-from agents.evaluation.fingerprint import fingerprint
 from agents.evaluation.protocol import task_row
 from agents.policy import Policy
 from agents.rules import StrategyPolicy
@@ -21,6 +20,7 @@ from agents.tasks import Task, make_task
 from agents.trained import NUMBERS, LearnedPolicy
 from agents.training_config import place_of, task_config
 from crowd_env import ObservationLayout, Scenario
+from crowd_env.files.fingerprint import fingerprint
 from crowd_env.files.json_file import json_number, read_json, write_json
 
 _RAW = ("clearing_times", "mean_exits", "blocked_runs")

@@ -11,7 +11,7 @@ from agents.evaluation.evaluation import Evaluation
 from agents.evaluation.report import add_row, new_table, percent, with_first
 from agents.tasks.task import Task
 from crowd_env import Scenario
-from crowd_env.envs.rollout import named
+from crowd_env.results.report import named
 
 _MEASURED = ("walked", "max_density", "max_pressure", "crushed_share", "crushed_time", "pressure_is_force", "hurry")
 

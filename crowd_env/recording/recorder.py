@@ -20,25 +20,26 @@ from crowd_env.scenarios.scenario import Scenario
 _ROWS_AT_ONCE, _SECONDS_AT_ONCE = 10_000, 1.0  # of frames that wait to be written
 
 
-class _Running:
+class RunningRecording:
     """An evacuation that is being recorded."""
 
     def __init__(self, writer: Writer, sampler: FrameSampler) -> None:
         self.writer, self.sampler = writer, sampler
         self._waiting: list[Frame] = []
-        self._rows = 0
+        self._rows, self._written_until = 0, -np.inf
 
     def add(self, frame: Frame) -> None:
         """Take the next frame; write those that wait if they are many, or span a second."""
         self._waiting.append(frame)
         self._rows += len(frame.person)
-        if self._rows >= _ROWS_AT_ONCE or frame.time - self._waiting[0].time >= _SECONDS_AT_ONCE:
+        if self._rows >= _ROWS_AT_ONCE or frame.time - self._written_until >= _SECONDS_AT_ONCE - 1e-9:
             self.flush()
 
     def flush(self) -> None:
         """Write the frames that wait."""
         if self._waiting:
             self.writer.append(self._waiting)
+            self._written_until = self._waiting[-1].time
         self._waiting, self._rows = [], 0
 
 
@@ -81,7 +82,7 @@ class RunRecorder:
         self.runs, self.contacts = whole("runs to record", runs, COUNT), contacts
         self.every = None if every is None else number("every", every, POSITIVE, "s")
         self.seed, self.facts = seed, dict(facts or {})
-        self._running: dict[int, _Running] = {}
+        self._running: dict[int, RunningRecording] = {}
         self._finished: dict[int, Any] = {}
 
     def path_of(self, run: int) -> Path | None:
@@ -93,16 +94,17 @@ class RunRecorder:
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Begin the recordings of a batch with its first moment."""
         self._running, self._finished = {}, {}
-        every = 1 if self.every is None else parts_of("every", self.every, "decisions of", env.decision_dt)
+        every = 1 if self.every is None else parts_of("every", self.every, "decisions", env.decision_dt)
         for e, run in enumerate(runs):
             if run < self.runs:
                 seed = None if self.seed is None else self.seed + run
                 head = read_head(env, e, every=every, contacts=self.contacts, run=run, seed=seed, facts=self.facts)
                 path = self.path_of(run)
                 writer = MemoryWriter(head) if path is None else open_writer(path, head)
-                running = self._running[e] = _Running(writer, FrameSampler(env, e, every=every, contacts=self.contacts))
-                running.add(running.sampler.first(env))
-                running.flush()  # a file that can be read from the start
+                running = self._running[e] = RunningRecording(
+                    writer, FrameSampler(env, e, every=every, contacts=self.contacts)
+                )
+                running.add(running.sampler.first(env))  # is written at once: a file that can be read from the start
 
     def add(self, env: CrowdEnv, step: Step) -> None:
         """Record the moment after a step, and finish the recordings of evacuations that ended in it."""
