@@ -1,12 +1,44 @@
-"""The command ``crowd-env replay``."""
+"""The command ``crowd-env replay``, and the page that ``crowd-env run`` makes of its first run."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from crowd_env.cli.console import check_folder, counted, friendly_errors, notes
+from crowd_env.cli.first_run import FirstRun
+from crowd_env.envs.rollout import Episode, Recorder
 from crowd_env.files.atomic import check_suffix
+
+if TYPE_CHECKING:
+    from crowd_env.recording import Recording
+
+
+@dataclass(frozen=True)
+class Html:
+    """``--html``."""
+
+    path: Path | None
+
+    def check(self) -> None:
+        """Raise if the page cannot be written."""
+        if self.path is not None:
+            check_page("--html", self.path)
+
+    def recorder(self, run: FirstRun) -> Recorder:
+        """Return what keeps every decision, and who presses on whom."""
+        from crowd_env.recording import RunRecorder
+
+        return RunRecorder(contacts=True)
+
+    def write(self, run: FirstRun, episode: Episode) -> str:
+        """Write the page."""
+        assert self.path is not None  # else it is not asked for
+        recording = episode.record
+        facts = {**recording.facts, "seed": episode.seed}
+        return _write(self.path, [replace(recording, facts=facts)], [run.title])
 
 
 def check_page(option: str, path: Path) -> None:
@@ -40,19 +72,22 @@ def replay(
         page = out or _beside(recordings)
         check_page("--out", page)
         from crowd_env.recording import load
-        from crowd_env.replay import write_page
 
-        written = write_page(page, [load(path) for path in recordings], names=_names(recordings))
-        for path, frames, left_out in zip(recordings, written.frames, written.left_out, strict=True):
-            if left_out:
-                notes.print(
-                    f"note: {path}: {frames} of {frames + left_out} frames are shown, so that the page stays small",
-                    style="yellow",
-                    markup=False,
-                    soft_wrap=True,
-                )
-        frames_of_people = counted(written.rows, "person in a frame", "people in frames")
-        notes.print(f"page: {written.path} ({_size(written.size)}, {frames_of_people})", markup=False, soft_wrap=True)
+        said = _write(page, [load(path) for path in recordings], _names(recordings))
+        notes.print(said, markup=False, soft_wrap=True)
+
+
+def _write(path: Path, recordings: Sequence["Recording"], names: Sequence[str]) -> str:
+    """Write a page, note what it leaves out, and return a line that says where it is."""
+    from crowd_env.replay import write_page
+
+    written = write_page(path, recordings, names=names)
+    for name, frames, left_out in zip(names, written.frames, written.left_out, strict=True):
+        if left_out:
+            text = f"note: {name}: {frames} of {frames + left_out} frames are shown, so that the page stays small"
+            notes.print(text, style="yellow", markup=False, soft_wrap=True)
+    rows = counted(written.rows, "person in a frame", "people in frames")
+    return f"page: {written.path} ({_size(written.size)}, {rows})"
 
 
 def _beside(recordings: list[Path]) -> Path:
