@@ -173,7 +173,8 @@ function drawExitNames(context, recording, view, theme) {
   const labels = fit ? whole : places.map((place) => label(place, `${place.count}`));
   context.textBaseline = "middle";
   context.textAlign = "center";
-  for (const { text, wide, x, y } of labels) {
+  for (const { text, wide, x: aside, y } of labels) {
+    const x = Math.min(Math.max(aside, wide / 2), view.width - wide / 2);
     context.fillStyle = theme.mat;
     context.beginPath();
     context.roundRect(x - wide / 2, y - 9, wide, 18, 9);

@@ -113,7 +113,7 @@ function showForceLegend(place, player) {
     return element("span", { className: "entry" }, line, `${Number(force.toPrecision(3))}${part === 1 ? " N" : ""}`);
   });
   place.querySelector(".force")?.remove();
-  place.append(element("span", { className: "force", title: "Normal contact force at the frame before" }, ...entries));
+  place.append(element("span", { className: "force", title: "Normal contact force in one physics step, at the frame before" }, ...entries));
 }
 
 function listenToCurves(place, player) {
@@ -154,7 +154,7 @@ function listenToFacts(button, panel, player) {
   panel.append(element("h3", { textContent: "Keys" }), table(KEYS));
   panel.append(element("p", { className: "quiet", textContent:
     "Drag moves the plan, the wheel or two fingers zoom, a double click shows all; a click on a person shows its way. " +
-    "Between frames people are drawn on straight lines; pressures are means of 0.3 s." }));
+    "Between frames people are drawn on straight lines; pressures are means of 0.3 s, forces those of one physics step." }));
   button.addEventListener("click", () => open(panel.hidden));
   close.addEventListener("click", () => open(false));
   panel.addEventListener("keydown", (event) => event.key === "Escape" && open(false));
