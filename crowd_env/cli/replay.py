@@ -1,13 +1,13 @@
 """The command ``crowd-env replay``, and the page that ``crowd-env run`` makes of its first run."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from crowd_env.cli.console import check_folder, counted, friendly_errors, notes
+from crowd_env.cli.console import check_place, counted, friendly_errors, notes
 from crowd_env.cli.first_run import FirstRun
 from crowd_env.envs.rollout import Episode, Recorder
 from crowd_env.files.atomic import check_suffix
@@ -31,22 +31,18 @@ class Html:
         """Return what keeps every decision, and who presses on whom."""
         from crowd_env.recording import RunRecorder
 
-        return RunRecorder(contacts=True)
+        return RunRecorder(contacts=True, seed=run.seed)
 
     def write(self, run: FirstRun, episode: Episode) -> str:
         """Write the page."""
         assert self.path is not None  # else it is not asked for
-        recording = episode.record
-        facts = {**recording.facts, "seed": episode.seed}
-        return _write(self.path, [replace(recording, facts=facts)], [run.title])
+        return _write(self.path, [episode.record], [run.title])
 
 
 def check_page(option: str, path: Path) -> None:
     """Raise ValueError, before the work instead of after it, if the page ``path`` cannot be written."""
     check_suffix(path, (".html",))
-    if path.is_dir():
-        raise ValueError(f"{option} {path}: this is a folder; name a file")
-    check_folder(option, path.parent)
+    check_place(option, path)
 
 
 def replay(

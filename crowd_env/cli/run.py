@@ -27,7 +27,7 @@ from crowd_env.cli.console import (
 )
 from crowd_env.cli.evacuations import evacuate
 from crowd_env.cli.figures_table import figures_table
-from crowd_env.cli.first_run import Film, FirstRun, ForceNetwork, Output
+from crowd_env.cli.first_run import Film, FirstRun, ForceNetwork, Output, RecordingFile
 from crowd_env.cli.place import PLACES, Count, Exits, Radius, Speed, Starts, TimeLimit, Unit, read_place
 from crowd_env.cli.replay import Html
 from crowd_env.cli.results_folder import again, config_of, how_to_go_on, keep_in, open_folder, write_results
@@ -130,21 +130,46 @@ def run(
             rich_help_panel=OF_OUTPUT,
         ),
     ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also record the first run, who is where when: .sqlite (JuPedSim), .h5 (PedPy) or .parquet.",
+            rich_help_panel=OF_OUTPUT,
+        ),
+    ] = None,
+    record_contacts: Annotated[
+        bool,
+        typer.Option(
+            "--record-contacts", help="Record who touches whom, and with what forces, too.", rich_help_panel=OF_OUTPUT
+        ),
+    ] = False,
+    every: Annotated[
+        float | None,
+        typer.Option(
+            help="Time from one frame of --record to the next in s, a multiple of 0.1; default 0.1.",
+            rich_help_panel=OF_OUTPUT,
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Evacuate a place many times, everyone walking as the strategy says, and report how it went."""
     # Everything that can be made of the first run.
-    every: list[Output] = [Film(film), Html(html), ForceNetwork(force_network, at, around)]
+    possible: list[Output] = [
+        Film(film),
+        Html(html),
+        ForceNetwork(force_network, at, around),
+        RecordingFile(record, record_contacts, every),
+    ]
     with friendly_errors():
-        for output in every:
+        for output in possible:
             output.check()
-        outputs = [output for output in every if output.path is not None]
+        outputs = [output for output in possible if output.path is not None]
         people: dict[str, Any] = {"count": n, "radius": radius, "speed": speed, "starts": starts}
         found = read_place(scenario, exits=exit, unit=unit, time_limit=time_limit, **people)
         place = with_manner(found, manner, outline)
         contact = make_scheme(scheme, social)
         options: dict[str, Any] = {"dt": dt, "strategy": strategy, "rules": rules}
-        first = FirstRun(place, contact, options)
+        first = FirstRun(place, contact, options, seed)
         recorders = [output.recorder(first) for output in outputs]
         here = config_of(context.params, place, contact, options)
         folder = None if out is None else open_folder(out, place, here)

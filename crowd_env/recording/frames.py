@@ -1,14 +1,13 @@
 """What is written of an evacuation: what is known at its start, and then frame by frame who stands where."""
 
-import platform
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-import crowd_env
 from crowd_env.analysis.pressure import contact_pressure
 from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.files.versions import versions_of
 from crowd_env.geometry.aprons import add_aprons
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
@@ -80,11 +79,7 @@ def read_head(
         "manner": plain_manner(simulation.manner),
         "outline": plain_outline(simulation.outline),
         "time_limit": float(env.time_limit[e]),
-        "versions": {
-            "crowd_env": crowd_env.__version__,
-            "numpy": np.__version__,
-            "python": platform.python_version(),
-        },
+        "versions": versions_of(),
     }
     return Head(
         facts={**known, **facts, "finished": False},
