@@ -29,6 +29,7 @@ from crowd_env.cli.evacuations import evacuate
 from crowd_env.cli.figures_table import figures_table
 from crowd_env.cli.first_run import Film, FirstRun, ForceNetwork, Output, RecordingFile
 from crowd_env.cli.place import PLACES, Count, Exits, Radius, Speed, Starts, TimeLimit, Unit, read_place
+from crowd_env.cli.replay import Html
 from crowd_env.cli.results_folder import again, config_of, how_to_go_on, keep_in, open_folder, write_results
 from crowd_env.envs.rollout import Together
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, make_scheme
@@ -104,6 +105,10 @@ def run(
     film: Annotated[
         Path | None, typer.Option(help="Also film the first run: .gif or .mp4.", rich_help_panel=OF_OUTPUT)
     ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(help="Also make a web page that replays the first run: .html.", rich_help_panel=OF_OUTPUT),
+    ] = None,
     force_network: Annotated[
         Path | None,
         typer.Option(
@@ -151,6 +156,7 @@ def run(
     # Everything that can be made of the first run.
     possible: list[Output] = [
         Film(film),
+        Html(html),
         ForceNetwork(force_network, at, around),
         RecordingFile(record, record_contacts, every),
     ]
