@@ -140,6 +140,7 @@ def test_without_a_layer_to_walk_on_the_layers_are_named(tmp_path):
         (4, 1000.0, None, 0.001, "taken as mm, as the file says"),
         (5, 100.0, None, 0.01, "taken as cm, as the file says"),
         (4, 1000.0, "mm", 0.001, ""),
+        (5, 15.0, None, 1.0, "the file says that it is in cm"),  # 120 m or 1.2 m: both can be
         (6, 1000.0, "mm", 0.001, ""),
         (4, 1.0, "m", 1.0, ""),
     ],
