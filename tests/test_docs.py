@@ -61,6 +61,8 @@ def table(page, first_column):
 @pytest.mark.parametrize("block", blocks("python"), ids=called)
 def test_python_blocks_run(block, monkeypatch, tmp_path):
     page, line, text = block
+    for library in set(re.findall(r"^import (pandas|pedpy)", text, re.MULTILINE)):
+        pytest.importorskip(library, reason=f"{library} is not installed; `make test` does, for Python 3.11 and newer")
     monkeypatch.chdir(tmp_path)
     exec(compile("\n" * line + text, str(page), "exec"), {"__name__": "__main__"})
 
@@ -81,7 +83,7 @@ def test_commands_run(command, monkeypatch, tmp_path):
     for option, value in (("--runs", "1"), ("--n", "8")):
         if option in words:
             words[words.index(option) + 1] = value
-    for option in {"--force-network", "--out"} & set(words):  # written, but not into the checkout
+    for option in {"--force-network", "--out", "--record"} & set(words):  # written, but not into the checkout
         where = words.index(option) + 1
         words[where] = str(tmp_path / words[where])
     if "--film" in words:  # try the suffix, but spare the time and write nothing into the checkout
