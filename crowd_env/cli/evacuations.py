@@ -120,15 +120,16 @@ class _Bar(Progress):
             SpinnerColumn(),
             TextColumn("{task.description}"),
             BarColumn(20),
-            TextColumn(words + "{task.fields[seconds]:.0f} s simulated"),
+            TextColumn(words + "{task.fields[sofar]}"),
             TimeRemainingColumn(),
         )
         super().__init__(*columns, console=notes, transient=True, refresh_per_second=4, disable=not notes.is_terminal)
-        self.add_task(title, total=runs * people, runs=runs, out=0, done=0, seconds=0.0)
+        self.add_task(title, total=runs * people, runs=runs, out=0, done=0, sofar="")
 
     def get_renderables(self) -> Iterator[RenderableType]:
         """Look how far the runs are, and yield the bar."""
         seconds, out = self._tally.sofar()
+        sofar = f"{seconds:.0f} s simulated" if seconds > 0 else "setting up"
         for task in self.task_ids:
-            self.update(task, completed=out, out=out, done=len(self._found), seconds=seconds)
+            self.update(task, completed=out, out=out, done=len(self._found), sofar=sofar)
         yield from super().get_renderables()

@@ -32,10 +32,15 @@ class FirstRun:
 
 
 class Output(Protocol):
-    """Something that is made of the first run.  The outputs of ``crowd-env run`` are listed in `crowd_env.cli.run`."""
+    """Something that can be made of the first run; `crowd_env.cli.run` lists all of them."""
+
+    @property
+    def path(self) -> Path | None:
+        """Where it is written; None = it is not asked for."""
+        ...
 
     def check(self) -> None:
-        """Raise ValueError or ModuleNotFoundError, before anything is read or run, if it cannot be made."""
+        """Raise ValueError or ModuleNotFoundError, before anything is read or run, if it cannot be made as it is asked for."""
         ...
 
     def recorder(self, run: FirstRun) -> Recorder:
@@ -51,13 +56,14 @@ class Output(Protocol):
 class Film:
     """``--film``."""
 
-    path: Path
+    path: Path | None
 
     def check(self) -> None:
         """Raise if the path cannot be written, or a library is missing."""
-        from crowd_env.rendering.film import FORMATS
+        if self.path is not None:
+            from crowd_env.rendering.film import FORMATS
 
-        check_picture("--film", self.path, tuple(FORMATS))
+            check_picture("--film", self.path, tuple(FORMATS))
 
     def recorder(self, run: FirstRun) -> Recorder:
         """Return what keeps every decision."""
@@ -69,6 +75,7 @@ class Film:
         """Draw the film."""
         from crowd_env.rendering import write_film
 
+        assert self.path is not None  # else it is not asked for
         with progress_bar("film, frames") as progress:
             write_film(self.path, episode.record, progress=progress)
         return f"film: {self.path}"
@@ -106,7 +113,7 @@ class ForceNetwork:
         from crowd_env.rendering import write_force_network
         from crowd_env.rendering.forces.moment import forces_of_run
 
-        assert self.path is not None  # else it is no output
+        assert self.path is not None  # else it is not asked for
         with progress_bar("forces, decisions") as progress:
             forces = forces_of_run(
                 run.place, run.scheme, seed=episode.seed, at=self.at, seen=episode, progress=progress, **run.options

@@ -2,7 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +92,19 @@ def open_folder(out: Path, place: Scenario, config: dict[str, Any]) -> ResultsFo
     except ModuleNotFoundError as error:
         notes.print(f"no {CURVES}: {error}", style="yellow", markup=False, soft_wrap=True)
     return folder
+
+
+def keep_in(folder: ResultsFolder) -> Callable[[Sequence[Episode]], None]:
+    """Return what keeps finished runs; a folder that cannot be written stops no run: the figures are still to be told."""
+
+    def keep(episodes: Sequence[Episode]) -> None:
+        try:
+            folder.keep(episodes)
+        except OSError as error:
+            why = error.strerror or error
+            notes.print(f"note: cannot write into {folder.folder}: {why}", style="yellow", markup=False, soft_wrap=True)
+
+    return keep
 
 
 def write_results(folder: ResultsFolder, title: str, figures: dict[str, Any], episodes: Sequence[Episode]) -> None:

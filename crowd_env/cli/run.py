@@ -2,6 +2,7 @@
 
 import json
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,7 +29,8 @@ from crowd_env.cli.evacuations import evacuate
 from crowd_env.cli.figures_table import figures_table
 from crowd_env.cli.first_run import Film, FirstRun, ForceNetwork, Output, RecordingFile
 from crowd_env.cli.place import PLACES, Count, Exits, Radius, Speed, Starts, TimeLimit, Unit, read_place
-from crowd_env.cli.results_folder import again, config_of, how_to_go_on, open_folder, write_results
+from crowd_env.cli.replay import Html
+from crowd_env.cli.results_folder import again, config_of, how_to_go_on, keep_in, open_folder, write_results
 from crowd_env.envs.rollout import Together
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, make_scheme
 from crowd_env.results.report import report
@@ -103,6 +105,10 @@ def run(
     film: Annotated[
         Path | None, typer.Option(help="Also film the first run: .gif or .mp4.", rich_help_panel=OF_OUTPUT)
     ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(help="Also make a web page that replays the first run: .html.", rich_help_panel=OF_OUTPUT),
+    ] = None,
     force_network: Annotated[
         Path | None,
         typer.Option(
@@ -147,19 +153,17 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Evacuate a place many times, everyone walking as the strategy says, and report how it went."""
-    # Everything that is made of the first run.
-    network = ForceNetwork(force_network, at, around)
-    recording = RecordingFile(record, record_contacts, every)
-    outputs: list[Output] = [
-        *([Film(film)] if film is not None else []),
-        *([network] if force_network is not None else []),
-        *([recording] if record is not None else []),
+    # Everything that can be made of the first run.
+    possible: list[Output] = [
+        Film(film),
+        Html(html),
+        ForceNetwork(force_network, at, around),
+        RecordingFile(record, record_contacts, every),
     ]
     with friendly_errors():
-        network.check()
-        recording.check()
-        for output in outputs:
+        for output in possible:
             output.check()
+        outputs = [output for output in possible if output.path is not None]
         people: dict[str, Any] = {"count": n, "radius": radius, "speed": speed, "starts": starts}
         found = read_place(scenario, exits=exit, unit=unit, time_limit=time_limit, **people)
         place = with_manner(found, manner, outline)
@@ -170,18 +174,19 @@ def run(
         here = config_of(context.params, place, contact, options)
         folder = None if out is None else open_folder(out, place, here)
         begin = time.monotonic()
-        done = evacuate(
-            first.title,
-            place,
-            runs,
-            seed=seed,
-            workers=workers,
-            first=Together(recorders) if recorders else None,
-            kept=[] if folder is None else folder.finished,
-            keep=None if folder is None else folder.keep,
-            scheme=contact,
-            **options,
-        )
+        with nullcontext() if folder is None else folder:
+            done = evacuate(
+                first.title,
+                place,
+                runs,
+                seed=seed,
+                workers=workers,
+                first=Together(recorders) if recorders else None,
+                kept=[] if folder is None else folder.finished,
+                keep=None if folder is None else keep_in(folder),
+                scheme=contact,
+                **options,
+            )
         figures = report(place, contact, done.episodes, dt=dt, strategy=strategy)
         if done.stopped is not None:
             figures["interrupted_of"] = done.stopped.runs

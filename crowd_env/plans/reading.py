@@ -3,7 +3,7 @@
 import json
 import os
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from crowd_env.geometry.parsing import parse_exit, read_area
 from crowd_env.plans.dxf import read_dxf
 from crowd_env.plans.floor_plan import Drawing, FloorPlan
 from crowd_env.plans.geojson import is_geojson, read_geojson
-from crowd_env.plans.tidying import regions_in, tidied, without_obstacles
+from crowd_env.plans.tidying import regions_in, simplified, tidied, without_obstacles
 from crowd_env.plans.units import judge_unit, unit_in_meters
 from crowd_env.plans.vadere import is_vadere, read_vadere
 from crowd_env.plans.wkt import read_jupedsim_sqlite, read_wkt
@@ -42,6 +42,7 @@ _BY_CONTENT: dict[str, Reader] = {
 _JSON: tuple[tuple[Callable[[object], bool], Reader], ...] = ((is_vadere, read_vadere), (is_geojson, read_geojson))
 
 _SHOWN = 4  # names in a note
+_LARGEST = 60_000_000  # bytes; a plan of a million corners has 40 million of them
 
 PLANS = "WKT (.wkt), GeoJSON, DXF, JuPedSim (.sqlite) or Vadere (.scenario)"
 
@@ -76,6 +77,7 @@ def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None =
     path = path_of("the file of the floor plan", path)
     meters = None if unit is None else unit_in_meters(unit)
     try:
+        _require_size(path)
         drawing = _reader(path)(path, meters)
         if exits:
             if drawing.exits:
@@ -87,6 +89,8 @@ def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None =
     except ValueError as error:
         message = str(error)
         raise ValueError(message if str(path) in message else f"{path}: {message}") from None
+    except shapely.errors.ShapelyError as error:
+        raise ValueError(f"{path}: its shapes cannot be cut and united: {error}") from None
 
 
 def _reader(path: Path) -> Reader:
@@ -118,9 +122,20 @@ def _reader(path: Path) -> Reader:
     return _BY_CONTENT[kind]
 
 
+def _require_size(path: Path) -> None:
+    """Raise ValueError if a file is so large that reading it would take minutes."""
+    size = os.path.getsize(path) if os.path.isfile(path) else 0
+    if size > _LARGEST:
+        raise ValueError(
+            f"the file has {size / 1e6:.0f} MB; at most {_LARGEST / 1e6:.0f} are read: keep the outline of the floor, its "
+            "obstacles and exits, and leave out the rest of the drawing"
+        )
+
+
 def _json_reader(path: Path) -> Reader | None:
     """Return what reads the plan in a JSON file; None = it holds none that is known, or cannot be read."""
     try:
+        _require_size(path)
         content = json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError):
         return None
@@ -135,14 +150,14 @@ def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
         if meters is None:
             meters, note = _judged(drawing)
             notes += [note] if note else []
-        walkable = read_area(_collected(_scaled(drawing.walkable, meters), notes), "walkable area")
-        walkable = without_obstacles(walkable, _scaled(drawing.obstacles, meters), notes)
-        regions = regions_in(
-            walkable, dict(zip(drawing.regions, _scaled(drawing.regions.values(), meters), strict=True)), notes
-        )
+        walkable = read_area(_collected(simplified(_scaled(drawing.walkable, meters), notes), notes), "walkable area")
+        walkable = without_obstacles(walkable, simplified(_scaled(drawing.obstacles, meters), notes), notes)
+        regions = regions_in(walkable, _named(drawing.regions, meters), notes)
     notes += [str(warning.message) for warning in said if issubclass(warning.category, UserWarning)]
-    exits = dict(zip(drawing.exits, _scaled(drawing.exits.values(), meters), strict=True))
-    starts = {name: people for name, people in drawing.starts.items() if name in regions}
+    exits = _named(drawing.exits, meters)
+    own = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit
+    starts = {own[name]: people for name, people in drawing.starts.items() if name in regions}
+    regions = {own[name]: shape for name, shape in regions.items()}
     return FloorPlan(path, walkable, exits, regions, starts, tuple(notes))
 
 
@@ -161,9 +176,15 @@ def _scaled(shapes: Iterable[BaseGeometry], meters: float) -> list[BaseGeometry]
     return flat if meters == 1.0 else [shapely.transform(shape, lambda points: meters * points) for shape in flat]
 
 
+def _named(shapes: Mapping[str, BaseGeometry], meters: float) -> dict[str, BaseGeometry]:
+    return dict(zip(shapes, _scaled(shapes.values(), meters), strict=True))
+
+
 def _collected(shapes: list[BaseGeometry], notes: list[str]) -> BaseGeometry:
-    """Return the walkable parts as one shape, without slivers."""
+    """Return the walkable parts as one shape, without slivers if there is anything else."""
     parts = tidied(shapes, "walkable area", notes)
+    if not any(part.geom_type == "Polygon" for part in parts):
+        parts = shapes  # reading them gives the better message
     return parts[0] if len(parts) == 1 else shapely.GeometryCollection(parts)
 
 

@@ -12,12 +12,15 @@ from crowd_env.geometry.parsing import Area, place, read_area
 _THIN = 0.01  # m; what is narrower than this nobody walks on
 _NOTHING = 1e-6  # m^2; an obstacle smaller than this is none
 _SAME = 1e-9  # share of the area
+_MANY = 5_000  # corners; more of them are drawn finer than people can tell ...
+_AWAY = 0.005  # m; ... and those that lie nearer than this to the line of their neighbors are left out
+_MOST = 20_000  # corners; the ways out of more would take longer than a minute to find
 
 
 def tidied(shapes: Sequence[BaseGeometry], what: str, notes: list[str], thinnest: float = _THIN) -> list[BaseGeometry]:
     """Return the parts of ``shapes`` [m] without slivers; outlines that only touch themselves are made valid.
 
-    Everything is returned if nothing else is left, and what is wrong with it stays for those who read it.
+    What else is wrong with them stays for those who read them.
     """
     parts = [one for shape in shapes for one in _flat(shape)]
     kept, slivers, mended = [], [], []
@@ -32,8 +35,6 @@ def tidied(shapes: Sequence[BaseGeometry], what: str, notes: list[str], thinnest
             valid = _mended(part)
             kept += [part] if valid is None else valid
             mended += [] if valid is None else [part]
-    if not any(part.geom_type == "Polygon" for part in kept):
-        return parts
     for number, found, said in ((len(slivers), slivers, "slivers are left out"), (len(mended), mended, _TOUCHING)):
         if number:
             at = place(shapely.get_coordinates(found[0])[0])
@@ -42,6 +43,37 @@ def tidied(shapes: Sequence[BaseGeometry], what: str, notes: list[str], thinnest
 
 
 _TOUCHING = "outlines that run along themselves are mended"
+
+
+def simplified(shapes: Sequence[BaseGeometry], notes: list[str]) -> list[BaseGeometry]:
+    """Return the shapes [m] with fewer corners if they have very many.
+
+    Raises
+    ------
+    ValueError
+        If they still have too many.
+    """
+    before = int(shapely.get_num_coordinates(shapes).sum())
+    if before <= _MANY:
+        return list(shapes)
+    fewer = [_simplified(shape) for shape in shapes]
+    after = int(shapely.get_num_coordinates(fewer).sum())
+    if after > _MOST:
+        raise ValueError(
+            f"the plan has {before} corners, and {after} where those are left out that move no wall by {1000 * _AWAY:g} mm; "
+            f"at most {_MOST} are read: simplify it, in QGIS by Vector > Geometry Tools > Simplify, in Python by "
+            "shapely.simplify(plan, 0.05)"
+        )
+    if after < before:
+        notes.append(f"the plan has {before} corners: simplified to {after}, by which no wall moves by more than 5 mm")
+    return fewer
+
+
+def _simplified(shape: BaseGeometry) -> BaseGeometry:
+    if not np.isfinite(shapely.get_coordinates(shape)).all():
+        return shape  # reading it gives the better message
+    quick = shapely.simplify(shape, _AWAY, preserve_topology=False)
+    return quick if shapely.is_valid(quick) and not quick.is_empty else shapely.simplify(shape, _AWAY)
 
 
 def without_obstacles(walkable: Area, obstacles: Sequence[BaseGeometry], notes: list[str]) -> Area:

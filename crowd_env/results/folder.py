@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 from crowd_env.envs.rollout import Episode
@@ -19,7 +20,7 @@ _PAUSE, _SHARE = 2.0, 0.05  # s
 
 
 class ResultsFolder:
-    """Keeps the runs of one command.
+    """Keeps the runs of one command; as a context manager it writes those that an error leaves unwritten.
 
     Parameters
     ----------
@@ -41,6 +42,7 @@ class ResultsFolder:
         self.folder, self._scenario, self._config = folder, scenario, config
         self.finished: list[Episode] = []
         self._due = 0.0
+        self._unwritten = False
         if (folder / CONFIG).exists():
             there = read_json(folder / CONFIG)
             if not isinstance(there, dict):
@@ -67,11 +69,14 @@ class ResultsFolder:
             If they cannot be written.
         """
         self._episodes.update({episode.run: episode for episode in episodes})
+        self._unwritten = True
         begin = time.monotonic()
         if begin >= self._due:
-            self._write()
-            end = time.monotonic()
-            self._due = end + max(_PAUSE, (end - begin) / _SHARE)
+            try:
+                self._write()
+            finally:  # a full disk is not tried again at once
+                end = time.monotonic()
+                self._due = end + max(_PAUSE, (end - begin) / _SHARE)
 
     def finish(self, episodes: Sequence[Episode], summary: dict[str, Any]) -> list[Path]:
         """Write everything of the runs there are, and return the paths.
@@ -91,9 +96,20 @@ class ResultsFolder:
         write_json(self.folder / SUMMARY, summary)
         return [*paths, self.folder / CONFIG]
 
+    def __enter__(self) -> "ResultsFolder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is not None and self._unwritten:
+            self._write()
+
     def _write(self) -> list[Path]:
         write_json(self.folder / CONFIG, self._config)  # first: without it the tables belong to nothing
-        return write_tables(self.folder, self._scenario, self._in_order())
+        paths = write_tables(self.folder, self._scenario, self._in_order())
+        self._unwritten = False
+        return paths
 
     def _in_order(self) -> list[Episode]:
         return [self._episodes[run] for run in sorted(self._episodes)]

@@ -21,7 +21,7 @@ from crowd_env.state import Floats
 
 PEOPLE = 20  # on a plan that does not say how many
 TIME_LIMIT = 300.0  # s
-_CROWDED = 4.0  # people/m^2; of more than these the file means that they come one after the other
+_CROWDED = 3.0  # people/m^2; more than these may not fit, and a file means by more that they come one after the other
 
 
 def scenario_from_plan(
@@ -113,18 +113,22 @@ def people_on(plan: FloorPlan, count: int | None = None, **fields: Any) -> Peopl
 
     Parameters
     ----------
-    count : how many; by default as many as the file says, if there is room for them at once, else 20.
+    count : how many; by default as many as the file says, if there is room for them at once, else 20, or fewer in small areas.
     fields : of their `Population`; recorded ``starts`` take the place of start areas.
     """
     if fields.get("starts") is not None or not plan.starts:
         return Population(**{"count": PEOPLE if count is None else count, **fields})
     areas = {name: float(plan.regions[name].intersection(plan.walkable).area) for name in plan.starts}
+    room = {name: max(1, int(_CROWDED * area)) for name, area in areas.items()}
     said = {name: people for name, people in plan.starts.items() if people is not None}
-    if len(said) == len(areas) and all(people <= _CROWDED * areas[name] for name, people in said.items()):
+    if len(said) == len(areas) and all(people <= room[name] for name, people in said.items()):
         shares, usual = said, sum(said.values())
     else:
         shares = {name: max(1, round(1000.0 * area / sum(areas.values()))) for name, area in areas.items()}
-        usual = max(PEOPLE, len(areas))
+        usual = max(min(PEOPLE, sum(room.values())), len(areas))
+        if count is None and (said or usual < PEOPLE):
+            wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
+            warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --n decides", stacklevel=2)
     parts = [Population(**{**fields, "count": share, "start_region": name}) for name, share in shares.items()]
     people: People = parts[0] if len(parts) == 1 else Groups(tuple(parts))
     return people.changed(count=usual if count is None else count)

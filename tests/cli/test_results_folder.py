@@ -93,6 +93,32 @@ def test_a_mistake_makes_no_folder(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_an_error_loses_no_run_that_was_finished(monkeypatch, tmp_path):
+    def fails(*_, only, keep=None, **options):
+        found = run_episodes(*_, only=only[:2], keep=keep, **options)
+        if keep is not None:  # not the first one, alone
+            raise ValueError("a process has died")
+        return found
+
+    monkeypatch.setattr(evacuations, "run_episodes", fails)
+    result = call(f"{RUN} --runs 6 --out {tmp_path}")
+    assert result.exit_code == 2 and result.stderr == "error: a process has died\n"
+    assert len((tmp_path / "runs.csv").read_text().splitlines()) == 1 + 3
+
+
+def test_a_full_disk_loses_no_figures(monkeypatch, tmp_path):
+    def full(folder, *_):
+        raise OSError(28, "No space left on device", str(folder / "exits.csv"))
+
+    monkeypatch.setattr("crowd_env.results.folder.write_tables", full)
+    result = call(f"{RUN} --runs 3 --out {tmp_path} --json")
+    assert result.exit_code == 2 and json.loads(result.stdout)["runs"] == 3
+    assert result.stderr.splitlines() == [
+        f"note: cannot write into {tmp_path}: No space left on device",
+        f"error: {tmp_path / 'exits.csv'}: No space left on device",
+    ]
+
+
 def test_a_config_runs_the_same_again(whole, tmp_path):
     config = whole / "config.json"
     told = call(f"run --config {config} --out {tmp_path}")
