@@ -12,7 +12,10 @@ from crowd_env.state import Bools, Floats, Ints
 
 
 class FrameContacts(NamedTuple):
-    """The K contacts of F frames: those of the last physics step before each frame, as `Simulation.contacts` lists them."""
+    """The K contacts of F frames: those of the last physics step before each frame, as `Simulation.contacts` lists them.
+
+    They are found where bodies were at the start of that step: a gap may differ from the frame's by what people move in it.
+    """
 
     start: Ints  # (F+1,)  contacts of frame f are start[f]:start[f + 1]
     i: Ints  # (K,)    person
