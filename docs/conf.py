@@ -3,6 +3,8 @@
 import re
 from typing import Any
 
+from docutils import nodes
+from sphinx.addnodes import desc_annotation
 from sphinx.application import Sphinx
 
 import crowd_env
@@ -37,16 +39,25 @@ python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 100
 napoleon_google_docstring = False
 napoleon_use_ivar = True
+napoleon_use_param = False  # "dt, decision_dt" have one line together
 add_module_names = False
 default_role = "py:obj"  # `CrowdEnv` in a docstring is a link where that is on a page
 
-# What `NDArray[np.float64]` is spelled out as.
-ARRAY = re.compile(r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.(\w+)\]\]")
+# What `NDArray[np.float64]` is spelled out as, in the text of a signature and in what it looks like in the end.
+ARRAY = re.compile(r"~numpy\.ndarray\[tuple\[~typing\.Any, \.\.\.\], ~numpy\.dtype\[~numpy\.(\w+)\]\]")
+SHORT_ARRAY = re.compile(r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]")
 
 
 def shorten(app: Sphinx, what: str, name: str, thing: object, options: Any, signature: str, returns: str) -> Any:
-    """Show arrays as the source does."""
+    """Show arrays among parameters as the source does."""
     return tuple(text and ARRAY.sub(r"NDArray[\1]", text) for text in (signature, returns))
+
+
+def shorten_attributes(app: Sphinx, doctree: nodes.document, page: str) -> None:
+    """Show arrays among attributes as the source does."""
+    for node in doctree.findall(desc_annotation):
+        if SHORT_ARRAY.search(node.astext()):
+            node.children = [nodes.Text(SHORT_ARRAY.sub(r"NDArray[\1]", node.astext()))]
 
 
 def read_as_meant(app: Sphinx, what: str, name: str, thing: object, options: Any, lines: list[str]) -> None:
@@ -56,6 +67,8 @@ def read_as_meant(app: Sphinx, what: str, name: str, thing: object, options: Any
         return
     section = ""
     changed: list[str] = []
+    if what in ("attribute", "data", "property"):
+        changed.append("")  # else what stands before a colon in the first line is taken for the type
     for k, line in enumerate(lines):
         if k + 1 < len(lines) and line and set(lines[k + 1]) == {"-"}:
             section = line
@@ -67,6 +80,13 @@ def read_as_meant(app: Sphinx, what: str, name: str, thing: object, options: Any
     lines[:] = changed
 
 
+def name_pages(app: Sphinx, page: str, source: list[str]) -> None:
+    """A link that is called by its file, as code hosts want it, is called by the title of where it leads."""
+    source[0] = re.sub(r"\[[\w/-]+\.md\](?=\([\w./-]+\.md)", "[]", source[0])
+
+
 def setup(app: Sphinx) -> None:
+    app.connect("source-read", name_pages)
     app.connect("autodoc-process-signature", shorten)
+    app.connect("doctree-resolved", shorten_attributes)
     app.connect("autodoc-process-docstring", read_as_meant, priority=400)  # before Napoleon, which has 500
