@@ -38,6 +38,7 @@ autodoc_preserve_defaults = True
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 100
 napoleon_google_docstring = False
+napoleon_attr_annotations = False
 napoleon_use_ivar = True
 napoleon_use_param = False  # "dt, decision_dt" have one line together
 add_module_names = False
@@ -49,8 +50,8 @@ SHORT_ARRAY = re.compile(r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]")
 
 
 def shorten(app: Sphinx, what: str, name: str, thing: object, options: Any, signature: str, returns: str) -> Any:
-    """Show arrays among parameters as the source does."""
-    return tuple(text and ARRAY.sub(r"NDArray[\1]", text) for text in (signature, returns))
+    """Show arrays among parameters as the source does, and what a dataclass makes by itself as something that can be parsed."""
+    return tuple(text and ARRAY.sub(r"NDArray[\1]", text).replace("<factory>", "...") for text in (signature, returns))
 
 
 def shorten_attributes(app: Sphinx, doctree: nodes.document, page: str) -> None:
@@ -64,11 +65,11 @@ def read_as_meant(app: Sphinx, what: str, name: str, thing: object, options: Any
     """Let registries say what they hold; move "name : what it is" to where Napoleon expects it, which takes it for a type."""
     if isinstance(thing, dict):  # has no docstring but that of dict
         lines[:] = ["Names: " + ", ".join(f"``{key}``" for key in thing) + ".", ""]
+    if lines and what in ("attribute", "data", "property"):
+        lines[0] = ": " + lines[0]  # here Napoleon takes what stands before the first colon for the type
         return
     section = ""
     changed: list[str] = []
-    if what in ("attribute", "data", "property"):
-        changed.append("")  # else what stands before a colon in the first line is taken for the type
     for k, line in enumerate(lines):
         if k + 1 < len(lines) and line and set(lines[k + 1]) == {"-"}:
             section = line
