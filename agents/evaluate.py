@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from crowd_env import SCHEMES, Scenario, make_scenario, make_scheme
+from crowd_env import SCHEMES, Scenario, make_scheme
 from crowd_env.checks import Range, number, whole
 from crowd_env.cli.console import (
     MannerName,
@@ -19,8 +19,8 @@ from crowd_env.cli.console import (
     progress_bar,
     run_title,
     with_manner,
-    with_people,
 )
+from crowd_env.cli.place import PLACES, Exits, Unit, read_place
 from crowd_env.executors import Executor, Serial, make_executor
 from crowd_env.files.json_file import write_json
 from crowd_env.physics import check_outline
@@ -131,8 +131,10 @@ def main(
     ] = None,
     scenario: Annotated[
         str | None,
-        typer.Option(show_default=_SCENARIO, help="Name of a scenario, or a scenario file, where there is no task."),
+        typer.Option(show_default=_SCENARIO, help=f"{PLACES}  Where there is no task."),
     ] = None,
+    exit: Exits = None,
+    unit: Unit = None,
     policies: Annotated[
         list[str] | None,
         typer.Option(
@@ -214,6 +216,8 @@ def main(
 
     crowd-env evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
 
+    crowd-env evaluate --scenario my_plan.wkt --exit 6,2,6,3 --people 40 --policies shortest --runs 20
+
     crowd-env evaluate --scenario my_hall.toml --policies rules north runs/x/best.safetensors --out comparison
     """
     with friendly_errors("" if out is None else "the same command goes on"):
@@ -225,13 +229,13 @@ def main(
                 "--people": people,
                 "--manner": manner,
             }
-            given |= {"--learned-share": learned_share, "--outline": outline}
+            given |= {"--learned-share": learned_share, "--outline": outline, "--exit": exit, "--unit": unit}
             _refuse_beside_robustness(chosen, given)
             assert chosen is not None
             with closing(_executor(ray, threads)) as executor:
                 _vary(chosen, policies or [RULE], runs, seed, threads, out, trust_pickle, as_json, executor)
             return
-        place = with_manner(_place(chosen, scenario, people), manner, outline)
+        place = with_manner(_place(chosen, scenario, people, exit, unit), manner, outline)
         policies = policies or list(_NAMED if chosen is None else (RULE,))
         schemes = list(dict.fromkeys(schemes or [_SCHEME if chosen is None else chosen.scheme]))
         count = _RUNS if chosen is None else chosen.runs
@@ -310,14 +314,18 @@ def _vary(
         console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
-def _place(task: Task | None, scenario: str | None, people: int | None) -> Scenario:
+def _place(
+    task: Task | None, scenario: str | None, people: int | None, exits: list[str] | None, unit: str | None
+) -> Scenario:
     """Return the scenario of a task, or the one that is named, with so many people if a number is given."""
-    if task is not None:
-        if scenario is not None:
-            raise ValueError(f"--scenario is {scenario}, but --task {task.name} says where people walk; leave one out")
-        return task.place(people)
-    name = _SCENARIO if scenario is None else scenario
-    return make_scenario(name) if people is None else with_people(name, {"count": whole("--people", people)})
+    count = None if people is None else whole("--people", people)
+    if task is None:
+        return read_place(_SCENARIO if scenario is None else scenario, exits=exits, unit=unit, count=count)
+    for name, value in (("--scenario", scenario), ("--exit", exits), ("--unit", unit)):
+        if value:
+            said = value if isinstance(value, str) else " ".join(value)
+            raise ValueError(f"{name} is {said}, but --task {task.name} says where people walk; leave one out")
+    return task.place(count)
 
 
 def _write(

@@ -8,11 +8,11 @@ import typer
 
 from crowd_env.checks import number, whole
 from crowd_env.cli.console import MannerName, OutlineOption, friendly_errors, notes, progress_bar
-from crowd_env.envs.rollout import named
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.files.json_file import write_json
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
+from crowd_env.results.report import named
 from crowd_env.scenarios import make_scenario
 
 from .controllers import Controller, FixedSplit, RandomController

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from crowd_env import ObservationLayout, Scenario
+from crowd_env.files.fingerprint import fingerprint
 from crowd_env.files.json_file import json_number, read_json, write_json
 
 from .. import make_policy
@@ -15,7 +16,6 @@ from ..drivers import policy_driver
 from ..evaluation.comparison import last_times, mean_times
 from ..evaluation.entries import RULE
 from ..evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate_driver
-from ..evaluation.fingerprint import fingerprint
 from ..evaluation.protocol import task_row
 from ..policy import Policy
 from ..rules import StrategyPolicy

@@ -11,6 +11,7 @@ import numpy as np
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
 from crowd_env.files.array_file import read_arrays, write_arrays
 from crowd_env.files.csv_table import write_csv
+from crowd_env.files.fingerprint import fingerprint
 from crowd_env.files.json_file import read_json, write_json
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline

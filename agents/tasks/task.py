@@ -8,10 +8,10 @@ import numpy as np
 
 from crowd_env import Scenario, make_scenario, make_scheme
 from crowd_env.checks import whole
+from crowd_env.files.fingerprint import fingerprint
 from crowd_env.headway import make_manner
 
 from ..evaluation.evaluation import HELD_OUT_SEED
-from ..evaluation.fingerprint import fingerprint
 
 Decides = Literal["walking", "routing"]
 _WORDS = ("name", "title", "reference")  # of a scenario, which change no evacuation

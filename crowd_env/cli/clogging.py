@@ -1,7 +1,6 @@
 """The command ``crowd-env clogging``."""
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,44 +19,52 @@ from crowd_env.cli.console import (
     OutlineOption,
     Runs,
     Seed,
+    Workers,
     check_folder,
     counted,
-    evacuate,
     friendly_errors,
     interrupted,
     notes,
     run_title,
     with_manner,
-    with_people,
 )
-from crowd_env.envs.rollout import Episode, RunsInterrupted, share
+from crowd_env.cli.evacuations import evacuate
+from crowd_env.cli.place import PLACES, Count, Exits, Speed, Unit, read_place
+from crowd_env.envs.rollout import Episode, RunsInterrupted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
-from crowd_env.scenarios import SCENARIOS
-from crowd_env.scenarios.population import Uniform
+from crowd_env.results.report import share
 from crowd_env.scenarios.scenario import Scenario
 
 _WIDTH = 100
+
+EXAMPLES = """Examples:
+
+crowd-env clogging --speed 1.5 --runs 10
+
+crowd-env clogging lin-room-v0 --speed 1.5 --times experiment.csv --out clogging
+
+crowd-env clogging --times results/exits.csv
+"""
 
 
 def clog(
     scenario: Annotated[
         str | None,
-        typer.Argument(
-            metavar="SCENARIO", help=f"One of {', '.join(SCENARIOS)}; default lin-room-v0, or with --times none."
-        ),
+        typer.Argument(metavar="SCENARIO", help=f"{PLACES}  By default lin-room-v0, or with --times none."),
     ] = None,
     scheme: Annotated[str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".")] = "hertz",
-    speed: Annotated[
-        float | None, typer.Option(help="Desired speed of everyone in m/s; default the scenario's.")
-    ] = None,
-    n: Annotated[int | None, typer.Option(help="Number of people; default the scenario's.", min=1)] = None,
+    exit: Exits = None,
+    unit: Unit = None,
+    n: Count = None,
+    speed: Speed = None,
     manner: MannerName = None,
     outline: OutlineOption = None,
     runs: Runs = 10,
     seed: Seed = 0,
+    workers: Workers = None,
     dt: Annotated[float | None, typer.Option(help="Physics step in s; default the scheme's.")] = None,
     times: Annotated[
         list[Path] | None,
@@ -74,10 +81,6 @@ def clog(
     """Measure how a crowd clogs: gaps between exits, bursts, and the exponent of the tail of the gaps.
 
     The last gap of a run that ends with people inside is open, longer than what was seen: it is counted beside the closed ones.
-
-    Examples: crowd-env clogging --speed 1.5 --runs 10
-
-    crowd-env clogging lin-room-v0 --speed 1.5 --times experiment.csv --out clogging
     """
     with friendly_errors():
         if out is not None:
@@ -90,15 +93,13 @@ def clog(
         episodes: list[Episode] = []
         stopped: RunsInterrupted | None = None
         if scenario is not None or not sets:
-            people: dict[str, Any] = {} if n is None else {"count": n}
-            if speed is not None:
-                people["desired_speed"] = Uniform(speed, speed)
-            place = with_manner(with_people(scenario or "lin-room-v0", people), manner, outline)
+            found_place = read_place(scenario or "lin-room-v0", exits=exit, unit=unit, count=n, speed=speed)
+            place = with_manner(found_place, manner, outline)
             contact = make_scheme(scheme)
             name = _name(place, contact)
             blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
-            options: dict[str, Any] = {"scheme": contact, "dt": dt, "threads": os.cpu_count() or 1}
-            episodes, stopped = evacuate(name, place, runs, seed=seed, **options)
+            options: dict[str, Any] = {"scheme": contact, "dt": dt, "workers": workers}
+            episodes, stopped, _ = evacuate(name, place, runs, seed=seed, **options)
             sets = {name: [exits_of_episode(episode, place.geometry) for episode in episodes], **sets}
         found = {
             name: clogging(data, pause=pause, per_exit=per_exit, blocked_after=blocked_after)

@@ -6,12 +6,15 @@ from typing import Annotated
 import typer
 
 from crowd_env.cli.console import check_picture, friendly_errors, notes
-from crowd_env.scenarios import make_scenario
+from crowd_env.cli.place import PLACES, Count, Exits, Unit, read_place
 
 
 def plan(
-    scenario: Annotated[list[str], typer.Argument(help="Names of scenarios or scenario files; several make a sheet.")],
+    scenario: Annotated[list[str], typer.Argument(help=f"{PLACES}  Several make a sheet.")],
     out: Annotated[Path, typer.Option(help="Image to write, .png.")] = Path("plan.png"),
+    exit: Exits = None,
+    unit: Unit = None,
+    n: Count = None,
     seed: Annotated[int, typer.Option(help="Where people stand.", min=0)] = 0,
 ) -> None:
     """Draw plans: walls, exits, regions and where people start, colored by the group they belong to."""
@@ -19,5 +22,6 @@ def plan(
         check_picture("--out", out, (".png",), makes_folder=True)
         from crowd_env.rendering.sheet import draw_sheet
 
-        draw_sheet(out, [make_scenario(name) for name in scenario], seed=seed)
+        places = [read_place(name, exits=exit, unit=unit, count=n) for name in scenario]
+        draw_sheet(out, places, seed=seed)
         notes.print(f"plan: {out}", markup=False)

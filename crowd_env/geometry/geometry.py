@@ -195,10 +195,15 @@ class Geometry:
         """Return the geometry whose walkable area is the WKT ``text``; the ``others`` are those of `from_polygon`."""
         return cls.from_polygon(require_text("walkable area", text, "well-known text (WKT)"), **others)
 
-    def without_closed_off(self, radius: float, exits: Iterable[Shape]) -> "Geometry":
+    def without_closed_off(self, radius: float, exits: Mapping[str, Shape] | Iterable[Shape]) -> "Geometry":
         """Return the place without what a body of ``radius`` [m] cannot leave through any passage, with a note.
 
-        It is made anew with ``exits``, as in `from_polygon`; walls inside, regions, doors and round jambs it must not have.
+        It is made anew with ``exits``, as in `from_polygon`; walls inside, doors and round jambs it must not have.
+
+        Raises
+        ------
+        ValueError
+            If a region lies in what is left out.
         """
         lost = closed_off(self.walkable, self.exits, radius)
         if not lost:
@@ -207,7 +212,10 @@ class Geometry:
         with warnings.catch_warnings():  # what there is to say has been said
             warnings.simplefilter("ignore")
             rest = Geometry.from_polygon(shapely.difference(self.walkable, shapely.union_all(lost)), exits=exits)
-        return replace(rest, left_out=(*self.left_out, *lost))
+        left_out = (*self.left_out, *lost)
+        return replace(
+            rest, left_out=left_out, regions=_regions(rest.walkable, left_out, self.regions, rest.exit_names)
+        )
 
     def walls_when(self, closed: Collection[str] = ()) -> tuple[Floats, Bools]:
         """Return the walls (W, 2, 2) and which are two-sided (W,) while these doors are closed and all others open."""
@@ -351,7 +359,7 @@ def _thin_walls(area: Area, left_out: list[Polygon], lines: list[Floats]) -> Flo
 
 
 def _regions(
-    area: Area, left_out: list[Polygon], regions: Mapping[str, Shape], exits: Mapping[str, BaseGeometry]
+    area: Area, left_out: Sequence[Polygon], regions: Mapping[str, Shape], exits: Collection[str]
 ) -> dict[str, Area]:
     shapes = {}
     for name, thing in regions.items():

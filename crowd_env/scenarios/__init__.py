@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from crowd_env.checks import refuse
+from crowd_env.plans.reading import PLANS, is_plan
 from crowd_env.scenarios.file.reading import SUFFIXES, ScenarioFile
+from crowd_env.scenarios.floor_plan import scenario_from_plan
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.shipped.rooms import lin_room, room
 from crowd_env.scenarios.shipped.theatre import theatre
@@ -35,7 +37,12 @@ SCENARIOS: dict[str, Callable[..., Scenario]] = {
 
 
 def make_scenario(scenario: str | Path | Scenario, **options: Any) -> Scenario:
-    """Return a scenario by its name, or from a file (.toml or .json), made with ``options``; or the scenario itself.
+    """Return a scenario by its name, or from a file, made with ``options``; or the scenario itself.
+
+    Parameters
+    ----------
+    scenario : a name in ``SCENARIOS``; a scenario file (.toml or .json); or a floor plan (WKT, GeoJSON, DXF, the SQLite files
+        of JuPedSim, scenarios of Vadere), whose options are those of `crowd_env.scenarios.floor_plan.scenario_from_plan`.
 
     Raises
     ------
@@ -48,21 +55,34 @@ def make_scenario(scenario: str | Path | Scenario, **options: Any) -> Scenario:
         return scenario
     if not isinstance(scenario, str | Path):
         refuse("scenario", scenario, "the name of a scenario, its file or a Scenario")
-    if is_file(scenario):
+    kind = kind_of_place(scenario)
+    if kind == "file":
         return ScenarioFile(Path(scenario))(**options)
-    name = str(scenario)
-    if name not in SCENARIOS:
-        raise ValueError(f"unknown scenario {name!r}; known: {', '.join(SCENARIOS)}, or a file (.toml or .json)")
-    known = options_of(name)
+    known = tuple(scenario_from_plan.__kwdefaults__ or ()) if kind == "plan" else tuple(options_of(str(scenario)))
     unknown = [option for option in options if option not in known]
     if unknown:
-        raise ValueError(f"{name} has no option {unknown[0]!r}; known: {', '.join(known)}")
-    return SCENARIOS[name](**options)
+        raise ValueError(f"{scenario} has no option {unknown[0]!r}; known: {', '.join(known)}")
+    return scenario_from_plan(scenario, **options) if kind == "plan" else SCENARIOS[str(scenario)](**options)
 
 
-def is_file(scenario: str | Path) -> bool:
-    """Return whether this is the path of a scenario file, not the name of a scenario."""
-    return Path(scenario).suffix.lower() in SUFFIXES
+def kind_of_place(scenario: str | Path) -> Literal["name", "file", "plan"]:
+    """Return what a text names: a scenario that ships with crowd_env, a scenario file, or a floor plan in a file.
+
+    Raises
+    ------
+    ValueError
+        If it is none of them; the message lists the known names.
+    """
+    if str(scenario) in SCENARIOS:
+        return "name"
+    if is_plan(Path(scenario)):
+        return "plan"
+    if Path(scenario).suffix.lower() in SUFFIXES:
+        return "file"
+    raise ValueError(
+        f"unknown scenario {str(scenario)!r}; known: {', '.join(SCENARIOS)}, or the path of a scenario file (.toml or .json) "
+        f"or of a floor plan: {PLANS}"
+    )
 
 
 def options_of(name: str) -> Mapping[str, Any]:

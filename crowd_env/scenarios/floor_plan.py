@@ -1,37 +1,72 @@
-"""Floor plans and recorded positions in files: in which unit they are, and whether they can be what they say."""
+"""Scenarios on floor plans in files: who starts where if nobody says it, and recorded starting positions."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import shapely
-from shapely.geometry.base import BaseGeometry
 
-from crowd_env.checks import known, texts
-from crowd_env.checks import path as path_of
+from crowd_env.checks import texts
 from crowd_env.files.csv_table import read_table
-from crowd_env.files.foreign import read_text
-from crowd_env.geometry.geometry import Geometry, parse_exit
-from crowd_env.geometry.parsing import from_wkt
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.navigation.domain import require_grid
-from crowd_env.scenarios.groups import People
+from crowd_env.plans.floor_plan import FloorPlan
+from crowd_env.plans.reading import read_plan
+from crowd_env.routing.route_set import Target
+from crowd_env.scenarios.groups import Groups, People, as_people
+from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Floats
 
-_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+PEOPLE = 20  # on a plan that does not say how many
+TIME_LIMIT = 300.0  # s
+_CROWDED = 3.0  # people/m^2; more than these may not fit, and a file means by more that they come one after the other
 
-# A plan larger than this is rare, and one in centimeters always is: a warning asks for the unit ...
 
-_WIDE_EXIT, _LARGE = 20.0, 300.0  # m
-# ... and beyond this no plan is accepted.
-_WIDEST_EXIT, _LARGEST = 200.0, 3000.0  # m
-_SMALL = 1.0  # m
+def scenario_from_plan(
+    path: str | Path,
+    *,
+    exits: Sequence[str] = (),
+    unit: str | None = None,
+    count: int | None = None,
+    population: People | Mapping[str, Any] | Sequence[Any] | None = None,
+    time_limit: float = TIME_LIMIT,
+    blocked_after: float = np.inf,
+    target: Target = "path",
+) -> Scenario:
+    """Return a scenario on a floor plan in a file of any kind that `crowd_env.plans` reads.
 
-_READ = (
-    "a floor plan is read from well-known text (WKT), e.g. POLYGON ((0 0, 5 0, 5 5, 0 5, 0 0)), or from a scenario file "
-    "(.toml, .json)"
-)
+    Parameters
+    ----------
+    path : the file.
+    exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into; without any, those
+        of the file.
+    unit : m, cm or mm, of the coordinates of plan and exits; None = meters, unless that cannot be and the file says another.
+    count : number of people; by default 20, or as many as the file says.
+    population : see `Scenario`; by default people of the default kind, in the start areas of the file if it has any.
+    time_limit, blocked_after : s.
+    target : see `Scenario`.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read or the plan cannot be used; the message names the file.
+    ModuleNotFoundError
+        If the library that reads such files is not installed.
+
+    Warns
+    -----
+    UserWarning
+        For what was dropped or repaired, and if the plan is so large that it may be in another unit.
+    """
+    plan = read_plan(path, texts("exits", exits), unit=unit)
+    people = as_people(population)
+    if people is None:
+        people = people_on(plan, count=count)
+    elif count is not None:
+        people = people.changed(count=count)
+    return scenario_on(plan, people, time_limit=time_limit, blocked_after=blocked_after, target=target)
 
 
 def scenario_from_wkt(
@@ -39,81 +74,64 @@ def scenario_from_wkt(
     exits: Sequence[str],
     population: People,
     *,
-    time_limit: float = 300.0,
+    time_limit: float = TIME_LIMIT,
     unit: str | None = None,
 ) -> Scenario:
-    """Return a scenario on a floor plan in well-known text (WKT): polygons with holes.
+    """Return a scenario on a floor plan, as `scenario_from_plan` does: with exits and people that are given."""
+    return scenario_from_plan(path, exits=exits, population=population, time_limit=time_limit, unit=unit)
 
-    Parameters
-    ----------
-    path : text file with a POLYGON, MULTIPOLYGON or GEOMETRYCOLLECTION.
-    exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into.
-    unit : m, cm or mm, of the coordinates of plan and exits; None = meters, if they can be.
+
+def scenario_on(plan: FloorPlan, population: People, *, time_limit: float = TIME_LIMIT, **options: Any) -> Scenario:
+    """Return a scenario on a floor plan; ``options`` are those of `Scenario`.
 
     Raises
     ------
     ValueError
-        If the file cannot be read or the plan cannot be used; the message names the file.
+        If the plan cannot be used, or the people do not fit.
 
     Warns
     -----
     UserWarning
-        If no unit is given and the plan is so large that it may be in another one.
+        With the notes of the plan, and for what is repaired of its walls and exits.
     """
-    path, exits = path_of("the file of the floor plan", path), texts("exits", exits)
-    meters = unit_in_meters(unit)
-    text = read_text(path, "the floor plan", _READ)
-    if not exits:
+    for note in plan.notes:
+        warnings.warn(note, stacklevel=3)
+    path = plan.path
+    if not plan.exits:
         raise ValueError(f"{path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
     try:
-        area = _scaled(from_wkt(text, "walkable area"), meters)
-        doors = [_scaled(parse_exit(one), meters) for one in exits]
-        if unit is None:
-            _ask_for_unit(area, doors)
-        geometry = Geometry.from_polygon(area, exits=doors)
+        geometry = Geometry.from_polygon(plan.walkable, exits=plan.exits, regions=plan.regions)
         require_grid(geometry, population.radius.low)
-        geometry = geometry.without_closed_off(population.radius.low, doors)
-        return Scenario(path.stem, geometry, population, time_limit, title=f"floor plan {path.name}")
+        geometry = geometry.without_closed_off(population.radius.low, plan.exits)
+        return Scenario(path.stem, geometry, population, time_limit, title=f"floor plan {path.name}", **options)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def unit_in_meters(unit: str | None) -> float:
-    """Return how many meters a unit of length is; None = the meter.
+def people_on(plan: FloorPlan, count: int | None = None, **fields: Any) -> People:
+    """Return people for a plan: in its start areas, shared out by what the file says of each or by their size, or anywhere.
 
-    Raises
-    ------
-    ValueError
-        If it is unknown.
+    Parameters
+    ----------
+    count : how many; by default as many as the file says, if there is room for them at once, else 20, or fewer in small areas.
+    fields : of their `Population`; recorded ``starts`` take the place of start areas.
     """
-    return 1.0 if unit is None else _METRES[known("unit", unit, _METRES)]
-
-
-def _scaled(shape: BaseGeometry, meters: float) -> BaseGeometry:
-    return shape if meters == 1.0 else shapely.transform(shape, lambda points: meters * points)
-
-
-def _ask_for_unit(area: BaseGeometry, exits: Sequence[BaseGeometry]) -> None:
-    """Warn if a plan taken as one in meters may be in centimeters, and refuse one that must be in another unit.
-
-    Raises
-    ------
-    ValueError
-        If nothing so large or so small is a building.
-    """
-    if not area.area > 0 or not np.isfinite(shapely.get_coordinates(area)).all():
-        return  # reading the shapes gives the better message
-    x0, y0, x1, y1 = area.bounds
-    across = max(x1 - x0, y1 - y0)
-    widest = max((float(door.length) for door in exits if "Line" in door.geom_type), default=0.0)
-    seen = f"taken as meters, the plan is {x1 - x0:.4g} m x {y1 - y0:.4g} m"
-    seen += f" and an exit {widest:.4g} m wide" if widest > _WIDE_EXIT else ""
-    if across > _LARGEST or widest > _WIDEST_EXIT:
-        raise ValueError(f"{seen}: is it in mm or cm? Then say --unit mm or --unit cm; --unit m if it is in meters")
-    if across < _SMALL:
-        raise ValueError(f"{seen}: is it in km or degrees? It must be in m, cm or mm; --unit m if it is in meters")
-    if across > _LARGE or widest > _WIDE_EXIT:
-        warnings.warn(f"{seen}: is it in cm? Then say --unit cm; --unit m if it is in meters", stacklevel=3)
+    if fields.get("starts") is not None or not plan.starts:
+        return Population(**{"count": PEOPLE if count is None else count, **fields})
+    areas = {name: float(plan.regions[name].intersection(plan.walkable).area) for name in plan.starts}
+    room = {name: max(1, int(_CROWDED * area)) for name, area in areas.items()}
+    said = {name: people for name, people in plan.starts.items() if people is not None}
+    if len(said) == len(areas) and all(people <= room[name] for name, people in said.items()):
+        shares, usual = said, sum(said.values())
+    else:
+        shares = {name: max(1, round(1000.0 * area / sum(areas.values()))) for name, area in areas.items()}
+        usual = max(min(PEOPLE, sum(room.values())), len(areas))
+        if count is None and (said or usual < PEOPLE):
+            wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
+            warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --n decides", stacklevel=2)
+    parts = [Population(**{**fields, "count": share, "start_region": name}) for name, share in shares.items()]
+    people: People = parts[0] if len(parts) == 1 else Groups(tuple(parts))
+    return people.changed(count=usual if count is None else count)
 
 
 def read_starts(path: str | Path) -> Floats:

@@ -10,7 +10,7 @@ from crowds import clear
 from evacuations import evacuated
 
 from crowd_env import SCENARIOS, make_scenario
-from crowd_env.cli.run import _read_scenario
+from crowd_env.cli.place import read_place
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import about, options_of
 from crowd_env.scenarios.file.reading import ScenarioFile
@@ -129,11 +129,11 @@ def test_run_takes_a_strategy_and_leaves_out_rules():
 
 
 def test_run_keeps_seats_and_shares_people_out(tmp_path):
-    seated = _read_scenario("classroom-v0", [], 6, None, "1.5", None, None).population
+    seated = read_place("classroom-v0", count=6, speed="1.5").population
     assert (seated.count, len(seated.starts), seated.desired_speed.high) == (6, 24, 1.5)
     assert figures("run counter-flow-v0 --runs 1 --n 8 --radius 0.2")["people"] == 8
     (tmp_path / "starts.csv").write_text("x,y\n15,6\n16,6\n")
-    elsewhere = _read_scenario("two-exit-hall-v0", [], None, None, None, tmp_path / "starts.csv", None).population
+    elsewhere = read_place("two-exit-hall-v0", starts=tmp_path / "starts.csv").population
     assert elsewhere.starts.tolist() == [[15, 6], [16, 6]]
 
 

@@ -1,0 +1,264 @@
+"""Floor plans in DXF drawings, with the layers that JuPedSim reads; ezdxf is loaded when one is read."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from crowd_env.files.foreign import foreign_kind
+from crowd_env.plans.floor_plan import Drawing
+from crowd_env.plans.lines import GAP, open_line, outlines
+from crowd_env.plans.roles import LAYERS, role_of_layer
+from crowd_env.state import Floats
+
+if TYPE_CHECKING:
+    from ezdxf.document import Drawing as Document
+    from ezdxf.path import Path as Curve
+
+_MOST = 50_000  # entities of exploded blocks, which come at about ten thousand a second
+_DEEPEST = 16  # blocks in blocks
+_COARSE = 0.005  # m; curves become straight lines that are no further from them
+_THIN = 0.02  # m; the thickness of an obstacle that is drawn as a line
+_SHOWN = 6  # layers in a message
+# Kinds of entities that draw nothing that could be a wall.
+_NO_LINES = ("TEXT", "MTEXT", "ATTDEF", "ATTRIB", "POINT", "DIMENSION", "LEADER", "MULTILEADER", "VIEWPORT", "IMAGE")
+
+
+def read_dxf(path: Path, meters: float | None) -> Drawing:
+    """Read the closed lines, hatches and blocks of a drawing, layer by layer.
+
+    Parameters
+    ----------
+    meters : how many meters a unit of the drawing is, if the user has said it; what the drawing says of it is only told.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If ezdxf is not installed.
+    ValueError
+        If the file is damaged or too large, or there is no layer of a walkable area.
+    """
+    document = _open(path)
+    drawing = Drawing()
+    drawing.unit, drawing.meters = _unit(document)
+    curves = _curves_by_layer(document, drawing.notes)
+    if not any(role_of_layer(layer)[0] == "walkable" for layer in curves):  # type: ignore[index]  # only these are kept
+        raise ValueError(
+            f"none of its visible layers says where people walk; name them {LAYERS}; its layers: {_layers(document)}"
+        )
+    meters = meters or _guess(curves)
+    for layer, paths in curves.items():
+        role, name = role_of_layer(layer)  # type: ignore[misc]
+        _add_layer(drawing, layer, role, name, paths, meters)
+    return drawing
+
+
+def _open(path: Path) -> "Document":
+    try:
+        import ezdxf
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            "reading a DXF drawing needs ezdxf, which is not installed: pip install ezdxf", name="ezdxf"
+        ) from None
+    try:
+        with path.open("rb") as file:
+            size = path.stat().st_size
+            head = file.read(4096)
+            file.seek(max(0, size - 200))
+            tail = file.read()
+    except OSError as error:
+        raise ValueError(f"cannot read the floor plan {path}: {error.strerror or error}") from None
+    if foreign_kind(head) != "a DXF drawing":
+        raise ValueError(
+            f"it is {foreign_kind(head) or 'no DXF drawing'}; a floor plan in this file must be a DXF drawing"
+        )
+    if b"EOF" not in tail:
+        raise ValueError("the DXF drawing ends in the middle: it is not whole; save it anew")
+    try:
+        return ezdxf.readfile(path)  # type: ignore[attr-defined]  # its __init__ says no __all__
+    except (ezdxf.DXFError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:  # type: ignore[attr-defined]
+        raise ValueError(f"the DXF drawing is damaged ({error}); open it in a CAD program and save it anew") from None
+
+
+def _unit(document: "Document") -> tuple[str | None, float | None]:
+    """Return the unit that the header names, and how many meters it is if it is one that plans have."""
+    names = {1: "inches", 2: "feet", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yards", 14: "decimeters"}
+    name = names.get(int(document.header.get("$INSUNITS", 0)))
+    return name, {"mm": 0.001, "cm": 0.01, "m": 1.0}.get(name or "")
+
+
+def _layers(document: "Document") -> str:
+    names = [layer.dxf.name for layer in document.layers if layer.dxf.name.lower() != "defpoints"]
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN]) + more
+
+
+def _curves_by_layer(document: "Document", notes: list[str]) -> dict[str, list["Curve"]]:
+    """Return the curves of each layer that has a role; what is left out is noted."""
+    from ezdxf import path as paths
+
+    hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
+    found: dict[str, list[Any]] = {}
+    others: Counter[str] = Counter()
+    unread: Counter[str] = Counter()
+    for layer, entity in _Exploding(document).entities():
+        kind = entity.dxftype()
+        if kind in _NO_LINES:
+            continue
+        if kind == "INSERT" or role_of_layer(layer) is None or layer.lower() in hidden:
+            others[layer + (" (hidden)" if layer.lower() in hidden else "")] += 1
+            continue
+        try:
+            if kind in ("HATCH", "MPOLYGON"):
+                curves: list[Any] = [list(paths.from_hatch(entity))]
+            elif kind in ("SOLID", "TRACE", "3DFACE"):
+                curves = [paths.from_vertices(entity.wcs_vertices(), close=True)]
+            else:
+                curves = [paths.make_path(entity)]
+        except (TypeError, ValueError, ZeroDivisionError):
+            unread[f"{kind} on {layer}"] += 1
+            continue
+        found.setdefault(layer, []).extend(curves)
+    if others:
+        names = [name for name, _ in others.most_common(_SHOWN)]
+        more = f" and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
+        notes.append(f"{sum(others.values())} things on layers of other names are left out: {', '.join(names)}{more}")
+    if unread:
+        notes.append(
+            f"left out, being no lines or areas: {', '.join(f'{n} {kind}' for kind, n in unread.most_common(_SHOWN))}"
+        )
+    return found
+
+
+class _Exploding:
+    """The entities of a drawing with its blocks exploded, but for blocks that hold nothing of a layer with a role."""
+
+    def __init__(self, document: "Document") -> None:
+        self._document = document
+        self._layers: dict[str, frozenset[str]] = {}  # of all that a block holds
+        self._count = 0
+
+    def entities(self) -> Iterator[tuple[str, Any]]:
+        """Yield every entity with its layer; layer 0 within a block is the layer of the block.
+
+        Raises
+        ------
+        ValueError
+            If there are too many in blocks.
+        """
+        yield from self._exploded(self._document.modelspace(), "0", 0)
+
+    def _exploded(self, entities: Any, outer: str, depth: int) -> Iterator[tuple[str, Any]]:
+        for entity in entities:
+            self._count += depth > 0
+            if self._count > _MOST:
+                raise ValueError(
+                    f"the DXF drawing holds more than {_MOST} things in its blocks; keep only the layers {LAYERS}"
+                )
+            layer = entity.dxf.get("layer", "0")
+            layer = outer if layer == "0" else layer
+            if entity.dxftype() != "INSERT" or depth > _DEEPEST or not self._has_role(entity, layer):
+                yield layer, entity
+                continue
+            for insert in entity.multi_insert() if entity.mcount > 1 else (entity,):
+                yield from self._exploded(insert.virtual_entities(), layer, depth + 1)
+
+    def _has_role(self, insert: Any, layer: str) -> bool:
+        within = self._layers_of(insert.dxf.get("name", ""), 0)
+        return any(role_of_layer(layer if name == "0" else name) is not None for name in within)
+
+    def _layers_of(self, block: str, depth: int) -> frozenset[str]:
+        """Return the layers of all that a block holds, blocks within it included."""
+        if block not in self._layers:
+            self._layers[block] = frozenset()  # a block that holds itself adds nothing
+            layers = set()
+            for entity in self._document.blocks.get(block) or ():
+                layers.add(entity.dxf.get("layer", "0"))
+                if entity.dxftype() == "INSERT" and depth <= _DEEPEST:
+                    layers |= self._layers_of(entity.dxf.get("name", ""), depth + 1)
+            self._layers[block] = frozenset(layers)
+        return self._layers[block]
+
+
+def _guess(curves: dict[str, list[Any]]) -> float:
+    """Return about how many meters a unit is; only how finely curves are drawn depends on it."""
+    walkable = [curve for layer, found in curves.items() if role_of_layer(layer)[0] == "walkable" for curve in found]  # type: ignore[index]
+    points = np.array([(point.x, point.y) for curve in _flat(walkable) for point in curve.control_vertices()])
+    across = float(np.ptp(points, axis=0).max()) if len(points) else 1.0
+    return next((meters for meters in (1.0, 0.01) if meters * across <= 300.0), 0.001)
+
+
+def _flat(curves: Sequence[Any]) -> list[Any]:
+    return [one for curve in curves for one in (curve if isinstance(curve, list) else [curve])]
+
+
+def _straight(curve: Any, meters: float) -> Floats:
+    """Return the points (K, 2) of a curve, in units of the drawing."""
+    return np.array([(point.x, point.y) for point in curve.flattening(_COARSE / meters)]).reshape(-1, 2)
+
+
+def _add_layer(drawing: Drawing, layer: str, role: str, name: str, curves: Sequence[Any], meters: float) -> None:
+    """Add what is drawn on a layer.
+
+    Raises
+    ------
+    ValueError
+        If a walkable area is not closed, or something is not finite.
+    """
+    hatches = [[_straight(ring, meters) for ring in curve] for curve in curves if isinstance(curve, list)]
+    lines = [_straight(curve, meters) for curve in curves if not isinstance(curve, list)]
+    if not all(np.isfinite(line).all() for line in (*lines, *(ring for rings in hatches for ring in rings))):
+        raise ValueError(f"layer {layer} has a coordinate that is not finite")
+    found = outlines([line for line in lines if len(line) > 1], GAP / meters)
+    if found.closed_gap > 0.0:
+        gap = 1000.0 * meters * found.closed_gap
+        drawing.notes.append(f"layer {layer}: gaps between the ends of lines are closed, the widest {gap:.2g} mm")
+    areas: list[BaseGeometry] = [*found.areas, *(_hatched(rings) for rings in hatches)]
+    if role == "exit" and all(area.is_valid for area in areas):  # an outline and its hatch are one exit
+        areas = list(shapely.get_parts(shapely.union_all(areas)))
+    if role == "walkable" and len(areas) > 1 and _nested(areas):
+        drawing.notes.append(
+            f"layer {layer}: an outline lies within another one, and is walkable too; holes belong on jps-obstacles"
+        )
+    for area in areas:
+        drawing.add(role, name, area)
+    if not found.open:
+        return
+    longest = max(found.open, key=lambda line: line.length)
+    match role:
+        case "exit":
+            for line in found.open:
+                drawing.add(role, name, line)
+        case "obstacle":
+            for line in found.open:
+                drawing.add(
+                    role, name, shapely.buffer(line, 0.5 * _THIN / meters, cap_style="square", join_style="mitre")
+                )
+            drawing.notes.append(f"layer {layer}: {len(found.open)} open lines are taken as walls {_THIN:g} m thick")
+        case _ if not areas:
+            raise ValueError(
+                f"layer {layer} encloses nothing: a line is not closed, {open_line(longest, meters)}; close it"
+            )
+        case _:
+            what = f"{len(found.open)} lines that enclose nothing are left out"
+            drawing.notes.append(f"layer {layer}: {what}, such as the one of which {open_line(longest, meters)}")
+
+
+def _nested(areas: Sequence[BaseGeometry]) -> bool:
+    """Return whether an area lies within another one, away from its outline."""
+    outer, inner = shapely.STRtree(areas).query(areas, predicate="contains_properly")
+    return bool((outer != inner).any())
+
+
+def _hatched(rings: Sequence[Floats]) -> BaseGeometry:
+    """Return the area of a hatch: what lies in an odd number of its rings."""
+    area: BaseGeometry = Polygon()
+    for ring in rings:
+        if len(ring) > 3:
+            area = shapely.symmetric_difference(area, shapely.make_valid(Polygon(ring)))
+    return area
