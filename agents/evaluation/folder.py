@@ -21,7 +21,7 @@ from ..tasks.task import Task
 from .comparison import last_times
 from .entries import Entry
 from .evaluation import Evaluation
-from .fingerprint import fingerprint, source_stamp
+from .fingerprint import source_stamp
 from .measurements import CELL, Grid, Maps, Measured, RunMeasurements
 
 _KEPT = "kept"  # folder below
