@@ -35,7 +35,10 @@ def test_every_page_is_in_the_site():
     assert sorted(reached) == PAGES
 
 
-@pytest.mark.parametrize("module", ["crowd_env", "crowd_env.adapters.sb3", "agents", "agents.tasks"])
+@pytest.mark.parametrize(
+    "module",
+    ["crowd_env", "crowd_env.adapters.sb3", "crowd_env.recording", "crowd_env.replay", "agents", "agents.tasks"],
+)
 def test_every_public_name_is_in_the_reference(module):
     shown = []
     for page in (DOCS / "api").glob("*.rst"):

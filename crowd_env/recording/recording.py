@@ -17,13 +17,13 @@ class FrameContacts(NamedTuple):
     They are found where bodies were at the start of that step: a gap may differ from the frame's by what people move in it.
     """
 
-    start: Ints  # (F+1,)  contacts of frame f are start[f]:start[f + 1]
-    i: Ints  # (K,)    person
-    j: Ints  # (K,)    other person > i, or -1 - k: wall feature k
-    gap: Floats  # (K,)    m, < 0 is overlap
-    normal: Floats  # (K, 2)  unit vector from j to i
-    point: Floats  # (K, 2)  m, where they touch: in the middle of gap or overlap
-    force: Floats  # (K, 2)  N, normal (> 0 pushes apart) and tangential: impulse of that step over its length
+    start: Ints  #: (F+1,) contacts of frame f are start[f]:start[f + 1]
+    i: Ints  #: (K,) person
+    j: Ints  #: (K,) other person > i, or -1 - k: wall feature k
+    gap: Floats  #: (K,) m, < 0 is overlap
+    normal: Floats  #: (K, 2) unit vector from j to i
+    point: Floats  #: (K, 2) m, where they touch: in the middle of gap or overlap
+    force: Floats  #: (K, 2) N, normal (> 0 pushes apart) and tangential: impulse of that step over its length
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,28 +42,28 @@ class Recording:
 
     facts: Mapping[
         str, Any
-    ]  # plain data: scenario, scheme, dt, decision_dt, seed, strategy, time_limit, end, versions ...
-    walkable: str  # WKT of the walkable area [m]
-    thin_walls: Floats  # (W, 2, 2)  m   walls without thickness inside the area
-    doors: tuple[tuple[str, Floats], ...]  # name, (2, 2) m   of each leaf: a wall while the door is closed
-    exits: tuple[tuple[str, Floats], ...]  # name, (2, 2) m   of each row of Geometry.exits; an exit may have several
-    groups: tuple[str, ...]  # names of the groups of people; ("",) if there are none
-    times: Floats  # (F,)    s
-    frame_start: Ints  # (F+1,)  rows of frame f are frame_start[f]:frame_start[f + 1]
+    ]  #: plain data: scenario, scheme, dt, decision_dt, seed, strategy, time_limit, end, versions ...
+    walkable: str  #: WKT of the walkable area [m]
+    thin_walls: Floats  #: (W, 2, 2) m, walls without thickness inside the area
+    doors: tuple[tuple[str, Floats], ...]  #: name, (2, 2) m, of each leaf: a wall while the door is closed
+    exits: tuple[tuple[str, Floats], ...]  #: name, (2, 2) m, of each row of Geometry.exits; an exit may have several
+    groups: tuple[str, ...]  #: names of the groups of people; ("",) if there are none
+    times: Floats  #: (F,) s
+    frame_start: Ints  #: (F+1,) rows of frame f are frame_start[f]:frame_start[f + 1]
     # of N people
-    radius: Floats  # (N,)    m   of the disc, or of the disc of the same area
-    desired_speed: Floats  # (N,)    m/s
-    group: Ints  # (N,)    which of `groups`
-    exit_time: Floats  # (N,)    s   nan for people who did not get out
-    exit_index: Ints  # (N,)    which of `exits`; -1 for people who did not get out
+    radius: Floats  #: (N,) m, of the disc, or of the disc of the same area
+    desired_speed: Floats  #: (N,) m/s
+    group: Ints  #: (N,) which of `groups`
+    exit_time: Floats  #: (N,) s, nan for people who did not get out
+    exit_index: Ints  #: (N,) which of `exits`; -1 for people who did not get out
     # of R rows
-    person: Ints  # (R,)
-    position: Floats  # (R, 2)  m
-    velocity: Floats  # (R, 2)  m/s
-    pressure: Floats  # (R,)    N/m   mean since the frame before, see `contact_pressure`
-    angle: Floats | None = None  # (R,)    rad   where bodies face that are no discs
-    outline: Any = None  # their shape as plain data, see `plain_outline`
-    contacts: FrameContacts | None = None  # if they were recorded
+    person: Ints  #: (R,)
+    position: Floats  #: (R, 2) m
+    velocity: Floats  #: (R, 2) m/s
+    pressure: Floats  #: (R,) N/m, mean since the frame before, see `contact_pressure`
+    angle: Floats | None = None  #: (R,) rad, where bodies face that are no discs
+    outline: Any = None  #: their shape as plain data, see `plain_outline`
+    contacts: FrameContacts | None = None  #: if they were recorded
 
     def __post_init__(self) -> None:
         frames, people, rows = len(self.times), len(self.radius), len(self.person)
