@@ -32,7 +32,7 @@ def test_layers_say_what_things_are_whatever_their_case(tmp_path):
     assert plan.walkable.area == pytest.approx(58.0)
     assert {name: shape.geom_type for name, shape in plan.exits.items()} == {"North": "LineString", "exit-0": "Polygon"}
     assert plan.starts == {"Hall": None, "start-0": None}
-    assert plan.notes == ("1 things on layers of other names are left out: jps-journeys",)
+    assert plan.notes == ("left out: 1 thing on layers of other names, jps-journeys",)
 
 
 def test_blocks_are_exploded_with_their_scale_and_layer(tmp_path):
@@ -98,7 +98,7 @@ def test_open_lines_among_obstacles_are_walls(tmp_path):
     outline(space, [(5, 0), (5, 4)], "obstacles", close=False)
     plan = read(document, tmp_path)
     assert not plan.walkable.contains(shapely.Point(5, 3))
-    assert plan.notes == ("layer obstacles: 1 open lines are taken as walls 0.02 m thick",)
+    assert plan.notes == ("layer obstacles: 1 open line taken as walls 0.02 m thick",)
 
 
 def test_slivers_and_what_encloses_nothing_are_dropped(tmp_path):
@@ -109,7 +109,7 @@ def test_slivers_and_what_encloses_nothing_are_dropped(tmp_path):
     outline(space, [(2, 2), (4, 2), (3, 2)], "jps-obstacles")
     plan = read(document, tmp_path)
     assert plan.walkable.area == pytest.approx(60.0)
-    assert any("2 slivers are left out" in note for note in plan.notes)
+    assert any("left out 2 slivers" in note for note in plan.notes)
 
 
 def test_hidden_layers_are_left_out(tmp_path):
@@ -119,7 +119,7 @@ def test_hidden_layers_are_left_out(tmp_path):
     box_of(space, 2, 2, 4, 4, "jps-obstacles-old")
     plan = read(document, tmp_path)
     assert plan.walkable.area == pytest.approx(60.0)
-    assert plan.notes == ("1 things on layers of other names are left out: jps-obstacles-old (hidden)",)
+    assert plan.notes == ("left out: 1 thing on layers of other names, jps-obstacles-old (hidden)",)
 
 
 def test_without_a_layer_to_walk_on_the_layers_are_named(tmp_path):
@@ -190,7 +190,7 @@ def test_blocks_of_other_layers_are_not_exploded(tmp_path):
         space.add_blockref("TREE", (k, 0), dxfattribs={"layer": "garden"})
     plan = read(document, tmp_path)
     assert plan.walkable.area == pytest.approx(60.0)
-    assert plan.notes == ("1000 things on layers of other names are left out: garden",)
+    assert plan.notes == ("left out: 1000 things on layers of other names, garden",)
 
 
 def test_an_outline_within_another_is_told(tmp_path):

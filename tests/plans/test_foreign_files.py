@@ -89,7 +89,7 @@ def test_features_say_what_they_are(tmp_path):
     assert plan.walkable.area == pytest.approx(47.0)
     assert list(plan.exits) == ["east", "exit-0"] and plan.exits["east"].length == pytest.approx(1.2)
     assert list(plan.regions) == ["desk", "slow"] and plan.starts == {"desk": None}
-    assert len(plan.notes) == 1 and plan.notes[0].startswith("1 features that do not say what they are are left out")
+    assert len(plan.notes) == 1 and plan.notes[0].startswith("left out: 1 feature without a word")
 
 
 def test_a_bare_geometry_is_walkable(tmp_path):
