@@ -14,7 +14,7 @@ CLIENTS := $(sort $(basename $(notdir $(wildcard examples/clients/*.txt))))
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help train test clients map kernels lint format bench hooks clean distclean
+.PHONY: help train test clients map kernels docs lint format bench hooks clean distclean
 
 help:
 	@echo "make train    train a policy, compare it with the rules, write runs/   (ARGS='--help' lists its options)"
@@ -22,6 +22,7 @@ help:
 	@echo "make clients  try each learning library in an environment of its own   (ARGS='torchrl sb3' these alone)"
 	@echo "make map      hold crowds against laws, two minutes                    (ARGS='gate --data DIR' against recordings)"
 	@echo "make kernels  run the marked tests uncompiled, and say which lines of the kernels they reach"
+	@echo "make docs     build the site, build/docs/index.html; warnings are errors"
 	@echo "make lint     check style, types and layers"
 	@echo "make format   format the code and mend what can be mended by machine"
 	@echo "make bench    measure the speed                                        (ARGS='--json' for a program)"
@@ -55,6 +56,11 @@ kernels: $(VENV)/.dev
 	  $$(grep -rlE --include='*.py' 'pytest\.mark\.kernels$$' tests)
 	$(BIN)/python -m coverage report --fail-under=85 \
 	  --include="$$(grep -rlE --include='*.py' '^@(inner_|allocating_)?kernel$$' crowd_env | paste -sd, -)"
+
+# Everything is read anew each time: a page that is only taken over from the last build would warn of nothing.
+docs: $(VENV)/.dev
+	$(BIN)/python -m sphinx -E -W --keep-going -q -d build/doctrees docs build/docs $(ARGS)
+	@echo "build/docs/index.html"
 
 lint: $(VENV)/.dev
 	$(BIN)/python -m ruff check

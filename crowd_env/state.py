@@ -28,29 +28,29 @@ MOTIVATION = {"time_gap": POSITIVE, "push": SHARE}
 class Bodies(NamedTuple):
     """What does not change within an episode, but for time gap and push: see `Simulation.set_motivation`."""
 
-    radius: Floats  # (P,)    m
-    mass: Floats  # (P,)    kg
-    inertia: Floats  # (P,)    kg m^2   about the vertical axis
-    desired_speed: Floats  # (P,)    m/s
-    relaxation_time: Floats  # (P,)    s
-    response_time: Floats  # (P,)    s        stands still until then
-    time_gap: Floats  # (P,)    s        of the headway that is kept; nan = that of the manner of the run
-    push: Floats  # (P,)             share of the desired speed at which one presses on; nan = that of the manner
-    env_start: Ints  # (E+1,)  first slot of each environment
+    radius: Floats  #: (P,) m
+    mass: Floats  #: (P,) kg
+    inertia: Floats  #: (P,) kg m^2, about the vertical axis
+    desired_speed: Floats  #: (P,) m/s
+    relaxation_time: Floats  #: (P,) s
+    response_time: Floats  #: (P,) s, stands still until then
+    time_gap: Floats  #: (P,) s, of the headway that is kept; nan = that of the manner of the run
+    push: Floats  #: (P,) share of the desired speed at which one presses on; nan = that of the manner
+    env_start: Ints  #: (E+1,) first slot of each environment
 
 
 class CrowdState(NamedTuple):
     """What moves.  What else the future depends on is in `Simulation.checkpoint`."""
 
-    position: Floats  # (P, 2)  m
-    velocity: Floats  # (P, 2)  m/s
-    angle: Floats  # (P,)    rad      0 = facing +x
-    spin: Floats  # (P,)    rad/s
-    active: Bools  # (P,)    still inside
-    exit_time: Floats  # (P,)    s        when the center crossed an exit line, interpolated within the step; nan before
-    exit_index: Ints  # (P,)    row of Geometry.exits that was crossed; -1 before
-    route: Ints  # (P,)    way that one means to take: a number among those of the place
-    time: Floats  # (E,)    s        clock of each environment
+    position: Floats  #: (P, 2) m
+    velocity: Floats  #: (P, 2) m/s
+    angle: Floats  #: (P,) rad, 0 = facing +x
+    spin: Floats  #: (P,) rad/s
+    active: Bools  #: (P,) still inside
+    exit_time: Floats  #: (P,) s, when the center crossed an exit line, interpolated within the step; nan before
+    exit_index: Ints  #: (P,) row of Geometry.exits that was crossed; -1 before
+    route: Ints  #: (P,) way that one means to take: a number among those of the place
+    time: Floats  #: (E,) s, clock of each environment
 
     def copy(self) -> "CrowdState":
         """Return an independent copy."""

@@ -49,7 +49,7 @@ def recorded(scenario, steps=0, scheme="nsm2"):
     """Return environment and recorder of one evacuation after so many steps."""
     env, recorder = CrowdEnv(scenario, scheme=scheme), MeasurementRecorder(scenario.geometry)
     env.reset([0])
-    recorder.begin(env)
+    recorder.begin(env, [0])
     for _ in range(steps):
         recorder.add(env, env.step(None))
     return env, recorder

@@ -89,7 +89,7 @@ class MeasurementRecorder:
         self._samples = 0
         self._spent = np.zeros(2)  # s  on steps, and the part of it in which the fastest routes are found anew
 
-    def begin(self, env: CrowdEnv) -> None:
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Forget the batch before and keep the starting positions of this one."""
         people = env.num_people
         self._position = env.simulation.state.position.copy()

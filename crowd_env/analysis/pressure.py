@@ -32,9 +32,9 @@ class ContactForces(NamedTuple):
 
 
 def contact_pressure(impulse: ArrayLike, duration: float, radius: ArrayLike) -> Floats:
-    """Return the contact force on each body per circumference [N/m], sum |f_c| / (2 pi r).
+    """Return the contact force on each body per circumference [N/m], ``sum |f_c| / (2 pi r)``.
 
-    It is the two-dimensional pressure inside the disc: the trace of the virial stress sum (r n) f / (pi r^2), halved.
+    It is the two-dimensional pressure inside the disc: the trace of the virial stress ``sum (r n) f / (pi r^2)``, halved.
 
     Parameters
     ----------

@@ -226,10 +226,15 @@ def check_picture(option: str, path: Path, suffixes: Sequence[str], *, makes_fol
     from crowd_env.rendering.libraries import require_libraries
 
     check_suffix(path, suffixes)
+    check_place(option, path, makes_folder=makes_folder)
+    require_libraries(path.suffix.lower())
+
+
+def check_place(option: str, path: Path, *, makes_folder: bool = False) -> None:
+    """Raise ValueError if the file ``path`` is a folder, or its folder is missing (unless that is made) or closed."""
     if path.is_dir():
         raise ValueError(f"{option} {path}: this is a folder; name a file")
     folder = path.absolute().parent
     if not makes_folder and not folder.exists():
         raise ValueError(f"{option} {path}: there is no folder {folder}")
     check_folder(option, path.parent)
-    require_libraries(path.suffix.lower())

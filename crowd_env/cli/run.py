@@ -27,8 +27,9 @@ from crowd_env.cli.console import (
 )
 from crowd_env.cli.evacuations import evacuate
 from crowd_env.cli.figures_table import figures_table
-from crowd_env.cli.first_run import Film, FirstRun, ForceNetwork, Output
+from crowd_env.cli.first_run import Film, FirstRun, ForceNetwork, Output, RecordingFile
 from crowd_env.cli.place import PLACES, Count, Exits, Radius, Speed, Starts, TimeLimit, Unit, read_place
+from crowd_env.cli.replay import Html
 from crowd_env.cli.results_folder import again, config_of, how_to_go_on, keep_in, open_folder, write_results
 from crowd_env.envs.rollout import Together
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, make_scheme
@@ -104,6 +105,10 @@ def run(
     film: Annotated[
         Path | None, typer.Option(help="Also film the first run: .gif or .mp4.", rich_help_panel=OF_OUTPUT)
     ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(help="Also make a web page that replays the first run: .html.", rich_help_panel=OF_OUTPUT),
+    ] = None,
     force_network: Annotated[
         Path | None,
         typer.Option(
@@ -125,11 +130,36 @@ def run(
             rich_help_panel=OF_OUTPUT,
         ),
     ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also record the first run, who is where when: .sqlite (JuPedSim), .h5 (PedPy) or .parquet.",
+            rich_help_panel=OF_OUTPUT,
+        ),
+    ] = None,
+    record_contacts: Annotated[
+        bool,
+        typer.Option(
+            "--record-contacts", help="Record who touches whom, and with what forces, too.", rich_help_panel=OF_OUTPUT
+        ),
+    ] = False,
+    every: Annotated[
+        float | None,
+        typer.Option(
+            help="Time from one frame of --record to the next in s, a multiple of 0.1; default 0.1.",
+            rich_help_panel=OF_OUTPUT,
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Evacuate a place many times, everyone walking as the strategy says, and report how it went."""
     # Everything that can be made of the first run.
-    possible: list[Output] = [Film(film), ForceNetwork(force_network, at, around)]
+    possible: list[Output] = [
+        Film(film),
+        Html(html),
+        ForceNetwork(force_network, at, around),
+        RecordingFile(record, record_contacts, every),
+    ]
     with friendly_errors():
         for output in possible:
             output.check()
@@ -139,7 +169,7 @@ def run(
         place = with_manner(found, manner, outline)
         contact = make_scheme(scheme, social)
         options: dict[str, Any] = {"dt": dt, "strategy": strategy, "rules": rules}
-        first = FirstRun(place, contact, options)
+        first = FirstRun(place, contact, options, seed)
         recorders = [output.recorder(first) for output in outputs]
         here = config_of(context.params, place, contact, options)
         folder = None if out is None else open_folder(out, place, here)

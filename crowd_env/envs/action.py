@@ -40,7 +40,7 @@ class ActionKind:
     ----------
     name : what messages call it.
     space : of one pedestrian's action.
-    decode : turns actions (P, *shape of the space) into commands (P, 2), desired velocities as multiples of the own desired
+    decode : turns actions (P, ...), each of the space, into commands (P, 2), desired velocities as multiples of the own desired
         speed.  Commands longer than 1 are shortened afterwards.  Rows of those who follow the rule hold the neutral action.
         None = an action is a command.  If ``routes`` is not None it returns two: commands, and choices (P,) among the ways
         out, whole numbers in the order of `Scenario.ways`; ``KEEP``, -1, keeps to the own way.
@@ -82,7 +82,7 @@ class ActionKind:
             )
 
     def decoded(self, action: np.ndarray) -> tuple[np.ndarray, Ints | None]:
-        """Return the commands of actions (P, *shape of the space), and the ways that they choose; None if there are none.
+        """Return the commands of actions (P, ...), each of the space, and the ways that they choose; None if there are none.
 
         Raises
         ------

@@ -45,11 +45,11 @@ ActsOn = Literal["everyone", "ruled"]
 class Step(NamedTuple):
     """What a decision step returns; P people, E environments, in slots that never move."""
 
-    observation: np.ndarray  # (P, D) float32; zero for those who are out
-    reward: Floats  # (P,)
-    terminated: Bools  # (P,)   got out during this step: true exactly once an episode
-    truncated: Bools  # (P,)   still inside when the time limit was reached
-    info: dict[str, Any]
+    observation: np.ndarray  #: (P, D) float32; zero for those who are out
+    reward: Floats  #: (P,)
+    terminated: Bools  #: (P,) got out during this step: true exactly once an episode
+    truncated: Bools  #: (P,) still inside when the time limit was reached
+    info: dict[str, Any]  #: ``reward/<name>`` (P,), ``finished`` (E,), ``diagnostics``; see `CrowdEnv`
 
 
 class CrowdEnv:

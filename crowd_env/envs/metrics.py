@@ -14,19 +14,19 @@ from crowd_env.state import Floats
 class EpisodeMetrics(NamedTuple):
     """Metrics of one evacuation of one crowd."""
 
-    evacuation_time: float  # s    when the last person got out; nan if someone did not
-    mean_exit_time: float  # s    over those who got out
-    unfinished: int  # people still inside at the time limit, or when the exits were found blocked
-    blocked_since: float  # s    when the last person got out before the exits blocked for good; nan if they did not
-    flow: float  # 1/s  least-squares slope of the number out against time; nan with fewer than 3 exits
-    contact_impulse: float  # N s  contact impulse magnitudes per person, summed over the episode
-    max_overlap: float  # m
-    mean_overlap: float  # m    over all overlapping contacts of all steps
-    max_outside: float  # m    furthest reach of a body beyond a wall
-    max_speed: float  # m/s  of anyone, after any physics step
-    escaped: int  # people found outside of the walkable area after any decision; 0 unless something is wrong
-    residual: float  # m/s  worst solver residual
-    unconverged: int  # physics steps that ended above the solver's tolerance
+    evacuation_time: float  #: s, when the last person got out; nan if someone did not
+    mean_exit_time: float  #: s, over those who got out
+    unfinished: int  #: people still inside at the time limit, or when the exits were found blocked
+    blocked_since: float  #: s, when the last person got out before the exits blocked for good; nan if they did not
+    flow: float  #: 1/s, least-squares slope of the number out against time; nan with fewer than 3 exits
+    contact_impulse: float  #: N s, contact impulse magnitudes per person, summed over the episode
+    max_overlap: float  #: m
+    mean_overlap: float  #: m, over all overlapping contacts of all steps
+    max_outside: float  #: m, furthest reach of a body beyond a wall
+    max_speed: float  #: m/s, of anyone, after any physics step
+    escaped: int  #: people found outside of the walkable area after any decision; 0 unless something is wrong
+    residual: float  #: m/s, worst solver residual
+    unconverged: int  #: physics steps that ended above the solver's tolerance
 
 
 class Exits(NamedTuple):

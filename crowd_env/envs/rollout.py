@@ -58,8 +58,8 @@ class Driver:
 class Recorder(Protocol):
     """Keeps what a caller wants to know of evacuations beyond an `Episode`; one recorder sees one batch after the other."""
 
-    def begin(self, env: CrowdEnv) -> None:
-        """Look at the first moment of a batch, after its reset."""
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
+        """Look at the first moment of a batch, after its reset; environment ``e`` makes the run of the number ``runs[e]``."""
         ...
 
     def add(self, env: CrowdEnv, step: Step) -> None:
@@ -77,10 +77,10 @@ class Together:
     def __init__(self, recorders: Sequence[Recorder]) -> None:
         self.recorders = tuple(recorders)
 
-    def begin(self, env: CrowdEnv) -> None:
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Let all of them look at the first moment of a batch."""
         for recorder in self.recorders:
-            recorder.begin(env)
+            recorder.begin(env, runs)
 
     def add(self, env: CrowdEnv, step: Step) -> None:
         """Let all of them look at the batch after a step."""
@@ -220,7 +220,7 @@ class RunBatch:
         env = driver.env
         driver.reset([self.seed + run for run in self.runs])
         if recorder is not None:
-            recorder.begin(env)
+            recorder.begin(env, self.runs)
         if self.watch is not None:
             self.watch.look(self.runs, env, False)
         while not env.finished.all():

@@ -1,6 +1,6 @@
 """Drawing and recording an environment while it runs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,7 +53,7 @@ class FilmRecorder:
     def __init__(self, title: str = "") -> None:
         self.title = title
 
-    def begin(self, env: CrowdEnv) -> None:
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Forget the batch before and keep the start of this one."""
         self._moments: list[list[tuple[float, Floats, Floats, Bools, Floats, Floats]]] = [
             [] for _ in range(env.num_envs)

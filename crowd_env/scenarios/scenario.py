@@ -45,23 +45,23 @@ class Scenario:
         unknown.
     """
 
-    name: str
-    geometry: Geometry
-    population: People
-    time_limit: float  # s
-    title: str = ""  # a line for people
-    reference: str = ""  # where the numbers come from
-    target: Target = "path"
-    blocked_after: float = np.inf  # s without anyone getting out, after which the exits count as blocked
-    routes: tuple[Route, ...] = ()  # beside those to every exit, which have its name
-    zones: tuple[SpeedZone, ...] = ()
-    rules: tuple[ControlRule, ...] = ()
-    closed_doors: tuple[str, ...] = ()  # at the start
-    door_events: tuple[DoorEvent, ...] = ()
-    one_way: tuple[OneWay, ...] = ()
-    comfort: Comfort = field(default_factory=Comfort)
-    manner: Manner | None = None
-    outline: BodyShape | None = None
+    name: str  #: what the command line and tables call it
+    geometry: Geometry  #: the plan
+    population: People  #: a `Population`, or `Groups` of several
+    time_limit: float  #: s
+    title: str = ""  #: a line for people
+    reference: str = ""  #: where the numbers come from
+    target: Target = "path"  #: what people walk to
+    blocked_after: float = np.inf  #: s without anyone getting out, after which the exits count as blocked
+    routes: tuple[Route, ...] = ()  #: beside those to every exit, which have its name
+    zones: tuple[SpeedZone, ...] = ()  #: where people walk slower or faster
+    rules: tuple[ControlRule, ...] = ()  #: who is sent another way, and when
+    closed_doors: tuple[str, ...] = ()  #: names, at the start
+    door_events: tuple[DoorEvent, ...] = ()  #: doors that open or close
+    one_way: tuple[OneWay, ...] = ()  #: doors that people mean to pass one way only
+    comfort: Comfort = field(default_factory=Comfort)  #: what the strategy ``"comfortable"`` avoids
+    manner: Manner | None = None  #: how people walk
+    outline: BodyShape | None = None  #: the shape of all bodies
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "population", as_people(self.population))

@@ -74,7 +74,7 @@ def test_an_interruption_keeps_what_is_finished(two_at_once, monkeypatch):
 class Counts:
     """Counts moments of each evacuation, and how many of its people were seen inside in all."""
 
-    def begin(self, env):
+    def begin(self, env, runs):
         self.moments, self.inside = np.ones(env.num_envs, dtype=int), env.active.reshape(env.num_envs, -1).sum(axis=1)
 
     def add(self, env, step):

@@ -5,7 +5,7 @@ test; the largest speed is that after any physics step.  The crowds are denser a
 what holds here by some way holds there.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -58,7 +58,7 @@ class _Outside:
     def __init__(self) -> None:
         self.most = 0
 
-    def begin(self, env: CrowdEnv) -> None:
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         self.env, self.floor = env, env.scenarios[0].geometry.walkable
         shapely.prepare(self.floor)
 

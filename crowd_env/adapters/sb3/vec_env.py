@@ -15,7 +15,7 @@ from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.state import Bools, Floats, Ints
 
-KEPT_EPISODES = 1000  # metrics of finished environments that are kept until `take_finished` is called
+KEPT_EPISODES = 1000  #: metrics of finished environments that are kept until `take_finished` is called
 
 
 class BatchVecEnv(VecEnv):

@@ -1,6 +1,6 @@
 """The contact forces of an evacuation at the moment that tells most, or at a given one."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -66,7 +66,7 @@ def forces_of_run(
 class LoadRecorder:
     """Adds up the contact impulses [N s] that people bear in each decision step."""
 
-    def begin(self, env: CrowdEnv) -> None:
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Forget the batch before."""
         self._load: list[list[float]] = [[] for _ in range(env.num_envs)]
 

@@ -130,7 +130,7 @@ def evacuate(settings: PecolSettings, rules: bool, progress: Progress, executor:
 class _RulesRecorder:
     """Keeps how long each rule was on (3,) [s] in an evacuation, and how many people one turned away."""
 
-    def begin(self, env: CrowdEnv) -> None:
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         self._ruled, self._turned = np.zeros((env.num_envs, 3)), np.zeros(env.num_people, dtype=np.bool_)
         self._running = np.ones(env.num_envs, dtype=np.bool_)
 

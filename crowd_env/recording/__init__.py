@@ -1,0 +1,7 @@
+"""Recordings of evacuations: written as they run, in the formats of JuPedSim, PedPy and data frames, and read back."""
+
+from crowd_env.recording.formats import FORMATS, load
+from crowd_env.recording.recorder import RunRecorder, record
+from crowd_env.recording.recording import FrameContacts, Recording
+
+__all__ = ["FORMATS", "FrameContacts", "Recording", "RunRecorder", "load", "record"]

@@ -1,0 +1,77 @@
+"""Recordings that other programs or people made: positions alone, frame by frame."""
+
+from pathlib import Path
+
+import numpy as np
+
+from crowd_env.recording.recording import Recording
+from crowd_env.state import Floats, Ints, row_starts
+
+_RADIUS = 0.2  # m, where a file says nothing of bodies
+_MARGIN = 0.5  # m, around positions of which no walkable area is known
+
+
+def recording_of_positions(
+    path: Path, frame: Ints, person: Ints, position: Floats, fps: float, walkable: str | None = None
+) -> Recording:
+    """Return a recording of what is known: the frame (R,), the person (R,) and the position (R, 2) [m] of each row.
+
+    People are numbered anew, in the order of the numbers they have in the file.  Velocities are those between the rows before
+    and after.  Who has no row in the last frame has got out, one frame after the last row.  Everybody has a radius of 0.2 m;
+    what nobody knows is nan, and where no walkable area is known it is the box around all positions.
+
+    Raises
+    ------
+    ValueError
+        If there is no row, the frame rate is not positive, or someone is in two places at once.
+    """
+    if not len(frame):
+        raise ValueError(f"{path} holds no positions")
+    if not fps > 0.0:
+        raise ValueError(f"{path}: the frame rate is {fps:g}; it must be positive")
+    order = np.lexsort((person, frame))
+    frame, position = frame[order] - frame.min(), position[order]
+    numbers, person = np.unique(person[order], return_inverse=True)
+    same = np.flatnonzero((np.diff(frame) == 0) & (np.diff(person) == 0))
+    if len(same):
+        raise ValueError(f"{path}: {numbers[person[same[0]]]} has two positions in frame {frame[same[0]]}")
+    frames = int(frame[-1]) + 1
+    last = np.zeros(len(numbers), dtype=np.int64)
+    np.maximum.at(last, person, frame)
+    if walkable is None:
+        (x0, y0), (x1, y1) = position.min(axis=0) - _MARGIN, position.max(axis=0) + _MARGIN
+        walkable = f"POLYGON (({x0} {y0}, {x1} {y0}, {x1} {y1}, {x0} {y1}, {x0} {y0}))"
+    return Recording(
+        facts={"file": path.name, "people": len(numbers), "every": 1.0 / fps, "outline": "disc", "finished": True},
+        walkable=walkable,
+        thin_walls=np.zeros((0, 2, 2)),
+        doors=(),
+        exits=(),
+        groups=("",),
+        times=np.arange(frames) / fps,
+        frame_start=row_starts(np.bincount(frame, minlength=frames)),
+        radius=np.full(len(numbers), _RADIUS),
+        desired_speed=np.full(len(numbers), np.nan),
+        group=np.zeros(len(numbers), dtype=np.int64),
+        exit_time=np.where(last < frames - 1, (last + 1) / fps, np.nan),
+        exit_index=np.full(len(numbers), -1, dtype=np.int64),
+        person=person.astype(np.int64),
+        position=position,
+        velocity=_velocity(person, frame, position, fps),
+        pressure=np.full(len(frame), np.nan),
+    )
+
+
+def _velocity(person: Ints, frame: Ints, position: Floats, fps: float) -> Floats:
+    """Return (position after - position before) over the time between them, for each row (R,)."""
+    order = np.lexsort((frame, person))
+    who, when, where = person[order], frame[order], position[order]
+    row = np.arange(len(order))
+    after = np.minimum(row + 1, len(row) - 1)
+    after = np.where(who[after] == who, after, row)
+    before = np.maximum(row - 1, 0)
+    before = np.where(who[before] == who, before, row)
+    span = (when[after] - when[before]) / fps
+    velocity = np.empty_like(position)
+    velocity[order] = (where[after] - where[before]) / np.where(span > 0.0, span, 1.0)[:, None]
+    return velocity

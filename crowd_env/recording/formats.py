@@ -1,0 +1,96 @@
+"""The formats of recordings, by the suffix of the file: who writes them, who reads them, and what that needs."""
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from crowd_env.checks import path as path_of
+from crowd_env.files.atomic import check_suffix
+from crowd_env.recording.frames import Head
+from crowd_env.recording.hdf5 import Hdf5Writer, read_hdf5
+from crowd_env.recording.parquet import ParquetWriter, read_parquet
+from crowd_env.recording.recording import Recording
+from crowd_env.recording.sqlite import SqliteWriter, read_sqlite
+from crowd_env.recording.text import read_text_trajectory
+from crowd_env.recording.writer import Writer, part_of
+
+
+class Format(NamedTuple):
+    """A format that recordings are read from, and perhaps written in."""
+
+    read: Callable[[Path], Recording]
+    write: Callable[[Path, Head], Writer] | None
+    library: str | None  # that has to be installed; None = Python's own
+
+
+FORMATS: dict[str, Format] = {
+    ".sqlite": Format(read_sqlite, SqliteWriter, None),
+    ".h5": Format(read_hdf5, Hdf5Writer, "h5py"),
+    ".parquet": Format(read_parquet, ParquetWriter, "pyarrow"),
+    ".txt": Format(read_text_trajectory, None, None),
+}
+
+
+def check_writable(what: str, path: str | Path) -> Path:
+    """Return the path of a recording that is about to be written; ``what`` names it in errors.
+
+    Raises
+    ------
+    ValueError
+        If its suffix is that of no format that is written, or it is a folder.
+    ModuleNotFoundError
+        If the library that writes the format is not installed.
+    """
+    written = [suffix for suffix, one in FORMATS.items() if one.write is not None]
+    path = check_suffix(path_of(what, path), written)
+    if path.is_dir():
+        raise ValueError(f"{what} is {path}, which is a folder; it must be a file")
+    _require_library(path, "writing")
+    return path
+
+
+def open_writer(path: Path, head: Head) -> Writer:
+    """Return the writer of a path that `check_writable` has let pass."""
+    write = FORMATS[path.suffix.lower()].write
+    assert write is not None
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return write(path, head)
+
+
+def load(path: str | Path) -> Recording:
+    """Return the recording in a file: ours in any format, finished or not, and trajectories of JuPedSim and PedPy.
+
+    Of a recording that was never finished it holds what was written last (`NAME.part.sqlite`, `.part.h5`, `.part.parquet`), and
+    ``facts["finished"]`` is False.  Files of others hold positions alone: see `docs/recordings.md`.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is unknown, the file is missing or damaged, or it is something else.
+    ModuleNotFoundError
+        If the library that reads the format is not installed.
+    """
+    path = check_suffix(path_of("the file of the recording", path), tuple(FORMATS))
+    if not path.exists():
+        part = part_of(path)
+        hint = f"; {part} holds what was recorded before its run broke off" if part.exists() else ""
+        raise ValueError(f"there is no recording {path}{hint}")
+    _require_library(path, "reading")
+    try:
+        return FORMATS[path.suffix.lower()].read(path)
+    except Exception as error:  # a damaged file fails in many ways, and each library has exceptions of its own
+        words = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(words if str(path) in words else f"cannot read {path}: {words}") from None
+
+
+def _require_library(path: Path, doing: str) -> Any:
+    library = FORMATS[path.suffix.lower()].library
+    if library is None:
+        return None
+    try:
+        return importlib.import_module(library)
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            f"{doing} {path.name} needs {library}, which is not installed: pip install {library}", name=library
+        ) from None

@@ -1,0 +1,197 @@
+"""Recordings in the HDF5 format of the Pedestrian Dynamics Data Archive (Juelich), with datasets of our own beside.
+
+The format: https://ped.fz-juelich.de/da/doku.php?id=info, as PedPy's `load_trajectory_from_ped_data_archive_hdf5` reads it and
+JuPedSim's `Hdf5TrajectoryWriter` writes it: a dataset ``trajectory`` with the attribute ``fps``, and ``wkt_geometry``.
+
+The file is written in the mode of one writer and many readers (SWMR), in which it is whole after every flush.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowd_env.files.atomic import written
+from crowd_env.recording.foreign import recording_of_positions
+from crowd_env.recording.frames import Frame, Head
+from crowd_env.recording.recording import FrameContacts, Recording
+from crowd_env.recording.writer import (
+    frame_of_rows,
+    join_contacts,
+    joined,
+    nobody_out,
+    outline_of,
+    part_of,
+    plain_place,
+    read_place,
+)
+
+_ROW = [
+    ("frame", "<i4"),
+    ("id", "<i4"),
+    *((name, "<f8") for name in ("x", "y", "z", "ox", "oy", "vx", "vy", "pressure")),
+]
+_FRAME = [("time", "<f8"), ("rows", "<i8"), ("contacts", "<i8")]  # rows and contacts of all frames up to this one
+_PERSON = [("radius", "<f8"), ("desired_speed", "<f8"), ("group", "<i4"), ("exit_time", "<f8"), ("exit_index", "<i4")]
+_CONTACT = [("i", "<i4"), ("j", "<i4"), ("gap", "<f8"), ("normal", "<f8", 2), ("point", "<f8", 2), ("force", "<f8", 2)]
+_CHUNK = 4096  # rows
+
+
+class Hdf5Writer:
+    """Writes a recording into an HDF5 file; every append ends with a flush."""
+
+    def __init__(self, path: Path, head: Head) -> None:
+        import h5py
+
+        self._path, self._part, self._head = path, part_of(path), head
+        self._part.unlink(missing_ok=True)
+        self._file = h5py.File(self._part, "w", libver="latest")  # also lets a plan be longer than 64 kB
+        angle = [] if head.outline is None else [("angle", "<f8")]
+        rows = self._table("trajectory", _ROW + angle)
+        rows.attrs["fps"] = 1.0 / head.interval
+        self._table("frames", _FRAME)
+        if head.contacts:
+            self._table("contacts", _CONTACT)
+        people = np.zeros(len(head.radius), dtype=_PERSON)
+        people["radius"], people["desired_speed"], people["group"] = head.radius, head.desired_speed, head.group
+        people["exit_time"], people["exit_index"] = nobody_out(len(head.radius))
+        self._file.create_dataset("people", data=people)
+        attributes: dict[str, Any] = {"wkt_geometry": head.with_aprons, "place": json.dumps(plain_place(head))}
+        attributes |= {"facts": json.dumps(head.facts), "producer": "crowd_env", "fps": 1.0 / head.interval}
+        for name, value in attributes.items():
+            self._file.attrs[name] = value
+        self._file.swmr_mode = True
+
+    def _table(self, name: str, kind: list[Any]) -> Any:
+        packed: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+        return self._file.create_dataset(name, (0,), np.dtype(kind), maxshape=(None,), chunks=(_CHUNK,), **packed)
+
+    def append(self, frames: Sequence[Frame]) -> None:
+        """Write the next frames: first their rows, last that they are there."""
+        file = self._file
+        person = joined(frames, "person")
+        rows = np.zeros(len(person), dtype=file["trajectory"].dtype)
+        rows["frame"], rows["id"] = frame_of_rows(frames, len(file["frames"])), person
+        columns = {"x": "position", "ox": "facing", "vx": "velocity"}
+        for first, name in columns.items():
+            rows[first], rows[first.replace("x", "y")] = joined(frames, name).T
+        rows["pressure"] = joined(frames, "pressure")
+        if self._head.outline is not None:
+            rows["angle"] = joined(frames, "angle")
+        count = np.zeros(len(frames), dtype=_FRAME)
+        count["time"] = [frame.time for frame in frames]
+        count["rows"] = len(file["trajectory"]) + np.cumsum([len(frame.person) for frame in frames])
+        if self._head.contacts:
+            found = join_contacts(frames)
+            count["contacts"] = len(file["contacts"]) + found.start[1:]
+            contacts = np.zeros(len(found.i), dtype=_CONTACT)
+            for name in FrameContacts._fields[1:]:
+                contacts[name] = getattr(found, name)
+            self._extend("contacts", contacts)
+        self._extend("trajectory", rows)
+        left = joined(frames, "left")
+        if len(left):
+            people = file["people"][:]
+            people["exit_time"][left], people["exit_index"][left] = (
+                joined(frames, "exit_time"),
+                joined(frames, "exit_index"),
+            )
+            file["people"][:] = people
+            file["people"].flush()
+        self._extend("frames", count)
+
+    def _extend(self, name: str, rows: np.ndarray) -> None:
+        table = self._file[name]
+        begin = len(table)
+        table.resize((begin + len(rows),))
+        table[begin:] = rows
+        table.flush()
+
+    def finish(self, facts: Mapping[str, Any]) -> Path:
+        """Write all into a file without the gaps that rows leave which are packed anew with every flush, and the last facts."""
+        import h5py
+
+        self._file.close()
+        create = {"mode": "w", "libver": "latest"}
+        with written(self._path) as half, h5py.File(self._part, "r") as given, h5py.File(half, **create) as file:
+            file.attrs.update(given.attrs)
+            file.attrs["facts"] = json.dumps(self._head.facts | dict(facts))
+            for name in given:
+                given.copy(name, file)
+        self._part.unlink()
+        return self._path
+
+    def abandon(self) -> None:
+        """Close the file where it is."""
+        self._file.close()
+
+
+def read_hdf5(path: Path) -> Recording:
+    """Return the recording in a file of this kind, written by this package, finished or not, or by others.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file.
+    """
+    import h5py
+
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        if "already open for write" not in str(error):
+            raise  # damaged: in the other mode HDF5 would wait for its writer to mend it
+        file = h5py.File(path, "r", libver="latest", swmr=True)  # whoever wrote it has not come to the end
+    with file:
+        if "trajectory" not in file or "fps" not in file["trajectory"].attrs:
+            raise ValueError(
+                f"{path} holds no dataset 'trajectory' with a frame rate, as those of the Juelich archive do"
+            )
+        if "frames" not in file or "people" not in file:
+            rows, area = file["trajectory"][:], file.attrs.get("wkt_geometry")
+            position = np.stack([rows["x"], rows["y"]], axis=1).astype(np.float64)
+            frame, person = (rows[name].astype(np.int64) for name in ("frame", "id"))
+            fps = float(file["trajectory"].attrs["fps"])
+            return recording_of_positions(path, frame, person, position, fps, None if area is None else str(area))
+        return _ours(file)
+
+
+def _ours(file: Any) -> Recording:
+    facts = json.loads(file.attrs["facts"])
+    outline = outline_of(facts)
+    count, people = file["frames"][:], file["people"][:]
+    end = int(count["rows"][-1]) if len(count) else 0
+    rows = file["trajectory"][:end]
+    contacts = None
+    if "contacts" in file:
+        found = file["contacts"][: int(count["contacts"][-1]) if len(count) else 0]
+        columns = {name: _own(found[name]) for name in FrameContacts._fields[1:]}
+        contacts = FrameContacts(np.concatenate([[0], count["contacts"]]), **columns)
+    times = _own(count["time"])
+    since = times[-1] if len(times) else -np.inf
+    out = people["exit_time"] <= since  # what was written after the last frame that counts
+    return Recording(
+        facts=facts,
+        **read_place(json.loads(file.attrs["place"])),
+        times=times,
+        frame_start=np.concatenate([[0], count["rows"]]),
+        radius=_own(people["radius"]),
+        desired_speed=_own(people["desired_speed"]),
+        group=_own(people["group"]),
+        exit_time=np.where(out, people["exit_time"], np.nan),
+        exit_index=np.where(out, people["exit_index"], -1).astype(np.int64),
+        person=_own(rows["id"]),
+        position=np.stack([rows["x"], rows["y"]], axis=1),
+        velocity=np.stack([rows["vx"], rows["vy"]], axis=1),
+        pressure=_own(rows["pressure"]),
+        angle=None if outline is None else _own(rows["angle"]),
+        outline=outline,
+        contacts=contacts,
+    )
+
+
+def _own(values: np.ndarray) -> np.ndarray:
+    """Return a column of a table as an array of its own, whole numbers as int64."""
+    return np.array(values, dtype=np.int64 if values.dtype.kind == "i" else np.float64)

@@ -1,0 +1,181 @@
+"""Recorders of a rollout: the evacuations are written, or kept, while they run."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from crowd_env.checks import COUNT, POSITIVE, number, whole
+from crowd_env.envs.arguments import parts_of
+from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.envs.rollout import Driver, rollout
+from crowd_env.files.json_file import json_number
+from crowd_env.recording.formats import check_writable, open_writer
+from crowd_env.recording.frames import Frame, FrameSampler, read_head
+from crowd_env.recording.writer import MemoryWriter, Writer
+from crowd_env.scenarios.scenario import Scenario
+
+_ROWS_AT_ONCE, _SECONDS_AT_ONCE = 10_000, 1.0  # of frames that wait to be written
+
+
+class RunningRecording:
+    """An evacuation that is being recorded."""
+
+    def __init__(self, writer: Writer, sampler: FrameSampler) -> None:
+        self.writer, self.sampler = writer, sampler
+        self._waiting: list[Frame] = []
+        self._rows, self._written_until = 0, -np.inf
+
+    def add(self, frame: Frame) -> None:
+        """Take the next frame; write those that wait if they are many, or span a second."""
+        self._waiting.append(frame)
+        self._rows += len(frame.person)
+        if self._rows >= _ROWS_AT_ONCE or frame.time - self._written_until >= _SECONDS_AT_ONCE - 1e-9:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the frames that wait."""
+        if self._waiting:
+            self.writer.append(self._waiting)
+            self._written_until = self._waiting[-1].time
+        self._waiting, self._rows = [], 0
+
+
+class RunRecorder:
+    """Records the first evacuations of a rollout, each into a file of its own, or in memory.
+
+    It is a `crowd_env.envs.rollout.Recorder`, for `run_episodes` and `rollout`; they come out as without it, bit by bit.  What
+    it keeps of a run is the path of its file, a `Recording` if there is no file, or None if the run is not recorded.  A file
+    appears under its name when its evacuation is over; until then `NAME.part.SUFFIX` holds what was written so far, at
+    most a second of the evacuation or 10 000 rows behind.  Used as a context it closes files of evacuations that broke off.
+
+    Parameters
+    ----------
+    path : of the file, or if several runs are recorded of `NAME-0.sqlite`, `NAME-1.sqlite` ...; None = in memory.
+    runs : how many are recorded, the first ones.
+    contacts : whether to record who touches whom, and with what forces.
+    every : s, from one frame to the next, a whole multiple of the decision step; by default that.
+    seed : of the rollout, for the facts.
+    facts : plain data that the recording is to hold beside what it knows itself.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range, or the suffix is that of no format.
+    ModuleNotFoundError
+        If the library that writes the format is not installed.
+    """
+
+    def __init__(
+        self,
+        path: str | Path | None = None,
+        *,
+        runs: int = 1,
+        contacts: bool = False,
+        every: float | None = None,
+        seed: int | None = None,
+        facts: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.path = None if path is None else check_writable("the recording", path)
+        self.runs, self.contacts = whole("runs to record", runs, COUNT), contacts
+        self.every = None if every is None else number("every", every, POSITIVE, "s")
+        self.seed, self.facts = seed, dict(facts or {})
+        self._running: dict[int, RunningRecording] = {}
+        self._finished: dict[int, Any] = {}
+
+    def path_of(self, run: int) -> Path | None:
+        """Return where a run is written."""
+        if self.path is None or self.runs == 1:
+            return self.path
+        return self.path.with_name(f"{self.path.stem}-{run}{self.path.suffix}")
+
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
+        """Begin the recordings of a batch with its first moment."""
+        self._running, self._finished = {}, {}
+        every = 1 if self.every is None else parts_of("every", self.every, "decisions", env.decision_dt)
+        for e, run in enumerate(runs):
+            if run < self.runs:
+                seed = None if self.seed is None else self.seed + run
+                head = read_head(env, e, every=every, contacts=self.contacts, run=run, seed=seed, facts=self.facts)
+                path = self.path_of(run)
+                writer = MemoryWriter(head) if path is None else open_writer(path, head)
+                running = self._running[e] = RunningRecording(
+                    writer, FrameSampler(env, e, every=every, contacts=self.contacts)
+                )
+                running.add(running.sampler.first(env))  # is written at once: a file that can be read from the start
+
+    def add(self, env: CrowdEnv, step: Step) -> None:
+        """Record the moment after a step, and finish the recordings of evacuations that ended in it."""
+        for e, running in list(self._running.items()):
+            last = bool(step.info["finished"][e])
+            frame = running.sampler.after_step(env, last)
+            if frame is not None:
+                running.add(frame)
+            if last:
+                after = running.sampler.after_end(env)
+                if after is not None:
+                    running.add(after)
+                running.flush()
+                metrics, state = step.info["metrics"][e], env.simulation.state
+                self._finished[e] = running.writer.finish(
+                    {
+                        "end": float(state.time[e]),
+                        "unfinished": int(np.isnan(state.exit_time[env.people(e)]).sum()),
+                        "blocked_since": json_number(metrics.blocked_since),
+                        "finished": True,
+                    }
+                )
+                del self._running[e]
+
+    def record(self, env: CrowdEnv, e: int) -> Any:
+        """Return what there is of the evacuation in environment ``e``, which has just ended."""
+        return self._finished.pop(e, None)
+
+    def close(self) -> None:
+        """Write the frames that wait of evacuations that will not go on, and leave their files unfinished."""
+        for running in self._running.values():
+            running.flush()
+            running.writer.abandon()
+        self._running = {}
+
+    def __enter__(self) -> "RunRecorder":
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the files."""
+        self.close()
+
+
+def record(
+    scenario: Scenario,
+    path: str | Path | None = None,
+    *,
+    seed: int = 0,
+    contacts: bool = False,
+    every: float | None = None,
+    facts: Mapping[str, Any] | None = None,
+    driver: Callable[[int], Driver] | None = None,
+    **options: Any,
+) -> Any:
+    """Run one evacuation and return its `Recording`, or write it into a file and return the path.
+
+    Parameters
+    ----------
+    path, contacts, every, facts : see `RunRecorder`.
+    **options : of `crowd_env.envs.rollout.rollout`, such as ``scheme`` and ``strategy``.
+
+    Raises
+    ------
+    ValueError
+        If an option is unknown or out of range, or the crowd does not fit.
+    ModuleNotFoundError
+        If the library that writes the format is not installed.
+    """
+    with RunRecorder(path, contacts=contacts, every=every, seed=seed, facts=facts) as recorder:
+        (episode,) = rollout(scenario, 1, seed=seed, driver=driver, recorder=recorder, **options)
+    return episode.record

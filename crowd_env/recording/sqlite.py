@@ -1,0 +1,222 @@
+"""Recordings in JuPedSim's trajectory format, version 2 (SQLite), with tables of our own for what that lacks.
+
+The format: JuPedSim, `SqliteTrajectoryWriter`, tables trajectory_data, metadata, geometry and frame_data, which
+JuPedSim's `Recording` reads, and PedPy's `load_trajectory_from_jupedsim_sqlite`.
+"""
+
+import hashlib
+import json
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowd_env.recording.foreign import recording_of_positions
+from crowd_env.recording.frames import Frame, Head
+from crowd_env.recording.recording import FrameContacts, Recording
+from crowd_env.recording.writer import (
+    frame_of_rows,
+    join_contacts,
+    joined,
+    outline_of,
+    part_of,
+    plain_place,
+    read_place,
+)
+from crowd_env.state import Floats, Ints, row_starts
+
+# What JuPedSim and PedPy read.
+_JUPEDSIM = """
+CREATE TABLE trajectory_data (frame INTEGER NOT NULL, id INTEGER NOT NULL, pos_x REAL NOT NULL, pos_y REAL NOT NULL,
+    ori_x REAL NOT NULL, ori_y REAL NOT NULL);
+CREATE TABLE metadata (key TEXT NOT NULL UNIQUE PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE geometry (hash INTEGER NOT NULL, wkt TEXT NOT NULL);
+CREATE UNIQUE INDEX geometry_hash ON geometry (hash);
+CREATE TABLE frame_data (frame INTEGER NOT NULL, geometry_hash INTEGER NOT NULL);
+CREATE INDEX frame_id_idx ON trajectory_data (frame, id);
+"""
+_OURS = """
+CREATE TABLE facts (key TEXT NOT NULL PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE exits (number INTEGER PRIMARY KEY, name TEXT NOT NULL, x1 REAL, y1 REAL, x2 REAL, y2 REAL);
+CREATE TABLE people (id INTEGER PRIMARY KEY, radius REAL NOT NULL, desired_speed REAL NOT NULL, group_number INTEGER NOT NULL,
+    exit_time REAL, exit_number INTEGER);
+CREATE TABLE frames (frame INTEGER PRIMARY KEY, time REAL NOT NULL);
+CREATE TABLE motion (frame INTEGER NOT NULL, id INTEGER NOT NULL, vel_x REAL NOT NULL, vel_y REAL NOT NULL,
+    pressure REAL NOT NULL, angle REAL, PRIMARY KEY (frame, id)) WITHOUT ROWID;
+"""
+_CONTACTS = """
+CREATE TABLE contacts (frame INTEGER NOT NULL, i INTEGER NOT NULL, j INTEGER NOT NULL, gap REAL NOT NULL,
+    normal_x REAL NOT NULL, normal_y REAL NOT NULL, point_x REAL NOT NULL, point_y REAL NOT NULL,
+    force_normal REAL NOT NULL, force_tangential REAL NOT NULL);
+"""
+_AT_ONCE = 50_000  # rows
+
+
+class SqliteWriter:
+    """Writes a recording into a SQLite file; every append is a transaction."""
+
+    def __init__(self, path: Path, head: Head) -> None:
+        self._path, self._part, self._head = path, part_of(path), head
+        self._frames = 0
+        self._hash = int.from_bytes(
+            hashlib.blake2b(head.with_aprons.encode(), digest_size=8).digest(), "big", signed=True
+        )
+        with _named(self._part):
+            self._part.unlink(missing_ok=True)
+            self._part.with_name(f"{self._part.name}-journal").unlink(missing_ok=True)
+            self._file = sqlite3.connect(self._part, isolation_level=None, check_same_thread=False)
+            self._file.execute(
+                "PRAGMA synchronous = OFF"
+            )  # the journal is there for a process that dies, not for the machine
+            self._file.executescript("BEGIN;" + _JUPEDSIM + _OURS + (_CONTACTS if head.contacts else ""))
+            self._write_head()
+            self._file.execute("COMMIT")
+
+    def _write_head(self) -> None:
+        head = self._head
+        known: dict[str, Any] = {"version": 2, "fps": 1.0 / head.interval}
+        known |= dict(zip(("xmin", "ymin", "xmax", "ymax"), head.bounds, strict=True))
+        self._insert("metadata", ((key, str(value)) for key, value in known.items()))
+        self._insert("geometry", [(self._hash, head.with_aprons)])
+        place = plain_place(head)
+        exits = place.pop("exits")
+        self._insert("facts", ((key, json.dumps(value)) for key, value in {**head.facts, **place}.items()))
+        self._insert("exits", ((k, name, *a, *b) for k, (name, (a, b)) in enumerate(exits)))
+        people = zip(head.radius.tolist(), head.desired_speed.tolist(), head.group.tolist(), strict=True)
+        self._insert("people", ((k, *one, None, None) for k, one in enumerate(people)))
+
+    def append(self, frames: Sequence[Frame]) -> None:
+        """Write the next frames in one transaction."""
+        numbers = range(self._frames, self._frames + len(frames))
+        frame, person = frame_of_rows(frames, self._frames), joined(frames, "person")
+        motion = [*joined(frames, "velocity").T, joined(frames, "pressure")]
+        angle = [None] * len(person) if self._head.outline is None else joined(frames, "angle").tolist()
+        with _named(self._part):
+            self._file.execute("BEGIN")
+            where = [frame, person, *joined(frames, "position").T, *joined(frames, "facing").T]
+            self._insert("trajectory_data", zip(*(column.tolist() for column in where), strict=True))
+            self._insert("motion", zip(*(column.tolist() for column in (frame, person, *motion)), angle, strict=True))
+            self._insert("frame_data", ((number, self._hash) for number in numbers))
+            self._insert("frames", zip(numbers, (one.time for one in frames), strict=True))
+            out = zip(*(joined(frames, name).tolist() for name in ("exit_time", "exit_index", "left")), strict=True)
+            self._file.executemany("UPDATE people SET exit_time = ?, exit_number = ? WHERE id = ?", out)
+            if self._head.contacts:
+                found = join_contacts(frames)
+                of_frame = np.repeat(np.array(numbers), np.diff(found.start))
+                columns = [of_frame, found.i, found.j, found.gap, *found.normal.T, *found.point.T, *found.force.T]
+                self._insert("contacts", zip(*(column.tolist() for column in columns), strict=True))
+            self._file.execute("COMMIT")
+        self._frames += len(frames)
+
+    def finish(self, facts: Mapping[str, Any]) -> Path:
+        """Write the last facts, and move the file to its place."""
+        with _named(self._part):
+            told = [(key, json.dumps(value)) for key, value in facts.items()]
+            self._file.execute("BEGIN")
+            self._file.executemany("INSERT OR REPLACE INTO facts VALUES (?, ?)", told)
+            self._file.execute("COMMIT")
+            self._file.close()
+        os.replace(self._part, self._path)
+        return self._path
+
+    def abandon(self) -> None:
+        """Close the file where it is."""
+        self._file.close()
+
+    def _insert(self, table: str, rows: Any) -> None:
+        (columns,) = self._file.execute("SELECT count(*) FROM pragma_table_info(?)", (table,)).fetchone()
+        self._file.executemany(f"INSERT INTO {table} VALUES ({', '.join('?' * columns)})", rows)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Say which file it is if SQLite fails."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        raise OSError(f"cannot write {path}: {error}") from error
+
+
+def read_sqlite(path: Path) -> Recording:
+    """Return the recording in a file of this kind, written by this package, finished or not, or by JuPedSim.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file.
+    """
+    with closing(sqlite3.connect(path)) as file:
+        tables = {name for (name,) in file.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not {"trajectory_data", "metadata", "geometry"} <= tables:
+            raise ValueError(f"{path} is an SQLite database without the tables of a trajectory of JuPedSim")
+        return _ours(file, tables) if {"facts", "motion"} <= tables else _of_jupedsim(file, path)
+
+
+def _ours(file: sqlite3.Connection, tables: set[str]) -> Recording:
+    facts = {key: json.loads(value) for key, value in file.execute("SELECT key, value FROM facts")}
+    exits = [[name, [line[:2], line[2:]]] for _, name, *line in file.execute("SELECT * FROM exits ORDER BY number")]
+    keys = ("walkable", "thin_walls", "doors", "groups")
+    place = read_place({**{key: facts.pop(key) for key in keys}, "exits": exits})
+    radius, speed, group, exit_time, exit_index = _columns(
+        file,
+        "SELECT radius, desired_speed, group_number, exit_time, ifnull(exit_number, -1) FROM people ORDER BY id",
+        5,
+    )
+    outline = outline_of(facts)
+    (times,) = _columns(file, "SELECT time FROM frames ORDER BY frame", 1)
+    frame, person, x, y = _columns(file, "SELECT frame, id, pos_x, pos_y FROM trajectory_data ORDER BY frame, id", 4)
+    vx, vy, pressure, angle = _columns(file, "SELECT vel_x, vel_y, pressure, angle FROM motion ORDER BY frame, id", 4)
+    return Recording(
+        facts=facts,
+        **place,
+        times=times,
+        frame_start=_starts(frame, len(times)),
+        radius=radius,
+        desired_speed=speed,
+        group=group.astype(np.int64),
+        exit_time=exit_time,
+        exit_index=exit_index.astype(np.int64),
+        person=person.astype(np.int64),
+        position=np.stack([x, y], axis=1),
+        velocity=np.stack([vx, vy], axis=1),
+        pressure=pressure,
+        angle=None if outline is None else angle,
+        outline=outline,
+        contacts=_read_contacts(file, len(times)) if "contacts" in tables else None,
+    )
+
+
+def _read_contacts(file: sqlite3.Connection, frames: int) -> FrameContacts:
+    frame, i, j, gap, *pairs = _columns(file, "SELECT * FROM contacts ORDER BY rowid", 10)
+    normal, point, force = (np.stack(pairs[k : k + 2], axis=1) for k in (0, 2, 4))
+    return FrameContacts(_starts(frame, frames), i.astype(np.int64), j.astype(np.int64), gap, normal, point, force)
+
+
+def _starts(frame: Floats, frames: int) -> Ints:
+    """Return the starts of the rows of each frame (F+1,) from the frame of each row."""
+    return row_starts(np.bincount(frame.astype(np.int64), minlength=frames))
+
+
+def _columns(file: sqlite3.Connection, query: str, count: int) -> list[Floats]:
+    """Return the columns of a query as numbers; NULL is nan."""
+    found, cursor = [np.empty((0, count))], file.execute(query)
+    while rows := cursor.fetchmany(_AT_ONCE):
+        found.append(np.array(rows, dtype=np.float64))
+    return list(np.ascontiguousarray(np.concatenate(found).T))
+
+
+def _of_jupedsim(file: sqlite3.Connection, path: Path) -> Recording:
+    fps = file.execute("SELECT value FROM metadata WHERE key = 'fps'").fetchone()
+    areas = [wkt for (wkt,) in file.execute("SELECT wkt FROM geometry")]
+    if fps is None or not areas:
+        raise ValueError(f"{path} has no frame rate or no geometry; a trajectory of JuPedSim has both")
+    query = "SELECT frame, id, pos_x, pos_y FROM trajectory_data ORDER BY frame, id"
+    frame, person, x, y = _columns(file, query, 4)
+    position = np.stack([x, y], axis=1)
+    return recording_of_positions(
+        path, frame.astype(np.int64), person.astype(np.int64), position, float(fps[0]), areas[0]
+    )

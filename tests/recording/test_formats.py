@@ -1,0 +1,169 @@
+"""Every format holds all of a recording, and a file that is none, or half of one, is told from it."""
+
+import re
+import sqlite3
+import sys
+
+import numpy as np
+import pytest
+from recordings import CASES, arrays_of, assert_equal, two_doors
+from shapely.geometry import Point, box
+
+from crowd_env import Geometry, Population, Scenario
+from crowd_env.recording import FORMATS, Recording, load, record
+from crowd_env.recording.writer import part_of
+
+WRITTEN = [suffix for suffix, one in FORMATS.items() if one.write is not None]
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request):
+    scenario, run, recorder = CASES[request.param]
+    return request.param, scenario, {**run, **recorder, "seed": 3}, record(scenario, **run, **recorder, seed=3)
+
+
+@pytest.mark.parametrize("suffix", WRITTEN)
+def test_every_format_brings_everything_back(case, suffix, tmp_path):
+    _, scenario, options, kept = case
+    path = record(scenario, tmp_path / f"run{suffix}", **options)
+    assert path == tmp_path / f"run{suffix}"
+    assert_equal(load(path), kept)
+    assert list(tmp_path.iterdir()) == [path]  # nothing is left of how it was made
+
+
+def test_the_cases_hold_what_they_are_for(case):
+    name, _, _, kept = case
+    out = np.isfinite(kept.exit_time)
+    assert kept.groups == ("quick", "slow") and set(kept.group) == {0, 1}
+    assert {name for name, _ in kept.exits} == {"left", "right"} and len(kept.exits) == 3  # the box has two sides
+    assert kept.thin_walls.shape == (1, 2, 2) and kept.doors[0][0] == "lock"
+    if name == "groups":
+        assert out.all() and len(set(kept.exit_index)) >= 2 and len(kept.contacts.i) > 10
+        assert (kept.contacts.j < 0).any() and (kept.contacts.force[:, 0] > 0).any()
+    if name == "left inside":
+        assert out.any() and not out.all() and kept.contacts is None
+        assert np.diff(kept.times)[:-2] == pytest.approx(0.3) and kept.facts["unfinished"] == int((~out).sum())
+    if name == "torso":
+        assert kept.outline == "torso" and np.ptp(kept.angle) > 0.1
+    assert kept.facts["finished"] and kept.facts["scenario"] == "two-doors" and kept.facts["seed"] == 3
+
+
+@pytest.mark.parametrize("suffix", WRITTEN)
+def test_what_was_there_is_replaced_only_by_a_whole_recording(suffix, tmp_path, monkeypatch):
+    path = tmp_path / f"run{suffix}"
+    record(two_doors(), path, seed=1)
+    before = arrays_of(load(path))
+    monkeypatch.setattr("crowd_env.recording.frames.FrameSampler.after_end", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        record(two_doors(time_limit=3.0), path, seed=2)
+    np.testing.assert_array_equal(arrays_of(load(path))["position"], before["position"])
+    half = load(part_of(path))
+    assert not half.facts["finished"] and half.times[-1] == pytest.approx(3.0) and half.facts["seed"] == 2
+    monkeypatch.undo()
+    record(two_doors(), path, seed=3)  # over what is left
+    assert load(path).facts["seed"] == 3 and list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".parquet"])
+def test_a_missing_library_is_one_sentence_before_the_work(suffix, tmp_path, monkeypatch):
+    library = FORMATS[suffix].library
+    monkeypatch.setitem(sys.modules, library, None)
+    for work in (lambda: record(two_doors(), tmp_path / f"run{suffix}"), lambda: load(_empty(tmp_path / f"x{suffix}"))):
+        with pytest.raises(
+            ModuleNotFoundError, match=f"needs {library}, which is not installed: pip install {library}"
+        ):
+            work()
+
+
+def _empty(path):
+    path.write_bytes(b"")
+    return path
+
+
+@pytest.mark.parametrize("name", ["run.mp4", "run"])
+def test_other_suffixes_are_refused(name, tmp_path):
+    for work in (lambda: record(two_doors(), tmp_path / name), lambda: load(tmp_path / name)):
+        with pytest.raises(ValueError, match=r"it must end in \.sqlite, \.h5, \.parquet"):
+            work()
+    with pytest.raises(ValueError, match=r"it must end in \.sqlite, \.h5, \.parquet$"):
+        record(two_doors(), tmp_path / "run.txt")
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_what_is_no_recording_is_said_to_be_none(suffix, tmp_path):
+    for content in (
+        b"",
+        b"hello",
+        b"SQLite format 3\0" + bytes(5000),
+        b"PAR1" + bytes(100),
+        b"\x89HDF\r\n\x1a\n" + bytes(100),
+    ):
+        path = tmp_path / f"run{suffix}"
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match=re.escape(str(path))):
+            load(path)
+
+
+@pytest.mark.parametrize("suffix", WRITTEN)
+def test_a_damaged_file_is_one_sentence(suffix, tmp_path):
+    """Cut short, or with some bytes overwritten, it is refused, or (where nobody has looked) read."""
+    content = record(two_doors(time_limit=1.0), tmp_path / f"run{suffix}", contacts=True).read_bytes()
+    path, rng = tmp_path / f"bad{suffix}", np.random.default_rng(0)
+    for length in np.linspace(0, 0.9 * len(content), 12).astype(int):
+        path.write_bytes(content[:length])
+        with pytest.raises(ValueError, match=re.escape(str(path))):
+            load(path)
+    for _ in range(40):
+        spoiled, where = bytearray(content), int(rng.integers(len(content) - 64))
+        spoiled[where : where + 64] = rng.bytes(64)
+        path.write_bytes(spoiled)
+        try:
+            load(path)
+        except ValueError as error:
+            assert str(path) in str(error) and "\n" not in str(error)
+
+
+def test_other_tables_are_no_recording(tmp_path):
+    import h5py
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    sqlite3.connect(tmp_path / "a.sqlite").execute("CREATE TABLE t (x)")
+    h5py.File(tmp_path / "a.h5", "w").create_dataset("x", data=[1])
+    pq.write_table(pa.table({"x": [1]}), tmp_path / "a.parquet")
+    for suffix, words in {
+        ".sqlite": "without the tables",
+        ".h5": "no dataset",
+        ".parquet": "without the facts",
+    }.items():
+        with pytest.raises(ValueError, match=words):
+            load(tmp_path / f"a{suffix}")
+
+
+def test_a_missing_file_points_to_what_is_left_of_it(tmp_path):
+    with pytest.raises(ValueError, match=r"there is no recording .*run\.h5$"):
+        load(tmp_path / "run.h5")
+    (tmp_path / "run.part.h5").touch()
+    with pytest.raises(ValueError, match=r"run\.part\.h5 holds what was recorded"):
+        load(tmp_path / "run.h5")
+
+
+def test_a_long_plan_fits_into_every_format(tmp_path):
+    """HDF5 keeps attributes of up to 64 kB only, unless told otherwise."""
+    place = Geometry.from_polygon(Point(0, 0).buffer(10, quad_segs=1000), exits={"cut": box(9, -2, 11, 2)})
+    scenario = Scenario("ring", place, Population(3), time_limit=0.2)
+    for suffix in WRITTEN:
+        assert len(load(record(scenario, tmp_path / f"run{suffix}")).walkable) > 70_000
+
+
+def test_a_recording_that_does_not_fit_together_is_refused():
+    kept = record(two_doors(time_limit=0.5))
+    fine = {name: getattr(kept, name) for name in kept.__dataclass_fields__}
+    for name, value, words in (
+        ("position", kept.position[:-1], "position"),
+        ("times", kept.times[::-1].copy(), "times must increase"),
+        ("person", kept.person + 1, r"person\[\d+\] is 12; it must be in 0 to 11"),
+        ("frame_start", kept.frame_start + 1, "must ascend from 0"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            Recording(**fine | {name: value})

@@ -1,0 +1,145 @@
+"""What a row says, and that a run does not notice that it is recorded."""
+
+import numpy as np
+import pytest
+from recordings import CASES, two_doors
+
+from crowd_env import CrowdEnv, contact_pressure, make_scenario
+from crowd_env.envs.rollout import run_episodes
+from crowd_env.executors import Processes
+from crowd_env.recording import RunRecorder, load, record
+from crowd_env.recording.exits import APRON, places_beyond
+
+ROOM = make_scenario("room-v0")
+
+
+def test_rows_are_those_of_the_environment():
+    """Everyone inside has a row in every frame, as the arrays of the environment have it."""
+    kept = record(ROOM, seed=5, scheme="nsm2", contacts=True)
+    env = CrowdEnv(ROOM)
+    env.reset([5])
+    np.testing.assert_array_equal(kept.radius, env.simulation.bodies.radius)
+    for k in range(len(kept.times) - 1):
+        rows = slice(*kept.frame_start[k : k + 2])
+        inside = ~kept.beyond[rows]
+        who = kept.person[rows][inside]
+        assert kept.times[k] == pytest.approx(0.1 * k)
+        np.testing.assert_array_equal(who, np.flatnonzero(env.active))
+        np.testing.assert_array_equal(kept.position[rows][inside], env.simulation.state.position[who])
+        np.testing.assert_array_equal(kept.velocity[rows][inside], env.simulation.state.velocity[who])
+        pressure = contact_pressure(env.simulation.results.impulse_magnitude, 0.1, kept.radius)[who]
+        assert kept.pressure[rows][inside] == pytest.approx(pressure * (k > 0))
+        if not env.finished.all():
+            env.step(None)
+    np.testing.assert_array_equal(kept.exit_time, env.simulation.state.exit_time)
+    assert np.isfinite(kept.exit_time).all()
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_who_leaves_has_two_rows_beyond_the_exit_line_in_the_frames_after(case):
+    scenario, run, options = CASES[case]
+    kept = record(scenario, seed=1, **run, **options)
+    lines = np.array([line for _, line in kept.exits])
+    out = np.flatnonzero(np.isfinite(kept.exit_time))
+    assert len(out) and kept.beyond.sum() == 2 * len(out)
+    for person in out:
+        rows = np.flatnonzero(kept.person == person)
+        assert kept.beyond[rows].tolist() == [False] * (len(rows) - 2) + [True, True]
+        frames = kept.frame[rows]
+        assert (np.diff(frames) == 1).all() and frames[0] == 0
+        assert kept.times[frames[-3]] < kept.exit_time[person] <= kept.times[frames[-2]]
+        (a, b), x = lines[kept.exit_index[person]], kept.position[rows]
+        along = (b - a) / np.hypot(*(b - a))
+        depth = (x - a) @ [along[1], -along[0]]
+        assert depth[-3] <= 0.0 and depth[-2] >= 0.0499 and depth[-1] - depth[-2] >= 0.0499 and depth[-1] < APRON
+    for person in np.flatnonzero(~np.isfinite(kept.exit_time)):
+        assert kept.times[kept.frame[kept.person == person][-1]] == pytest.approx(scenario.time_limit)
+
+
+def test_everybody_crosses_the_line_between_two_frames():
+    """Whoever looks at frames alone sees the straight way from the row before cross the exit line, wherever they come from."""
+    rng = np.random.default_rng(0)
+    count = 2000
+    ends = rng.uniform(-5, 5, (count, 2, 2))
+    ends[:, 1] = ends[:, 0] + rng.uniform(0.3, 3, (count, 1)) * np.stack(
+        [np.cos(a := rng.uniform(0, 7, count)), np.sin(a)], 1
+    )
+    along = ends[:, 1] - ends[:, 0]
+    length = np.hypot(*along.T)
+    along /= length[:, None]
+    outward = np.stack([along[:, 1], -along[:, 0]], 1)
+    crossed = ends[:, 0] + along * (length * rng.uniform(0, 1, count))[:, None]
+    interval = 0.1
+    since = rng.uniform(0, interval, count)
+    velocity = outward * rng.uniform(0, 4, (count, 1)) + along * rng.uniform(-3, 3, (count, 1))
+    # The way before the crossing need not have been straight.
+    before = crossed - velocity * (interval - since)[:, None] - outward * rng.uniform(0, 0.1, (count, 1))
+    before += along * rng.uniform(-0.3, 0.3, (count, 1))
+    places = places_beyond(ends, before, crossed + 0.005 * velocity, velocity, since, interval)
+    (d0, s0), (d1, s1) = (
+        (((x - ends[:, 0]) * outward).sum(1), ((x - ends[:, 0]) * along).sum(1)) for x in (before, places[0])
+    )
+    meets = s0 + (s1 - s0) * d0 / (d0 - d1)
+    assert (d1 >= 0.05 - 1e-12).all()
+    possible = ((s0 > 0.0) & (s0 < length)) | (d0 < -0.15)  # nobody's center is nearer to the wall beside the door
+    assert possible.mean() > 0.5 and ((meets > 0) & (meets < length))[possible].all()
+    straight = places[0] - crossed - velocity * since[:, None]
+    assert (np.hypot(*straight.T) < 1e-9).mean() > 0.2  # where nothing is in the way, that is where they are
+
+
+@pytest.mark.parametrize("executor", [None, Processes(2)], ids=["here", "processes"])
+def test_recorded_runs_are_the_same_bit_by_bit(executor, tmp_path):
+    runs = 4
+    plain = run_episodes(ROOM, runs, seed=7)
+    recorder = RunRecorder(tmp_path / "run.sqlite", runs=2, contacts=True, seed=7)
+    recorded = run_episodes(ROOM, runs, seed=7, recorder=recorder, executor=executor)
+    for one, other in zip(plain, recorded, strict=True):
+        np.testing.assert_array_equal(one.exit_time, other.exit_time)
+        np.testing.assert_equal(one.metrics._asdict(), other.metrics._asdict())
+    assert [episode.record for episode in recorded] == [
+        tmp_path / "run-0.sqlite",
+        tmp_path / "run-1.sqlite",
+        None,
+        None,
+    ]
+    for k in range(2):
+        kept = load(recorded[k].record)
+        np.testing.assert_array_equal(kept.exit_time, plain[k].exit_time)
+        assert (kept.facts["run"], kept.facts["seed"]) == (k, 7 + k)
+
+
+def test_contacts_press_as_hard_as_they_do():
+    """Where two people are at rest, the forces of the last step balance, and their sum is the pressure."""
+    kept = record(ROOM, seed=2, scheme="dem", contacts=True)
+    contacts = kept.contacts
+    k = int(np.argmax(np.diff(contacts.start)))
+    rows, people = slice(*contacts.start[k : k + 2]), slice(*kept.frame_start[k : k + 2])
+    i, j, size = contacts.i[rows], contacts.j[rows], np.hypot(*contacts.force[rows].T)
+    assert len(i) > 5 and (np.diff(i) >= 0).all() and (contacts.normal[rows] ** 2).sum(axis=1) == pytest.approx(1.0)
+    inside = set(kept.person[people][~kept.beyond[people]])
+    assert set(i) <= inside and set(j[j >= 0]) <= inside
+    borne = np.zeros(len(kept.radius))
+    np.add.at(borne, i, size)
+    np.add.at(borne, j[j >= 0], size[j >= 0])
+    # The pressure is a mean over the 0.1 s before, the forces are those of its last 0.01 s: of the same size.
+    mean = kept.pressure[people] * 2 * np.pi * kept.radius[kept.person[people]]
+    assert 0.3 < borne.sum() / mean.sum() < 3.0
+    where = np.zeros((len(kept.radius), 2))
+    where[kept.person[people]] = kept.position[people]
+    pairs = j >= 0
+    middle = 0.5 * (where[i] + where[j])[pairs]
+    assert np.hypot(*(contacts.point[rows][pairs] - middle).T).max() < 0.05
+
+
+def test_every_is_a_multiple_of_the_decision_step():
+    with pytest.raises(ValueError, match=r"every = 0\.25 s is not a whole number of decisions = 0\.1 s"):
+        record(two_doors(), every=0.25)
+    with pytest.raises(ValueError, match="every is 0 s; it must be > 0"):
+        record(two_doors(), every=0)
+
+
+def test_the_number_inside_is_that_of_the_exit_times():
+    kept = record(ROOM, seed=2)
+    assert kept.inside(0.0) == 20 and kept.inside(kept.times[-1]) == 0
+    middle = np.sort(kept.exit_time)[9]
+    assert kept.inside([middle - 1e-9, middle]).tolist() == [11, 10]

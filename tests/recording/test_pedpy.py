@@ -1,0 +1,133 @@
+"""PedPy opens recordings, counts everybody who leaves, and finds the densities, speeds and flows that are ours.
+
+PedPy is installed by `make test`.
+"""
+
+import numpy as np
+import pytest
+from recordings import two_doors
+
+from crowd_env import make_scenario
+from crowd_env.envs.rollout import run_episodes
+from crowd_env.recording import RunRecorder, load
+
+pedpy = pytest.importorskip("pedpy")
+
+READERS = {
+    ".sqlite": (pedpy.load_trajectory_from_jupedsim_sqlite, pedpy.load_walkable_area_from_jupedsim_sqlite),
+    ".h5": (pedpy.load_trajectory_from_ped_data_archive_hdf5, pedpy.load_walkable_area_from_ped_data_archive_hdf5),
+}
+# Everybody has a speed in every frame, also in the first and the last.
+ONE_SIDED = pedpy.SpeedCalculation.BORDER_SINGLE_SIDED
+
+
+def opened(path):
+    """Return what PedPy reads of a recording."""
+    trajectory, area = READERS[path.suffix]
+    return trajectory(trajectory_file=path), area(trajectory_file=path)
+
+
+@pytest.fixture(scope="module", params=READERS)
+def door(request, tmp_path_factory):
+    """60 people before a door of 1.2 m: the episode, our reading, PedPy's reading."""
+    scenario = make_scenario("room-v0", count=60, door_width=1.2, side=8.0)
+    path = tmp_path_factory.mktemp("door") / f"run{request.param}"
+    (episode,) = run_episodes(scenario, 1, seed=4, scheme="nsm2", recorder=RunRecorder(path))
+    return episode, load(path), *opened(path)
+
+
+def test_all_rows_are_there_and_lie_in_the_walkable_area(door):
+    _, kept, trajectory, area = door
+    assert pedpy.is_trajectory_valid(traj_data=trajectory, walkable_area=area)
+    assert trajectory.frame_rate == pytest.approx(10.0)
+    data = trajectory.data.sort_values(["frame", "id"])
+    np.testing.assert_array_equal(data[["frame", "id"]], np.stack([kept.frame, kept.person], axis=1))
+    np.testing.assert_array_equal(data[["x", "y"]], kept.position)
+
+
+def test_n_t_on_the_exit_line_counts_everybody_within_a_frame_of_the_exit(door):
+    episode, kept, trajectory, _ = door
+    ((_, line),) = kept.exits
+    n_t, crossings = pedpy.compute_n_t(traj_data=trajectory, measurement_line=pedpy.MeasurementLine(line))
+    assert n_t.cumulative_pedestrians.iloc[-1] == 60 == np.isfinite(episode.exit_time).sum()
+    frames = crossings.set_index("id").frame.reindex(range(60)).to_numpy()
+    late = frames / 10.0 - episode.exit_time
+    assert (late >= -1e-9).all() and (late <= 0.1 + 1e-9).all()
+    inside = 60 - n_t.cumulative_pedestrians.to_numpy()
+    np.testing.assert_array_equal(inside, kept.inside(n_t.time.to_numpy() + 1e-9))
+
+
+@pytest.mark.parametrize("every", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("limit", [30.0, 2.5])
+def test_every_exit_counts_those_who_leave_by_it(every, limit, tmp_path):
+    """Also if frames are rare, and if people are left inside."""
+    (episode,) = run_episodes(
+        two_doors(people=30, time_limit=limit),
+        1,
+        seed=1,
+        strategy="nearest",
+        recorder=RunRecorder(tmp_path / "run.sqlite", every=every),
+    )
+    trajectory, area = opened(episode.record)
+    assert pedpy.is_trajectory_valid(traj_data=trajectory, walkable_area=area)
+    kept, counted = load(episode.record), 0
+    for k, (_, line) in enumerate(kept.exits):
+        n_t, _ = pedpy.compute_n_t(traj_data=trajectory, measurement_line=pedpy.MeasurementLine(line))
+        assert n_t.cumulative_pedestrians.iloc[-1] == (kept.exit_index == k).sum()
+        counted += n_t.cumulative_pedestrians.iloc[-1]
+    assert 0 < counted == np.isfinite(kept.exit_time).sum()
+    assert (counted < 30) == (limit < 10)
+
+
+def test_the_flow_is_the_one_of_our_report(door):
+    episode, kept, trajectory, _ = door
+    ((_, line),) = kept.exits
+    n_t, crossings = pedpy.compute_n_t(traj_data=trajectory, measurement_line=pedpy.MeasurementLine(line))
+    speed = pedpy.compute_individual_speed(traj_data=trajectory, frame_step=5, speed_calculation=ONE_SIDED)
+    options = {"nt": n_t, "crossing_frames": crossings, "individual_speed": speed, "frame_rate": 10.0}
+    flow = pedpy.compute_flow(**options, delta_frame=20)
+    times = np.sort(episode.exit_time)
+    assert flow.flow.mean() == pytest.approx(59 / (times[-1] - times[0]), rel=0.15)
+    assert flow.flow.mean() == pytest.approx(episode.metrics.flow, rel=0.15)
+
+
+def test_the_voronoi_density_counts_the_people_in_the_room(door):
+    """Over all of the area, cells of everybody fill it: N / A, which we know."""
+    _, kept, trajectory, area = door
+    cells = pedpy.compute_individual_voronoi_polygons(traj_data=trajectory, walkable_area=area)
+    square = pedpy.MeasurementArea([(0, 0), (8, 0), (8, 8), (0, 8)])
+    voronoi, _ = pedpy.compute_voronoi_density(individual_voronoi_data=cells, measurement_area=square)
+    classic = pedpy.compute_classic_density(traj_data=trajectory, measurement_area=square)
+    inside = np.add.reduceat(~kept.beyond, kept.frame_start[:-1]) / 64.0
+    np.testing.assert_allclose(classic.density.reindex(range(len(inside)), fill_value=0.0), inside, atol=1e-12)
+    apart = np.abs(voronoi.density.to_numpy() - inside) * 64.0  # people: cells reach through the door, both ways
+    assert apart.max() < 2.0 and apart.mean() < 1.0
+    assert np.isfinite(cells.density).all()
+
+
+def test_the_speed_is_the_one_that_people_have(tmp_path):
+    """PedPy's speeds are positions over 0.2 s, ours those of the moment: where nobody is in the way they agree."""
+    scenario = make_scenario("room-v0", count=4, door_width=1.2, side=10.0)
+    (episode,) = run_episodes(scenario, 1, seed=4, recorder=RunRecorder(tmp_path / "run.h5"))
+    kept, (trajectory, _) = load(episode.record), opened(episode.record)
+    found = pedpy.compute_individual_speed(traj_data=trajectory, frame_step=1, speed_calculation=ONE_SIDED)
+    speed = found.sort_values(["frame", "id"]).speed.to_numpy()
+    inside = ~kept.beyond & (kept.frame > 20)
+    ours = np.hypot(*kept.velocity.T)[inside]
+    assert len(ours) > 20 and np.median(np.abs(speed[inside] / ours - 1.0)) < 0.01
+    assert ours.mean() == pytest.approx(kept.desired_speed[kept.person[inside]].mean(), rel=0.1)
+
+
+def test_a_fundamental_diagram_comes_out(door):
+    _, _, trajectory, area = door
+    cells = pedpy.compute_individual_voronoi_polygons(traj_data=trajectory, walkable_area=area)
+    speed = pedpy.compute_individual_speed(traj_data=trajectory, frame_step=5, speed_calculation=ONE_SIDED)
+    before = pedpy.MeasurementArea([(5.5, 3), (7.5, 3), (7.5, 5), (5.5, 5)])
+    density, shares = pedpy.compute_voronoi_density(individual_voronoi_data=cells, measurement_area=before)
+    mean = pedpy.compute_voronoi_speed(
+        traj_data=trajectory, individual_voronoi_intersection=shares, individual_speed=speed, measurement_area=before
+    )
+    diagram = density.set_index("frame").join(mean.set_index("frame"))
+    dense = diagram[diagram.density > 3.0]
+    assert len(diagram) == 1 + trajectory.data.frame.max() and np.isfinite(diagram).all(axis=None)
+    assert len(dense) > 10 and 0.2 < dense.speed.mean() < 1.0 < 1.2  # than which nobody wants to be slower

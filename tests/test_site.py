@@ -1,0 +1,46 @@
+"""The site that `make docs` builds from docs/ leaves no page and no public name out."""
+
+import importlib
+import re
+
+import pytest
+from repository import ROOT
+
+DOCS = ROOT / "docs"
+PAGES = sorted(path for path in DOCS.rglob("*") if path.suffix in {".md", ".rst"})
+# A page in Markdown lists those below it in a block, one in reStructuredText in an indented paragraph.
+TOCTREES = {".md": r"^```\{toctree\}\n(.*?)^```", ".rst": r"^\.\. toctree::\n((?:   .*\n|\n)+)"}
+OF_ONE_MODULE = r"^\.\. currentmodule:: (\S+)\n(.*?)(?=^\.\. currentmodule|\Z)"
+
+
+def pages_below(page):
+    """Return the pages that the tables of contents of a page list."""
+    found = set()
+    for block in re.findall(TOCTREES[page.suffix], page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
+        entries = [line.strip() for line in block.splitlines() if line.strip() and not line.strip().startswith(":")]
+        for entry in entries:
+            hits = [hit for suffix in TOCTREES for hit in page.parent.glob(entry + suffix)]
+            assert hits, f"{page.relative_to(ROOT)} lists {entry}, which is no page"
+            found.update(hits)
+    return found
+
+
+def test_every_page_is_in_the_site():
+    reached, todo = set(), [DOCS / "index.md"]
+    while todo:
+        page = todo.pop()
+        if page not in reached:
+            reached.add(page)
+            todo += pages_below(page)
+    assert sorted(reached) == PAGES
+
+
+@pytest.mark.parametrize("module", ["crowd_env", "crowd_env.adapters.sb3", "agents", "agents.tasks"])
+def test_every_public_name_is_in_the_reference(module):
+    shown = []
+    for page in (DOCS / "api").glob("*.rst"):
+        for name, part in re.findall(OF_ONE_MODULE, page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
+            if name == module:
+                shown += re.findall(r"^\.\. auto\w+:: (\S+)$", part, re.MULTILINE)
+    public = importlib.import_module(module).__all__
+    assert sorted(shown) == sorted(public)
