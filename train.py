@@ -30,9 +30,11 @@ from agents.training_config import (
 )
 from crowd_env.checks import known, whole
 from crowd_env.cli.console import MannerName, OutlineOption, friendly_errors, notes
+from crowd_env.cli.place import PLACES, Exits, Unit, plan_options
 from crowd_env.executors import check_cluster
 from crowd_env.files.json_file import write_json
 from crowd_env.rendering.libraries import require_libraries
+from crowd_env.scenarios import kind_of_place
 
 _TASK = "competitive-door"
 _OF_THE_MACHINE = ("runs", "root", "resume", "threads", "runners")  # options that do not belong to what is trained
@@ -103,10 +105,13 @@ def main(
         ),
     ] = None,
     scenario: Annotated[
-        str | None, typer.Option(help="Instead of a task: the scenario to train and judge in, a name or a file.")
+        str | None, typer.Option(help=f"Instead of a task: the scenario to train and judge in.  {PLACES}")
     ] = None,
+    exit: Exits = None,
+    unit: Unit = None,
     people: Annotated[
-        int | None, typer.Option(help="How many people to train a task with.", show_default="preset's")
+        int | None,
+        typer.Option(help="How many people to train a task, or on a floor plan, with.", show_default="preset's, or 20"),
     ] = None,
     scheme: Annotated[str | None, typer.Option(help="Contact scheme.", show_default="the task's, or nsm2")] = None,
     dt: Annotated[
@@ -164,6 +169,8 @@ def main(
     python train.py --task narrow-door --seed 1
 
     python train.py --scenario my_hall.toml --scheme dem --minutes 3
+
+    python train.py --scenario my_office.dxf --people 40 --scheme dem --minutes 3
     """
     folder: Path | None = None
 
@@ -218,16 +225,20 @@ def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
     of_run = ("people", "scheme", "dt", "manner", "outline", "start", "minutes", "steps", "envs")
     options: dict[str, Any] = {option: given[option] for option in of_run if option in given}
     if "scenario" not in given:
+        for name in ("exit", "unit"):
+            if name in given:
+                raise ValueError(f"--{name} is for floor plans in files; name one by --scenario")
         return task_config(given.get("task", _TASK), seed, **options)
     if "task" in given:
         raise ValueError(
             f"--scenario is {given['scenario']}, but --task {given['task']} says where people walk; leave one out"
         )
-    if "people" in given:
+    place = {"options": plan_options(given["scenario"], given.get("exit"), given.get("unit"))}
+    if "people" in given and kind_of_place(given["scenario"]) != "plan":
         raise ValueError(f"--people is {given['people']}: a scenario says how many there are; leave it out")
     usual: dict[str, Any] = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5}
     start_with = options.pop("start", RULE)
-    return default_config(given["scenario"], seed=seed, **(usual | options)) | {"start": start_with}
+    return default_config(given["scenario"], seed=seed, **(usual | options | place)) | {"start": start_with}
 
 
 def _given(context: typer.Context) -> dict[str, Any]:

@@ -215,6 +215,8 @@ def main(
 
     python -m agents.evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
 
+    python -m agents.evaluate --scenario my_plan.wkt --exit 6,2,6,3 --people 40 --policies shortest --runs 20
+
     python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.safetensors --out comparison
     """
     with friendly_errors("" if out is None else "the same command goes on"):

@@ -14,7 +14,7 @@ from agents.runs import versions
 from agents.tasks import Task, make_preset, make_task
 from agents.tasks.presets import training_place
 from agents.walking import WalkingRule
-from crowd_env import CrowdEnv, ObservationLayout, Scenario, make_scenario, make_scheme
+from crowd_env import CrowdEnv, ObservationLayout, Scenario, make_scheme
 from crowd_env.checks import POSITIVE, Range, known, number, whole
 from crowd_env.files.json_file import read_json
 from crowd_env.headway import plain_manner
@@ -38,19 +38,23 @@ def default_config(
     dt: float | None = None,
     manner: str | None = None,
     outline: str | None = None,
+    people: int | None = None,
+    options: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return every parameter of a run in a scenario that is no task.
 
-    Unless given, ``dt`` [s] is the scheme's own, manner and outline are the scenario's.
+    Unless given, ``dt`` [s] is the scheme's own, manner, outline and number of people are the scenario's; ``options`` are those
+    of `make_scenario`.
     """
     from agents.learned import PPOSettings
 
-    place = make_scenario(scenario)
+    options = dict(options or {})
+    place = training_place(scenario, options, people)
     return {
         "backend": "native",
         "task": None,
         "scenario": scenario,
-        "options": {},
+        "options": options,
         "people": place.population.count,
         "strategy": "shortest",
         "scheme": scheme,
@@ -275,12 +279,13 @@ def extended(
         If an option would change what is trained, or a budget leaves nothing to do.
     """
     found = dict(config)
+    begun = {**config, "exit": config["options"].get("exits"), "unit": config["options"].get("unit")}
     for option, value in given.items():
         if option in ("minutes", "steps"):
             found[option] = value
-        elif value != config[option]:
+        elif value != begun[option]:
             raise ValueError(
-                f"--{option} is {value}, but {name} was begun with {config[option]}: "
+                f"--{option} is {value}, but {name} was begun with {begun[option]}: "
                 "what is trained cannot change in between; begin another run"
             )
     if not curve or not {"minutes", "steps"} & set(given):

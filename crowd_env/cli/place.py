@@ -87,16 +87,29 @@ def read_place(
     if speed is not None:
         people["desired_speed"] = _range(speed, "--speed")
     timing: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
+    options = plan_options(name, exits, unit)
     if kind_of_place(name) == "plan":
-        plan = read_plan(name, exits or (), unit=unit)
+        plan = read_plan(name, **options)
         return scenario_on(plan, people_on(plan, **people), **timing)
-    if exits:
-        raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
-    if unit is not None:
-        raise ValueError(f"{name} is in meters; --unit is for floor plans in files")
     if people:
         timing["population"] = make_scenario(name).population.changed(**people)
     return make_scenario(name, **timing)
+
+
+def plan_options(name: str, exits: Sequence[str] | None, unit: str | None) -> dict[str, Any]:
+    """Return the options of `make_scenario` that --exit and --unit stand for.
+
+    Raises
+    ------
+    ValueError
+        If one is given and the place is no floor plan in a file.
+    """
+    if kind_of_place(name) != "plan":
+        if exits:
+            raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
+        if unit is not None:
+            raise ValueError(f"{name} is in meters; --unit is for floor plans in files")
+    return {**({"exits": list(exits)} if exits else {}), **({} if unit is None else {"unit": unit})}
 
 
 def _range(text: str, option: str) -> Uniform:

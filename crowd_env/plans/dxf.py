@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
     from ezdxf.path import Path as Curve
 
-_MOST = 200_000  # entities, blocks exploded
+_MOST = 50_000  # entities of exploded blocks, which come at about ten thousand a second
 _DEEPEST = 16  # blocks in blocks
 _COARSE = 0.005  # m; curves become straight lines that are no further from them
 _THIN = 0.02  # m; the thickness of an obstacle that is drawn as a line
@@ -106,11 +106,11 @@ def _curves_by_layer(document: "Document", notes: list[str]) -> dict[str, list["
     found: dict[str, list[Any]] = {}
     others: Counter[str] = Counter()
     unread: Counter[str] = Counter()
-    for layer, entity in _exploded(document.modelspace(), 0, [0]):
+    for layer, entity in _Exploding(document).entities():
         kind = entity.dxftype()
         if kind in _NO_LINES:
             continue
-        if role_of_layer(layer) is None or layer.lower() in hidden:
+        if kind == "INSERT" or role_of_layer(layer) is None or layer.lower() in hidden:
             others[layer + (" (hidden)" if layer.lower() in hidden else "")] += 1
             continue
         try:
@@ -135,21 +135,54 @@ def _curves_by_layer(document: "Document", notes: list[str]) -> dict[str, list["
     return found
 
 
-def _exploded(entities: Any, depth: int, count: list[int], layer_of_block: str = "0") -> Iterator[tuple[str, Any]]:
-    """Yield every entity with its layer, blocks exploded; layer 0 within a block is the layer of the block."""
-    for entity in entities:
-        count[0] += 1
-        if count[0] > _MOST:
-            raise ValueError(
-                f"the DXF drawing holds more than {_MOST} things when its blocks are exploded; keep only the layers {LAYERS}"
-            )
-        layer = entity.dxf.get("layer", "0")
-        layer = layer_of_block if layer == "0" else layer
-        if entity.dxftype() != "INSERT":
-            yield layer, entity
-        elif depth < _DEEPEST:
+class _Exploding:
+    """The entities of a drawing with its blocks exploded, but for blocks that hold nothing of a layer with a role."""
+
+    def __init__(self, document: "Document") -> None:
+        self._document = document
+        self._layers: dict[str, frozenset[str]] = {}  # of all that a block holds
+        self._count = 0
+
+    def entities(self) -> Iterator[tuple[str, Any]]:
+        """Yield every entity with its layer; layer 0 within a block is the layer of the block.
+
+        Raises
+        ------
+        ValueError
+            If there are too many in blocks.
+        """
+        yield from self._exploded(self._document.modelspace(), "0", 0)
+
+    def _exploded(self, entities: Any, outer: str, depth: int) -> Iterator[tuple[str, Any]]:
+        for entity in entities:
+            self._count += depth > 0
+            if self._count > _MOST:
+                raise ValueError(
+                    f"the DXF drawing holds more than {_MOST} things in its blocks; keep only the layers {LAYERS}"
+                )
+            layer = entity.dxf.get("layer", "0")
+            layer = outer if layer == "0" else layer
+            if entity.dxftype() != "INSERT" or depth > _DEEPEST or not self._has_role(entity, layer):
+                yield layer, entity
+                continue
             for insert in entity.multi_insert() if entity.mcount > 1 else (entity,):
-                yield from _exploded(insert.virtual_entities(), depth + 1, count, layer)
+                yield from self._exploded(insert.virtual_entities(), layer, depth + 1)
+
+    def _has_role(self, insert: Any, layer: str) -> bool:
+        within = self._layers_of(insert.dxf.get("name", ""), 0)
+        return any(role_of_layer(layer if name == "0" else name) is not None for name in within)
+
+    def _layers_of(self, block: str, depth: int) -> frozenset[str]:
+        """Return the layers of all that a block holds, blocks within it included."""
+        if block not in self._layers:
+            self._layers[block] = frozenset()  # a block that holds itself adds nothing
+            layers = set()
+            for entity in self._document.blocks.get(block) or ():
+                layers.add(entity.dxf.get("layer", "0"))
+                if entity.dxftype() == "INSERT" and depth <= _DEEPEST:
+                    layers |= self._layers_of(entity.dxf.get("name", ""), depth + 1)
+            self._layers[block] = frozenset(layers)
+        return self._layers[block]
 
 
 def _guess(curves: dict[str, list[Any]]) -> float:
@@ -186,6 +219,12 @@ def _add_layer(drawing: Drawing, layer: str, role: str, name: str, curves: Seque
         gap = 1000.0 * meters * found.closed_gap
         drawing.notes.append(f"layer {layer}: gaps between the ends of lines are closed, the widest {gap:.2g} mm")
     areas: list[BaseGeometry] = [*found.areas, *(_hatched(rings) for rings in hatches)]
+    if role == "exit" and all(area.is_valid for area in areas):  # an outline and its hatch are one exit
+        areas = list(shapely.get_parts(shapely.union_all(areas)))
+    if role == "walkable" and len(areas) > 1 and _nested(areas):
+        drawing.notes.append(
+            f"layer {layer}: an outline lies within another one, and is walkable too; holes belong on jps-obstacles"
+        )
     for area in areas:
         drawing.add(role, name, area)
     if not found.open:
@@ -208,6 +247,12 @@ def _add_layer(drawing: Drawing, layer: str, role: str, name: str, curves: Seque
         case _:
             what = f"{len(found.open)} lines that enclose nothing are left out"
             drawing.notes.append(f"layer {layer}: {what}, such as the one of which {open_line(longest, meters)}")
+
+
+def _nested(areas: Sequence[BaseGeometry]) -> bool:
+    """Return whether an area lies within another one, away from its outline."""
+    outer, inner = shapely.STRtree(areas).query(areas, predicate="contains_properly")
+    return bool((outer != inner).any())
 
 
 def _hatched(rings: Sequence[Floats]) -> BaseGeometry:

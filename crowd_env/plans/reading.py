@@ -3,7 +3,7 @@
 import json
 import os
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +89,8 @@ def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None =
     except ValueError as error:
         message = str(error)
         raise ValueError(message if str(path) in message else f"{path}: {message}") from None
+    except shapely.errors.ShapelyError as error:
+        raise ValueError(f"{path}: its shapes cannot be cut and united: {error}") from None
 
 
 def _reader(path: Path) -> Reader:
@@ -150,12 +152,12 @@ def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
             notes += [note] if note else []
         walkable = read_area(_collected(simplified(_scaled(drawing.walkable, meters), notes), notes), "walkable area")
         walkable = without_obstacles(walkable, simplified(_scaled(drawing.obstacles, meters), notes), notes)
-        regions = regions_in(
-            walkable, dict(zip(drawing.regions, _scaled(drawing.regions.values(), meters), strict=True)), notes
-        )
+        regions = regions_in(walkable, _named(drawing.regions, meters), notes)
     notes += [str(warning.message) for warning in said if issubclass(warning.category, UserWarning)]
-    exits = dict(zip(drawing.exits, _scaled(drawing.exits.values(), meters), strict=True))
-    starts = {name: people for name, people in drawing.starts.items() if name in regions}
+    exits = _named(drawing.exits, meters)
+    own = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit
+    starts = {own[name]: people for name, people in drawing.starts.items() if name in regions}
+    regions = {own[name]: shape for name, shape in regions.items()}
     return FloorPlan(path, walkable, exits, regions, starts, tuple(notes))
 
 
@@ -172,6 +174,10 @@ def _judged(drawing: Drawing) -> tuple[float, str]:
 def _scaled(shapes: Iterable[BaseGeometry], meters: float) -> list[BaseGeometry]:
     flat = [shapely.force_2d(shape) for shape in shapes]
     return flat if meters == 1.0 else [shapely.transform(shape, lambda points: meters * points) for shape in flat]
+
+
+def _named(shapes: Mapping[str, BaseGeometry], meters: float) -> dict[str, BaseGeometry]:
+    return dict(zip(shapes, _scaled(shapes.values(), meters), strict=True))
 
 
 def _collected(shapes: list[BaseGeometry], notes: list[str]) -> BaseGeometry:

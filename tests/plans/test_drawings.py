@@ -176,3 +176,47 @@ def test_the_example_office_is_what_its_program_draws(tmp_path):
         new, shipped = (make_scenario(path) for path in (tmp_path / "office.dxf", ROOT / "examples/office.dxf"))
     assert shapely.equals(new.geometry.walkable, shipped.geometry.walkable)
     assert new.exits == shipped.exits == ("west", "east")
+
+
+def test_blocks_of_other_layers_are_not_exploded(tmp_path):
+    document, space = drawing()
+    box_of(space, 0, 0, 10, 6, "walkablearea")
+    tree = document.blocks.new("TREE")
+    for k in range(60):
+        tree.add_line((k, 0), (k, 1), dxfattribs={"layer": "leaves"})
+    for k in range(1000):  # 60000 lines
+        space.add_blockref("TREE", (k, 0), dxfattribs={"layer": "garden"})
+    plan = read(document, tmp_path)
+    assert plan.walkable.area == pytest.approx(60.0)
+    assert plan.notes == ("1000 things on layers of other names are left out: garden",)
+
+
+def test_an_outline_within_another_is_told(tmp_path):
+    document, space = drawing()
+    box_of(space, 0, 0, 10, 6, "walkablearea")
+    box_of(space, 0, 0, 5, 6, "walkablearea")  # touches the outline
+    assert read(document, tmp_path).notes == ()
+    box_of(space, 4, 2, 5, 3, "walkablearea")
+    plan = read(document, tmp_path)
+    assert plan.walkable.area == pytest.approx(60.0)
+    assert ["within another one" in note for note in plan.notes] == [True]
+
+
+def test_an_outline_with_its_hatch_is_one_exit(tmp_path):
+    document, space = drawing()
+    box_of(space, 0, 0, 10, 6, "walkablearea")
+    box_of(space, 10, 2, 11, 3, "exits")
+    hatch = space.add_hatch(dxfattribs={"layer": "exits"})
+    hatch.paths.add_polyline_path([(10, 2), (11, 2), (11, 3), (10, 3)])
+    assert list(read(document, tmp_path).exits) == ["exit-0"]
+
+
+def test_a_region_may_be_called_like_an_exit(tmp_path):
+    document, space = drawing()
+    box_of(space, 0, 0, 10, 6, "walkablearea")
+    space.add_line((10, 2), (10, 3), dxfattribs={"layer": "exits-hall"})
+    box_of(space, 1, 1, 3, 3, "distributions-hall")
+    path = tmp_path / "plan.dxf"
+    document.saveas(path)
+    place = make_scenario(path, count=3)
+    assert place.exits == ("hall",) and place.population.parts[0].start_region == "hall (area)"
