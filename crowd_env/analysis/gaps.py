@@ -40,7 +40,7 @@ def gap_at(walls: Floats, at: Floats, half: float, reach: float) -> Gap | None:
     From both sides the walls are followed to where they are nearest to each other.  None if that leads further away than
     ``reach`` allows (half the width of the gap is at most ``half + reach``), for example into a corner.
     """
-    walls = walls[_within(walls, at, 3.0 * (half + reach) + 1e-6)]
+    walls = _within(walls, at, 3.0 * (half + reach) + 1e-6)
     if not len(walls):
         return None
     middle, gap = at, Gap(0.0, np.stack([at, at]))
@@ -68,7 +68,12 @@ def gap_at(walls: Floats, at: Floats, half: float, reach: float) -> Gap | None:
 
 
 def _within(walls: Floats, at: Floats, reach: float) -> Floats:
-    return np.hypot(*(_nearest(at, walls) - at).T) <= reach
+    """Return the walls whose box comes within ``reach`` of a point."""
+    near = np.ones(len(walls), dtype=np.bool_)
+    for k in (0, 1):
+        near &= np.minimum(walls[:, 0, k], walls[:, 1, k]) <= at[k] + reach
+        near &= np.maximum(walls[:, 0, k], walls[:, 1, k]) >= at[k] - reach
+    return np.asarray(walls[near])
 
 
 def across(walls: Floats, at: Floats) -> Gap:

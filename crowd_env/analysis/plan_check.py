@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from crowd_env.analysis.gaps import Gap
-from crowd_env.analysis.passages import Passage, Terrain, narrowest_passages, survey
+from crowd_env.analysis.passages import Passage, narrowest_passages
+from crowd_env.analysis.terrain import Terrain, survey
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off
 from crowd_env.navigation.grid import nearest_nodes

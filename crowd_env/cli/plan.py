@@ -66,12 +66,15 @@ def _understood(
     name: str, exits: list[str], unit: str | None, count: int | None, seed: int
 ) -> tuple[PlanCheck, list[str]]:
     """Return a place as it was understood, and what was noted on the way."""
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always", UserWarning)
-        check = _check(name, exits, unit, count, seed)
-    said = list(dict.fromkeys(" ".join(str(warning.message).split()) for warning in told))
-    for text in said:
-        warnings.warn(text, stacklevel=2)
+    said: list[str] = []
+    try:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always", UserWarning)
+            check = _check(name, exits, unit, count, seed)
+    finally:  # also those that lead up to a mistake
+        said += dict.fromkeys(" ".join(str(warning.message).split()) for warning in told)
+        for text in said:
+            warnings.warn(text, stacklevel=2)
     return check, said
 
 

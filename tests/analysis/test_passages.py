@@ -5,7 +5,8 @@ import pytest
 import shapely
 from shapely.geometry import Point, Polygon, box
 
-from crowd_env.analysis.passages import narrowest_passages, survey
+from crowd_env.analysis.passages import narrowest_passages
+from crowd_env.analysis.terrain import survey
 from crowd_env.geometry.geometry import Geometry
 
 BODY = 0.2  # m, radius
@@ -123,3 +124,18 @@ def test_nothing_leads_through_a_thin_wall():
         box(0, 0, 10, 6), exits={"exit": [(10, 2), (10, 4)]}, thin_walls=[[(5, 0), (5.3, 6)]]
     )
     assert narrowest(geometry, box(0, 0, 4.8, 6))["exit"] is None
+
+
+def test_the_distance_to_the_walls_is_that_of_the_plan():
+    geometry = Geometry.from_polygon(
+        Point(50, 20).buffer(4.0, quad_segs=6).difference(box(49, 19, 50.3, 21.1)),
+        exits={"exit": [(54, 20), Point(50, 20).buffer(4.0, quad_segs=6).exterior.coords[1]]},
+        thin_walls=[[(50, 22), (51, 23)]],
+    )
+    terrain = survey(geometry)
+    rows, cols = terrain.clearance.shape
+    points = terrain.origin + terrain.spacing * np.stack(np.meshgrid(np.arange(cols), np.arange(rows)), axis=-1)
+    inside = geometry.contains(points)
+    assert ((terrain.clearance > 0) == inside)[terrain.clearance > 1e-9].all()
+    known = np.where(inside.ravel(), geometry.clearance(points.reshape(-1, 2)), 0.0)
+    assert np.abs(terrain.clearance.ravel() - known).max() < 1e-9
