@@ -6,13 +6,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from agents.controllers import Controller
-from agents.policy import Policy
-from agents.walking import RuleAtShare
 from crowd_env import CrowdEnv, Scenario, Step
 from crowd_env.envs.rollout import Driver, run_episodes
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.state import Bools
+
+from .controllers import Controller
+from .policy import Policy
+from .walking import RuleAtShare
 
 SAMPLE = 0.1  # s  between two measurements of a crowd
 

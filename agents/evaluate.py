@@ -9,24 +9,6 @@ from typing import Annotated, Any
 
 import typer
 
-from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
-from agents.evaluation.entries import RULE, Entry, made_drivers, make_entries
-from agents.evaluation.evaluation import HELD_OUT_SEED, Cell, Evaluation, evaluate_cells
-from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.evaluation.protocol import credible_lines, task_row, task_table
-from agents.evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
-from agents.evaluation.robustness import (
-    few_runs,
-    judge_trial,
-    lines_of_trials,
-    make_trials,
-    robustness_table,
-    summary_of_trials,
-)
-from agents.lists_of_names import ListsOfNames
-from agents.runs import versions
-from agents.tasks import TASKS, Task, make_task
-from agents.training_config import RUNS
 from crowd_env import SCHEMES, Scenario, make_scheme
 from crowd_env.checks import Range, number, whole
 from crowd_env.cli.console import (
@@ -43,6 +25,25 @@ from crowd_env.executors import Executor, Serial, make_executor
 from crowd_env.files.json_file import write_json
 from crowd_env.physics import check_outline
 from crowd_env.rendering.libraries import require_libraries
+
+from .evaluation.comparison import last_times, mean_times, minus_first, ranking
+from .evaluation.entries import RULE, Entry, made_drivers, make_entries
+from .evaluation.evaluation import HELD_OUT_SEED, Cell, Evaluation, evaluate_cells
+from .evaluation.folder import EvaluationFolder, settings_of
+from .evaluation.protocol import credible_lines, task_row, task_table
+from .evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
+from .evaluation.robustness import (
+    few_runs,
+    judge_trial,
+    lines_of_trials,
+    make_trials,
+    robustness_table,
+    summary_of_trials,
+)
+from .lists_of_names import ListsOfNames
+from .runs import versions
+from .tasks import TASKS, Task, make_task
+from .training_config import RUNS
 
 _POLICIES, _POLICY, _SCHEMES = "--policies", "--policy", "--schemes"
 _SCENARIO, _NAMED, _SCHEME, _RUNS = (
@@ -207,17 +208,17 @@ def main(
 
     Examples:
 
-    python -m agents.evaluate --task competitive-door --policies rule density-cap follow --runs 40
+    crowd-env evaluate --task competitive-door --policies rule density-cap follow --runs 40
 
-    python -m agents.evaluate --task competitive-door --policies rule follow competitive-door/ppo --people 200
+    crowd-env evaluate --task competitive-door --policies rule follow competitive-door/ppo --people 200
 
-    python -m agents.evaluate --task competitive-door --policies rule follow competitive-door/ppo --robustness
+    crowd-env evaluate --task competitive-door --policies rule follow competitive-door/ppo --robustness
 
-    python -m agents.evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
+    crowd-env evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
 
-    python -m agents.evaluate --scenario my_plan.wkt --exit 6,2,6,3 --people 40 --policies shortest --runs 20
+    crowd-env evaluate --scenario my_plan.wkt --exit 6,2,6,3 --people 40 --policies shortest --runs 20
 
-    python -m agents.evaluate --scenario my_hall.toml --policies rules north runs/x/best.safetensors --out comparison
+    crowd-env evaluate --scenario my_hall.toml --policies rules north runs/x/best.safetensors --out comparison
     """
     with friendly_errors("" if out is None else "the same command goes on"):
         chosen = None if task is None else make_task(task)

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.walking import WalkingRule, along, desired_speed
 from crowd_env import ObservationLayout
 from crowd_env.checks import POSITIVE, SHARE, Range, check_fields
 from crowd_env.envs.observation.neighbors import AHEAD_SCALE
 from crowd_env.envs.observation.view import SIGHT, SPEED_SCALE, TIME_SCALE
 from crowd_env.state import Floats
+
+from .walking import WalkingRule, along, desired_speed
 
 _ANY = Range(-10.0, 10.0)
 _FAR = 5.0  # m

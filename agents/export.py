@@ -13,13 +13,14 @@ import gymnasium
 import numpy as np
 import typer
 
-from agents.networks import MLP, Network
-from agents.pretrained import load
-from agents.trained import LearnedController, LearnedPolicy
 from crowd_env.checks import known
 from crowd_env.cli.console import check_folder, friendly_errors, notes
 from crowd_env.envs.action import make_action
 from crowd_env.files.atomic import check_suffix, written
+
+from .networks import MLP, Network
+from .pretrained import load
+from .trained import LearnedController, LearnedPolicy
 
 # ONNX Runtime reads these since version 1.15, and every other runtime that is kept up.
 _OPSET, _IR_VERSION = 17, 8
@@ -148,6 +149,10 @@ def _onnx() -> Any:
     return onnx
 
 
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
 def main(
     network: Annotated[
         str, typer.Argument(help="A shipped policy (TASK/NAME), or the path of a network (.safetensors).")
@@ -162,7 +167,7 @@ def main(
 ) -> None:
     """Write a trained network as ONNX; the file's metadata says what its observation and action mean.
 
-    Example: python -m agents.export competitive-door/ppo --onnx ppo.onnx
+    Example: crowd-env export competitive-door/ppo --onnx ppo.onnx
     """
     with friendly_errors():
         check_suffix(onnx, (".onnx",))
@@ -181,4 +186,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    app()

@@ -1,10 +1,10 @@
 """Folders of training runs, and what the versions in them were."""
 
-import platform
-from importlib import metadata
 from pathlib import Path
 
-_PACKAGES = ("crowd-env", "gymnasium", "numba", "numpy", "pettingzoo", "scikit-fmm", "shapely")
+from crowd_env.files.versions import versions_of
+
+_PACKAGES = ("gymnasium", "pettingzoo")
 _OF_TRAINING = ("stable-baselines3", "torch")
 
 
@@ -39,10 +39,4 @@ def new_folder(root: Path, name: str) -> Path:
 
 def versions() -> dict[str, str]:
     """Return the versions of everything that can change a result."""
-    found = {"python": platform.python_version(), "machine": platform.machine()}
-    for package in (*_PACKAGES, *_OF_TRAINING):
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    return versions_of(*_PACKAGES, *_OF_TRAINING)

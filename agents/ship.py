@@ -7,14 +7,15 @@ from typing import Annotated, Any
 
 import typer
 
-from agents.evaluation.trained_run import NETWORK, RESULTS
-from agents.networks import network_digest
-from agents.pretrained import FOLDER
-from agents.tasks import Task, make_task
-from agents.trained import NUMBERS, load_trained
 from crowd_env.cli.console import friendly_errors, notes
 from crowd_env.files.atomic import written
 from crowd_env.files.json_file import read_json, write_json
+
+from .evaluation.trained_run import NETWORK, RESULTS
+from .networks import network_digest
+from .pretrained import FOLDER
+from .tasks import Task, make_task
+from .trained import NUMBERS, load_trained
 
 _FROM_RESULTS = ("config", "spent", "validation", "learned_minus_rule", "learned_over_rule")
 
@@ -95,6 +96,10 @@ def _check_task(path: Path, noted: Any, task: Task) -> None:
     )
 
 
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
 def main(
     run: Annotated[Path, typer.Argument(help="Folder of a run of train.py.", metavar="RUN")],
     name: Annotated[str, typer.Option("--as", metavar="TASK/POLICY", help="What it is shipped as.")],
@@ -110,4 +115,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    app()

@@ -5,16 +5,17 @@ from typing import Annotated
 
 import typer
 
-from agents.evaluate import compare
-from agents.evaluation.entries import RULE, make_entries
-from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.evaluation.robustness import Found, few_runs, judge_trial, make_trials
-from agents.evaluation.submission import REFERENCES, make_submission, write_submission
-from agents.lists_of_names import ListsOfNames
-from agents.tasks import TASKS, make_task
-from agents.training_config import RUNS
 from crowd_env.checks import Range, whole
 from crowd_env.cli.console import check_folder, friendly_errors
+
+from .evaluate import compare
+from .evaluation.entries import RULE, make_entries
+from .evaluation.folder import EvaluationFolder, settings_of
+from .evaluation.robustness import Found, few_runs, judge_trial, make_trials
+from .evaluation.submission import REFERENCES, make_submission, write_submission
+from .lists_of_names import ListsOfNames
+from .tasks import TASKS, make_task
+from .training_config import RUNS
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -52,7 +53,7 @@ def main(
 
     Example:
 
-    python -m agents.submit --task competitive-door --policy follow runs/NAME/best.safetensors --folder runs/submission
+    crowd-env submit --task competitive-door --policy follow runs/NAME/best.safetensors --folder runs/submission
     """
     with friendly_errors("" if folder is None else "the same command goes on"):
         chosen = make_task(task)

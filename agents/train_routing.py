@@ -6,22 +6,23 @@ from typing import Annotated, Any
 
 import typer
 
-from agents.controllers import Controller, FixedSplit, RandomController
-from agents.evaluation.comparison import last_times, mean_times, paired, ratio
-from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation
-from agents.evaluation.report import left_table, table_console, times_table
-from agents.evaluation.routing import STRATEGIES, evaluate_controller
-from agents.runs import new_folder, versions
-from agents.trained import LearnedController
-from agents.training_config import RUNS, SEEDS, check_budget, check_envs, check_libraries
 from crowd_env.checks import number, whole
 from crowd_env.cli.console import MannerName, OutlineOption, friendly_errors, notes, progress_bar
-from crowd_env.envs.rollout import named
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.files.json_file import write_json
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
+from crowd_env.results.report import named
 from crowd_env.scenarios import make_scenario
+
+from .controllers import Controller, FixedSplit, RandomController
+from .evaluation.comparison import last_times, mean_times, paired, ratio
+from .evaluation.evaluation import HELD_OUT_SEED, Evaluation
+from .evaluation.report import left_table, table_console, times_table
+from .evaluation.routing import STRATEGIES, evaluate_controller
+from .runs import new_folder, versions
+from .trained import LearnedController
+from .training_config import RUNS, SEEDS, check_budget, check_envs, check_libraries
 
 _MOST_CELLS = 10_000  # nobody decides about more, and their names alone fill memory
 
@@ -44,6 +45,10 @@ def rows(results: list[Evaluation]) -> list[dict[str, Any]]:
     return found
 
 
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
 def main(
     scenario: Annotated[str, typer.Option(help="Scenario to train in.")] = "two-exit-hall-v0",
     scheme: Annotated[str, typer.Option(help="Contact scheme.")] = "nsm2",
@@ -63,7 +68,7 @@ def main(
 ) -> None:
     """Train a controller by PPO and compare it on held-out draws with people who choose their way themselves.
 
-    Example: python -m agents.train_routing --seconds 60
+    Example: crowd-env train-routing --seconds 60
     """
     options: dict[str, Any] = {
         "scenario": scenario,
@@ -83,7 +88,7 @@ def main(
             options["manner"] = config["manner"] = plain_manner(make_scenario(scenario).manner_of_run(manner))
             options["outline"] = config["outline"] = plain_outline(make_scenario(scenario).outline_of_run(outline))
             _check(options, seed, split, seconds=seconds, steps=steps, envs=envs)
-            from agents.learned.routing import train_controller
+            from .learned.routing import train_controller
 
             folder = new_folder(out.parent, out.name)
             notes.print(f"writing to {folder}/")
@@ -137,4 +142,4 @@ def _left_behind(folder: Path | None, scenario: str, scheme: str, manner: str | 
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    app()

@@ -7,11 +7,12 @@ from typing import Any, ClassVar, TypeVar, cast
 import gymnasium
 import numpy as np
 
-from agents.networks import Network, read_network, write_network
 from crowd_env import ObservationLayout
 from crowd_env.checks import known
 from crowd_env.envs.action import FRAMES, make_action, plain_action
 from crowd_env.envs.routing.batch import RoutingBatch
+
+from .networks import Network, read_network, write_network
 
 PICKLE, NUMBERS = ".zip", ".safetensors"
 _EARLIER = ".npz"
@@ -171,7 +172,7 @@ def load_trained(path: str | Path, *, trust_pickle: bool = False) -> LearnedPoli
             f"{path} is a stable-baselines3 file: opening it would run any code that is in it; if you trust who made "
             f"it, add --trust-pickle (in Python trust_pickle=True); networks in {NUMBERS} files need no trust"
         )
-    from agents.learned.pickled import read_pickled
+    from .learned.pickled import read_pickled
 
     return made_from(path, *read_pickled(path))
 

@@ -7,18 +7,19 @@ from typing import Any, cast
 
 import numpy as np
 
-from agents import POLICIES, make_policy
-from agents.evaluation.entries import RULE
-from agents.evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
-from agents.runs import versions
-from agents.tasks import Task, make_preset, make_task
-from agents.tasks.presets import training_place
-from agents.walking import WalkingRule
 from crowd_env import CrowdEnv, ObservationLayout, Scenario, make_scheme
 from crowd_env.checks import POSITIVE, Range, known, number, whole
 from crowd_env.files.json_file import read_json
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
+
+from . import POLICIES, make_policy
+from .evaluation.entries import RULE
+from .evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
+from .runs import versions
+from .tasks import Task, make_preset, make_task
+from .tasks.presets import training_place
+from .walking import WalkingRule
 
 # People simulated side by side in training: a rollout of more takes many gigabytes.
 MOST_PEOPLE = 200_000
@@ -46,7 +47,7 @@ def default_config(
     Unless given, ``dt`` [s] is the scheme's own, manner, outline and number of people are the scenario's; ``options`` are those
     of `make_scenario`.
     """
-    from agents.learned import PPOSettings
+    from .learned import PPOSettings
 
     options = dict(options or {})
     place = training_place(scenario, options, people)
@@ -93,7 +94,7 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
     ValueError
         If the task is unknown or has no preset.
     """
-    from agents.learned import PPOSettings
+    from .learned import PPOSettings
 
     given = {name: value for name, value in given.items() if value is not None}
     judged, preset = make_task(task), make_preset(task)
@@ -198,12 +199,10 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
 def check_libraries() -> None:
     """Raise ModuleNotFoundError now, not after the training, if a library is missing; say how to install it."""
     try:
-        import safetensors.numpy  # noqa: F401
-
-        import agents.learned  # noqa: F401
+        from . import learned  # noqa: F401
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"training needs {error.name}, which is not installed: pip install safetensors stable-baselines3 tensorboard torch",
+            f"training needs {error.name}, which is not installed: pip install stable-baselines3 tensorboard torch",
             name=error.name,
         ) from None
 
@@ -225,7 +224,7 @@ def check_envs(envs: int, people: int) -> None:
 
 def check_config(config: Mapping[str, Any]) -> None:
     """Raise ValueError if nothing can be trained with these parameters; one room is made to see."""
-    from agents.learned import PPOSettings
+    from .learned import PPOSettings
 
     PPOSettings(**config["ppo"])
     whole("seed", config["seed"], SEEDS)

@@ -10,13 +10,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from agents.surroundings import LEADER, PREDECESSOR, read_leader
 from crowd_env import ObservationLayout, ObservationTerm
 from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, check_fields
 from crowd_env.envs.observation.neighbors import DENSITY_RADIUS, DENSITY_SCALE
 from crowd_env.envs.observation.view import SPEED_SCALE
 from crowd_env.headway import Manner, make_manner
 from crowd_env.state import Floats
+
+from .surroundings import LEADER, PREDECESSOR, read_leader
 
 
 class WalkingRule(ABC):

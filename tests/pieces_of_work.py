@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+import warnings
 from pathlib import Path
 
 ENDLESS = 600.0  # s  far longer than any test waits
@@ -13,6 +14,11 @@ def square(number, stopped):
     if number < 0:
         raise ValueError(f"{number} is negative")
     return number**2
+
+
+def note(text, stopped):
+    """Warn of something."""
+    warnings.warn(text, stacklevel=1)
 
 
 def process(number, stopped):

@@ -1,6 +1,8 @@
 """The rules of the house that no linter knows: what an import loads, how long a file may be, what the wheel ships."""
 
+import os
 import re
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -84,7 +86,24 @@ def test_there_are_sources_to_check():
 
 
 def test_the_wheel_ships_crowd_env_alone():
-    assert PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"] == {"packages": ["crowd_env"]}
+    found = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert found == {"packages": ["crowd_env"], "force-include": {"agents": "crowd_env/agents"}}
+
+
+def test_agents_works_under_the_name_that_it_has_in_the_wheel(tmp_path):
+    """Nothing in it imports `agents` by name: a copy is as good, and finds its own shipped policies."""
+    shutil.copytree(ROOT / "agents", tmp_path / "elsewhere", ignore=shutil.ignore_patterns("__pycache__"))
+    modules = ["evaluate", "export", "learn", "learned", "submit", "train_routing", "benchmark.__main__"]
+    program = f"""
+import importlib, sys
+sys.modules["agents"] = None  # as good as not installed
+for name in {modules}:
+    importlib.import_module("elsewhere." + name)
+import elsewhere
+assert elsewhere.load("competitive-door/ppo").name == "competitive-door/ppo"
+"""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    subprocess.run([sys.executable, "-c", program], cwd=tmp_path, env=environment, check=True)
 
 
 def test_torch_stays_in_the_series_with_a_small_build():

@@ -6,10 +6,10 @@ import torch
 from typer import Typer
 from typer.testing import CliRunner
 
-import train
+from agents import learn
 
 app = Typer(pretty_exceptions_enable=False)
-app.command()(train.main)
+app.command()(learn.main)
 
 
 def call(*args):
@@ -28,7 +28,7 @@ def checkpoint(folder):
 def tiny(folder, **changes):
     """Return the config of a run of a few seconds in a folder of its own."""
     folder.mkdir(parents=True)
-    config = train.default_config("room-v0", "nsm2", 3, 2, 5000, 5.0)
+    config = learn.default_config("room-v0", "nsm2", 3, 2, 5000, 5.0)
     config |= {"eval_every": 2500, "eval_runs": 2} | changes
     config["ppo"] |= {"n_steps": 32, "batch_size": 256, "n_epochs": 1}
     return config

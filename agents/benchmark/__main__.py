@@ -5,18 +5,19 @@ from typing import Annotated, Any
 
 import typer
 
-from agents.benchmark.algorithms import ALGORITHMS
-from agents.benchmark.job import Job, Plan, do, fixed_policy, read_result
-from agents.benchmark.summary import draw, summarize, table
-from agents.evaluation.entries import RULE
-from agents.lists_of_names import ListsOfNames
-from agents.tasks import PRESETS, make_preset, make_task
-from agents.training_config import RUNS, check_budget, check_libraries
 from crowd_env.checks import Range, known, whole
 from crowd_env.cli.console import friendly_errors, notes
 from crowd_env.files.atomic import write_text
 from crowd_env.files.json_file import write_json
 from crowd_env.rendering.libraries import require_libraries
+
+from ..evaluation.entries import RULE
+from ..lists_of_names import ListsOfNames
+from ..tasks import PRESETS, make_preset, make_task
+from ..training_config import RUNS, check_budget, check_libraries
+from .algorithms import ALGORITHMS
+from .job import Job, Plan, do, fixed_policy, read_result
+from .summary import draw, summarize, table
 
 _BASELINES = (RULE, "density-cap", "follow", "zipper")
 _FOLDER = Path("benchmarks/results/learning")

@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from agents.evaluation.entries import RULE
-from agents.training_config import make_env, place_of, start_of
+from ..evaluation.entries import RULE
+from ..training_config import make_env, place_of, start_of
 
 if TYPE_CHECKING:
-    from agents.learned.watch import Watch
+    from ..learned.watch import Watch
 
 
 class Algorithm(NamedTuple):
@@ -29,40 +29,40 @@ class Algorithm(NamedTuple):
 
 
 def _ppo(config: dict[str, Any], watch: "Watch") -> None:
-    from agents.learned.ppo import PPOSettings
-    from agents.learned.watched import train_ppo
+    from ..learned.ppo import PPOSettings
+    from ..learned.watched import train_ppo
 
     start = None if config["start"] == RULE else start_of(config)
     train_ppo(make_env(config), PPOSettings(**config["ppo"]), config["seed"], watch, start)
 
 
 def _mappo(config: dict[str, Any], watch: "Watch") -> None:
-    from agents.learned.actor_critic import central
+    from ..learned.actor_critic import central
 
     _actor_critic(config, watch, central)
 
 
 def _attention(config: dict[str, Any], watch: "Watch") -> None:
-    from agents.learned.actor_critic import attention
+    from ..learned.actor_critic import attention
 
     _actor_critic(config, watch, attention)
 
 
 def _actor_critic(config: dict[str, Any], watch: "Watch", networks: Callable[..., Any]) -> None:
-    from agents.learned.actor_critic import train_actor_critic
-    from agents.learned.ppo import PPOSettings
+    from ..learned.actor_critic import train_actor_critic
+    from ..learned.ppo import PPOSettings
 
     train_actor_critic(make_env(config), PPOSettings(**config["ppo"]), config["seed"], watch, networks)
 
 
 def _dqn(config: dict[str, Any], watch: "Watch") -> None:
-    from agents.learned.dqn import DQNSettings, train_dqn
+    from ..learned.dqn import DQNSettings, train_dqn
 
     train_dqn(make_env(config), DQNSettings(gamma=config["ppo"]["gamma"]), config["seed"], watch)
 
 
 def _evolution(config: dict[str, Any], watch: "Watch") -> None:
-    from agents.learned.evolution import evolve
+    from ..learned.evolution import evolve
 
     options = {name: config[name] for name in ("scheme", "dt", "decision_dt", "strategy", "manner", "outline")}
     evolve(place_of(config), options, config["seed"], watch)

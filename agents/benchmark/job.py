@@ -7,21 +7,22 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from agents import make_policy
-from agents.benchmark.algorithms import ALGORITHMS
-from agents.drivers import policy_driver
-from agents.evaluation.comparison import last_times, mean_times
-from agents.evaluation.entries import RULE
-from agents.evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate_driver
-from agents.evaluation.fingerprint import fingerprint
-from agents.evaluation.protocol import task_row
-from agents.policy import Policy
-from agents.rules import StrategyPolicy
-from agents.tasks import Task, make_task
-from agents.trained import NUMBERS, LearnedPolicy
-from agents.training_config import place_of, task_config
 from crowd_env import ObservationLayout, Scenario
+from crowd_env.files.fingerprint import fingerprint
 from crowd_env.files.json_file import json_number, read_json, write_json
+
+from .. import make_policy
+from ..drivers import policy_driver
+from ..evaluation.comparison import last_times, mean_times
+from ..evaluation.entries import RULE
+from ..evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate_driver
+from ..evaluation.protocol import task_row
+from ..policy import Policy
+from ..rules import StrategyPolicy
+from ..tasks import Task, make_task
+from ..trained import NUMBERS, LearnedPolicy
+from ..training_config import place_of, task_config
+from .algorithms import ALGORITHMS
 
 _RAW = ("clearing_times", "mean_exits", "blocked_runs")
 
@@ -124,7 +125,7 @@ def fixed_policy(name: str, task: Task) -> Policy:
 
 def _trained(job: Job, seed: int, plan: Plan, path: Path) -> dict[str, Any]:
     """Train, and judge the best policy of all checkpoints; a network is kept beside the result, under the same name."""
-    from agents.learned.watch import Watch
+    from ..learned.watch import Watch
 
     algorithm = ALGORITHMS[job.name]
     config = task_config(plan.task, seed, start=algorithm.start)

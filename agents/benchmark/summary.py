@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from agents.benchmark.statistics import bootstrap_interval, interquartile_mean, performance_profile
 from crowd_env.envs.metrics import share_interval
 from crowd_env.files.json_file import json_number
 from crowd_env.state import Floats
+
+from .statistics import bootstrap_interval, interquartile_mean, performance_profile
 
 Results = Mapping[str, Sequence[Mapping[str, Any]]]  # name -> its finished results, one a seed
 

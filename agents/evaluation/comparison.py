@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from agents.evaluation.evaluation import Evaluation
 from crowd_env.envs.metrics import summarise
 from crowd_env.files.json_file import json_number
 from crowd_env.state import Floats
+
+from .evaluation import Evaluation
 
 
 def last_times(result: Evaluation) -> Floats:

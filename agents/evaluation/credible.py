@@ -8,11 +8,12 @@ scheme makes of a crowd that does its worst.
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from agents.evaluation.entries import RULE
-from agents.evaluation.evaluation import Evaluation
-from agents.tasks.floors import LARGEST_RECORDED_FLOW, exit_widths, touching_flow
-from agents.walking import RuleAtShare
 from crowd_env import Scenario
+
+from ..tasks.floors import LARGEST_RECORDED_FLOW, exit_widths, touching_flow
+from ..walking import RuleAtShare
+from .entries import RULE
+from .evaluation import Evaluation
 
 _OVERLAP, _OVERLAP_MM = 1.25, 1.0  # the deepest of many draws scatters: so many times the rule's, and so much more
 _SPEED, _FLOW, _HURRY = 1.25, 1.1, 1.05  # times what is allowed

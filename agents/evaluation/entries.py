@@ -5,12 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from agents import POLICIES, PRETRAINED, make_policy
-from agents.drivers import SAMPLE, ControllerDriver, policy_driver
-from agents.policy import Policy
-from agents.rules import StrategyPolicy
-from agents.tasks.task import Task
-from agents.trained import LearnedPolicy, load_trained, names_file
 from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
@@ -18,6 +12,13 @@ from crowd_env.executors import Executor, WorkerDied
 from crowd_env.headway import Manner
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
+
+from .. import POLICIES, PRETRAINED, make_policy
+from ..drivers import SAMPLE, ControllerDriver, policy_driver
+from ..policy import Policy
+from ..rules import StrategyPolicy
+from ..tasks.task import Task
+from ..trained import LearnedPolicy, load_trained, names_file
 
 RULES = "rules"
 RULE = "rule"  # the strategy of a task, at full speed

@@ -6,16 +6,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agents.drivers import PolicyBatches, learned_people, policy_driver
-from agents.evaluation.measurements import Measured, MeasurementRecorder
-from agents.policy import Policy
 from crowd_env import CrowdEnv, EpisodeMetrics, Scenario, make_scenario
-from crowd_env.envs.rollout import BatchDone, Driver, RunBatch, column, figures_of, make_batches, named, simulate_batch
+from crowd_env.envs.rollout import BatchDone, Driver, RunBatch, make_batches, simulate_batch
 from crowd_env.executors import Executor, Serial, WorkerDied
 from crowd_env.files.json_file import json_number
 from crowd_env.headway import Manner
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
+from crowd_env.results.report import column, figures_of, named
 from crowd_env.state import Bools, Floats
+
+from ..drivers import PolicyBatches, learned_people, policy_driver
+from ..policy import Policy
+from .measurements import Measured, MeasurementRecorder
 
 # Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.
 HELD_OUT_SEED = 1_000_000
@@ -237,7 +239,7 @@ def evaluate_cells(
 
     def done(number: int, outcome: BatchDone) -> None:
         k, batch = pieces[number]
-        outcomes[k][batch.runs.start] = outcome
+        outcomes[k][batch.runs[0]] = outcome
         if progress is not None:
             progress(len(batch.runs))
         if sum(len(one.episodes) for one in outcomes[k].values()) == runs:

@@ -1,27 +1,12 @@
-"""One short text for everything that a description, or the code, holds: equal for equal ones, another for any other."""
+"""One short text for everything that the code holds, and what it calculates with: another after any change."""
 
-import dataclasses
 import functools
-import hashlib
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 import crowd_env
-from agents.runs import versions
+from crowd_env.files.fingerprint import fingerprint
 
-
-def fingerprint(*parts: Any) -> str:
-    """Return a hash of data: numbers, texts, arrays, shapes, mappings, sequences, and objects made of these.
-
-    An object counts by its class and its fields (of a dataclass; of others all attributes), never by where it lies in memory.
-    """
-    digest = hashlib.sha256()
-    for part in parts:
-        _add(digest, part)
-    return digest.hexdigest()[:16]
+from ..runs import versions
 
 
 @functools.cache
@@ -34,30 +19,3 @@ def source_stamp() -> str:
         for path in folder.rglob("*.py")
     }
     return fingerprint(sources, versions())
-
-
-def _add(digest: Any, value: Any) -> None:
-    """Add a value, with its kind and length before it, so that no two values are spelt alike."""
-    if isinstance(value, np.ndarray):
-        _spell(digest, f"array {value.dtype.str} {value.shape}", np.ascontiguousarray(value).tobytes())
-    elif value is None or isinstance(value, bool | int | float | str | bytes | np.generic):
-        _spell(digest, type(value).__name__, repr(value).encode())
-    elif hasattr(value, "wkb"):  # a shape
-        _spell(digest, "shape", value.wkb)
-    elif isinstance(value, Mapping):
-        _spell(digest, f"mapping {len(value)}", b"")
-        for key in sorted(value, key=repr):
-            _add(digest, key)
-            _add(digest, value[key])
-    elif isinstance(value, list | tuple | set | frozenset):
-        _spell(digest, f"{type(value).__name__} {len(value)}", b"")
-        for one in sorted(value, key=repr) if isinstance(value, set | frozenset) else value:
-            _add(digest, one)
-    else:
-        names = [field.name for field in dataclasses.fields(value)] if dataclasses.is_dataclass(value) else vars(value)
-        _spell(digest, f"object {type(value).__module__}.{type(value).__qualname__}", b"")
-        _add(digest, {name: getattr(value, name) for name in names})
-
-
-def _spell(digest: Any, kind: str, content: bytes) -> None:
-    digest.update(f"{kind} {len(content)}\0".encode() + content)

@@ -8,19 +8,21 @@ from urllib.parse import quote
 
 import numpy as np
 
-from agents.evaluation.comparison import last_times
-from agents.evaluation.entries import Entry
-from agents.evaluation.evaluation import Evaluation
-from agents.evaluation.fingerprint import fingerprint, source_stamp
-from agents.evaluation.measurements import CELL, Grid, Maps, Measured, RunMeasurements
-from agents.networks import network_digest
-from agents.tasks.task import Task
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
 from crowd_env.files.array_file import read_arrays, write_arrays
 from crowd_env.files.csv_table import write_csv
+from crowd_env.files.fingerprint import fingerprint
 from crowd_env.files.json_file import read_json, write_json
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
+
+from ..networks import network_digest
+from ..tasks.task import Task
+from .comparison import last_times
+from .entries import Entry
+from .evaluation import Evaluation
+from .fingerprint import source_stamp
+from .measurements import CELL, Grid, Maps, Measured, RunMeasurements
 
 _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"

@@ -5,13 +5,14 @@ from typing import Any
 
 from rich.table import Table
 
-from agents.evaluation.comparison import mean_times, minus_first
-from agents.evaluation.credible import credibility
-from agents.evaluation.evaluation import Evaluation
-from agents.evaluation.report import add_row, new_table, percent, with_first
-from agents.tasks.task import Task
 from crowd_env import Scenario
-from crowd_env.envs.rollout import named
+from crowd_env.results.report import named
+
+from ..tasks.task import Task
+from .comparison import mean_times, minus_first
+from .credible import credibility
+from .evaluation import Evaluation
+from .report import add_row, new_table, percent, with_first
 
 _MEASURED = ("walked", "max_density", "max_pressure", "crushed_share", "crushed_time", "pressure_is_force", "hurry")
 

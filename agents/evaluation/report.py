@@ -10,9 +10,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from agents.evaluation.comparison import last_times, mean_times, minus_first, ranking
-from agents.evaluation.evaluation import Evaluation
 from crowd_env.state import Floats
+
+from .comparison import last_times, mean_times, minus_first, ranking
+from .evaluation import Evaluation
 
 _EXITS = 4  # more do not fit side by side
 

@@ -7,16 +7,17 @@ from typing import Any, NamedTuple
 from rich.table import Table
 from rich.text import Text
 
-from agents.evaluation.entries import Entry, NotMixed, make_entries
-from agents.evaluation.evaluation import Evaluation
-from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.evaluation.protocol import credible_lines, task_cells, task_columns, task_row
-from agents.evaluation.report import add_row, new_table
-from agents.runs import versions
-from agents.tasks.task import Task
-from agents.tasks.variations import Variation, variations
 from crowd_env import Scenario
 from crowd_env.cli.console import notes
+
+from ..runs import versions
+from ..tasks.task import Task
+from ..tasks.variations import Variation, variations
+from .entries import Entry, NotMixed, make_entries
+from .evaluation import Evaluation
+from .folder import EvaluationFolder, settings_of
+from .protocol import credible_lines, task_cells, task_columns, task_row
+from .report import add_row, new_table
 
 LEAST_RUNS, PART = 10, 5  # of the draws of a task, by default
 

@@ -3,15 +3,16 @@
 from collections.abc import Callable
 from typing import Any
 
-from agents.controllers import Controller
-from agents.drivers import ControllerDriver, policy_driver, sample_step
-from agents.evaluation.evaluation import Evaluation, evaluate_driver
-from agents.rules import StrategyPolicy
 from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
+
+from ..controllers import Controller
+from ..drivers import ControllerDriver, policy_driver, sample_step
+from ..rules import StrategyPolicy
+from .evaluation import Evaluation, evaluate_driver
 
 # What people do without a controller, by the strategy of `CrowdEnv`.
 STRATEGIES = {"nearest exit": "nearest", "shortest path": "shortest", "fastest path": "fastest"}

@@ -8,18 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from agents import PRETRAINED
-from agents.evaluation.comparison import last_times, mean_times
-from agents.evaluation.entries import RULE
-from agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation
-from agents.evaluation.protocol import task_row
-from agents.evaluation.robustness import Found, make_trials, summary_of_trials
-from agents.networks import network_digest
-from agents.runs import versions
-from agents.tasks import TASKS, Task
-from agents.walking import RuleAtShare
 from crowd_env.files.atomic import write_text
 from crowd_env.files.json_file import json_number, read_json
+
+from .. import PRETRAINED
+from ..networks import network_digest
+from ..runs import versions
+from ..tasks import TASKS, Task
+from ..walking import RuleAtShare
+from .comparison import last_times, mean_times
+from .entries import RULE
+from .evaluation import HELD_OUT_SEED, Evaluation
+from .protocol import task_row
+from .robustness import Found, make_trials, summary_of_trials
 
 REFERENCES = (RULE, RuleAtShare.name)  # that every submission holds beside its policy, on the same draws
 FORMAT = 1

@@ -8,23 +8,24 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from agents import POLICIES
-from agents.drivers import policy_driver
-from agents.evaluate import compare
-from agents.evaluation.comparison import last_times, minus_first, ratio
-from agents.evaluation.entries import RULE, make_entries
-from agents.evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
-from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.evaluation.protocol import task_row, task_table
-from agents.evaluation.report import comparison_table, crowding_table
-from agents.networks import network_digest
-from agents.policy import Policy
-from agents.rules import StrategyPolicy
-from agents.trained import LearnedPolicy
-from agents.training_config import judged_place, task_of
 from crowd_env import Scenario
 from crowd_env.cli.console import run_title
 from crowd_env.files.json_file import json_number, write_json
+
+from .. import POLICIES
+from ..drivers import policy_driver
+from ..evaluate import compare
+from ..networks import network_digest
+from ..policy import Policy
+from ..rules import StrategyPolicy
+from ..trained import LearnedPolicy
+from ..training_config import judged_place, task_of
+from .comparison import last_times, minus_first, ratio
+from .entries import RULE, make_entries
+from .evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
+from .folder import EvaluationFolder, settings_of
+from .protocol import task_row, task_table
+from .report import comparison_table, crowding_table
 
 LEARNED = "learned"
 NETWORK, RESULTS = "best.safetensors", "results.json"
@@ -78,7 +79,7 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
 
 def _training(folder: Path) -> dict[str, Any]:
     """Return what the training took in all, and the figures of the network that was kept."""
-    from agents.learned.training import read_curve, score
+    from ..learned.training import read_curve, score
 
     curve = read_curve(folder / "learning_curve.csv")
     kept = min(curve, key=score)
@@ -107,8 +108,9 @@ def draw(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> 
 
 
 def _draw_curve(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:
-    from agents.learned.training import read_curve, score
     from crowd_env.rendering import learning_curve
+
+    from ..learned.training import read_curve, score
 
     curve = read_curve(folder / "learning_curve.csv")
     learning_curve(

@@ -1,5 +1,5 @@
 """Training with stable-baselines3 and torch; the only place in agents that knows them.  What is learned needs neither."""
 
-from agents.learned.ppo import PPOSettings, make_ppo
+from .ppo import PPOSettings, make_ppo
 
 __all__ = ["PPOSettings", "make_ppo"]

@@ -10,14 +10,15 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from agents.learned.batch import Decided, SceneBatch
-from agents.learned.export import plain
-from agents.learned.networks import AttentionCritic, CentralCritic, NeighborAttention, layers
-from agents.learned.ppo import PPOSettings
-from agents.learned.training import env_options_of
-from agents.learned.watch import Watch
-from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv
+
+from ..trained import LearnedPolicy
+from .batch import Decided, SceneBatch
+from .export import plain
+from .networks import AttentionCritic, CentralCritic, NeighborAttention, layers
+from .ppo import PPOSettings
+from .training import env_options_of
+from .watch import Watch
 
 _VALUE_WEIGHT, _LARGEST_GRADIENT = 0.5, 0.5
 

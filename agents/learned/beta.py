@@ -11,8 +11,9 @@ from stable_baselines3.common.type_aliases import Schedule
 from torch import Tensor, nn
 from torch.nn.functional import softplus
 
-from agents.networks.beta import LEAST
 from crowd_env.state import Floats
+
+from ..networks.beta import LEAST
 
 _MARGIN = 1e-6  # of samples from the bounds, where densities are infinite or zero
 _CONCENTRATION = 3.0  # at first: alpha + beta - 2

@@ -10,8 +10,9 @@ import numpy as np
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.learned.rate import FallingRate
 from crowd_env.cli.console import notes
+
+from .rate import FallingRate
 
 
 class TrainingCallback(BaseCallback):

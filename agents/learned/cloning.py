@@ -14,11 +14,12 @@ from stable_baselines3.common.distributions import CategoricalDistribution, Diag
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn import functional
 
-from agents.walking import WalkingRule
 from crowd_env import CrowdEnv
 from crowd_env.adapters.sb3 import CrowdVecEnv
 from crowd_env.envs.action import SpeedTable
 from crowd_env.state import Floats
+
+from ..walking import WalkingRule
 
 ROUNDS, DECISIONS, EPOCHS = 8, 300, 4  # of DAgger: decision steps of each, and passes over all that is kept
 _KEPT = 0.25  # of the samples: neighboring decisions are much alike

@@ -8,13 +8,14 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from agents.learned.batch import Decided, SceneBatch
-from agents.learned.export import plain
-from agents.learned.networks import layers
-from agents.learned.training import env_options_of
-from agents.learned.watch import Watch
-from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv
+
+from ..trained import LearnedPolicy
+from .batch import Decided, SceneBatch
+from .export import plain
+from .networks import layers
+from .training import env_options_of
+from .watch import Watch
 
 _LARGEST_GRADIENT = 1.0
 

@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agents.drivers import policy_driver
-from agents.evaluation.evaluation import HELD_OUT_SEED
-from agents.evolved import Evolved
-from agents.learned.watch import Watch
 from crowd_env import Scenario
 from crowd_env.envs.rollout import Episode, run_episodes
 from crowd_env.state import Floats
+
+from ..drivers import policy_driver
+from ..evaluation.evaluation import HELD_OUT_SEED
+from ..evolved import Evolved
+from .watch import Watch
 
 
 class Searched(NamedTuple):

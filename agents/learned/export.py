@@ -6,9 +6,9 @@ from typing import Any, TypeVar
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
-from agents.learned.beta import BetaPolicy
-from agents.learned.networks import NeighborAttention
-from agents.networks import MLP, Attention, BetaMLP, Network
+from ..networks import MLP, Attention, BetaMLP, Network
+from .beta import BetaPolicy
+from .networks import NeighborAttention
 
 Layers = TypeVar("Layers", bound=MLP)
 

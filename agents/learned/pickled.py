@@ -8,8 +8,8 @@ from typing import Any
 import gymnasium
 from stable_baselines3 import PPO
 
-from agents.learned.export import network_of
-from agents.networks import Network
+from ..networks import Network
+from .export import network_of
 
 # Member of the file that says what observations and actions mean; a network cannot be used without it.
 _SIDECAR = "crowd_env.json"

@@ -11,11 +11,12 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.learned.beta import BetaPolicy, bias_at
-from agents.learned.rate import FallingRate
 from crowd_env import CrowdEnv
 from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 from crowd_env.checks import known
+
+from .beta import BetaPolicy, bias_at
+from .rate import FallingRate
 
 # Distribution of a continuous action -> policy of stable-baselines3.
 DISTRIBUTIONS = {"gaussian": ActorCriticPolicy, "beta": BetaPolicy}

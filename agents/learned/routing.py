@@ -8,17 +8,18 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
-from agents.evaluation.comparison import last_times, mean_times
-from agents.evaluation.evaluation import VALIDATION_SEED
-from agents.evaluation.routing import evaluate_controller
-from agents.learned.callback import TrainingCallback
-from agents.learned.export import network_of
-from agents.learned.ppo import PPOSettings, new_ppo
-from agents.trained import LearnedController
 from crowd_env.adapters.sb3 import VectorVecEnv
 from crowd_env.cli.console import notes
 from crowd_env.envs.routing.env import RoutingVectorEnv
 from crowd_env.files.json_file import write_json
+
+from ..evaluation.comparison import last_times, mean_times
+from ..evaluation.evaluation import VALIDATION_SEED
+from ..evaluation.routing import evaluate_controller
+from ..trained import LearnedController
+from .callback import TrainingCallback
+from .export import network_of
+from .ppo import PPOSettings, new_ppo
 
 # Validation draws on which the best few are evaluated again: the best of many evaluations on few draws is partly luck.
 FINAL_SEED = 3_000_000

@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from agents.evaluation.comparison import last_times
-from agents.evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
-from agents.learned.callback import TrainingCallback
-from agents.learned.checkpoint import write_checkpoint
-from agents.learned.export import network_of
-from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv, Scenario
 from crowd_env.cli.console import notes, stops_by
 from crowd_env.files.csv_table import write_csv
+
+from ..evaluation.comparison import last_times
+from ..evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
+from ..trained import LearnedPolicy
+from .callback import TrainingCallback
+from .checkpoint import write_checkpoint
+from .export import network_of
 
 # evacuation_time and its standard error are over all validation draws, people left inside count as in
 # `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.

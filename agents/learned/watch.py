@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from agents.policy import Policy
+from ..policy import Policy
 
 
 class Watch:

@@ -4,15 +4,16 @@ from typing import cast
 
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.learned.cloning import DECISIONS, ROUNDS, clone
-from agents.learned.export import network_of
-from agents.learned.ppo import PPOSettings, make_ppo
-from agents.learned.rate import FallingRate
-from agents.learned.training import env_options_of
-from agents.learned.watch import Watch
-from agents.trained import LearnedPolicy
-from agents.walking import WalkingRule
 from crowd_env import CrowdEnv
+
+from ..trained import LearnedPolicy
+from ..walking import WalkingRule
+from .cloning import DECISIONS, ROUNDS, clone
+from .export import network_of
+from .ppo import PPOSettings, make_ppo
+from .rate import FallingRate
+from .training import env_options_of
+from .watch import Watch
 
 _ENDLESS = 10**12  # steps: the watch ends the training
 

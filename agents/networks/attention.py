@@ -6,9 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from agents.networks.mlp import MLP
-from agents.networks.network import Network
 from crowd_env.state import Floats
+
+from .mlp import MLP
+from .network import Network
 
 _PARTS = ("query", "token", "out")
 NEIGHBOR = 5  # columns of a neighbor in the term "neighbors"

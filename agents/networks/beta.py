@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from agents.networks.mlp import MLP
 from crowd_env.state import Floats
+
+from .mlp import MLP
 
 # Both parameters are at least this.  Below 1 the density is largest at a bound, which then is the mode.
 LEAST = 0.8

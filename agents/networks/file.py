@@ -10,11 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from safetensors import safe_open
+from safetensors.numpy import save
 
-from agents.networks.network import Network
-from agents.networks.registry import NETWORKS
 from crowd_env.checks import known
 from crowd_env.files.atomic import written
+
+from .network import Network
+from .registry import NETWORKS
 
 FORMAT, VERSION = "crowd_env network", 2
 _FACTS = "crowd_env"  # key of the metadata
@@ -22,14 +25,7 @@ _MOST_BYTES = 2**28  # of a file: a hundred times the networks made here
 
 
 def write_network(path: Path, network: Network, facts: dict[str, Any]) -> None:
-    """Write a network and what there is to know of it, whole or not at all.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If safetensors is not installed.
-    """
-    save = _safetensors().numpy.save
+    """Write a network and what there is to know of it, whole or not at all."""
     made_of = {"kind": network.kind, **network.settings()}
     header = {"format": FORMAT, "version": VERSION, **facts, "network": made_of}
     # The library reads memory as it lies: an array in another order would be written wrongly.
@@ -46,15 +42,12 @@ def read_network(path: Path) -> tuple[Network, dict[str, Any]]:
     ------
     ValueError
         If the file is missing, or no such network.
-    ModuleNotFoundError
-        If safetensors is not installed.
     """
-    library = _safetensors()
     try:
         size = path.stat().st_size
         if size > _MOST_BYTES:
             raise ValueError(f"it has {size} bytes; at most {_MOST_BYTES} are read")
-        with library.safe_open(path, framework="numpy") as file:
+        with safe_open(path, framework="numpy") as file:
             facts = json.loads((file.metadata() or {}).get(_FACTS, "null"))
             if not isinstance(facts, dict) or facts.get("format") != FORMAT:
                 raise ValueError("it does not say what it is")
@@ -77,14 +70,3 @@ def read_network(path: Path) -> tuple[Network, dict[str, Any]]:
 def network_digest(path: Path) -> str:
     """Return the hash by which results and cards name the network that they are about."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _safetensors() -> Any:
-    """Return the library; policies without a network need none."""
-    try:
-        import safetensors.numpy
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"networks need {error.name}, which is not installed: pip install safetensors", name=error.name
-        ) from None
-    return safetensors

@@ -6,8 +6,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from agents.networks.network import Network
 from crowd_env.state import Floats
+
+from .network import Network
 
 _SETTINGS = {"activation": "tanh"}
 

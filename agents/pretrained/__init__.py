@@ -8,7 +8,7 @@ their digest.  ``python -m agents.ship`` writes both.
 
 from pathlib import Path
 
-from agents.trained import NUMBERS, LearnedController, LearnedPolicy, load_trained, names_file
+from ..trained import NUMBERS, LearnedController, LearnedPolicy, load_trained, names_file
 
 FOLDER = Path(__file__).parent
 
@@ -28,8 +28,6 @@ def load(name: str, *, trust_pickle: bool = False) -> LearnedPolicy | LearnedCon
     ------
     ValueError
         If the name is unknown (the message lists the shipped ones), or the network cannot be read.
-    ModuleNotFoundError
-        If safetensors is not installed.
     """
     if names_file(name):
         return load_trained(name, trust_pickle=trust_pickle)

@@ -1,7 +1,7 @@
 """Tasks: evacuations that are fixed once and for all, so that figures of one policy stand beside those of another."""
 
-from agents.tasks.presets import PRESETS, Preset, make_preset
-from agents.tasks.registry import TASKS, make_task
-from agents.tasks.task import Task
+from .presets import PRESETS, Preset, make_preset
+from .registry import TASKS, make_task
+from .task import Task
 
 __all__ = ["PRESETS", "TASKS", "Preset", "Task", "make_preset", "make_task"]

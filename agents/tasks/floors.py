@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from agents.tasks.task import Task
 from crowd_env import Scenario
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.state import Floats
+
+from .task import Task
 
 # 1/(m s)  79 published flows through doors of 0.4 to 2.8 m, among them Kretz, Grünebohm, Schreckenberg 2006 (J. Stat. Mech.
 # P10014), Seyfried et al. 2009 (Transp. Sci. 43:395) and Nagai 2006, lie from 1.6 to 2.8; Seyfried's door of 1 m passes 1.9.

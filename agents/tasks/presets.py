@@ -9,10 +9,11 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
-from agents.tasks.registry import make_task
 from crowd_env import Scenario, make_scenario
 from crowd_env.checks import known, whole
 from crowd_env.envs.observation.terms import USUAL
+
+from .registry import make_task
 
 # What everyone sees: the usual terms, and of those who are nearer the exit the next one and how many they are.
 _WITH_AHEAD = (*USUAL, "ahead")

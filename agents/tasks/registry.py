@@ -5,8 +5,9 @@ and a test compares it with what is ``frozen`` here.  Where a default has change
 that cannot be, raise the version and freeze the new digest: figures of two versions do not stand in one table.
 """
 
-from agents.tasks.task import Task
 from crowd_env.checks import known
+
+from .task import Task
 
 _ALL = (
     Task(

@@ -6,11 +6,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from agents.evaluation.evaluation import HELD_OUT_SEED
-from agents.evaluation.fingerprint import fingerprint
 from crowd_env import Scenario, make_scenario, make_scheme
 from crowd_env.checks import whole
+from crowd_env.files.fingerprint import fingerprint
 from crowd_env.headway import make_manner
+
+from ..evaluation.evaluation import HELD_OUT_SEED
 
 Decides = Literal["walking", "routing"]
 _WORDS = ("name", "title", "reference")  # of a scenario, which change no evacuation

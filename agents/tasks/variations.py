@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
-from agents.tasks.registry import TASKS
-from agents.tasks.task import Task
 from crowd_env import Scenario
+
+from .registry import TASKS
+from .task import Task
 
 _SLOW = {"distribution": "normal", "mean": 1.0, "sd": 0.2, "low": 0.5, "high": 1.5}  # m/s  many old people
 

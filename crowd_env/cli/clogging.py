@@ -1,7 +1,6 @@
 """The command ``crowd-env clogging``."""
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,24 +19,35 @@ from crowd_env.cli.console import (
     OutlineOption,
     Runs,
     Seed,
+    Workers,
     check_folder,
     counted,
-    evacuate,
     friendly_errors,
     interrupted,
     notes,
     run_title,
     with_manner,
 )
+from crowd_env.cli.evacuations import evacuate
 from crowd_env.cli.place import PLACES, Count, Exits, Speed, Unit, read_place
-from crowd_env.envs.rollout import Episode, RunsInterrupted, share
+from crowd_env.envs.rollout import Episode, RunsInterrupted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
+from crowd_env.results.report import share
 from crowd_env.scenarios.scenario import Scenario
 
 _WIDTH = 100
+
+EXAMPLES = """Examples:
+
+crowd-env clogging --speed 1.5 --runs 10
+
+crowd-env clogging lin-room-v0 --speed 1.5 --times experiment.csv --out clogging
+
+crowd-env clogging --times results/exits.csv
+"""
 
 
 def clog(
@@ -54,6 +64,7 @@ def clog(
     outline: OutlineOption = None,
     runs: Runs = 10,
     seed: Seed = 0,
+    workers: Workers = None,
     dt: Annotated[float | None, typer.Option(help="Physics step in s; default the scheme's.")] = None,
     times: Annotated[
         list[Path] | None,
@@ -70,10 +81,6 @@ def clog(
     """Measure how a crowd clogs: gaps between exits, bursts, and the exponent of the tail of the gaps.
 
     The last gap of a run that ends with people inside is open, longer than what was seen: it is counted beside the closed ones.
-
-    Examples: crowd-env clogging --speed 1.5 --runs 10
-
-    crowd-env clogging lin-room-v0 --speed 1.5 --times experiment.csv --out clogging
     """
     with friendly_errors():
         if out is not None:
@@ -91,8 +98,8 @@ def clog(
             contact = make_scheme(scheme)
             name = _name(place, contact)
             blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
-            options: dict[str, Any] = {"scheme": contact, "dt": dt, "threads": os.cpu_count() or 1}
-            episodes, stopped = evacuate(name, place, runs, seed=seed, **options)
+            options: dict[str, Any] = {"scheme": contact, "dt": dt, "workers": workers}
+            episodes, stopped, _ = evacuate(name, place, runs, seed=seed, **options)
             sets = {name: [exits_of_episode(episode, place.geometry) for episode in episodes], **sets}
         found = {
             name: clogging(data, pause=pause, per_exit=per_exit, blocked_after=blocked_after)

@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
+from crowd_env.checks import counted as counted  # commands have it from here
 from crowd_env.headway import MANNERS, make_manner, plain_manner
 from crowd_env.outline import OUTLINES, make_outline, plain_outline
 from crowd_env.scenarios.scenario import Scenario
@@ -24,15 +24,29 @@ INTERRUPTED = 130  # exit code, as shells have it
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
+# Sections of the help.
+OF_PLACE, OF_PEOPLE, OF_PHYSICS, OF_RUNS, OF_OUTPUT = "Place", "People", "Physics", "Runs", "Output"
+
 # Options that several commands have.
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
-Runs = Annotated[int, typer.Option(help="Number of evacuations, each with other people in other places.")]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object instead of a table.", rich_help_panel=OF_OUTPUT)
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        help="Processes at most; default one a core. Results do not depend on it.", min=1, rich_help_panel=OF_RUNS
+    ),
+]
+Runs = Annotated[
+    int, typer.Option(help="Number of evacuations, each with other people in other places.", rich_help_panel=OF_RUNS)
+]
 MannerName = Annotated[
     str | None,
     typer.Option(
         "--manner",
         metavar="NAME",
         help=f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's.",
+        rich_help_panel=OF_PEOPLE,
     ),
 ]
 OutlineOption = Annotated[
@@ -41,9 +55,10 @@ OutlineOption = Annotated[
         "--outline",
         metavar="NAME",
         help=f"What shape bodies have: {', '.join(OUTLINES)} (hertz alone); default the scenario's.",
+        rich_help_panel=OF_PEOPLE,
     ),
 ]
-Seed = Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0)]
+Seed = Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0, rich_help_panel=OF_RUNS)]
 
 notes = Console(stderr=True, highlight=False)
 
@@ -148,26 +163,15 @@ def stops_by(handler: Callable[[int, FrameType | None], Any] = _interrupt) -> It
 
 
 @contextmanager
-def progress_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar on the standard error stream while it is a terminal; call what is given with each count done."""
+def progress_bar(title: str, total: int = 0) -> Iterator[Callable[..., None]]:
+    """Show a bar on the standard error stream while it is a terminal.
+
+    Call what is given with each count done, and with the number of all if that was not known before.
+    """
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=notes, transient=True, disable=not notes.is_terminal) as bar:
         task = bar.add_task(title, total=total)
-        yield lambda count: bar.advance(task, count)
-
-
-def evacuate(title: str, place: Scenario, runs: int, **options: Any) -> tuple[list[Episode], RunsInterrupted | None]:
-    """Run evacuations under a bar; return those that were finished, and the interruption if they are not all.
-
-    The options are those of `crowd_env.envs.rollout.run_episodes`.
-    """
-    with progress_bar(title, runs) as progress:
-        try:
-            return run_episodes(place, runs, progress=progress, **options), None
-        except RunsInterrupted as error:
-            if not error.episodes:
-                interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
-            return error.episodes, error
+        yield lambda count, of=None: bar.update(task, advance=count, total=of)
 
 
 def with_manner(place: Scenario, manner: str | None, outline: str | None = None) -> Scenario:
@@ -197,11 +201,6 @@ def run_title(place: Scenario, scheme: str = "", *, people: str = "", runs: str 
     body = shape if isinstance(shape, str) else f"{len(shape['discs'])} discs a body"
     parts = (first, scheme, walk if headway else "", body if outline else "", runs)
     return ", ".join(part for part in parts if part)
-
-
-def counted(count: int, one: str, many: str) -> str:
-    """Return "1 run", "2 runs"."""
-    return f"{count} {one if count == 1 else many}"
 
 
 def check_folder(option: str, out: Path) -> None:

@@ -8,10 +8,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+import crowd_env
+from crowd_env.cli.clogging import EXAMPLES as CLOGGING_EXAMPLES
 from crowd_env.cli.clogging import clog
 from crowd_env.cli.console import AsJson, friendly_errors, progress_bar
+from crowd_env.cli.learning import WithLearning
 from crowd_env.cli.plan import plan
 from crowd_env.cli.reproduce import reproduce
+from crowd_env.cli.run import EXAMPLES as RUN_EXAMPLES
 from crowd_env.cli.run import run
 from crowd_env.cli.schema import schema
 from crowd_env.headway import MANNERS, make_manner
@@ -19,12 +23,29 @@ from crowd_env.physics import SCHEMES, make_scheme
 from crowd_env.scenarios import SCENARIOS, about
 
 app = typer.Typer(
-    help="Crowds that really touch each other: run evacuations from the command line.",
+    cls=WithLearning,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-app.command()(run)
+
+
+def _say_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"crowd-env {crowd_env.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def say_about_itself(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_say_version)
+    ] = False,
+) -> None:
+    """Crowds that really touch each other: run evacuations from the command line."""
+
+
+app.command(epilog=RUN_EXAMPLES)(run)
 
 
 @app.command("list")
@@ -83,7 +104,7 @@ def warmup(
 
 
 app.command("reproduce")(reproduce)
-app.command("clogging")(clog)
+app.command("clogging", epilog=CLOGGING_EXAMPLES)(clog)
 app.command("schema")(schema)
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from crowd_env.cli.console import OF_PEOPLE, OF_PLACE, OF_RUNS
 from crowd_env.plans.reading import PLANS, read_plan
 from crowd_env.plans.units import unit_in_meters
 from crowd_env.scenarios import kind_of_place, make_scenario
@@ -22,27 +23,45 @@ Exits = Annotated[
         "--exit",
         help='Exit of a floor plan, in place of those in the file: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be '
         "repeated.",
+        rich_help_panel=OF_PLACE,
     ),
 ]
 Unit = Annotated[
     str | None,
     typer.Option(
         help="Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm or mm; default m, unless that cannot "
-        "be and the file says another."
+        "be and the file says another.",
+        rich_help_panel=OF_PLACE,
     ),
 ]
 Count = Annotated[
     int | None,
-    typer.Option("--n", help=f"Number of people; default the scenario's, or {PEOPLE} on a floor plan.", min=1),
+    typer.Option(
+        "--n",
+        help=f"Number of people; default the scenario's, or {PEOPLE} on a floor plan.",
+        min=1,
+        rich_help_panel=OF_PEOPLE,
+    ),
 ]
 Radius = Annotated[
-    str | None, typer.Option(help="Body radius in m, one number or a range; default the scenario's, or 0.2,0.25.")
+    str | None,
+    typer.Option(
+        help="Body radius in m, one number or a range; default the scenario's, or 0.2,0.25.", rich_help_panel=OF_PEOPLE
+    ),
 ]
 Speed = Annotated[
-    str | None, typer.Option(help="Desired speed in m/s, one number or a range; default the scenario's, or 1.2,2.")
+    str | None,
+    typer.Option(
+        help="Desired speed in m/s, one number or a range; default the scenario's, or 1.2,2.", rich_help_panel=OF_PEOPLE
+    ),
 ]
-Starts = Annotated[Path | None, typer.Option(help="CSV file with columns x,y: recorded starting positions.")]
-TimeLimit = Annotated[float | None, typer.Option(help="People who are inside after this many seconds are unfinished.")]
+Starts = Annotated[
+    Path | None, typer.Option(help="CSV file with columns x,y: recorded starting positions.", rich_help_panel=OF_PEOPLE)
+]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(help="People who are inside after this many seconds are unfinished.", rich_help_panel=OF_RUNS),
+]
 
 
 def read_place(

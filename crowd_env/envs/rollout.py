@@ -1,6 +1,7 @@
 """Many evacuations of one scenario, each of a draw of its own, and what they amount to."""
 
 import copy
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
@@ -9,12 +10,8 @@ import numpy as np
 
 from crowd_env.checks import NOT_NEGATIVE, whole
 from crowd_env.envs.crowd import CrowdEnv, Step
-from crowd_env.envs.metrics import EpisodeMetrics, share_interval, summarise
+from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.executors import Executor, WorkerDied
-from crowd_env.files.json_file import json_number
-from crowd_env.headway import Manner, plain_manner
-from crowd_env.outline import BodyShape, plain_outline
-from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.state import Floats, Ints
 
@@ -31,6 +28,8 @@ class Episode(NamedTuple):
     metrics: EpisodeMetrics
     exit_time: Floats  # (N,)  s    nan for people who did not get out
     exit_index: Ints  # (N,)  row of Geometry.exits; -1 for people who did not get out
+    radius: Floats  # (N,)  m
+    desired_speed: Floats  # (N,)  m/s
     time_limit: float  # s
     end: float  # s    when it ended: everyone out, or the first decision at or after the time limit, or the exits blocked
     record: Any = None  # what the recorder of the rollout kept of it
@@ -72,6 +71,35 @@ class Recorder(Protocol):
         ...
 
 
+class Together:
+    """Several recorders as one, whose record of an evacuation is the tuple of theirs."""
+
+    def __init__(self, recorders: Sequence[Recorder]) -> None:
+        self.recorders = tuple(recorders)
+
+    def begin(self, env: CrowdEnv) -> None:
+        """Let all of them look at the first moment of a batch."""
+        for recorder in self.recorders:
+            recorder.begin(env)
+
+    def add(self, env: CrowdEnv, step: Step) -> None:
+        """Let all of them look at the batch after a step."""
+        for recorder in self.recorders:
+            recorder.add(env, step)
+
+    def record(self, env: CrowdEnv, e: int) -> tuple[Any, ...]:
+        """Return what each of them kept of the evacuation in environment ``e``."""
+        return tuple(recorder.record(env, e) for recorder in self.recorders)
+
+
+class Watch(Protocol):
+    """Is told how far runs are while they are under way."""
+
+    def look(self, runs: Sequence[int], env: CrowdEnv, over: bool) -> None:
+        """Look at a batch of these ``runs`` after its reset and after every step; ``over`` = all of them have ended."""
+        ...
+
+
 class RunsInterrupted(KeyboardInterrupt):
     """Ctrl-C in the middle of many runs.
 
@@ -94,6 +122,9 @@ def rollout(
     driver: Callable[[int], Driver] | None = None,
     recorder: Recorder | None = None,
     progress: Callable[[int], object] | None = None,
+    watch: Watch | None = None,
+    only: Sequence[int] | None = None,
+    at_once: int | None = None,
     threads: int = 1,
     **options: Any,
 ) -> Iterator[Episode]:
@@ -107,6 +138,9 @@ def rollout(
     driver : makes a batch of so many evacuations of ``scenario``; by default everyone walks as the strategy says.
     recorder : sees every moment of every batch; what it kept of an evacuation is `Episode.record`.
     progress : called with the number of evacuations that have just been yielded.
+    watch : is told how far the runs are.
+    only : numbers of the runs that are wanted, 0 to ``runs`` - 1; by default all.
+    at_once : most runs side by side under the rule; fewer end sooner, and are a little slower in all.
     threads : of the simulation, at most one an evacuation.
     **options : of `crowd_env.envs.crowd.CrowdEnv`; a driver of one's own has made its environments already and takes none.
 
@@ -115,7 +149,18 @@ def rollout(
     ValueError
         If the number of runs or the seed is out of range, or the crowd does not fit.
     """
-    batches = make_batches(scenario, runs, seed=seed, driver=driver, recorder=recorder, threads=threads, **options)
+    batches = make_batches(
+        scenario,
+        runs,
+        seed=seed,
+        driver=driver,
+        recorder=recorder,
+        watch=watch,
+        only=only,
+        at_once=at_once,
+        threads=threads,
+        **options,
+    )
     return _finished(batches, progress)
 
 
@@ -155,10 +200,11 @@ class _RuleDriver:
 class RunBatch:
     """Runs that are simulated side by side: a piece of work for an executor."""
 
-    runs: range  # their numbers
+    runs: Sequence[int]  # their numbers
     seed: int  # run k is the draw seed + k
     driver: ReusedDriver
     recorder: Recorder | None
+    watch: Watch | None = None
 
     def episodes(
         self, progress: Callable[[int], object] | None = None, stopped: Callable[[], bool] | None = None
@@ -175,12 +221,16 @@ class RunBatch:
         driver.reset([self.seed + run for run in self.runs])
         if recorder is not None:
             recorder.begin(env)
+        if self.watch is not None:
+            self.watch.look(self.runs, env, False)
         while not env.finished.all():
             if stopped is not None and stopped():
                 raise KeyboardInterrupt
             step = driver.step()
             if recorder is not None:
                 recorder.add(env, step)
+            if self.watch is not None:
+                self.watch.look(self.runs, env, bool(env.finished.all()))
             ended = [int(e) for e in np.flatnonzero(step.info["finished"])]
             for e in ended:
                 state, people = env.simulation.state, env.people(e)
@@ -190,6 +240,8 @@ class RunBatch:
                     step.info["metrics"][e],
                     state.exit_time[people].copy(),
                     state.exit_index[people].copy(),
+                    env.simulation.bodies.radius[people].copy(),
+                    env.simulation.bodies.desired_speed[people].copy(),
                     float(env.time_limit[e]),
                     float(state.time[e]),
                     None if recorder is None else recorder.record(env, e),
@@ -201,13 +253,20 @@ class RunBatch:
 class BatchDone(NamedTuple):
     """What came of a `RunBatch`."""
 
-    episodes: list[Episode]  # in the order of their numbers
+    episodes: list[Episode]  # in the order of their numbers; not all of the batch if it was stopped
     recorder: Any  # that saw the batch
 
 
 def simulate_batch(batch: RunBatch, stopped: Callable[[], bool]) -> BatchDone:
-    """Return what comes of a batch: the work of an executor."""
-    return BatchDone(sorted(batch.episodes(stopped=stopped), key=lambda episode: episode.run), batch.recorder)
+    """Return what comes of a batch, or of its runs that had ended when it was ``stopped``: the work of an executor."""
+    found: list[Episode] = []
+    try:
+        for episode in batch.episodes(stopped=stopped):
+            found.append(episode)
+    except KeyboardInterrupt:
+        if not stopped():
+            raise
+    return BatchDone(sorted(found, key=lambda episode: episode.run), batch.recorder)
 
 
 def make_batches(
@@ -217,6 +276,9 @@ def make_batches(
     seed: int = 0,
     driver: Callable[[int], Driver] | None = None,
     recorder: Recorder | None = None,
+    watch: Watch | None = None,
+    only: Sequence[int] | None = None,
+    at_once: int | None = None,
     threads: int = 1,
     workers: int | None = None,
     **options: Any,
@@ -229,23 +291,40 @@ def make_batches(
     Parameters
     ----------
     workers : None = all batches are simulated here, one after the other, and share one recorder; else about how many are at a
-        time, elsewhere: then each has its own copy of the recorder, and those under the rule are small enough to occupy all.
+        time, elsewhere: then each has its own copy of the recorder, and those under the rule are small enough, and alike
+        enough, to occupy all.
     """
     runs, seed = whole("runs", runs), whole("seed", seed, NOT_NEGATIVE)
-    at_once = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.count))
-    if workers is not None and driver is None:
-        at_once = min(at_once, -(-runs // workers))
+    numbers = range(runs) if only is None else only
+    most = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.count))
+    if at_once is not None and driver is None:
+        most = min(most, at_once)
     reused = ReusedDriver(driver or _RuleDriver(scenario, threads, options))
-    parts = [range(first, min(first + at_once, runs)) for first in range(0, runs, at_once)]
-    return [RunBatch(part, seed, reused, recorder if workers is None else copy.deepcopy(recorder)) for part in parts]
+    if workers is not None and driver is None:
+        rounds = -(-len(numbers) // (most * workers))  # in which every worker has a batch
+        edges = np.linspace(0, len(numbers), min(rounds * workers, len(numbers)) + 1).astype(int).tolist()
+    else:
+        edges = [*range(0, len(numbers), most), len(numbers)]
+    parts = [numbers[first:stop] for first, stop in itertools.pairwise(edges)]
+    return [
+        RunBatch(part, seed, reused, recorder if workers is None else copy.deepcopy(recorder), watch) for part in parts
+    ]
 
 
-def run_episodes(scenario: Scenario, runs: int, *, executor: Executor | None = None, **options: Any) -> list[Episode]:
+def run_episodes(
+    scenario: Scenario,
+    runs: int,
+    *,
+    executor: Executor | None = None,
+    keep: Callable[[Sequence[Episode]], object] | None = None,
+    **options: Any,
+) -> list[Episode]:
     """Return the evacuations of a `rollout`, whose options these are, in the order of their numbers.
 
     Parameters
     ----------
     executor : does the batches elsewhere, with a copy of the recorder each: all that is kept of them is `Episode.record`.
+    keep : is given the evacuations that have just ended, as soon as they are here.
 
     Raises
     ------
@@ -255,107 +334,39 @@ def run_episodes(scenario: Scenario, runs: int, *, executor: Executor | None = N
         On Ctrl-C, with the evacuations that were finished by then.
     """
     found: dict[int, Episode] = {}
+
+    def take(episodes: Sequence[Episode]) -> None:
+        found.update({episode.run: episode for episode in episodes})
+        if keep is not None:
+            keep(episodes)
+
     try:
         if executor is None:
             for episode in rollout(scenario, runs, **options):
-                found[episode.run] = episode
+                take([episode])
         else:
-            _spread(scenario, runs, executor, found, **options)
+            _spread(scenario, runs, executor, take, **options)
     except KeyboardInterrupt:
         raise RunsInterrupted([found[run] for run in sorted(found)], runs) from None
     except WorkerDied as error:
         raise ValueError(f"{error}; {len(found)} of {runs} runs were finished") from None
-    return [found[run] for run in range(runs)]
+    return [found[run] for run in sorted(found)]
 
 
 def _spread(
     scenario: Scenario,
     runs: int,
     executor: Executor,
-    found: dict[int, Episode],
+    take: Callable[[Sequence[Episode]], object],
     *,
     progress: Callable[[int], object] | None = None,
     **options: Any,
 ) -> None:
-    """Let an executor do the batches, and put the evacuations into ``found`` by their numbers."""
+    """Let an executor do the batches, and hand the evacuations over as they come."""
 
     def done(k: int, batch: BatchDone) -> None:
-        found.update({episode.run: episode for episode in batch.episodes})
+        take(batch.episodes)
         if progress is not None:
             progress(len(batch.episodes))
 
     executor.run(simulate_batch, make_batches(scenario, runs, workers=executor.workers, **options), done)
-
-
-def report(
-    scenario: Scenario,
-    scheme: str | ContactScheme,
-    episodes: Sequence[Episode],
-    manner: Manner | None = None,
-    outline: BodyShape | None = None,
-) -> dict[str, Any]:
-    """Return the figures of many evacuations, ready for JSON: times in s, flow in 1/s, lengths in mm, residual in m/s.
-
-    ``manner`` and ``outline`` are those of the run, by default the scenario's.
-
-    ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
-    ``evacuation_time`` and ``flow`` (per-run least-squares slopes) are over the runs in which everyone, or at least three
-    people, got out; ``overlap_mm.mean`` is the mean over runs of the mean over all overlapping contacts of a run;
-    ``outside_mm`` is the furthest that any body reached beyond a wall.  The shares of runs in which someone was left inside,
-    and in which the exits blocked, have Wilson's interval.
-    """
-    metrics = [episode.metrics for episode in episodes]
-    return {
-        "scenario": scenario.name,
-        "scheme": make_scheme(scheme).info.name,
-        "manner": plain_manner(scenario.manner_of_run(manner)),
-        "outline": plain_outline(scenario.outline_of_run(outline)),
-        "people": scenario.population.count,
-        **figures_of(metrics),
-        "blocked": [
-            {"run": episode.run, "since": episode.metrics.blocked_since, "left": episode.metrics.unfinished}
-            for episode in episodes
-            if np.isfinite(episode.metrics.blocked_since)
-        ],
-        "overlap_mm": {
-            "mean": 1e3 * float(column(metrics, "mean_overlap").mean()),
-            "max": 1e3 * float(column(metrics, "max_overlap").max()),
-        },
-        "outside_mm": 1e3 * float(column(metrics, "max_outside").max()),
-        "residual": float(column(metrics, "residual").max()),
-        "unconverged_steps": int(column(metrics, "unconverged").sum()),
-    }
-
-
-def figures_of(metrics: Sequence[EpisodeMetrics]) -> dict[str, Any]:
-    """Return the figures that every report of many evacuations has, ready for JSON; see `report`."""
-    runs, unfinished = len(metrics), column(metrics, "unfinished")
-    left, blocked = int((unfinished > 0).sum()), int(np.isfinite(column(metrics, "blocked_since")).sum())
-    return {
-        "runs": runs,
-        "unfinished": int(unfinished.sum()),
-        "unfinished_runs": left,
-        "unfinished_share": share(left, runs),
-        "blocked_runs": blocked,
-        "blocked_share": share(blocked, runs),
-        "evacuation_time": named(column(metrics, "evacuation_time")),
-        "flow": named(column(metrics, "flow")),
-        "max_speed": float(column(metrics, "max_speed").max()),
-        "escaped": int(column(metrics, "escaped").sum()),
-    }
-
-
-def column(metrics: Sequence[EpisodeMetrics], name: str) -> Floats:
-    """Return one of the metrics of every evacuation (R,)."""
-    return np.array([getattr(one, name) for one in metrics], dtype=np.float64)
-
-
-def named(values: np.ndarray) -> dict[str, Any]:
-    """Return mean, spread and interval of the mean of the finite values, ready for JSON."""
-    mean, sd, ci95 = summarise(values)
-    return {"mean": json_number(mean), "sd": json_number(sd), "ci95": [json_number(bound) for bound in ci95]}
-
-
-def share(count: int, of: int) -> dict[str, Any]:
-    """Return a share with its Wilson interval, ready for JSON."""
-    return {"mean": count / of, "ci95": list(share_interval(count, of))}

@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -85,10 +86,14 @@ _stop: Event | None = None
 
 
 def _begin(stop: Event) -> None:
-    """Prepare a process: it leaves Ctrl-C to its parent, and ends with it however that ends."""
+    """Prepare a process: it leaves Ctrl-C to its parent, and ends with it however that ends.
+
+    What is to be noted of the work, its parent has noted: here it would come once a process, without its style.
+    """
     global _stop
     _stop = stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.simplefilter("ignore", UserWarning)
     threading.Thread(target=_follow_parent, daemon=True).start()
 
 

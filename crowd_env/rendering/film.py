@@ -26,6 +26,7 @@ def write_film(
     max_seconds: float | None = None,
     hold: float = 1.5,
     speed: float = 1.0,
+    progress: Callable[[int, int], object] | None = None,
 ) -> Path:
     """Write the evacuations side by side under one clock and return the path.
 
@@ -39,6 +40,7 @@ def write_film(
     max_seconds : s of the evacuations to show; default all.
     hold : s to rest on the last frame.
     speed : how many seconds of the evacuations a second of the film shows.
+    progress : called with the number of frames that have just been drawn, and of all frames.
 
     Raises
     ------
@@ -52,7 +54,7 @@ def write_film(
             raise ValueError(f"{name} is {value!r}; it must be > 0")
     end = max(film.end for film in films)
     end = end if max_seconds is None else min(end, max_seconds)
-    return FORMATS[path.suffix.lower()](path, films, width, _Clock(end, fps, hold, speed))
+    return FORMATS[path.suffix.lower()](path, films, width, _Clock(end, fps, hold, speed, progress))
 
 
 class _Clock(NamedTuple):
@@ -62,6 +64,7 @@ class _Clock(NamedTuple):
     fps: float  # 1/s  frames of the film
     hold: float  # s  of the film, on the last frame
     speed: float  # seconds of the evacuations in one of the film
+    progress: Callable[[int, int], object] | None
 
 
 def _gif(path: Path, films: Sequence[Recording], width: int | None, clock: _Clock) -> Path:
@@ -155,8 +158,11 @@ class _Stage:
     def frames(self, clock: _Clock, step: float) -> Iterator[Image]:
         """Yield the images of a film, one every ``step`` [s] of it, and then the last one as long as it is held."""
         shown = step * clock.speed
-        for k in range(int(np.ceil(clock.end / shown - 1e-9))):
+        count = int(np.ceil(clock.end / shown - 1e-9))
+        for k in range(count):
             yield self.frame(k * shown)
+            if clock.progress is not None:
+                clock.progress(1, count)
         last = self.frame(clock.end)
         for _ in range(1 + round(clock.hold / step)):
             yield last

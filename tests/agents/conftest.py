@@ -4,10 +4,12 @@ import pytest
 from evaluations import SMALL
 
 from agents import evaluate
-from crowd_env import make_scenario
+from crowd_env.cli.place import read_place
 
 
 @pytest.fixture
 def small(monkeypatch):
     """Let the name "hall" stand for the small hall."""
-    monkeypatch.setattr(evaluate, "make_scenario", lambda name: SMALL if name == "hall" else make_scenario(name))
+    monkeypatch.setattr(
+        evaluate, "read_place", lambda name, **options: SMALL if name == "hall" else read_place(name, **options)
+    )

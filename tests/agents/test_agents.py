@@ -13,8 +13,9 @@ from agents.evaluation.evaluation import HELD_OUT_SEED, evaluate
 from agents.evaluation.report import comparison_table
 from agents.runs import new_folder, versions
 from crowd_env import SCHEMES, make_scenario
-from crowd_env.envs.rollout import report, run_episodes
+from crowd_env.envs.rollout import run_episodes
 from crowd_env.files.json_file import read_json, write_json
+from crowd_env.results.report import report
 
 SMALL = make_scenario("room-v0", count=6, time_limit=8.0)
 

@@ -14,12 +14,13 @@ import crowd_env
 from agents.evaluation import evaluation
 from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import HELD_OUT_SEED
-from agents.evaluation.fingerprint import fingerprint, source_stamp
+from agents.evaluation.fingerprint import source_stamp
 from agents.evaluation.folder import EvaluationFolder, settings_of
 from agents.evaluation.routing import evaluate_controller
 from agents.trained import LearnedController
 from crowd_env import SCHEMES, DoorEvent, Groups, Normal, SpeedZone, Uniform, make_scenario
 from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.files.fingerprint import fingerprint
 from crowd_env.geometry.geometry import box
 from crowd_env.physics import SocialForce
 

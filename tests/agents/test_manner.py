@@ -73,7 +73,7 @@ def test_a_policy_in_training_is_evaluated_in_its_manner(tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3")
     from training_runs import tiny
 
-    import train
+    from agents import learn
     from agents.networks import read_network
 
     seen = []
@@ -84,7 +84,7 @@ def test_a_policy_in_training_is_evaluated_in_its_manner(tmp_path, monkeypatch):
 
     monkeypatch.setattr("agents.learned.training.evaluate", spy)
     folder = tmp_path / "run"
-    assert train.train(folder, tiny(folder, manner="calm", steps=1500, eval_runs=1))
+    assert learn.train(folder, tiny(folder, manner="calm", steps=1500, eval_runs=1))
     assert seen and set(seen) == {"calm"}
     assert read_network(folder / "best.safetensors")[1]["trained"]["manner"] == "calm"
 

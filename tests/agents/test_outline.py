@@ -40,7 +40,7 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3")
     from training_runs import tiny
 
-    import train
+    from agents import learn
     from agents.networks import read_network
     from agents.training_config import check_config, default_config, extended, make_env
 
@@ -60,7 +60,7 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
         return evaluate(policy, scenario, **options)
 
     monkeypatch.setattr("agents.learned.training.evaluate", spy)
-    assert train.train(folder, tiny(folder, scheme="hertz", dt=0.001, outline="torso", steps=1500, eval_runs=1))
+    assert learn.train(folder, tiny(folder, scheme="hertz", dt=0.001, outline="torso", steps=1500, eval_runs=1))
     assert seen and set(seen) == {"torso"}
     assert read_network(folder / "best.safetensors")[1]["trained"]["outline"] == "torso"
 

@@ -196,7 +196,7 @@ def test_what_cannot_be_shipped_is_refused_in_one_sentence(run, folder, name, ha
 
 def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
     pytest.importorskip("stable_baselines3")
-    import train
+    from agents import learn
     from agents.evaluation import trained_run
     from agents.training_config import task_config
 
@@ -205,7 +205,7 @@ def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
     run.mkdir(parents=True)
     config = task_config("room", 3, envs=2, steps=1500) | {"eval_every": 10**6, "eval_runs": 2}
     config["ppo"] |= {"n_steps": 32, "batch_size": 256, "n_epochs": 1}
-    assert train.train(run, config)
+    assert learn.train(run, config)
     trained_run.judge(run, config, 2, 1)
     path = ship.ship(run, "room/ppo")
     card, found = read_json(path.with_suffix(".json")), LearnedPolicy.load(path)

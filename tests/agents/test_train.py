@@ -16,8 +16,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.logger import Logger
 from training_runs import call, checkpoint, curve, tiny
 
-import train
-from agents import make_policy
+from agents import learn, make_policy
 from agents.evaluation.comparison import last_times, minus_first
 from agents.evaluation.evaluation import evaluate
 from agents.learned.callback import saturation
@@ -25,6 +24,7 @@ from agents.learned.rate import FallingRate
 from agents.learned.training import CURVE_COLUMNS, PolicyCallback
 from agents.networks import read_network
 from agents.tasks import PRESETS, TASKS
+from agents.training_config import make_env
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
 from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 from crowd_env.envs.action import make_action
@@ -100,7 +100,7 @@ def test_the_learning_curve_says_how_sure_it_is(job):
 
 def test_the_same_name_twice_overwrites_nothing(job, monkeypatch):
     root, _ = job
-    monkeypatch.setitem(train.BACKENDS, "native", lambda *args: False)  # as if interrupted at once
+    monkeypatch.setitem(learn.BACKENDS, "native", lambda *args: False)  # as if interrupted at once
     before = {path: path.stat().st_mtime_ns for path in (root / "tiny").rglob("*")}
     result = call("--root", root, "--name", "tiny", "--scenario", "room-v0")
     assert result.exit_code == 130
@@ -110,14 +110,14 @@ def test_the_same_name_twice_overwrites_nothing(job, monkeypatch):
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_the_physics_step_is_that_of_the_scheme(scheme):
-    assert train.default_config("room-v0", scheme, 0, 2, 100, 1.0)["dt"] == make_scheme(scheme).info.default_dt
-    assert train.default_config("room-v0", scheme, 0, 2, 100, 1.0, dt=0.005)["dt"] == 0.005
+    assert learn.default_config("room-v0", scheme, 0, 2, 100, 1.0)["dt"] == make_scheme(scheme).info.default_dt
+    assert learn.default_config("room-v0", scheme, 0, 2, 100, 1.0, dt=0.005)["dt"] == 0.005
 
 
 @pytest.mark.parametrize(("asked", "dt"), [(("--scheme", "dem", "--dt", 0.005), 0.005), (("--scheme", "hertz"), 0.001)])
 def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monkeypatch, asked, dt):
     seen, init = set(), Simulation.__init__
-    default = train.default_config
+    default = learn.default_config
 
     def watched(self, *args, dt, **options):
         seen.add(dt)
@@ -131,7 +131,7 @@ def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monke
     monkeypatch.setitem(SCENARIOS, "small-room", lambda: make_scenario("room-v0", count=3, time_limit=6.0))
     monkeypatch.setattr(Simulation, "__init__", watched)
     monkeypatch.setattr("agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
-    monkeypatch.setattr(train, "default_config", smaller)
+    monkeypatch.setattr(learn, "default_config", smaller)
     monkeypatch.setattr("agents.training_config.default_config", smaller)
     result = call(*asked, "--scenario", "room-v0", "--steps", 20, "--envs", 1, "--runs", 1, "--root", tmp_path)
     assert result.exit_code == 0, result.output
@@ -148,7 +148,7 @@ def test_the_reward_of_the_curve_is_the_mean_return_of_all_episodes(tmp_path, mo
 
     monkeypatch.setattr(CrowdVecEnv, "step_wait", watched)
     folder = tmp_path / "run"
-    assert train.train(folder, tiny(folder, steps=7680, eval_every=10**9))
+    assert learn.train(folder, tiny(folder, steps=7680, eval_every=10**9))
     rows = curve(folder)
     assert len(rows) == 2 and rows[-1]["episodes"] == len(returns) > 20
     assert rows[-1]["reward"] == pytest.approx(np.mean(returns))
@@ -172,7 +172,7 @@ def test_the_log_says_how_far_actions_run_into_their_bounds(tmp_path, monkeypatc
     monkeypatch.setattr(Logger, "record", watched)
     monkeypatch.setattr(MaskedRolloutBuffer, "add", added)
     folder = tmp_path / "run"
-    assert train.train(folder, tiny(folder, steps=2560, eval_every=10**9))
+    assert learn.train(folder, tiny(folder, steps=2560, eval_every=10**9))
     assert len(logged) == 2 and len(drawn) == 64  # two rollouts of 32 steps
     for row, steps in zip(logged, (drawn[:32], drawn[32:]), strict=True):
         actions = np.concatenate(steps)
@@ -198,20 +198,20 @@ def test_training_stops_when_its_time_is_up(tmp_path):
     folder = tmp_path / "run"
     config = tiny(folder, minutes=0.02, steps=10**9, eval_every=10**9)
     begin = time.monotonic()
-    assert train.train(folder, config)
+    assert learn.train(folder, config)
     assert time.monotonic() - begin < 15
     assert 0 < curve(folder)[-1]["steps"] < 10**9
 
 
 def test_no_point_of_the_curve_is_measured_twice(tmp_path):
     folder = tmp_path / "run"
-    assert train.train(folder, tiny(folder, eval_every=1280))  # a point at every rollout, and one at the end
+    assert learn.train(folder, tiny(folder, eval_every=1280))  # a point at every rollout, and one at the end
     assert [row["steps"] for row in curve(folder)] == [0, 1280, 2560, 3840, 5120]
 
 
 def test_the_same_seed_trains_the_same_policy(tmp_path):
     for name in ("one", "two"):
-        train.train(tmp_path / name, tiny(tmp_path / name))
+        learn.train(tmp_path / name, tiny(tmp_path / name))
     one, two = (checkpoint(tmp_path / name)["policy"] for name in ("one", "two"))
     assert all((one[key] == two[key]).all() for key in one)
 
@@ -289,11 +289,11 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
 
 @pytest.mark.parametrize("task", PRESETS)
 def test_presets_train_in_the_place_of_their_task(task):
-    config = train.task_config(task)
+    config = learn.task_config(task)
     judged = TASKS[task]
     assert config["options"].keys() == judged.options.keys() and config["scheme"] == judged.scheme
     assert config["strategy"] == judged.rule and config["decision_dt"] == judged.decision_dt
-    env = train.make_env(config, envs=1)
+    env = make_env(config, envs=1)
     assert env.num_people == config["people"] <= judged.people
     assert env.action_kind.name == make_action(config["action"]).name
 
@@ -307,14 +307,14 @@ def test_a_root_that_cannot_hold_folders_is_named(tmp_path):
 @pytest.mark.parametrize("library", ["stable_baselines3", "torch", "matplotlib"])
 def test_a_library_that_is_missing_is_named_before_anything_is_written(tmp_path, library):
     program = f"import sys; sys.modules['{library}'] = None; sys.argv[1:] = ['--root', {str(tmp_path / 'runs')!r}]; "
-    program += "import typer, train; typer.run(train.main)"
+    program += "import train; train.app()"
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and not (tmp_path / "runs").exists()
     assert f"needs {library}" in done.stderr and "pip install" in done.stderr and "Traceback" not in done.stderr
 
 
 def test_the_run_of_a_scenario_file_is_named_after_it(tmp_path, monkeypatch):
-    monkeypatch.setitem(train.BACKENDS, "native", lambda *args: False)  # as if interrupted at once
+    monkeypatch.setitem(learn.BACKENDS, "native", lambda *args: False)  # as if interrupted at once
     file = tmp_path / "plans" / "hut.toml"
     file.parent.mkdir()
     file.write_text((ROOT / "crowd_env/scenarios/data/bottleneck-v0.toml").read_text())
@@ -343,6 +343,6 @@ def test_the_learning_rate_falls_with_the_time_where_that_runs_out_first(tmp_pat
     monkeypatch.setattr(PolicyCallback, "seconds", property(lambda self: self.model.num_timesteps / 100.0))
     folder = tmp_path / "run"
     config = tiny(folder, steps=10**6, minutes=1.0, eval_every=10**9)  # 60 s are over after 6000 of the steps
-    assert train.train(folder, config)
+    assert learn.train(folder, config)
     full, rollout = config["ppo"]["learning_rate"], 32 * 40
     assert rates == pytest.approx([full * (1.0 - k * rollout / 6000) for k in range(1, 5)])

@@ -19,8 +19,7 @@ import torch
 from repository import ROOT
 from training_runs import call, checkpoint, curve, tiny
 
-import train
-from agents import make_policy
+from agents import learn, make_policy
 from crowd_env import CrowdEnv
 from crowd_env.files.json_file import write_json
 
@@ -38,14 +37,14 @@ def test_training_goes_on_from_the_checkpoint_with_other_draws(tmp_path, monkeyp
         return answer
 
     monkeypatch.setattr(CrowdEnv, "reset", watched)
-    assert train.train(folder, config)
+    assert learn.train(folder, config)
     first, used = curve(folder), starts[-1]
     marked = checkpoint(folder)
     assert marked["steps"] == first[-1]["steps"] >= 5000 and marked["optimizer"]["state"]
     marked["policy"]["value_net.bias"] += 50.0  # no fresh network has this
     torch.save(marked, folder / "checkpoint.pt")
 
-    assert train.train(folder, config | {"steps": 9000})
+    assert learn.train(folder, config | {"steps": 9000})
     assert not np.array_equal(starts[-1], used)  # it does not train on the same draws again
     second = curve(folder)
     assert repr(second[: len(first)]) == repr(first)  # nan before the first episode ends
@@ -62,7 +61,7 @@ def finished(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "tiny"
     config = tiny(folder)
     write_json(folder / "config.json", config)
-    assert train.train(folder, config)
+    assert learn.train(folder, config)
     return folder
 
 
@@ -75,7 +74,7 @@ def root(finished, tmp_path):
 
 def test_a_budget_beside_resume_is_honoured(root, monkeypatch):
     trained = []
-    monkeypatch.setitem(train.BACKENDS, "native", lambda folder, config, threads: trained.append(config) or False)
+    monkeypatch.setitem(learn.BACKENDS, "native", lambda folder, config, threads: trained.append(config) or False)
     assert call("--root", root, "--resume", "tiny", "--steps", 9000, "--minutes", 6).exit_code == 130
     kept = json.loads((root / "tiny" / "config.json").read_text())
     assert kept == trained[0] and (kept["steps"], kept["minutes"], kept["envs"]) == (9000, 6.0, 2)
@@ -189,7 +188,7 @@ def test_ctrl_c_and_a_request_to_end_save_a_checkpoint_and_say_how_to_go_on(tmp_
 def test_an_interrupt_while_policies_are_compared_says_how_to_go_on(tmp_path, monkeypatch):
     """The signal a service manager sends arrives as Ctrl-C does, in any part of the program."""
     monkeypatch.setitem(
-        train.BACKENDS, "native", lambda *args: os.kill(os.getpid(), signal.SIGTERM) or time.sleep(5) or True
+        learn.BACKENDS, "native", lambda *args: os.kill(os.getpid(), signal.SIGTERM) or time.sleep(5) or True
     )
     before = signal.getsignal(signal.SIGTERM)
     result = call("--root", tmp_path, "--name", "x", "--envs", 1)

@@ -216,15 +216,6 @@ def test_a_tensor_is_written_as_it_is_however_it_lies_in_memory(tmp_path):
     assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1  # the same network is the same file
 
 
-def test_reading_without_the_library_says_what_to_install(tmp_path, monkeypatch):
-    random_policy().save(tmp_path / "a.safetensors")
-    monkeypatch.setitem(sys.modules, "safetensors.numpy", None)
-    monkeypatch.setitem(sys.modules, "safetensors", None)
-    with pytest.raises(ModuleNotFoundError, match=r"networks need safetensors.* pip install safetensors"):
-        make_policy(str(tmp_path / "a.safetensors"))
-    assert make_policy("follow")
-
-
 @pytest.mark.parametrize("name", ["none.safetensors", "none.zip"])
 def test_a_missing_file_is_refused_by_name(tmp_path, name):
     with pytest.raises(ValueError, match=rf"cannot read the network .*{name}: no such file"):

@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 
 from crowd_env import SCENARIOS, SCHEMES
 from crowd_env.cli.main import app
-from crowd_env.envs.rollout import report, run_episodes
+from crowd_env.envs.rollout import run_episodes
+from crowd_env.results.report import report
 from crowd_env.scenarios import make_scenario
 
 FILES = {
@@ -37,10 +38,19 @@ KEYS = {
     "scheme": None,
     "manner": None,
     "outline": None,
+    "strategy": None,
+    "seed": None,
+    "dt": None,
+    "time_limit": None,
+    "version": None,
+    "population": None,
     "runs": None,
     "unfinished": None,
     "evacuation_time": {"mean", "sd", "ci95"},
     "flow": {"mean", "sd", "ci95"},
+    "mean_exit_time": {"mean", "sd", "ci95"},
+    "t95": {"mean", "sd", "ci95"},
+    "exits": {"door"},
     "overlap_mm": {"mean", "max"},
     "outside_mm": None,
     "max_speed": None,

@@ -12,9 +12,10 @@ import pytest
 import typer
 from commands import call
 
-from crowd_env.cli import console
+from crowd_env.cli import evacuations
 from crowd_env.cli import reproduce as command
 from crowd_env.cli.console import counted, friendly_errors
+from crowd_env.results.tally import Tally
 
 
 def ctrl_c():
@@ -30,20 +31,20 @@ def stop_after(monkeypatch):
     """Make every command meet ``stop`` when so many runs are finished."""
 
     def prepare(count, stop=ctrl_c):
-        done = 0
+        done, take = 0, Tally.take
+
+        def told(more):
+            nonlocal done
+            done += more
+            if done >= count:
+                stop()
 
         @contextmanager
         def bar(title, total):
-            def told(more):
-                nonlocal done
-                done += more
-                if done >= count:
-                    stop()
-
             yield told
 
-        for module in (console, command):
-            monkeypatch.setattr(module, "progress_bar", bar)
+        monkeypatch.setattr(command, "progress_bar", bar)
+        monkeypatch.setattr(Tally, "take", lambda tally, episode: take(tally, episode) or told(1))
 
     return prepare
 
@@ -124,7 +125,7 @@ def test_a_film_that_cannot_be_written_loses_no_figures(monkeypatch, tmp_path):
 
 def test_a_missing_library_of_films_is_said_before_the_work(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "PIL", None)
-    monkeypatch.setattr(console, "run_episodes", None)
+    monkeypatch.setattr(evacuations, "run_episodes", None)
     result = call(f"run --film {tmp_path / 'a.gif'}")
     assert result.exit_code == 2 and result.stdout == "" and result.stderr.count("\n") == 1
     assert "needs PIL" in result.stderr and "pip install pygame matplotlib pillow imageio-ffmpeg" in result.stderr

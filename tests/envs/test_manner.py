@@ -10,7 +10,8 @@ from refusals import refuses
 import crowd_env
 from crowd_env import MANNERS, CrowdEnv, Headway, make_scenario
 from crowd_env.envs.parallel import env as aec_env
-from crowd_env.envs.rollout import report, run_episodes
+from crowd_env.envs.rollout import run_episodes
+from crowd_env.results.report import report
 
 
 def sb3(**options):

@@ -11,7 +11,8 @@ from shapely.geometry import box
 import crowd_env
 from crowd_env import OUTLINES, CrowdEnv, Geometry, Groups, Outline, Population, Scenario, make_scenario
 from crowd_env.envs.parallel import env as aec_env
-from crowd_env.envs.rollout import report, run_episodes
+from crowd_env.envs.rollout import run_episodes
+from crowd_env.results.report import report
 from crowd_env.scenarios.starts import closest_pair
 
 TORSO = OUTLINES["torso"]

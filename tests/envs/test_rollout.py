@@ -5,9 +5,10 @@ import pytest
 from evacuations import evacuated
 
 from crowd_env import CrowdEnv, make_scenario
-from crowd_env.envs.rollout import Driver, RunsInterrupted, report, rollout, run_episodes
+from crowd_env.envs.rollout import Driver, RunsInterrupted, Together, rollout, run_episodes
 from crowd_env.executors import Processes, Serial
-from crowd_env.rendering.live import record
+from crowd_env.rendering.live import FilmRecorder, record
+from crowd_env.results.report import report
 
 
 def room(count=3, **options):
@@ -91,6 +92,20 @@ def test_a_recorder_sees_every_moment_of_every_evacuation(two_at_once):
         assert inside == decisions(episode.exit_time).sum()
 
 
+def test_several_recorders_each_keep_their_own(two_at_once):
+    for episode in run_episodes(room(), 3, scheme="dem", recorder=Together([Counts(), FilmRecorder("film"), Counts()])):
+        (moments, _), film, (again, _) = episode.record
+        assert moments == again == len(film.time) and film.title == "film"
+
+
+def test_some_of_the_runs_are_those_of_all(two_at_once):
+    every, some = run_episodes(room(), 6, scheme="dem"), run_episodes(room(), 6, scheme="dem", only=[1, 4, 5])
+    assert [repr(one) for one in some] == [repr(every[run]) for run in (1, 4, 5)]
+    kept = []
+    run_episodes(room(), 6, scheme="dem", only=[1, 4, 5], at_once=1, keep=kept.extend)
+    assert [repr(one) for one in kept] == [repr(one) for one in some]
+
+
 def test_a_driver_of_ones_own_leads_the_batches(two_at_once):
     class Idle(Driver):
         def step(self):
@@ -137,5 +152,5 @@ def test_an_executor_keeps_what_is_finished_at_an_interruption():
             super().run(work, pieces[:2], done)
             raise KeyboardInterrupt
 
-    with pytest.raises(RunsInterrupted, match="6 of 7 runs are finished"):
+    with pytest.raises(RunsInterrupted, match="4 of 7 runs are finished"):
         run_episodes(room(), 7, scheme="dem", executor=Interrupted())

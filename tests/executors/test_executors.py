@@ -3,7 +3,7 @@
 import os
 
 import pytest
-from pieces_of_work import die, process, square, wait
+from pieces_of_work import die, note, process, square, wait
 
 from crowd_env.executors import EXECUTORS, WorkerDied, make_executor
 
@@ -33,6 +33,11 @@ def test_work_apart_is_in_other_processes(executor):
 def test_what_a_piece_raises_arrives(executor):
     with pytest.raises(ValueError, match="-2 is negative"):
         executor.run(square, [1, -2], lambda *_: None)
+
+
+def test_other_processes_leave_notes_to_this_one(capfd):
+    make_executor("processes", workers=1).run(note, ["the way is narrow"], lambda *_: None)
+    assert capfd.readouterr().err == ""
 
 
 def test_an_interruption_ends_what_is_under_way(tmp_path):

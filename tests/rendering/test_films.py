@@ -63,7 +63,10 @@ def test_a_malformed_recording_is_refused():
 
 
 def test_gif_lasts_as_long_as_the_evacuation_and_is_small(tmp_path):
-    path = write_film(tmp_path / "room.gif", recording(end=4.0), fps=20.0, hold=1.0)
+    drawn = []
+    options = {"fps": 20.0, "hold": 1.0, "progress": lambda count, of: drawn.append((count, of))}
+    path = write_film(tmp_path / "room.gif", recording(end=4.0), **options)
+    assert drawn == [(1, 80)] * 80
     assert path.stat().st_size < 1_500_000
     with PIL_Image.open(path) as film:
         assert film.n_frames <= 80 + 21

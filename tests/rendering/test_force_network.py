@@ -11,9 +11,11 @@ from typer.testing import CliRunner
 from crowd_env.analysis.pressure import ContactForces, contact_forces, mean_contact_forces
 from crowd_env.cli.main import app
 from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.rollout import rollout
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM1, NSM2, Hertz
 from crowd_env.rendering import forces_of_run, write_force_network
+from crowd_env.rendering.forces.moment import LoadRecorder
 from crowd_env.rendering.forces.network import force_network_figure
 from crowd_env.rendering.palette import WALL
 from crowd_env.scenarios import make_scenario
@@ -227,6 +229,23 @@ def test_without_a_moment_it_is_that_of_the_hardest_push_or_the_end_of_a_blocked
     blocked = replace(make_scenario("room-v0"), blocked_after=0.35)  # nobody is out so soon
     told = forces_of_run(blocked, "dem", seed=4)
     assert told.time == pytest.approx(0.4) and told.active.all()
+
+
+def test_an_evacuation_that_was_seen_is_not_run_twice_and_is_that_of_its_strategy():
+    place = make_scenario("two-exit-hall-v0", count=30)
+    (seen,) = rollout(place, 1, scheme="dem", seed=4, strategy="nearest", recorder=LoadRecorder())
+    steps = []
+    told = forces_of_run(
+        place, "dem", seed=4, strategy="nearest", seen=seen, progress=lambda count, of: steps.append((count, of))
+    )
+    alone = forces_of_run(place, "dem", seed=4, strategy="nearest")
+    assert told.time == alone.time and (told.force == alone.force).all()
+    assert len(steps) == steps[0][1] - 1 == round(told.time / 0.1) - 1  # all decisions but the one that is looked into
+    env = CrowdEnv(place, scheme="dem", strategy="nearest")
+    env.reset([4])
+    for _ in range(round(told.time / 0.1)):
+        env.step(None)
+    assert (told.position == env.simulation.state.position).all()
 
 
 def test_a_moment_after_the_end_is_refused():

@@ -6,11 +6,11 @@ from typing import Any
 import torch
 from ray.rllib.algorithms.ppo import PPO, PPOConfig
 
-from agents.learned.ppo import PPOSettings
-from agents.learned.rllib.module import model_config, policy_in, state_with
-from agents.learned.rllib.runner import CrowdEnvRunner
-from agents.networks import MLP
-from agents.training_config import make_env
+from ...networks import MLP
+from ...training_config import make_env
+from ..ppo import PPOSettings
+from .module import model_config, policy_in, state_with
+from .runner import CrowdEnvRunner
 
 _MODULE = "default_policy"
 _RESTART_AFTER = 5.0  # s  between a runner's death and the next try to begin it again, here or on another node

@@ -7,13 +7,14 @@ import gymnasium
 import numpy as np
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 
-from agents.evaluation.entries import RULE
-from agents.learned.cloning import clone
-from agents.learned.export import network_of
-from agents.learned.ppo import PPOSettings, make_ppo
-from agents.networks import MLP
-from agents.training_config import make_env, start_of
 from crowd_env import CrowdEnv
+
+from ...evaluation.entries import RULE
+from ...networks import MLP
+from ...training_config import make_env, start_of
+from ..cloning import clone
+from ..export import network_of
+from ..ppo import PPOSettings, make_ppo
 
 # Layers of the policy in RLlib's network for PPO, and the spread of a Gaussian.
 _LAYERS = ("encoder.actor_encoder.net.mlp.0", "encoder.actor_encoder.net.mlp.2", "pi.net.mlp.0")

@@ -14,8 +14,9 @@ from ray.rllib.core.columns import Columns
 from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner
 from ray.rllib.env.single_agent_episode import SingleAgentEpisode
 
-from agents.training_config import SEEDS, make_env
 from crowd_env.state import Bools
+
+from ...training_config import SEEDS, make_env
 
 _APART = 7919  # between the seeds of two runners
 

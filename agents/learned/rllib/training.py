@@ -10,15 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from agents.evaluation.entries import RULE
-from agents.evaluation.evaluation import VALIDATION_SEED, evaluate
-from agents.evaluation.trained_run import NETWORK, physics_of
-from agents.learned.rate import FallingRate
-from agents.learned.training import curve_line, curve_row, env_options_of, read_curve, score, write_curve
-from agents.trained import LearnedPolicy
-from agents.training_config import facts_of, judged_place, make_env
 from crowd_env.cli.console import notes, progress_bar, stops_by
 from crowd_env.executors import RayCluster
+
+from ...evaluation.entries import RULE
+from ...evaluation.evaluation import VALIDATION_SEED, evaluate
+from ...evaluation.trained_run import NETWORK, physics_of
+from ...trained import LearnedPolicy
+from ...training_config import facts_of, judged_place, make_env
+from ..rate import FallingRate
+from ..training import curve_line, curve_row, env_options_of, read_curve, score, write_curve
 
 CHECKPOINT = "rllib"  # folder below that of the run
 _LEARNER = 1  # cores that runners leave to the learner
@@ -58,7 +59,7 @@ class _Training:
     """One part of a training, from its start or last checkpoint to the end of its budget, or Ctrl-C."""
 
     def __init__(self, folder: Path, config: Mapping[str, Any], runners: int, threads: int) -> None:
-        from agents.learned.rllib.algorithm import make_algorithm
+        from .algorithm import make_algorithm
 
         self.folder, self.config, self.interrupted = folder, config, False
         self.judged = {**physics_of(config), "threads": threads}
@@ -113,8 +114,8 @@ class _Training:
 
     def _start(self) -> None:
         """Begin as the native training would."""
-        from agents.learned.rllib.algorithm import begin_with
-        from agents.learned.rllib.module import first_policy
+        from .algorithm import begin_with
+        from .module import first_policy
 
         if self.config["start"] != RULE:
             notes.print(f"cloning {self.config['start']}, a fraction of a minute ...")
@@ -128,7 +129,7 @@ class _Training:
 
     def _iterate(self) -> None:
         """Let all runners simulate, and learn from it."""
-        from agents.learned.rllib.algorithm import set_rate
+        from .algorithm import set_rate
 
         self.rate.time_spent = min(self.share, 1.0)
         set_rate(self.algorithm, self.rate(1.0 - min(self.steps / self.config["steps"], 1.0)))
@@ -149,7 +150,7 @@ class _Training:
 
     def _evaluate(self) -> None:
         """Evaluate the network as it is on validation draws, write curve and checkpoint, and keep it if it is the best."""
-        from agents.learned.rllib.algorithm import policy_of
+        from .algorithm import policy_of
 
         policy = LearnedPolicy(policy_of(self.algorithm), self.options, facts_of(self.config))
         place, runs = judged_place(self.config), self.config["eval_runs"]

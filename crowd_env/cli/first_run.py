@@ -1,0 +1,118 @@
+"""What is made of the first run: it is recorded while it runs, and written when all runs are finished."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from crowd_env.cli.console import check_picture, progress_bar, run_title
+from crowd_env.envs.rollout import Episode, Recorder
+from crowd_env.physics import ContactScheme
+from crowd_env.scenarios.scenario import Scenario
+
+_LEAST_AROUND = 0.5  # m
+
+
+@dataclass(frozen=True)
+class FirstRun:
+    """What is run."""
+
+    place: Scenario
+    scheme: ContactScheme
+    options: Mapping[str, Any]  # of the environment, the scheme aside
+
+    @property
+    def title(self) -> str:
+        """Return what stands above a picture."""
+        return run_title(self.place, self.scheme.info.name)
+
+
+class Output(Protocol):
+    """Something that can be made of the first run; `crowd_env.cli.run` lists all of them."""
+
+    @property
+    def path(self) -> Path | None:
+        """Where it is written; None = it is not asked for."""
+        ...
+
+    def check(self) -> None:
+        """Raise ValueError or ModuleNotFoundError, before anything is read or run, if it cannot be made as it is asked for."""
+        ...
+
+    def recorder(self, run: FirstRun) -> Recorder:
+        """Return what sees the run; raise ValueError, before anything is run, if it cannot be made of this one."""
+        ...
+
+    def write(self, run: FirstRun, episode: Episode) -> str:
+        """Write it, and return a line that says where it is; the record of the episode is that of the own recorder."""
+        ...
+
+
+@dataclass(frozen=True)
+class Film:
+    """``--film``."""
+
+    path: Path | None
+
+    def check(self) -> None:
+        """Raise if the path cannot be written, or a library is missing."""
+        if self.path is not None:
+            from crowd_env.rendering.film import FORMATS
+
+            check_picture("--film", self.path, tuple(FORMATS))
+
+    def recorder(self, run: FirstRun) -> Recorder:
+        """Return what keeps every decision."""
+        from crowd_env.rendering.live import FilmRecorder
+
+        return FilmRecorder(run.title)
+
+    def write(self, run: FirstRun, episode: Episode) -> str:
+        """Draw the film."""
+        from crowd_env.rendering import write_film
+
+        assert self.path is not None  # else it is not asked for
+        with progress_bar("film, frames") as progress:
+            write_film(self.path, episode.record, progress=progress)
+        return f"film: {self.path}"
+
+
+@dataclass(frozen=True)
+class ForceNetwork:
+    """``--force-network``, with ``--at`` [s] and ``--around`` [m]."""
+
+    path: Path | None
+    at: float | None
+    around: float | None
+
+    def check(self) -> None:
+        """Raise if an option is out of range or stands alone, the path cannot be written, or a library is missing."""
+        for option, value, least in (("--at", self.at, 0.0), ("--around", self.around, _LEAST_AROUND)):
+            if value is not None and self.path is None:
+                raise ValueError(f"{option} belongs to --force-network, which is not given")
+            if value is not None and not (value > 0 and value >= least):
+                raise ValueError(f"{option} is {value:g}; it must be {f'>= {least:g} m' if least else '> 0'}")
+        if self.path is not None:
+            check_picture("--force-network", self.path, (".png",))
+
+    def recorder(self, run: FirstRun) -> Recorder:
+        """Return what finds the moment of the hardest push."""
+        from crowd_env.rendering.forces.moment import LoadRecorder
+
+        limit = run.place.time_limit
+        if self.at is not None and self.at > limit:
+            raise ValueError(f"--at is {self.at:g} s; the evacuation ends after {limit:g} s at the latest")
+        return LoadRecorder()
+
+    def write(self, run: FirstRun, episode: Episode) -> str:
+        """Run to the moment again, step by step of the physics, and draw the forces."""
+        from crowd_env.rendering import write_force_network
+        from crowd_env.rendering.forces.moment import forces_of_run
+
+        assert self.path is not None  # else it is not asked for
+        with progress_bar("forces, decisions") as progress:
+            forces = forces_of_run(
+                run.place, run.scheme, seed=episode.seed, at=self.at, seen=episode, progress=progress, **run.options
+            )
+        write_force_network(self.path, forces, around=self.around, title=run.title)
+        return f"forces: {self.path}, mean of 0.1 s until {forces.time:.1f} s"

@@ -1,0 +1,147 @@
+"""The folder of ``crowd-env run --out``, and how a command is run again from the config in it."""
+
+import shlex
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from crowd_env.cli.console import check_folder, counted, friendly_errors, notes
+from crowd_env.envs.rollout import Episode
+from crowd_env.files.json_file import read_json
+from crowd_env.physics import ContactScheme
+from crowd_env.rendering.libraries import require_libraries
+from crowd_env.results.config import difference, run_config
+from crowd_env.results.folder import ResultsFolder
+from crowd_env.scenarios import SCENARIOS
+from crowd_env.scenarios.scenario import Scenario
+
+CURVES = "nt.png"
+
+# Options that decide the results: what a config keeps of a command line.
+_KEPT = (
+    *("scenario", "exit", "unit", "n", "radius", "speed", "starts", "manner", "outline", "strategy", "rules"),
+    *("scheme", "social", "dt", "runs", "seed", "time_limit"),
+)
+
+
+def again(context: typer.Context, path: Path | None) -> Path | None:
+    """Take the options of a config for those that the command line leaves out: the callback of ``--config``."""
+    if path is not None and not context.resilient_parsing:
+        with friendly_errors():
+            context.default_map = {**(context.default_map or {}), **_arguments(path)}
+    return path
+
+
+def config_of(
+    given: Mapping[str, Any], place: Scenario, scheme: ContactScheme, options: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return all that decides the results of a command.
+
+    Parameters
+    ----------
+    given : the parameters of the command by their names.
+    options : of the environment: ``dt``, ``strategy``, ``rules``.
+
+    Raises
+    ------
+    ValueError
+        If a file that the command names cannot be read.
+    """
+    arguments = {name: given[name] for name in _KEPT if given[name] is not None}
+    files = [Path(given["scenario"])] if given["scenario"] not in SCENARIOS else []
+    files += [given["starts"]] if given["starts"] is not None else []
+    if given["scenario"] not in SCENARIOS:  # wherever the config is taken up again
+        arguments["scenario"] = str(files[0].absolute())
+    if given["starts"] is not None:
+        arguments["starts"] = str(given["starts"].absolute())
+    config = run_config(
+        place,
+        scheme,
+        given["runs"],
+        seed=given["seed"],
+        **options,
+        command=["crowd-env", *sys.argv[1:]],
+        arguments=arguments,
+        files=files,
+    )
+    if given["config"] is not None:
+        other = difference(read_json(given["config"]), config)
+        if other:
+            notes.print(f"note: not what {given['config']} says: {other}", style="yellow", markup=False, soft_wrap=True)
+    return config
+
+
+def open_folder(out: Path, place: Scenario, config: dict[str, Any]) -> ResultsFolder:
+    """Return the folder, after saying what it holds, and whether its figure cannot be drawn.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be written, or holds something else.
+    """
+    check_folder("--out", out)
+    folder = ResultsFolder(out, place, config)
+    if folder.finished:
+        runs = counted(config["runs"], "run", "runs")
+        notes.print(f"{out}: {len(folder.finished)} of {runs} are finished", markup=False, soft_wrap=True)
+    try:
+        require_libraries(".png")
+    except ModuleNotFoundError as error:
+        notes.print(f"no {CURVES}: {error}", style="yellow", markup=False, soft_wrap=True)
+    return folder
+
+
+def keep_in(folder: ResultsFolder) -> Callable[[Sequence[Episode]], None]:
+    """Return what keeps finished runs; a folder that cannot be written stops no run: the figures are still to be told."""
+
+    def keep(episodes: Sequence[Episode]) -> None:
+        try:
+            folder.keep(episodes)
+        except OSError as error:
+            why = error.strerror or error
+            notes.print(f"note: cannot write into {folder.folder}: {why}", style="yellow", markup=False, soft_wrap=True)
+
+    return keep
+
+
+def write_results(folder: ResultsFolder, title: str, figures: dict[str, Any], episodes: Sequence[Episode]) -> None:
+    """Write everything there is of the runs, and say where it is.
+
+    Raises
+    ------
+    OSError
+        If something cannot be written.
+    """
+    paths = folder.finish(episodes, figures)
+    try:
+        from crowd_env.rendering.figures import egress_curves
+
+        paths.append(
+            egress_curves(folder.folder / CURVES, {"last out": [one.exit_time for one in episodes]}, title=title)
+        )
+    except ModuleNotFoundError:
+        pass  # said before the work
+    notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
+
+
+def how_to_go_on() -> str:
+    """Return the command that goes on with the runs of an interrupted one."""
+    return shlex.join(["crowd-env", *sys.argv[1:]])
+
+
+def _arguments(path: Path) -> dict[str, Any]:
+    """Return the options of a config.
+
+    Raises
+    ------
+    ValueError
+        If the file is no config of a command.
+    """
+    config = read_json(path)
+    arguments = config.get("arguments") if isinstance(config, dict) else None
+    if not isinstance(arguments, dict) or not set(arguments) <= set(_KEPT):
+        raise ValueError(f"--config {path}: this is no config of crowd-env run, as it writes it into --out")
+    return arguments

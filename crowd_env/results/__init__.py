@@ -1,0 +1,1 @@
+"""What comes out of many evacuations: figures, tables and curves, and the folder that keeps them while they are made."""

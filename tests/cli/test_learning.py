@@ -1,0 +1,36 @@
+"""The commands of `agents` stand beside the others, and are loaded when they are asked for."""
+
+import subprocess
+import sys
+
+import pytest
+from commands import call
+from repository import ROOT
+
+from crowd_env.cli.learning import COMMANDS
+
+
+def test_help_lists_them():
+    result = call("--help")
+    assert result.exit_code == 0
+    for name in ("run", *COMMANDS):
+        assert f" {name} " in result.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_each_tells_what_it_does(name):
+    result = call(f"{name} --help")
+    assert result.exit_code == 0, result.stderr
+    assert f"{name} [OPTIONS]" in result.stdout
+
+
+def test_a_mistake_is_told_as_everywhere():
+    result = call("evaluate --task no-such-task")
+    assert result.exit_code == 2 and "unknown task 'no-such-task'" in result.stderr
+
+
+def test_other_commands_do_not_load_them():
+    program = "import sys; from crowd_env.cli.main import app; app(['schema'], standalone_mode=False); "
+    program += "print([name for name in sys.modules if name.partition('.')[0] == 'agents'], file=sys.stderr)"
+    result = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert result.stderr.strip().endswith("[]")

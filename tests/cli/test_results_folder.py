@@ -1,0 +1,207 @@
+"""``crowd-env run --out``: what was run, kept run by run, gone on with, and run again from its config."""
+
+import json
+
+import pytest
+from commands import call, figures
+
+from crowd_env.cli import evacuations
+from crowd_env.envs.rollout import RunsInterrupted, run_episodes
+from crowd_env.results.tally import Tally
+
+RUN = "run two-exit-hall-v0 --scheme dem --n 6 --seed 3"
+FILES = {"config.json", "exits.csv", "nt.csv", "nt.png", "runs.csv", "summary.json"}
+
+
+def tables(folder):
+    return {name: (folder / name).read_text() for name in ("runs.csv", "exits.csv", "nt.csv")}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return a folder of four runs that nothing has interrupted."""
+    folder = tmp_path_factory.mktemp("whole") / "out"
+    assert call(f"{RUN} --runs 4 --out {folder}").exit_code == 0
+    return folder
+
+
+def test_the_folder_holds_what_was_run_and_what_came_of_it(whole, tmp_path):
+    told = call(f"{RUN} --runs 4 --out {tmp_path} --json")
+    assert told.exit_code == 0 and told.stderr.count("\n") == 1 and told.stderr.startswith("files: ")
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+    assert json.loads(told.stdout) == json.loads((tmp_path / "summary.json").read_text())
+    assert tables(tmp_path) == tables(whole)
+    config = json.loads((tmp_path / "config.json").read_text())
+    assert (config["seed"], config["runs"], config["scheme"]["name"], config["dt"]) == (3, 4, "dem", 0.01)
+    assert config["arguments"]["scenario"] == "two-exit-hall-v0" and config["population"][0]["count"] == 6
+
+
+def test_clogging_reads_the_exits(whole):
+    told = json.loads(call(f"clogging --times {whole / 'exits.csv'} --json").stdout)["sets"][0]
+    assert (told["name"], told["runs"], told["exits"]) == ("exits.csv", 4, 24)
+
+
+def test_an_interrupted_command_goes_on_where_it_was(whole, tmp_path, monkeypatch):
+    take = Tally.take
+    with monkeypatch.context() as patch:
+
+        def stop_at_two(tally, episode):
+            take(tally, episode)
+            if sum(row[1] > 0 for row in tally._rows) >= 2:
+                raise KeyboardInterrupt
+
+        patch.setattr(Tally, "take", stop_at_two)
+        stopped = call(f"{RUN} --runs 4 --out {tmp_path}")
+    assert (
+        stopped.exit_code == 130 and "2 of 4 runs are finished" in stopped.stderr and "; to go on: " in stopped.stderr
+    )
+    assert "two-exit-hall-v0: 6 people, dem, 2 runs" in stopped.stdout
+    assert json.loads((tmp_path / "summary.json").read_text())["interrupted_of"] == 4
+    made = []
+    monkeypatch.setattr(
+        evacuations, "run_episodes", lambda *a, only, **b: made.extend(only) or run_episodes(*a, only=only, **b)
+    )
+    again = call(f"{RUN} --runs 4 --out {tmp_path}")
+    assert again.exit_code == 0 and f"{tmp_path}: 2 of 4 runs are finished" in again.stderr and len(made) == 2
+    assert tables(tmp_path) == tables(whole)
+    assert (tmp_path / "summary.json").read_text() == (whole / "summary.json").read_text()
+
+
+def test_what_is_whole_is_not_computed_again_but_to_be_filmed(whole, tmp_path, monkeypatch):
+    made = []
+    monkeypatch.setattr(
+        evacuations, "run_episodes", lambda *a, only, **b: made.extend(only) or run_episodes(*a, only=only, **b)
+    )
+    before = tables(whole)
+    assert call(f"{RUN} --runs 4 --out {whole}").exit_code == 0 and made == []
+    assert call(f"{RUN} --runs 4 --out {whole} --film {tmp_path / 'a.png'}").exit_code == 0 and made == [0]
+    assert tables(whole) == before
+
+
+def test_a_folder_of_another_command_is_refused(whole):
+    before = {path: path.read_bytes() for path in whole.iterdir()}
+    refused = call(f"{RUN} --runs 4 --strategy nearest --out {whole}")
+    assert refused.exit_code == 2 and refused.stdout == "" and refused.stderr.count("\n") == 1
+    assert "holds runs of another command: strategy is shortest there and nearest here" in refused.stderr
+    assert {path: path.read_bytes() for path in whole.iterdir()} == before
+
+
+def test_a_mistake_makes_no_folder(tmp_path):
+    for line in ("--strategy glue", "--dt 0.03", "--runs 0", "--film a.txt"):
+        assert call(f"run --n 2 {line} --out {tmp_path / 'out'}").exit_code == 2
+    assert call(f"run --n 2 --out {__file__}").exit_code == 2
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_error_loses_no_run_that_was_finished(monkeypatch, tmp_path):
+    def fails(*_, only, keep=None, **options):
+        found = run_episodes(*_, only=only[:2], keep=keep, **options)
+        if keep is not None:  # not the first one, alone
+            raise ValueError("a process has died")
+        return found
+
+    monkeypatch.setattr(evacuations, "run_episodes", fails)
+    result = call(f"{RUN} --runs 6 --out {tmp_path}")
+    assert result.exit_code == 2 and result.stderr == "error: a process has died\n"
+    assert len((tmp_path / "runs.csv").read_text().splitlines()) == 1 + 3
+
+
+def test_a_full_disk_loses_no_figures(monkeypatch, tmp_path):
+    def full(folder, *_):
+        raise OSError(28, "No space left on device", str(folder / "exits.csv"))
+
+    monkeypatch.setattr("crowd_env.results.folder.write_tables", full)
+    result = call(f"{RUN} --runs 3 --out {tmp_path} --json")
+    assert result.exit_code == 2 and json.loads(result.stdout)["runs"] == 3
+    assert result.stderr.splitlines() == [
+        f"note: cannot write into {tmp_path}: No space left on device",
+        f"error: {tmp_path / 'exits.csv'}: No space left on device",
+    ]
+
+
+def test_a_config_runs_the_same_again(whole, tmp_path):
+    config = whole / "config.json"
+    told = call(f"run --config {config} --out {tmp_path}")
+    assert told.exit_code == 0, told.stderr
+    assert tables(tmp_path) == tables(whole) and "note" not in told.stderr
+    changed = call(f"run --config {config} --seed 4 --runs 1 --json")
+    assert json.loads(changed.stdout)["seed"] == 4 and json.loads(changed.stdout)["runs"] == 1
+    assert "seed is 3 there and 4 here" in changed.stderr
+
+
+def test_a_plan_in_a_file_is_found_from_anywhere(tmp_path, monkeypatch):
+    plan, starts = tmp_path / "plan.wkt", tmp_path / "starts.csv"
+    plan.write_text("POLYGON ((0 0, 6 0, 6 5, 0 5, 0 0))\n")
+    starts.write_text("x,y\n1,1\n1,4\n")
+    (tmp_path / "away").mkdir()
+    monkeypatch.chdir(tmp_path)
+    line = "run plan.wkt --exit 6,2,6,3 --exit 0,1,0,2 --starts starts.csv --runs 1 --no-rules --out out"
+    assert call(line).exit_code == 0
+    monkeypatch.chdir(tmp_path / "away")
+    told = call("run --config ../out/config.json --out ../again")
+    assert told.exit_code == 0, told.stderr
+    assert tables(tmp_path / "again") == tables(tmp_path / "out") and "note" not in told.stderr
+    files = json.loads((tmp_path / "out" / "config.json").read_text())["files"]
+    assert set(files) == {str(plan), str(starts)} and all(len(digest) == 64 for digest in files.values())
+
+
+@pytest.mark.parametrize("text", ["", "[1]", "{}", '{"arguments": {"film": "x.gif"}}'])
+def test_what_is_no_config_is_refused(text, tmp_path):
+    (tmp_path / "config.json").write_text(text)
+    refused = call(f"run --config {tmp_path / 'config.json'}")
+    assert refused.exit_code == 2 and refused.stderr.count("\n") == 1 and "config" in refused.stderr
+
+
+# ---------------------------------------------------------------------------------------------------------- processes
+
+
+def test_results_do_not_depend_on_the_number_of_processes(whole, monkeypatch, tmp_path):
+    monkeypatch.setattr(evacuations, "_START", -10.0)  # as if a process cost nothing
+    started = []
+    processes = evacuations.Processes
+    monkeypatch.setattr(evacuations, "Processes", lambda workers: started.append(workers) or processes(workers))
+    for workers, expected in ((1, []), (2, [2]), (3, [3])):
+        started.clear()
+        assert call(f"{RUN} --runs 4 --workers {workers} --out {tmp_path / str(workers)}").exit_code == 0
+        assert started == expected and tables(tmp_path / str(workers)) == tables(whole)
+
+
+def test_a_handful_of_small_runs_starts_no_process(monkeypatch):
+    monkeypatch.setattr(evacuations, "Processes", None)
+    assert figures("run --scheme dem --n 5 --runs 20 --workers 8")["runs"] == 20
+
+
+def test_processes_are_started_where_they_save_more_than_they_cost():
+    with Tally(1) as tally:
+        tally.spent, tally.decisions = 2.0, 100
+        way = evacuations._way(49, 4, 0.5, tally)
+        assert way["executor"].workers == 4 and way["at_once"] == 3  # 0.5 s to set up, 6 s of runs
+        assert evacuations._way(2, 4, 0.5, tally)["executor"] is None  # 2 s saved, and 2 s for a process to begin
+        assert evacuations._way(49, 1, 0.5, tally)["executor"] is None
+        tally.spent = 0.02  # a decision takes as long as its overhead, which runs of a batch share
+        assert evacuations._way(1000, 4, 0.1, tally) == {"executor": None, "at_once": 1000}
+
+
+def test_an_interruption_keeps_runs_of_a_batch_that_were_finished():
+    from crowd_env import make_scenario
+    from crowd_env.envs.rollout import make_batches, simulate_batch
+
+    place = make_scenario("room-v0", count=3)
+    (batch,) = make_batches(place, 8, scheme="dem", workers=1)
+    asked = []
+    done = simulate_batch(batch, lambda: asked.append(1) or len(asked) > 30)
+    expected = run_episodes(place, 8, scheme="dem")
+    assert 0 < len(done.episodes) < 8
+    assert [repr(one) for one in done.episodes] == [repr(expected[one.run]) for one in done.episodes]
+    with pytest.raises(RunsInterrupted, match="0 of 8"):
+        run_episodes(place, 8, scheme="dem", keep=lambda _: None, driver=_interrupts)
+
+
+def _interrupts(num_envs):
+    raise KeyboardInterrupt
+
+
+def test_the_version_is_told():
+    import crowd_env
+
+    assert call("--version").stdout == f"crowd-env {crowd_env.__version__}\n"
