@@ -184,7 +184,8 @@ def _passage(check: PlanCheck, name: str) -> str:
     passage = check.passages[name]
     if passage is None:
         return f"to {name}: no way"
-    where = "the exit itself" if passage.is_exit else f"at {spot(passage.gap)}"
+    share = 100.0 * passage.behind
+    where = "the exit itself" if passage.is_exit else f"at {spot(passage.gap)}, for {share:.0f} % of the people"
     return f"to {name}: {passage.gap.width:.2f} m, {passage.gap.width / check.body[1]:.1f} bodies, {where}"
 
 
