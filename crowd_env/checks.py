@@ -73,6 +73,11 @@ def shown(value: Any) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
+def counted(count: int, one: str, many: str) -> str:
+    """Return "1 run", "2 runs"."""
+    return f"{count} {one if count == 1 else many}"
+
+
 def refuse(what: str, value: Any, allowed: str) -> NoReturn:
     """Raise the ValueError that says what ``what`` is and what is allowed."""
     raise ValueError(f"{what} is {shown(value)}; it must be {allowed}")

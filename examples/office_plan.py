@@ -1,9 +1,10 @@
-"""Draw the plan of an office as a CAD program would, with the layers that JuPedSim reads: ``python examples/office_plan.py``."""
+"""Draw the plan of an office as a CAD program would, on the layers that JuPedSim reads: python examples/office_plan.py."""
 
 from pathlib import Path
 
 import ezdxf
 
+OFFICE = Path(__file__).with_name("office.dxf")
 WALL = 0.12  # m
 ROOM, DEPTH, CORRIDOR, DOOR = 4.0, 5.0, 2.0, 0.9  # m
 ROOMS = 5
@@ -11,7 +12,7 @@ LENGTH = ROOMS * ROOM
 DESK = (1.6, 0.8)  # m
 
 
-def main(path: Path = Path(__file__).with_name("office.dxf")) -> None:
+def main(path: Path = OFFICE) -> None:
     """Draw ten rooms along a corridor with a door at each end."""
     drawing = ezdxf.new(units=ezdxf.units.M)
     for name in ("jps-walkablearea", "jps-obstacles", "jps-exits-west", "jps-exits-east", "jps-distributions-offices"):

@@ -55,8 +55,8 @@ ODD: dict[str, Odd] = {
     "UTM": Odd(far(ROOM).wkt, "5652115,4471225,5652115,4471226.2", 48.0),
     "400 corners": Odd(WAVY.wkt, ROUND, WAVY.difference(shapely.from_wkt(ROUND)).area),
     "40000 corners": Odd(FINE.wkt, ROUND, WAVY.difference(shapely.from_wkt(ROUND)).area, "simplified"),
-    "a sliver": Odd(shapely.MultiPolygon([ROOM, far(SLIVER, 1, 0)]).wkt, EAST, 48.0, "slivers left out"),
-    "a spike": Odd(shapely.Polygon(spiky(ROOM.exterior)).wkt, EAST, 48.0, "run along themselves mended"),
+    "a sliver": Odd(shapely.MultiPolygon([ROOM, far(SLIVER, 1, 0)]).wkt, EAST, 48.0, "left out 1 sliver"),
+    "a spike": Odd(shapely.Polygon(spiky(ROOM.exterior)).wkt, EAST, 48.0, "mended 1 outline that runs along itself"),
     "a thin spike": Odd(shapely.union(ROOM, shapely.box(8, 4, 9, 4.002)).wkt, EAST, 48.002),
     "doubled points": Odd(shapely.Polygon(TWICE).wkt, EAST, 48.0),
     "3D": Odd(text3d(ROOM), EAST, 48.0),
@@ -81,7 +81,7 @@ ODD: dict[str, Odd] = {
     "JuPedSim's converter": Odd(
         f"GEOMETRYCOLLECTION (GEOMETRYCOLLECTION ({ROOM.wkt}), GEOMETRYCOLLECTION (POLYGON ((7 2, 7.5 2, 7.5 3, 7 3, 7 2))), "
         "GEOMETRYCOLLECTION (POLYGON ((1 1, 4 1, 4 4, 1 4, 1 1))))",
-        "", 47.5, "1 exits, 1 areas to start in",
+        "", 47.5, "1 exit, 1 area to start in",
     ),
 }  # fmt: skip
 

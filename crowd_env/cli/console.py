@@ -15,6 +15,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from crowd_env.checks import counted as counted  # commands have it from here
 from crowd_env.headway import MANNERS, make_manner, plain_manner
 from crowd_env.outline import OUTLINES, make_outline, plain_outline
 from crowd_env.scenarios.scenario import Scenario
@@ -200,11 +201,6 @@ def run_title(place: Scenario, scheme: str = "", *, people: str = "", runs: str 
     body = shape if isinstance(shape, str) else f"{len(shape['discs'])} discs a body"
     parts = (first, scheme, walk if headway else "", body if outline else "", runs)
     return ", ".join(part for part in parts if part)
-
-
-def counted(count: int, one: str, many: str) -> str:
-    """Return "1 run", "2 runs"."""
-    return f"{count} {one if count == 1 else many}"
 
 
 def check_folder(option: str, out: Path) -> None:

@@ -1,27 +1,194 @@
-"""The command ``crowd-env plan``."""
+"""The command ``crowd-env plan``: how a place was understood, as a picture and in figures."""
 
+import json
+import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.console import Console
+from rich.table import Table
 
-from crowd_env.cli.console import check_picture, friendly_errors, notes
+from crowd_env.analysis.plan_check import PlanCheck, check_plan, spot
+from crowd_env.cli.console import AsJson, check_picture, counted, friendly_errors, notes, progress_bar
 from crowd_env.cli.place import PLACES, Count, Exits, Unit, read_place
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.outline import room_of
+from crowd_env.plans.reading import read_plan
+from crowd_env.scenarios import kind_of_place
+from crowd_env.scenarios.floor_plan import people_on, scenario_on
+
+_SHOWN = 12  # rows of a kind in the table
 
 
 def plan(
-    scenario: Annotated[list[str], typer.Argument(help=f"{PLACES}  Several make a sheet.")],
-    out: Annotated[Path, typer.Option(help="Image to write, .png.")] = Path("plan.png"),
+    place: Annotated[list[str], typer.Argument(help=f"{PLACES} Several make a sheet.")],
     exit: Exits = None,
     unit: Unit = None,
     n: Count = None,
+    out: Annotated[Path, typer.Option(help="Image to write, .png.")] = Path("plan.png"),
     seed: Annotated[int, typer.Option(help="Where people stand.", min=0)] = 0,
+    as_json: AsJson = False,
 ) -> None:
-    """Draw plans: walls, exits, regions and where people start, colored by the group they belong to."""
+    """Draw what is understood of a place, to check it before anything is run: exits, regions, people, narrow passages.
+
+    A floor plan is drawn without exits too: read their coordinates off the axes, and give them with --exit.
+
+    Examples: crowd-env plan floor-v0 --out floor.png
+
+    crowd-env plan my_room.wkt --exit 5,2,5,3 --n 40
+    """
     with friendly_errors():
         check_picture("--out", out, (".png",), makes_folder=True)
-        from crowd_env.rendering.sheet import draw_sheet
+        if exit and len(place) > 1:
+            raise ValueError(f"--exit is for one floor plan, but {len(place)} places are given")
+        checks, told = [], []
+        with progress_bar("plans", 2 * len(place)) as progress:
+            for name in place:
+                check, said = _understood(name, exit or [], unit, n, seed)
+                checks.append(check)
+                told.append(said)
+                progress(1)
+            from crowd_env.rendering.sheet import draw_sheet
 
-        places = [read_place(name, exits=exit, unit=unit, count=n) for name in scenario]
-        draw_sheet(out, places, seed=seed)
-        notes.print(f"plan: {out}", markup=False)
+            draw_sheet(out, checks)
+            progress(len(place))
+    if as_json:
+        heads = [_figures(check, said) for check, said in zip(checks, told, strict=True)]
+        typer.echo(json.dumps({"picture": str(out), "plans": heads}))
+        return
+    for check in checks:
+        Console().print(_table(check))
+    notes.print(f"plan: {out}", markup=False, soft_wrap=True)
+
+
+def _understood(
+    name: str, exits: list[str], unit: str | None, count: int | None, seed: int
+) -> tuple[PlanCheck, list[str]]:
+    """Return a place as it was understood, and what was noted on the way."""
+    said: list[str] = []
+    try:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always", UserWarning)
+            check = _check(name, exits, unit, count, seed)
+    finally:  # also those that lead up to a mistake
+        said += dict.fromkeys(" ".join(str(warning.message).split()) for warning in told)
+        for text in said:
+            warnings.warn(text, stacklevel=2)
+    return check, said
+
+
+def _check(name: str, exits: list[str], unit: str | None, count: int | None, seed: int) -> PlanCheck:
+    if kind_of_place(name) == "plan":
+        drawn = read_plan(name, exits, unit=unit)
+        people = people_on(drawn, count=count)
+        if not drawn.exits:
+            for note in drawn.notes:
+                warnings.warn(note, stacklevel=2)
+            try:
+                geometry = Geometry.from_polygon(drawn.walkable, regions=drawn.regions)
+            except ValueError as error:
+                raise ValueError(f"{drawn.path}: {error}") from None
+            title = f"floor plan {drawn.path.name}"
+            return check_plan(drawn.path.stem, geometry, people, title=title, seed=seed)
+        scenario = scenario_on(drawn, people)
+    else:
+        scenario = read_place(name, exits=exits, unit=unit, count=count)
+    return check_plan(
+        scenario.name,
+        scenario.geometry,
+        scenario.population,
+        title=scenario.title,
+        room=room_of(scenario.outline_of_run()),
+        seed=seed,
+    )
+
+
+def _figures(check: PlanCheck, said: list[str]) -> dict[str, Any]:
+    """Return what is known of a place as plain data, lengths in meters and areas in square meters."""
+    geometry = check.geometry
+    passages = {
+        name: None
+        if passage is None
+        else {
+            "width": passage.gap.width,
+            "line": passage.gap.line.tolist(),
+            "is_exit": passage.is_exit,
+            "share_of_people": passage.behind,
+        }
+        for name, passage in check.passages.items()
+    }
+    return {
+        "name": check.name,
+        "bounds": list(geometry.bounds),
+        "area": geometry.area,
+        "exits": [
+            {
+                "name": name,
+                "width": width,
+                "lines": [
+                    line.tolist()
+                    for line, other in zip(geometry.exits, geometry.exit_names, strict=True)
+                    if other == name
+                ],
+                "narrowest_passage": passages[name],
+            }
+            for name, width in check.widths.items()
+        ],
+        "regions": {name: geometry.area_of(name) for name in geometry.regions},
+        "doors": list(geometry.doors),
+        "not_reached": [{"area": area, "at": _inside(part)} for part, area in check.unreached],
+        "people": check.people.count,
+        "body_diameter": list(check.body),
+        "free_area": check.free_area,
+        "capacity": check.capacity,
+        "remarks": list(check.remarks),
+        "notes": said,
+    }
+
+
+def _inside(part: Any) -> list[float]:
+    at = part.representative_point()
+    return [at.x, at.y]
+
+
+def _table(check: PlanCheck) -> Table:
+    geometry = check.geometry
+    table = Table(title=check.name, show_header=False, title_justify="left")
+    x0, y0, x1, y1 = geometry.bounds
+    table.add_row("plan", f"{geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m")
+    table.add_row("  x, y", f"{x0:.2f} to {x1:.2f} m, {y0:.2f} to {y1:.2f} m")
+    exits = [f"{name} {width:.2f} m" for name, width in check.widths.items()]
+    table.add_row("exits", _rows(exits) if exits else "[bold]none yet[/]: give --exit x1,y1,x2,y2, points on the edge")
+    narrow = [_passage(check, name) for name in check.passages]
+    if narrow:
+        table.add_row("narrowest passage", _rows(narrow))
+    if geometry.regions:
+        table.add_row("regions", _rows([f"{name} {geometry.area_of(name):.1f} m2" for name in geometry.regions]))
+    if geometry.doors:
+        table.add_row("doors", _rows(list(geometry.doors)))
+    for part, area in check.unreached[:_SHOWN]:
+        x, y = _inside(part)
+        table.add_row("no exit reaches", f"{area:.3g} m2 around ({x:.2f}, {y:.2f})")
+    least, most = check.body
+    body = f"{least:.2f} m" if most - least < 1e-9 else f"{least:.2f} to {most:.2f} m"
+    table.add_row("people", f"{counted(check.people.count, 'person', 'people')}, bodies {body} wide")
+    table.add_row("room for", f"at most {check.capacity} people on the {check.start_area:.1f} m2 where they start")
+    table.add_row("  centers of bodies", f"{check.free_area:.1f} m2")
+    for remark in check.remarks:
+        table.add_row("[yellow]check[/]", remark)
+    return table
+
+
+def _passage(check: PlanCheck, name: str) -> str:
+    passage = check.passages[name]
+    if passage is None:
+        return f"to {name}: no way"
+    share = 100.0 * passage.behind
+    where = "the exit itself" if passage.is_exit else f"at {spot(passage.gap)}, for {share:.0f} % of the people"
+    return f"to {name}: {passage.gap.width:.2f} m, {passage.gap.width / check.body[1]:.1f} bodies, {where}"
+
+
+def _rows(items: list[str]) -> str:
+    more = [f"and {len(items) - _SHOWN} more"] if len(items) > _SHOWN else []
+    return "\n".join([*items[:_SHOWN], *more])

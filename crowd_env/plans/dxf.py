@@ -10,6 +10,7 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from crowd_env.checks import counted
 from crowd_env.files.foreign import foreign_kind
 from crowd_env.plans.floor_plan import Drawing
 from crowd_env.plans.lines import GAP, open_line, outlines
@@ -127,10 +128,11 @@ def _curves_by_layer(document: "Document", notes: list[str]) -> dict[str, list["
     if others:
         names = [name for name, _ in others.most_common(_SHOWN)]
         more = f" and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
-        notes.append(f"{sum(others.values())} things on layers of other names are left out: {', '.join(names)}{more}")
+        things = counted(sum(others.values()), "thing", "things")
+        notes.append(f"left out: {things} on layers of other names, {', '.join(names)}{more}")
     if unread:
         notes.append(
-            f"left out, being no lines or areas: {', '.join(f'{n} {kind}' for kind, n in unread.most_common(_SHOWN))}"
+            f"left out, being no line or area: {', '.join(f'{n} {kind}' for kind, n in unread.most_common(_SHOWN))}"
         )
     return found
 
@@ -239,14 +241,16 @@ def _add_layer(drawing: Drawing, layer: str, role: str, name: str, curves: Seque
                 drawing.add(
                     role, name, shapely.buffer(line, 0.5 * _THIN / meters, cap_style="square", join_style="mitre")
                 )
-            drawing.notes.append(f"layer {layer}: {len(found.open)} open lines are taken as walls {_THIN:g} m thick")
+            drawing.notes.append(
+                f"layer {layer}: {counted(len(found.open), 'open line', 'open lines')} taken as walls {_THIN:g} m thick"
+            )
         case _ if not areas:
             raise ValueError(
                 f"layer {layer} encloses nothing: a line is not closed, {open_line(longest, meters)}; close it"
             )
         case _:
-            what = f"{len(found.open)} lines that enclose nothing are left out"
-            drawing.notes.append(f"layer {layer}: {what}, such as the one of which {open_line(longest, meters)}")
+            what = counted(len(found.open), "line that encloses nothing", "lines that enclose nothing")
+            drawing.notes.append(f"layer {layer}: left out {what}; of the longest {open_line(longest, meters)}")
 
 
 def _nested(areas: Sequence[BaseGeometry]) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry import shape as shape_of
 
+from crowd_env.checks import counted
 from crowd_env.plans.floor_plan import Drawing
 from crowd_env.plans.json_text import read_json_text
 from crowd_env.plans.roles import WORDS, role_of_layer, role_of_word
@@ -114,6 +115,6 @@ def _add_unmarked(drawing: Drawing, unmarked: list[tuple[str, Any]]) -> None:
     if left:
         words = ", ".join((*WORDS, "obstacle", "exit"))
         drawing.notes.append(
-            f"{left} features that do not say what they are are left out; a property 'kind' may be one of "
+            f"left out: {counted(left, 'feature', 'features')} without a word of what it is; a property 'kind' may be one of "
             f"{', '.join(dict.fromkeys(words.split(', ')))}"
         )

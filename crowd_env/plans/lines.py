@@ -49,22 +49,41 @@ def outlines(lines: Sequence[Floats], gap: float) -> Outlines:
 def _meeting(chains: Sequence[Floats], gap: float) -> tuple[list[LineString], float]:
     """Return the lines with ends moved onto each other, or over another line, and how far the furthest was moved."""
     ends = np.array([chain[k] for chain in chains for k in (0, -1)])
-    points = shapely.points(ends)
+    _, first, of, count = np.unique(
+        np.round(ends / (_PAST * gap)), axis=0, return_index=True, return_inverse=True, return_counts=True
+    )
+    of = of.ravel()
+    targets = ends[first[of]]  # ends that meet already
     lines = shapely.STRtree([LineString(chain) for chain in chains])
-    first = np.arange(len(ends))  # of the ends that are one
-    for i, j in zip(*shapely.STRtree(points).query(points, predicate="dwithin", distance=gap), strict=True):
-        first[i] = min(first[i], first[j])
-    targets = ends[first]
-    for number in np.flatnonzero(np.bincount(first, minlength=len(ends))[first] == 1):
-        own, last = divmod(int(number), 2)
-        near = lines.query(points[number], predicate="dwithin", distance=gap)
+    loose = np.flatnonzero(count[of] == 1)
+    waiting = {int(k): partner for k, partner in zip(loose, _nearest_pairs(ends[loose], gap), strict=True)}
+    for number, partner in waiting.items():
+        own, last = divmod(number, 2)
+        if partner is not None and int(loose[partner]) // 2 != own:
+            other_end = int(loose[partner])
+            targets[number] = ends[min(number, other_end)]
+            continue
+        near = lines.query(shapely.Point(ends[number]), predicate="dwithin", distance=gap)
         other = next((int(k) for k in near if k != own), None)
         if other is not None:
-            inward = chains[own][-2 if last else 1]
-            targets[number] = _beyond(ends[number], inward, lines.geometries[other], gap)
+            targets[number] = _beyond(ends[number], chains[own][-2 if last else 1], lines.geometries[other], gap)
     met = [np.concatenate([targets[None, 2 * k], c[1:-1], targets[None, 2 * k + 1]]) for k, c in enumerate(chains)]
     moved = float(np.hypot(*(targets - ends).T).max())
     return [LineString(c) for c in met if np.ptp(c, axis=0).any()], moved if moved > 1e-3 * gap else 0.0
+
+
+def _nearest_pairs(points: Floats, gap: float) -> list[int | None]:
+    """Return for each of ``points`` (K, 2) the one that it is paired with: each other's nearest within ``gap``, or None."""
+    if len(points) < 2:
+        return [None] * len(points)
+    at = shapely.points(points)
+    i, j = shapely.STRtree(at).query(at, predicate="dwithin", distance=gap)
+    i, j = i[i != j], j[i != j]
+    away = np.hypot(*(points[i] - points[j]).T)
+    nearest: list[int | None] = [None] * len(points)
+    for k in np.argsort(-away, kind="stable"):  # the nearest is written last
+        nearest[int(i[k])] = int(j[k])
+    return [near if near is not None and nearest[near] == k else None for k, near in enumerate(nearest)]
 
 
 def _beyond(end: Floats, inward: Floats, other: LineString, gap: float) -> Floats:

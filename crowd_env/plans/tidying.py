@@ -7,14 +7,20 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from crowd_env.checks import counted
 from crowd_env.geometry.parsing import Area, place, read_area
 
 _THIN = 0.01  # m; what is narrower than this nobody walks on
 _NOTHING = 1e-6  # m^2; an obstacle smaller than this is none
 _SAME = 1e-9  # share of the area
+_TIDIED = {
+    "left out": ("sliver", "slivers"),
+    "mended": ("outline that runs along itself", "outlines that run along themselves"),
+}
+_SHOWN = 4  # names in a note
 _MANY = 5_000  # corners; more of them are drawn finer than people can tell ...
 _AWAY = 0.005  # m; ... and those that lie nearer than this to the line of their neighbors are left out
-_MOST = 20_000  # corners; the ways out of more would take longer than a minute to find
+_MOST = 20_000  # corners; the ways out take seconds to find for every ten thousand, and more in large plans
 
 
 def tidied(shapes: Sequence[BaseGeometry], what: str, notes: list[str], thinnest: float = _THIN) -> list[BaseGeometry]:
@@ -35,14 +41,12 @@ def tidied(shapes: Sequence[BaseGeometry], what: str, notes: list[str], thinnest
             valid = _mended(part)
             kept += [part] if valid is None else valid
             mended += [] if valid is None else [part]
-    for number, found, said in ((len(slivers), slivers, "slivers are left out"), (len(mended), mended, _TOUCHING)):
-        if number:
+    for found, said in ((slivers, "left out"), (mended, "mended")):
+        if found:
+            one, many = _TIDIED[said]
             at = place(shapely.get_coordinates(found[0])[0])
-            notes.append(f"{what}: {number} {said}, such as one at {at}")
+            notes.append(f"{what}: {said} {counted(len(found), one, many)}, such as at {at}")
     return kept
-
-
-_TOUCHING = "outlines that run along themselves are mended"
 
 
 def simplified(shapes: Sequence[BaseGeometry], notes: list[str]) -> list[BaseGeometry]:
@@ -91,13 +95,15 @@ def without_obstacles(walkable: Area, obstacles: Sequence[BaseGeometry], notes: 
     outside = [hole for hole, meets in zip(holes, shapely.intersects(walkable, holes), strict=True) if not meets]
     if outside:
         at = place(shapely.get_coordinates(outside[0])[0])
-        notes.append(f"{len(outside)} obstacles lie outside of the walkable area, such as one at {at}: left out")
+        lost = counted(len(outside), "obstacle", "obstacles")
+        notes.append(f"left out: {lost} outside of the walkable area, such as at {at}")
     rest = shapely.get_parts(shapely.difference(walkable, shapely.union_all(holes)))
     polygons = [part for part in rest if part.geom_type == "Polygon" and not _is_sliver(part, _THIN)]
     if not polygons:
         raise ValueError("the obstacles leave no walkable area")
     if len(polygons) < len(rest):
-        notes.append(f"{len(rest) - len(polygons)} slivers between obstacles and walls are left out")
+        lost = counted(len(rest) - len(polygons), "sliver", "slivers")
+        notes.append(f"left out: {lost} between obstacles and walls")
     return polygons[0] if len(polygons) == 1 else MultiPolygon(polygons)
 
 
@@ -119,7 +125,8 @@ def regions_in(walkable: Area, regions: Mapping[str, BaseGeometry], notes: list[
         else:
             found[name] = area
     if lost:
-        notes.append(f"regions that enclose nothing of the walkable area are left out: {', '.join(lost[:4])}")
+        found_none = counted(len(lost), "region", "regions")
+        notes.append(f"left out: {found_none} with nothing of the walkable area, {', '.join(lost[:_SHOWN])}")
     return found
 
 

@@ -39,11 +39,9 @@ def read_vadere(path: Path, meters: float | None) -> Drawing:
         raise ValueError(f"its topography lacks or has in another form than Vadere's: {error}") from None
     for what in _LEFT_OUT:
         if places.get(what):
-            drawing.notes.append(f"{what} of the scenario are left out")
+            drawing.notes.append(f"left out: {what} of the scenario")
     if places.get("dynamicElements"):
-        drawing.notes.append(
-            "people who stand in the scenario (dynamicElements) are left out; --starts takes positions"
-        )
+        drawing.notes.append("left out: people who stand in the scenario (dynamicElements); --starts takes positions")
     return drawing
 
 

@@ -8,6 +8,7 @@ from urllib.parse import quote
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from crowd_env.checks import counted
 from crowd_env.files.foreign import read_text
 from crowd_env.geometry.parsing import from_wkt
 from crowd_env.plans.floor_plan import Drawing
@@ -65,7 +66,7 @@ def _drawing(shape: BaseGeometry) -> Drawing:
             for part in shapely.get_parts(one) if one.geom_type.startswith("Multi") else [one]:
                 drawing.add(role, "", part)
     drawing.notes.append(
-        f"read as JuPedSim's converter writes plans: a walkable area, {len(drawing.exits)} exits, "
-        f"{len(drawing.starts)} areas to start in"
+        f"read as JuPedSim's converter writes plans: a walkable area, {counted(len(drawing.exits), 'exit', 'exits')}, "
+        f"{counted(len(drawing.starts), 'area', 'areas')} to start in"
     )
     return drawing

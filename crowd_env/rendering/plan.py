@@ -66,7 +66,7 @@ def draw_plan(geometry: Geometry, layout: Layout, samples: int = 4) -> Image:
     with_walls: Any = geometry.walkable.buffer(layout.wall * pixel, join_style="mitre")
     fill(holes_of(with_walls), OBSTACLE)
     fill([*shells_of(with_walls), *holes_of(with_walls)], WALL)
-    for hole in _exit_areas(geometry):
+    for hole in exit_areas(geometry):
         fill([hole], EXIT_MAT)
     for a, b in geometry.exits:
         fill([_strip(a, b, 0.0, (layout.wall + _STEP * layout.margin) * pixel)], EXIT_MAT)
@@ -128,7 +128,7 @@ def round_length(most: float) -> float:
     return power * max(step for step in (1, 2, 5) if step * power <= most)
 
 
-def _exit_areas(geometry: Geometry) -> Iterator[Floats]:
+def exit_areas(geometry: Geometry) -> Iterator[Floats]:
     """Yield the holes (K, 2) [m] of the walkable area that are exits all around: people walk into them."""
     exits = {tuple(point) for point in geometry.exits.reshape(-1, 2)}
     for hole in holes_of(geometry.walkable):

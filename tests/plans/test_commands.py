@@ -7,8 +7,8 @@ from commands import call
 from plan_files import EAST, ROOM, room_drawing
 from typer.testing import CliRunner
 
-import train
 from agents.evaluate import app as evaluate
+from agents.learn import _begun
 from agents.training_config import extended, place_of, task_of
 
 CM = "800,200,800,320"
@@ -44,7 +44,7 @@ def test_policies_are_compared_on_a_plan(plan):
 
 def test_policies_are_trained_on_a_plan(plan):
     given = {"scenario": str(plan), "exit": [CM], "unit": "cm", "people": 9, "scheme": "dem"}
-    config = train._begun(given, seed=0)
+    config = _begun(given, seed=0)
     assert config["options"] == {"exits": [CM], "unit": "cm"} and config["people"] == 9
     place = place_of(json.loads(json.dumps(config)))
     assert place.population.count == 9 and place.geometry.area == pytest.approx(48.0)
@@ -64,7 +64,7 @@ def test_policies_are_trained_on_a_plan(plan):
 )
 def test_options_of_plans_belong_to_plans(given, words):
     with pytest.raises(ValueError, match=words):
-        train._begun(given, seed=0)
+        _begun(given, seed=0)
 
 
 @pytest.mark.parametrize("option", ["--exit 1,2,3,4", "--unit cm"])

@@ -8,6 +8,7 @@ import shapely
 from plan_files import box_of, drawing, outline, room_drawing
 
 from crowd_env import make_scenario
+from crowd_env.plans.lines import outlines
 from crowd_env.plans.reading import read_plan
 
 
@@ -31,7 +32,7 @@ def test_layers_say_what_things_are_whatever_their_case(tmp_path):
     assert plan.walkable.area == pytest.approx(58.0)
     assert {name: shape.geom_type for name, shape in plan.exits.items()} == {"North": "LineString", "exit-0": "Polygon"}
     assert plan.starts == {"Hall": None, "start-0": None}
-    assert plan.notes == ("1 things on layers of other names are left out: jps-journeys",)
+    assert plan.notes == ("left out: 1 thing on layers of other names, jps-journeys",)
 
 
 def test_blocks_are_exploded_with_their_scale_and_layer(tmp_path):
@@ -97,7 +98,7 @@ def test_open_lines_among_obstacles_are_walls(tmp_path):
     outline(space, [(5, 0), (5, 4)], "obstacles", close=False)
     plan = read(document, tmp_path)
     assert not plan.walkable.contains(shapely.Point(5, 3))
-    assert plan.notes == ("layer obstacles: 1 open lines are taken as walls 0.02 m thick",)
+    assert plan.notes == ("layer obstacles: 1 open line taken as walls 0.02 m thick",)
 
 
 def test_slivers_and_what_encloses_nothing_are_dropped(tmp_path):
@@ -108,7 +109,7 @@ def test_slivers_and_what_encloses_nothing_are_dropped(tmp_path):
     outline(space, [(2, 2), (4, 2), (3, 2)], "jps-obstacles")
     plan = read(document, tmp_path)
     assert plan.walkable.area == pytest.approx(60.0)
-    assert any("2 slivers are left out" in note for note in plan.notes)
+    assert any("left out 2 slivers" in note for note in plan.notes)
 
 
 def test_hidden_layers_are_left_out(tmp_path):
@@ -118,7 +119,7 @@ def test_hidden_layers_are_left_out(tmp_path):
     box_of(space, 2, 2, 4, 4, "jps-obstacles-old")
     plan = read(document, tmp_path)
     assert plan.walkable.area == pytest.approx(60.0)
-    assert plan.notes == ("1 things on layers of other names are left out: jps-obstacles-old (hidden)",)
+    assert plan.notes == ("left out: 1 thing on layers of other names, jps-obstacles-old (hidden)",)
 
 
 def test_without_a_layer_to_walk_on_the_layers_are_named(tmp_path):
@@ -189,7 +190,7 @@ def test_blocks_of_other_layers_are_not_exploded(tmp_path):
         space.add_blockref("TREE", (k, 0), dxfattribs={"layer": "garden"})
     plan = read(document, tmp_path)
     assert plan.walkable.area == pytest.approx(60.0)
-    assert plan.notes == ("1000 things on layers of other names are left out: garden",)
+    assert plan.notes == ("left out: 1000 things on layers of other names, garden",)
 
 
 def test_an_outline_within_another_is_told(tmp_path):
@@ -221,3 +222,21 @@ def test_a_region_may_be_called_like_an_exit(tmp_path):
     document.saveas(path)
     place = make_scenario(path, count=3)
     assert place.exits == ("hall",) and place.population.parts[0].start_region == "hall (area)"
+
+
+@pytest.mark.parametrize("corners", [30, 3000, 20_000])
+def test_lines_shorter_than_the_gap_make_an_outline_too(corners, tmp_path):
+    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    ring = np.round(np.column_stack([9 * np.cos(angle), 9 * np.sin(angle)]), 9)
+    found = outlines([np.stack(pair) for pair in zip(ring, np.roll(ring, -1, axis=0), strict=True)], gap=0.01)
+    assert len(found.areas) == 1 and found.open == [] and found.closed_gap == 0.0
+    assert found.areas[0].area == pytest.approx(shapely.Polygon(ring).area)
+
+
+def test_three_ends_that_nearly_meet_are_one_corner():
+    ends = np.array([[0, 0], [0.004, 0], [0, 0.004]])
+    outer = [np.array([ends[0], [-5, 0], [-5, 5]]), np.array([ends[1], [5, 0], [5, 5]]), np.array([ends[2], [0, 5]])]
+    top = [np.array([[-5, 5], [0, 5]]), np.array([[0, 5], [5, 5]])]
+    found = outlines([*outer, *top], gap=0.01)
+    assert sorted(round(area.area) for area in found.areas) == [25, 25] and found.open == []
+    assert 0.003 < found.closed_gap <= 0.01

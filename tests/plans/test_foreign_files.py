@@ -89,7 +89,7 @@ def test_features_say_what_they_are(tmp_path):
     assert plan.walkable.area == pytest.approx(47.0)
     assert list(plan.exits) == ["east", "exit-0"] and plan.exits["east"].length == pytest.approx(1.2)
     assert list(plan.regions) == ["desk", "slow"] and plan.starts == {"desk": None}
-    assert len(plan.notes) == 1 and plan.notes[0].startswith("1 features that do not say what they are are left out")
+    assert len(plan.notes) == 1 and plan.notes[0].startswith("left out: 1 feature without a word")
 
 
 def test_a_bare_geometry_is_walkable(tmp_path):
@@ -174,8 +174,11 @@ def test_python_takes_what_the_command_line_takes(tmp_path):
     env = CrowdEnv(str(path), unit="cm", count=4, scheme="dem")
     env.reset(seed=0)
     assert env.num_people == 4 and env.scenarios[0].geometry.area == pytest.approx(48.0)
-    place = make_scenario(path, unit="cm", exits=["0,100,0,220"], population={"count": 7, "radius": 0.2})
+    others = ["0,100,0,220"]
+    with pytest.warns(UserWarning, match="left out for those that are given"):
+        place = make_scenario(path, unit="cm", exits=others, population={"count": 7, "radius": 0.2})
     assert place.population.count == 7 and place.geometry.exits[0, 0, 0] == 0.0
-    assert scenario_from_wkt(path, ["0,100,0,220"], Population(7), unit="cm").exits == ("exit-0",)
+    with pytest.warns(UserWarning, match="left out for those that are given"):
+        assert scenario_from_wkt(path, others, Population(7), unit="cm").exits == ("exit-0",)
     with pytest.raises(ValueError, match=r"has no option 'side'; known: exits, unit, count, population, time_limit"):
         make_scenario(path, side=3.0)

@@ -60,7 +60,7 @@ def test_given_exits_take_the_place_of_those_in_the_file(tmp_path):
 
 def test_people_start_in_the_start_areas_of_the_file(tmp_path):
     path = written(tmp_path, ODD["JuPedSim's converter"].text)
-    with pytest.warns(UserWarning, match="1 areas to start in"):
+    with pytest.warns(UserWarning, match="1 area to start in"):
         place = make_scenario(path, count=8)
     (part,) = place.population.parts
     assert (part.count, part.start_region) == (8, "start-0")

@@ -137,15 +137,6 @@ def test_run_keeps_seats_and_shares_people_out(tmp_path):
     assert elsewhere.starts.tolist() == [[15, 6], [16, 6]]
 
 
-def test_plans_are_drawn(tmp_path):
-    one, sheet = tmp_path / "one.png", tmp_path / "sheet.png"
-    assert call(f"plan floor-v0 --out {one}").exit_code == 0
-    assert call(f"plan counter-flow-v0 {DATA / 'pillar-v0.toml'} --out {sheet}").exit_code == 0
-    assert one.read_bytes()[:4] == sheet.read_bytes()[:4] == b"\x89PNG"
-    wrong = call(f"plan floor-v0 --out {tmp_path / 'plan.gif'}")
-    assert wrong.exit_code == 2 and ".png" in wrong.stderr
-
-
 @pytest.mark.parametrize("scheme", ["dem", "nsm2"])
 def test_two_equal_exits_share_a_crowd_that_starts_beside_one_of_them(scheme):
     share, last = {}, {}

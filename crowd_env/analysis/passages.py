@@ -1,0 +1,158 @@
+"""The narrowest passages on the ways out: the widest body that still gets from where people start to an exit.
+
+The distance to the walls is a landscape: between two rooms the best way leads over the pass between two peaks, and that
+pass is the middle of the door.  Nodes of a grid are flooded from the peaks down (a watershed); where two basins meet is a
+pass, and all passes together are a tree that holds a way of greatest width between any two places (a maximum spanning
+tree: Hu, Operations Research 9, 1961).  What the grid has found is made exact on the walls.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from crowd_env.analysis.gaps import Gap, across, distances, gap_at
+from crowd_env.analysis.terrain import Terrain
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.navigation import grid
+from crowd_env.state import Floats, Ints
+
+_SHARE = 0.05  # of the people; a niche in which fewer start is not what the others have to pass
+_NEAR = 0.75  # spacings; a node lies at most so far beside the middle of a passage
+_REFINED = 3000  # passes at most
+
+Way = tuple[Ints, Floats]
+"""For each basin the pass that is the narrowest on its way to an exit (-1 = none), and half the width there [m]."""
+
+
+class Passage(NamedTuple):
+    """The narrowest passage on the way to an exit."""
+
+    exit: str
+    gap: Gap
+    is_exit: bool  # it is the exit itself
+    behind: float  # share of those who start with a way to this exit that have to pass here, or where it is narrower
+    tighter: Gap | None = None  # the narrowest of all, if only a few have to pass there
+    few: float = 0.0  # share of these few
+
+
+def narrowest_passages(geometry: Geometry, terrain: Terrain, starts: Floats) -> dict[str, Passage | None]:
+    """Return the narrowest passage to each exit; None if nobody who starts has a way there.
+
+    Parameters
+    ----------
+    starts : (rows, cols) how many people start at each node of the terrain; any measure will do.
+    """
+    walls, _ = geometry.walls_when(())
+    basins = int(terrain.basin.max(initial=-1)) + 1
+    free = terrain.basin >= 0
+    people: Floats = np.bincount(terrain.basin[free], weights=starts[free], minlength=basins).astype(np.float64)
+    half = terrain.clearance.ravel()[terrain.passes[:, 2]]
+    neighbors = _neighbors(terrain.passes, basins)
+    goals = {name: _goal(geometry, walls, terrain, name) for name in dict.fromkeys(geometry.exit_names)}
+    # First as the grid has it; what could be the narrowest is made exact, until nothing that could be is left.
+    gaps: dict[int, Gap] = {}
+    seen = np.zeros(len(half), dtype=np.bool_)
+    while True:
+        found = [_critical(*_ways(goal, neighbors, half), people)[1] for goal, _ in goals.values() if goal >= 0]
+        most = max((width for width in found if np.isfinite(width)), default=0.0) + _NEAR * terrain.spacing
+        near = np.flatnonzero(~seen & (half <= most))
+        near = near[np.argsort(half[near], kind="stable")][: _REFINED - int(seen.sum())]
+        if not len(near):
+            break
+        for k in near.tolist():
+            gap = gap_at(walls, terrain.at(int(terrain.passes[k, 2])), half[k], _NEAR * terrain.spacing)
+            half[k] = np.inf if gap is None else 0.5 * gap.width  # walls that only converge are no passage
+            if gap is not None:
+                gaps[k] = gap
+        seen[near] = True
+    return {name: _passage(name, goal, own, neighbors, half, gaps, people) for name, (goal, own) in goals.items()}
+
+
+def _goal(geometry: Geometry, walls: Floats, terrain: Terrain, name: str) -> tuple[int, Gap]:
+    """Return the basin in front of an exit (-1 = none), and how wide the exit itself is between walls."""
+    rows = [k for k, other in enumerate(geometry.exit_names) if other == name]
+    lines = geometry.exits[rows]
+    along = np.linspace(0.0, 1.0, 33)[:, None]
+    points = np.concatenate([a + along * (b - a) for a, b in lines])
+    away = distances(points, walls)
+    best = int(np.argmax(away))
+    lengths = np.hypot(*(lines[:, 1] - lines[:, 0]).T)
+    whole = Gap(float(lengths.sum()), lines[int(np.argmax(lengths))])
+    if (np.unique(lines.reshape(-1, 2), axis=0, return_counts=True)[1] > 1).all():
+        own = whole  # all around an area that people walk into
+    elif len(lines) > 1:  # round a corner
+        own = gap_at(walls, points[best], float(away[best]), 0.0) or whole
+    else:  # less wide than it is long only if something stands right before it
+        own = across(walls, points[best])
+    own = own if own.width < whole.width - 1e-6 else whole
+    shape = terrain.clearance.shape
+    reach = 1.5 * terrain.spacing
+    near = grid.capped_distance(lines - terrain.origin, shape, np.zeros(2), terrain.spacing, 2 * reach) < reach
+    nodes = np.flatnonzero(near.ravel() & (terrain.basin.ravel() >= 0))
+    if not len(nodes):
+        return -1, own
+    return int(terrain.basin.ravel()[nodes[np.argmax(terrain.clearance.ravel()[nodes])]]), own
+
+
+def _neighbors(passes: Ints, basins: int) -> list[list[tuple[int, int]]]:
+    """Return for each basin the passes out of it, and the basins that they lead to."""
+    found: list[list[tuple[int, int]]] = [[] for _ in range(basins)]
+    for k, (a, b, _) in enumerate(passes.tolist()):
+        found[a].append((k, b))
+        found[b].append((k, a))
+    return found
+
+
+def _ways(goal: int, neighbors: Sequence[Sequence[tuple[int, int]]], half: Floats) -> Way:
+    """Return for each basin the narrowest pass on its way to the ``goal``, and half its width: inf = none, -1 = no way."""
+    narrowest, value = np.full(len(neighbors), -1, dtype=np.int64), np.full(len(neighbors), -1.0)
+    value[goal] = np.inf
+    stack = [goal]
+    while stack:
+        here = stack.pop()
+        for k, there in neighbors[here]:
+            if value[there] < 0:
+                passed = half[k] < value[here]
+                narrowest[there], value[there] = (k, half[k]) if passed else (narrowest[here], value[here])
+                stack.append(there)
+    return narrowest, value
+
+
+def _critical(narrowest: Ints, value: Floats, people: Floats) -> tuple[int, float, float]:
+    """Return the pass that enough people have no way around, half its width, and their share; inf if there is none."""
+    rows = np.flatnonzero((value >= 0) & (people > 0))
+    if not len(rows):
+        return -1, np.nan, 0.0
+    rows = rows[np.argsort(value[rows], kind="stable")]
+    share = np.cumsum(people[rows]) / people[rows].sum()
+    k = int(np.searchsorted(share, _SHARE))
+    width = float(value[rows[k]])
+    return int(narrowest[rows[k]]), width, float(share[value[rows] <= width + 1e-9][-1])
+
+
+def _passage(
+    name: str,
+    goal: int,
+    own: Gap,
+    neighbors: Sequence[Sequence[tuple[int, int]]],
+    half: Floats,
+    gaps: dict[int, Gap],
+    people: Floats,
+) -> Passage | None:
+    if goal < 0:
+        return None
+    narrowest, value = _ways(goal, neighbors, half)
+    found, width, behind = _critical(narrowest, value, people)
+    if np.isnan(width):
+        return None
+    passage = Passage(name, own, True, 1.0)
+    if found in gaps and gaps[found].width < own.width - 1e-9:
+        passage = Passage(name, gaps[found], False, behind)
+    rows = np.flatnonzero((value >= 0) & (people > 0))
+    tightest = int(rows[np.argmin(value[rows])])
+    least = int(narrowest[tightest])
+    if least in gaps and gaps[least].width < passage.gap.width - 1e-9:
+        few = value[rows] < 0.5 * passage.gap.width - 1e-9
+        passage = passage._replace(tighter=gaps[least], few=float(people[rows][few].sum() / people[rows].sum()))
+    return passage

@@ -1,0 +1,201 @@
+"""What was understood of a place, in figures: how large, how wide its exits, where it is narrow, how many people fit."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from crowd_env.analysis.gaps import Gap
+from crowd_env.analysis.passages import Passage, narrowest_passages
+from crowd_env.analysis.terrain import Terrain, survey
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.parts import closed_off
+from crowd_env.navigation.grid import nearest_nodes
+from crowd_env.scenarios.groups import People
+from crowd_env.scenarios.placement import CLOSEST_PACKING
+from crowd_env.state import Floats, Ints
+
+# Beyond these a plan is rarely what it is meant to be.
+_WIDE_EXIT, _LARGE, _SMALL = 20.0, 300.0, 2.0  # m
+
+
+@dataclass(frozen=True, eq=False)
+class PlanCheck:
+    """A place and what follows from it alone, before anyone walks.
+
+    Attributes
+    ----------
+    name, title
+        Of the place.
+    geometry
+        Its walls, exits, regions and doors; all doors count as open.
+    people
+        Who starts.
+    position
+        (P, 2) m, one draw of where they start; empty if they do not fit.
+    radius
+        (P,) m, of their bodies.
+    group
+        (P,) to which part of ``people`` they belong.
+    terrain
+        The distance to the walls.
+    widths
+        Name of each exit -> its width [m].
+    passages
+        Name of each exit -> the narrowest passage on the way there; None if nobody who starts gets there.
+    unreached
+        (polygon, m^2) of the parts from which the smallest body reaches no exit; empty if there is no exit.
+    free_area
+        m^2, where the center of the smallest body may be.
+    capacity
+        How many bodies of the middle size fit where people start, packed as closely as can be.
+    start_area
+        m^2, of the regions in which people start; of all if they start anywhere.
+    remarks
+        A sentence each on what is not plausible.
+    """
+
+    name: str
+    title: str
+    geometry: Geometry
+    people: People
+    position: Floats
+    radius: Floats
+    group: Ints
+    terrain: Terrain
+    widths: dict[str, float]
+    passages: dict[str, Passage | None]
+    unreached: tuple[tuple[Any, float], ...]
+    free_area: float
+    capacity: int
+    start_area: float
+    remarks: tuple[str, ...]
+
+    @property
+    def body(self) -> tuple[float, float]:
+        """Diameter of the smallest and the largest body [m]."""
+        return 2.0 * self.people.radius.low, 2.0 * self.people.radius.high
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The box (min x, min y, max x, max y) [m] of the walkable area and of what no exit reaches."""
+        boxes = np.array([self.geometry.bounds, *(part.bounds for part, _ in self.unreached)])
+        x0, y0 = boxes[:, :2].min(axis=0).tolist()
+        x1, y1 = boxes[:, 2:].max(axis=0).tolist()
+        return x0, y0, x1, y1
+
+
+def check_plan(
+    name: str, geometry: Geometry, people: People, *, title: str = "", room: float = 1.0, seed: int = 0
+) -> PlanCheck:
+    """Return what is understood of a place, with or without exits.
+
+    Parameters
+    ----------
+    room : people are placed as discs of so many radii.
+    seed : draws where people start.
+    """
+    terrain = survey(geometry)
+    least = people.radius.low
+    remarks = list(_of_size(geometry))
+    rng = np.random.default_rng([seed, 0])
+    try:
+        bodies, position = people.draw(rng, geometry, room)
+        radius = bodies.radius
+    except ValueError as error:
+        radius, position = np.empty(0), np.empty((0, 2))
+        remarks.append(f"people cannot be placed: {error}")
+    group = np.repeat(np.arange(len(people.parts)), [part.count for part in people.parts])
+    regions = tuple(dict.fromkeys(part.start_region for part in people.parts if part.starts is None))
+    start_area = geometry.area if None in regions or not regions else sum(geometry.area_of(r) for r in regions)
+    middle = 0.5 * room * (least + people.radius.high)
+    widths: dict[str, float] = {}
+    for exit_name, (a, b) in zip(geometry.exit_names, geometry.exits, strict=True):
+        widths[exit_name] = widths.get(exit_name, 0.0) + float(np.hypot(*(b - a)))
+    lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
+    passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
+    remarks += _of_exits(widths, passages, people)
+    return PlanCheck(
+        name=name,
+        title=title,
+        geometry=geometry,
+        people=people,
+        position=position,
+        radius=radius,
+        group=group[: len(radius)],
+        terrain=terrain,
+        widths=widths,
+        passages=passages,
+        unreached=tuple((part, float(part.area)) for part in lost),
+        free_area=float(terrain.free(least).sum()) * terrain.spacing**2,
+        capacity=int(CLOSEST_PACKING * start_area / (np.pi * middle**2)),
+        start_area=start_area,
+        remarks=tuple(remarks),
+    )
+
+
+def _starts(terrain: Terrain, people: People, geometry: Geometry, position: Floats) -> Floats:
+    """Return (rows, cols) how many people start at each node: those of a region are spread over it evenly."""
+    shape = terrain.clearance.shape
+    starts = np.zeros(shape)
+    begin = 0
+    for part in people.parts:
+        rows = slice(begin, begin + part.count)
+        begin += part.count
+        if part.starts is not None:
+            at = position[rows] if len(position) else part.starts
+            np.add.at(starts, nearest_nodes(at, terrain.origin, terrain.spacing, shape), part.count / len(at))
+            continue
+        here = terrain.free(part.radius.low)
+        if part.start_region is not None:
+            row, col = np.nonzero(here)
+            points = terrain.origin + terrain.spacing * np.column_stack([col, row])
+            here[row, col] = geometry.contains(points, part.start_region)
+        starts[here] += part.count / max(int(here.sum()), 1)
+    return starts
+
+
+def _of_size(geometry: Geometry) -> Iterable[str]:
+    x0, y0, x1, y1 = geometry.bounds
+    size = f"the plan is {x1 - x0:.1f} m x {y1 - y0:.1f} m"
+    if max(x1 - x0, y1 - y0) > _LARGE:
+        yield f"{size}, which is large: are its coordinates in meters?"
+    if max(x1 - x0, y1 - y0) < _SMALL:
+        yield f"{size}, which is small: are its coordinates in meters?"
+
+
+def _of_exits(widths: dict[str, float], passages: dict[str, Passage | None], people: People) -> Iterable[str]:
+    least, most = 2.0 * people.radius.low, 2.0 * people.radius.high
+    for name, width in widths.items():
+        exit_is = f"exit {name!r} is {width:.2f} m wide"
+        if width < least:
+            yield f"{exit_is}, narrower than the smallest body ({least:.2f} m): nobody passes"
+            continue
+        if width < most:
+            yield f"{exit_is}, narrower than the largest bodies ({most:.2f} m)"
+        elif width > _WIDE_EXIT:
+            yield f"{exit_is}, which is rare: is it meant so?"
+        passage = passages[name]
+        if passage is None:
+            yield f"nobody who starts has a way to exit {name!r}"
+        else:
+            yield from _of_passage(passage, width, least, most)
+
+
+def _of_passage(passage: Passage, width: float, least: float, most: float) -> Iterable[str]:
+    for gap, share in ((passage.gap, passage.behind), (passage.tighter, passage.few)):
+        if gap is None or gap.width >= min(most, width):
+            continue
+        who = "all" if share > 0.995 else f"{100 * share:.2g} % of those"
+        bodies = f"the smallest body ({least:.2f} m)" if gap.width < least else f"the largest bodies ({most:.2f} m)"
+        yield (
+            f"{who} who start pass {gap.width:.2f} m at {spot(gap)} on the way to exit {passage.exit!r}, "
+            f"narrower than {bodies}"
+        )
+
+
+def spot(gap: Gap) -> str:
+    """Return where the middle of a gap is, to the centimeter."""
+    x, y = gap.line.mean(axis=0)
+    return f"({x:.2f}, {y:.2f})"
