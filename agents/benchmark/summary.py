@@ -96,6 +96,8 @@ def draw(folder: Path, results: Results, task: str, people: int) -> list[Path]:
     Curves are of validation draws of the place that is trained in, interquartile means over seeds with 95 % intervals;
     profiles are of held-out draws of the task with so many ``people``.
     """
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure
     from crowd_env.rendering.palette import QUIET, SERIES
 
@@ -112,13 +114,21 @@ def draw(folder: Path, results: Results, task: str, people: int) -> list[Path]:
             upper, lower = panels[:, column]
             quiet_axes(upper, "", "clearing time of runs that cleared, s", title="" if column else title, grid=True)
             quiet_axes(lower, label, "share of runs unfinished", grid=True)
+            # Times differ by factors, and so does what an algorithm makes of its budget.
+            upper.set_yscale("log")
+            upper.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+            upper.yaxis.set_major_formatter("{x:g}")
+            upper.yaxis.set_minor_formatter(NullFormatter())
+            if unit == "steps":
+                lower.set_xscale("symlog", linthresh=0.5)
+                lower.xaxis.set_major_formatter("{x:g}")
             for k, (name, found) in enumerate(learned.items()):
-                color = hex_of(SERIES[k % len(SERIES)])
+                color, line = hex_of(SERIES[k % len(SERIES)]), _line(k, len(SERIES))
                 at = scale * np.mean([[row[unit] for row in one["curve"]] for one in found], axis=0)
                 for axes, values in ((upper, _column(found, "clearing_time")), (lower, _unfinished(found))):
                     middle, low, high = _over_seeds(values)
                     axes.fill_between(at, low, high, color=color, alpha=0.18, linewidth=0)
-                    axes.plot(at, middle, color=color, linewidth=1.8, label=f"{name} ({len(found)})")
+                    axes.plot(at, middle, line, color=color, linewidth=1.8, label=f"{name} ({len(found)})")
         panels[0, 1].legend(frameon=False, fontsize=8, title="algorithm (seeds)", title_fontsize=8)
         files.append(save_figure(figure, folder / "curves.png"))
     figure = new_figure((7.0, 4.2))
@@ -134,13 +144,22 @@ def draw(folder: Path, results: Results, task: str, people: int) -> list[Path]:
     at = np.linspace(known.min() - 2.0, min(known.max(), 3.0 * known.min()), 200)
     for k, (name, found) in enumerate(results.items()):
         profile = performance_profile(np.concatenate([clearing_of(one) for one in found]), at)
-        style: dict[str, Any] = {"color": hex_of(SERIES[k % len(SERIES)]), "linewidth": 1.8}
+        style: dict[str, Any] = {
+            "color": hex_of(SERIES[k % len(SERIES)]),
+            "linestyle": _line(k, len(SERIES)),
+            "linewidth": 1.8,
+        }
         if name not in learned:
             style = {"color": hex_of(QUIET), "linewidth": 1.2, "linestyle": ("-", "--", ":", "-.")[k % 4]}
         axes.plot(at, profile, label=name, **style)
     axes.legend(frameon=False, fontsize=8)
     files.append(save_figure(figure, folder / "profiles.png"))
     return files
+
+
+def _line(k: int, colors: int) -> str:
+    """Return the style of the line of the k-th algorithm: dashed when the colors begin again."""
+    return "-" if k < colors else "--"
 
 
 def _column(found: Sequence[Mapping[str, Any]], name: str) -> Floats:
