@@ -27,6 +27,7 @@ from crowd_env.cli.console import (
 )
 from crowd_env.cli.evacuations import evacuate
 from crowd_env.cli.figures_table import figures_table
+from crowd_env.cli.films import FilmFps, FilmSpeed, FilmWidth
 from crowd_env.cli.first_run import Film, FirstRun, ForceNetwork, Output, RecordingFile
 from crowd_env.cli.place import PLACES, Count, Exits, Radius, Speed, Starts, TimeLimit, Unit, read_place
 from crowd_env.cli.replay import Html
@@ -103,8 +104,16 @@ def run(
         ),
     ] = None,
     film: Annotated[
-        Path | None, typer.Option(help="Also film the first run: .gif or .mp4.", rich_help_panel=OF_OUTPUT)
+        Path | None,
+        typer.Option(
+            help="Also film the first run: .mp4 or .gif; of a name without suffix, or a folder, the smaller one that can be "
+            "written.",
+            rich_help_panel=OF_OUTPUT,
+        ),
     ] = None,
+    film_width: FilmWidth = None,
+    film_fps: FilmFps = None,
+    film_speed: FilmSpeed = None,
     html: Annotated[
         Path | None,
         typer.Option(help="Also make a web page that replays the first run: .html.", rich_help_panel=OF_OUTPUT),
@@ -155,7 +164,7 @@ def run(
     """Evacuate a place many times, everyone walking as the strategy says, and report how it went."""
     # Everything that can be made of the first run.
     possible: list[Output] = [
-        Film(film),
+        Film(film, film_width, film_fps, film_speed),
         Html(html),
         ForceNetwork(force_network, at, around),
         RecordingFile(record, record_contacts, every),

@@ -8,7 +8,7 @@ from crowd_env.outline import Outline
 from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, pressure_color
 from crowd_env.rendering.plan import Layout, draw_plan, fit, round_length
-from crowd_env.rendering.text import Image, put_text, text_width
+from crowd_env.rendering.text import Image, put_text, shortened, text_width
 from crowd_env.state import Floats
 
 _STANDING = 0.1  # m/s, slower than this nobody has a heading
@@ -117,7 +117,7 @@ class Renderer:
         small = 0.86 * size
         if title:
             room = end - x - size - text_width(status, small)
-            text = _shortened(title, room, size)
+            text = shortened(title, room, size)
             put_text(image, text, (x, y), size, INK, bold=True)
             x += text_width(text, size, bold=True) + 0.8 * size if text else 0.0
         put_text(image, status, (x, y), small, EXIT if finished else QUIET)
@@ -128,14 +128,6 @@ def _headings(velocity: Floats) -> Floats:
     moving = speed > _STANDING
     unit = velocity / np.where(moving, speed, 1.0)[:, None]
     return np.where(moving[:, None], unit, 0.0) * (1.0, -1.0)
-
-
-def _shortened(text: str, room: float, size: float) -> str:
-    if text_width(text, size, bold=True) <= room:
-        return text
-    while text and text_width(text + "…", size, bold=True) > room:
-        text = text[:-1]
-    return text.rstrip() + "…" if text else ""
 
 
 def _put_legend(image: Image, layout: Layout) -> None:

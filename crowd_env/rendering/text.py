@@ -24,6 +24,15 @@ def text_width(text: str, size: float, *, bold: bool = False) -> int:
     return text_mask(text, size, bold).shape[1]
 
 
+def shortened(text: str, room: float, size: float) -> str:
+    """Return ``text``, or as much of its beginning as fits into ``room`` [px] in bold letters."""
+    if text_width(text, size, bold=True) <= room:
+        return text
+    while text and text_width(text + "…", size, bold=True) > room:
+        text = text[:-1]
+    return text.rstrip() + "…" if text else ""
+
+
 def put_text(
     image: Image,
     text: str,
