@@ -10,11 +10,12 @@ import typer
 
 from crowd_env import Scenario
 from crowd_env.checks import Range, whole
+from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import OF_OUTPUT, friendly_errors, notes, progress_bar
 from crowd_env.cli.films import FilmFps, FilmSpeed, FilmWidth, check_film_options, film_file, said_of
 from crowd_env.envs.rollout import Driver
 
-from . import PRETRAINED
+from . import POLICIES, PRETRAINED
 from .evaluation.entries import RULE, Entry, make_entries
 from .evaluation.evaluation import HELD_OUT_SEED
 from .lists_of_names import ListsOfNames
@@ -29,7 +30,10 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command(cls=ListsOfNames)
 def main(
     task: Annotated[
-        str, typer.Argument(metavar="TASK", help=f"What people have to do: {', '.join(TASKS)}.")
+        str,
+        typer.Argument(
+            metavar="TASK", autocompletion=complete_from(TASKS), help=f"What people have to do: {', '.join(TASKS)}."
+        ),
     ] = "competitive-door",
     policies: Annotated[
         list[str] | None,
@@ -37,6 +41,7 @@ def main(
             "--policies",
             "--policy",
             metavar="POLICY ...",
+            autocompletion=complete_from((RULE, *POLICIES, *PRETRAINED)),
             show_default="rule and what was learned for the task",
             help="Who are shown, from left to right; the names are those of `crowd-env evaluate`.",
         ),
