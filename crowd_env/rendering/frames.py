@@ -7,7 +7,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.outline import Outline
 from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, pressure_color
-from crowd_env.rendering.plan import Layout, draw_plan, fit, round_length
+from crowd_env.rendering.plan import MAT, Layout, draw_plan, fit, round_length
 from crowd_env.rendering.text import Image, put_text, shortened, text_width
 from crowd_env.state import Floats
 
@@ -48,6 +48,7 @@ class Renderer:
         self.geometry = geometry
         self.layout: Layout = fit(geometry, width, text=text)
         self._empty: Image = draw_plan(geometry, self.layout)
+        _put_exit_names(self._empty, geometry, self.layout)
         if scale_bar:
             _put_scale_bar(self._empty, self.layout)
         self._with_legend = self._empty.copy()
@@ -128,6 +129,24 @@ def _headings(velocity: Floats) -> Floats:
     moving = speed > _STANDING
     unit = velocity / np.where(moving, speed, 1.0)[:, None]
     return np.where(moving[:, None], unit, 0.0) * (1.0, -1.0)
+
+
+def _put_exit_names(image: Image, geometry: Geometry, layout: Layout) -> None:
+    """Write the names of exits, if there are several, outside of them along the wall."""
+    names = dict.fromkeys(geometry.exit_names)
+    if len(names) < 2:
+        return
+    size = 0.72 * layout.text
+    for name in names:
+        lines = [line for line, other in zip(geometry.exits, geometry.exit_names, strict=True) if other == name]
+        a, b = max(lines, key=lambda line: float(np.hypot(*(line[1] - line[0]))))
+        along = (b - a) / np.hypot(*(b - a))
+        outward = np.array([along[1], along[0]])  # y of pixels points down
+        at = layout.pixels(0.5 * (a + b)) + (layout.wall + MAT * layout.margin + 0.7 * size) * outward
+        upward = abs(outward[0]) > abs(outward[1])
+        half = 0.5 * np.array([size, text_width(name, size)] if upward else [text_width(name, size), size])
+        x, y = np.clip(at, half + 1, (layout.width, layout.height) - half - 1).tolist()
+        put_text(image, name, (x, y), size, EXIT, side="center", upward=bool(upward))
 
 
 def _put_legend(image: Image, layout: Layout) -> None:
