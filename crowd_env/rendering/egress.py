@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env.rendering.discs import put_discs
-from crowd_env.rendering.palette import BACKGROUND, FAINT, INK, QUIET, SERIES, Color
+from crowd_env.rendering.palette import BACKGROUND, FAINT, INK, QUIET, SERIES, Color, group_color
 from crowd_env.rendering.recordings import Recording
 from crowd_env.rendering.text import Image, put_text, shortened, text_width
 
@@ -96,6 +96,8 @@ class EgressStrip:
             said = f"film: {self.speed:.3g}× real time"
             put_text(image, said, (self._free, 0.32 * self.top), self.size, QUIET)
             self._free += text_width(said, self.size) + round(self.size)
+        if len(self.recordings) == 1:
+            self._put_groups(image, self.recordings[0].groups)
         base = round(self._y(0))
         ticks = _ticks(self.end)
         for tick in ticks:
@@ -104,6 +106,16 @@ class EgressStrip:
             text = f"{tick:g} s" if tick == ticks[-1] else f"{tick:g}"
             put_text(image, text, (column, base + 1.0 * self.size + 4), self.size, QUIET, side="center")
         return image
+
+    def _put_groups(self, image: Image, names: Sequence[str]) -> None:
+        """Say in the line above the axes which color is which group, as far as there is room."""
+        for name, color in zip(names, group_color(range(len(names))).tolist(), strict=True):
+            width = text_width(name, self.size) + round(2.2 * self.size)
+            if self._free + width > self.right:
+                return
+            self._dot(image, self._free + 0.5 * self.size, 0.32 * self.top, color)
+            put_text(image, name, (self._free + 1.2 * self.size, 0.32 * self.top), self.size, QUIET)
+            self._free += width
 
     def _draw_curve(self, recording: Recording) -> NDArray[np.bool_]:
         """Return which pixels (height, columns from the left end) the whole curve covers."""

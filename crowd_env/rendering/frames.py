@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.outline import Outline
 from crowd_env.rendering.discs import put_bodies, put_discs
-from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, pressure_color
+from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, group_color, pressure_color
 from crowd_env.rendering.plan import MAT, Layout, draw_plan, fit, round_length
 from crowd_env.rendering.text import Image, put_text, shortened, text_width
 from crowd_env.state import Floats
@@ -69,6 +69,7 @@ class Renderer:
         velocity: ArrayLike | None = None,
         angle: ArrayLike | None = None,
         outline: Outline | None = None,
+        group: ArrayLike | None = None,
         title: str = "",
         clock: float | None = None,
         inside: int | None = None,
@@ -84,6 +85,7 @@ class Renderer:
         color_value : (N,), how hard everyone is pressed: 0 to 1 is up to `FULL_PRESSURE`.  Without it all are calm.
         velocity : (N, 2) m/s, gives everyone who moves a heading.
         angle, outline : (N,) rad and the shape of bodies that are no discs; they show where they face.
+        group : (N,), which group everyone belongs to; rims are in its color.
         title : what is seen.
         clock : s.
         inside : number of people inside; default the number of active ones.
@@ -98,12 +100,13 @@ class Renderer:
         image = (self._empty if color_value is None or not legend else self._with_legend).copy()
         size = np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,))[drawn]
         color = pressure_color(value[drawn])
+        rim = None if group is None else group_color(np.asarray(group)[drawn])
         if outline is not None:
             facing = np.zeros(count) if angle is None else np.asarray(angle, dtype=np.float64)
-            put_bodies(image, self.layout, outline, position[drawn], size, facing[drawn], color)
+            put_bodies(image, self.layout, outline, position[drawn], size, facing[drawn], color, rim)
         else:
             heading = None if velocity is None else _headings(np.asarray(velocity, dtype=np.float64)[drawn])
-            put_discs(image, self.layout.pixels(position[drawn]), size * self.layout.scale, color, heading)
+            put_discs(image, self.layout.pixels(position[drawn]), size * self.layout.scale, color, heading, rim=rim)
         left = int(shown.sum()) if inside is None else inside
         self._put_header(image, title, clock, status or f"{left} of {count} inside", finished=left == 0)
         return image

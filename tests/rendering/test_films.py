@@ -17,7 +17,7 @@ from crowd_env.rendering import (
 )
 from crowd_env.rendering.egress import EgressStrip
 from crowd_env.rendering.encoding import write_gif
-from crowd_env.rendering.palette import BACKGROUND, EXIT_MAT, FLOOR, WALL
+from crowd_env.rendering.palette import BACKGROUND, EXIT_MAT, FLOOR, WALL, group_color
 
 PIL_Image = pytest.importorskip("PIL.Image")
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
@@ -180,6 +180,20 @@ def test_films_need_recordings_and_a_rate(tmp_path):
         write_film(tmp_path / "a.gif", recording(), fps=0.0)
     with pytest.raises(ValueError, match="speed"):
         write_film(tmp_path / "a.gif", recording(), speed=-1.0)
+
+
+def test_groups_have_rims_and_names_in_their_colors(tmp_path):
+    film = recording(people=12)
+    groups = replace(film, group=np.arange(12) % 2, groups=("quick", "slow"))
+    path = write_still(tmp_path / "groups.png", groups, 0.5)
+    image, plain = (
+        np.asarray(PIL_Image.open(one)).astype(int) for one in (path, write_still(tmp_path / "a.png", film, 0.5))
+    )
+    for color in group_color([0, 1]).astype(int):
+        near, before = (np.abs(one - color).sum(axis=-1) < 12 for one in (image, plain))
+        assert near.sum() > before.sum() + 30
+    with pytest.raises(ValueError, match="group has shape"):
+        replace(groups, group=None)
 
 
 # ------------------------------------------------------------------------------------------------------------- figures
