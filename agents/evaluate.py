@@ -11,6 +11,7 @@ import typer
 
 from crowd_env import SCHEMES, Scenario, make_scheme
 from crowd_env.checks import Range, number, whole
+from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import (
     MannerName,
     OutlineOption,
@@ -20,12 +21,14 @@ from crowd_env.cli.console import (
     run_title,
     with_manner,
 )
-from crowd_env.cli.place import PLACES, Exits, Unit, read_place
+from crowd_env.cli.place import PLACES, Exits, Unit, complete_scenario, read_place
 from crowd_env.executors import Executor, Serial, make_executor
 from crowd_env.files.json_file import write_json
 from crowd_env.physics import check_outline
 from crowd_env.rendering.libraries import require_libraries
+from crowd_env.routing.strategies import STRATEGIES
 
+from . import POLICIES, PRETRAINED
 from .evaluation.comparison import last_times, mean_times, minus_first, ranking
 from .evaluation.entries import RULE, Entry, made_drivers, make_entries
 from .evaluation.evaluation import HELD_OUT_SEED, Cell, Evaluation, evaluate_cells
@@ -126,12 +129,15 @@ def main(
         str | None,
         typer.Option(
             metavar="NAME",
+            autocompletion=complete_from(TASKS),
             help=f"What the policies are judged on: {', '.join(TASKS)}.  It says scenario, people, scheme, steps and draws.",
         ),
     ] = None,
     scenario: Annotated[
         str | None,
-        typer.Option(show_default=_SCENARIO, help=f"{PLACES}  Where there is no task."),
+        typer.Option(
+            show_default=_SCENARIO, autocompletion=complete_scenario, help=f"{PLACES}  Where there is no task."
+        ),
     ] = None,
     exit: Exits = None,
     unit: Unit = None,
@@ -142,6 +148,7 @@ def main(
             _POLICY,
             metavar="POLICY ...",
             show_default="shortest fastest; of a task rule",
+            autocompletion=complete_from((RULE, *STRATEGIES, *POLICIES, *PRETRAINED)),
             help="rule: the strategy of a task; shortest, nearest, fastest, comfortable; the name of a route or exit; rules: "
             "the shortest path with the scenario's control rules in force, which are off for all others; random, stand-still; "
             "rules of walking: rule-best-speed, density-cap, headway (the manner hurried), follow, evolution, zipper; a "
@@ -153,6 +160,7 @@ def main(
         typer.Option(
             _SCHEMES,
             metavar="SCHEME ...",
+            autocompletion=complete_from(SCHEMES),
             show_default=f"{_SCHEME}; of a task its own",
             help=", ".join(SCHEMES) + ".",
         ),

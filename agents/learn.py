@@ -8,10 +8,12 @@ from typing import Annotated, Any
 import typer
 
 from crowd_env.checks import known, whole
+from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import MannerName, OutlineOption, friendly_errors, notes
-from crowd_env.cli.place import PLACES, Exits, Unit, plan_options
+from crowd_env.cli.place import PLACES, Exits, Unit, complete_scenario, plan_options
 from crowd_env.executors import check_cluster
 from crowd_env.files.json_file import write_json
+from crowd_env.physics import SCHEMES
 from crowd_env.rendering.libraries import require_libraries
 from crowd_env.scenarios import kind_of_place
 
@@ -64,11 +66,15 @@ def main(
         typer.Option(
             metavar="NAME",
             show_default=_TASK,
+            autocompletion=complete_from(PRESETS),
             help=f"What to train for, with its preset: {', '.join(PRESETS)}.  It is judged as it stands.",
         ),
     ] = None,
     scenario: Annotated[
-        str | None, typer.Option(help=f"Instead of a task: the scenario to train and judge in.  {PLACES}")
+        str | None,
+        typer.Option(
+            autocompletion=complete_scenario, help=f"Instead of a task: the scenario to train and judge in.  {PLACES}"
+        ),
     ] = None,
     exit: Exits = None,
     unit: Unit = None,
@@ -76,7 +82,10 @@ def main(
         int | None,
         typer.Option(help="How many people to train a task, or on a floor plan, with.", show_default="preset's, or 20"),
     ] = None,
-    scheme: Annotated[str | None, typer.Option(help="Contact scheme.", show_default="the task's, or nsm2")] = None,
+    scheme: Annotated[
+        str | None,
+        typer.Option(help="Contact scheme.", autocompletion=complete_from(SCHEMES), show_default="the task's, or nsm2"),
+    ] = None,
     dt: Annotated[
         float | None,
         typer.Option(help="Physics step of training in seconds.", show_default="the preset's, or the scheme's own"),

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from crowd_env.checks import Range, whole
+from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import check_folder, friendly_errors
 
 from .evaluate import compare
@@ -22,7 +23,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command(cls=ListsOfNames)
 def main(
-    task: Annotated[str, typer.Option(metavar="NAME", help=f"The task: {', '.join(TASKS)}.")],
+    task: Annotated[
+        str, typer.Option(metavar="NAME", autocompletion=complete_from(TASKS), help=f"The task: {', '.join(TASKS)}.")
+    ],
     policy: Annotated[
         list[str],
         typer.Option(

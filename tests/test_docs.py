@@ -94,6 +94,8 @@ def test_commands_run(command, monkeypatch, tmp_path):
         where = words.index("--film")
         assert Path(words[where + 1]).suffix in {".gif", ".mp4"}
         del words[where : where + 2]
+    if words[0] == "show":
+        words += ["--film", str(tmp_path / "film.gif"), "--film-width", "320", "--film-fps", "1"]
     if words[0] == "reproduce":
         words += ["--out", str(tmp_path)]
         if words[1] in ("lin", "lin-fig5"):  # minutes of computing: one of its figures will do

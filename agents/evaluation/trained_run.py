@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
-from crowd_env import Scenario
 from crowd_env.cli.console import run_title
 from crowd_env.files.json_file import json_number, write_json
 
@@ -32,7 +32,6 @@ NETWORK, RESULTS = "best.safetensors", "results.json"
 # The first is what the others are compared with.
 _OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still", "random")), "random")
 _OF_SCENARIO = ("shortest", "stand-still", "random")
-_FILM_SECONDS = 12.0  # that a film of any evacuation lasts, by and large
 
 
 def physics_of(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -142,22 +141,12 @@ def _references(config: Mapping[str, Any], results: list[Evaluation]) -> dict[st
 
 def _write_film(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:
     """Write the film of a draw in which the rule leaves somebody inside, if there is one."""
-    from crowd_env.rendering import write_film
-    from crowd_env.rendering.live import record
+    from .side_by_side import RULE_AHEAD, record_beside, write_beside
 
     task, place = task_of(config), judged_place(config)
     stuck = np.flatnonzero(results[0].column("unfinished") > 0)
     seed = HELD_OUT_SEED + (int(stuck[0]) if len(stuck) else 0)
     options = {"scheme": config["scheme"], "rules": False, **task.env_options(config["scheme"])}
-    beside: list[tuple[Policy, str]] = [
-        (StrategyPolicy(task.rule), "rule: full speed ahead"),
-        (LearnedPolicy.load(folder / NETWORK), "learned"),
-    ]
-    films = [record(place, seed=seed, title=title, driver=_driver(one, place, options)) for one, title in beside]
-    end = min(max(film.end for film in films), 1.3 * films[-1].end)
-    speed = max(1.0, round(end / _FILM_SECONDS))
-    write_film(folder / "evacuation.gif", films, fps=10.0, width=640, speed=speed, max_seconds=end)
-
-
-def _driver(policy: Policy, place: Scenario, options: dict[str, Any]) -> Any:
-    return policy_driver(policy, place, **options)
+    shown: dict[str, Policy] = {RULE_AHEAD: StrategyPolicy(task.rule), LEARNED: LearnedPolicy.load(folder / NETWORK)}
+    ways = {title: partial(policy_driver, policy, **options) for title, policy in shown.items()}
+    write_beside(folder / "evacuation.gif", record_beside(ways, place, seed))

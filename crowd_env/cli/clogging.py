@@ -13,6 +13,7 @@ from rich.table import Table
 
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run, powerlaw_library
 from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
+from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import (
     AsJson,
     MannerName,
@@ -29,7 +30,7 @@ from crowd_env.cli.console import (
     with_manner,
 )
 from crowd_env.cli.evacuations import evacuate
-from crowd_env.cli.place import PLACES, Count, Exits, Speed, Unit, read_place
+from crowd_env.cli.place import PLACES, Count, Exits, Speed, Unit, complete_scenario, read_place
 from crowd_env.envs.rollout import Episode, RunsInterrupted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.headway import plain_manner
@@ -53,9 +54,15 @@ crowd-env clogging --times results/exits.csv
 def clog(
     scenario: Annotated[
         str | None,
-        typer.Argument(metavar="SCENARIO", help=f"{PLACES}  By default lin-room-v0, or with --times none."),
+        typer.Argument(
+            metavar="SCENARIO",
+            autocompletion=complete_scenario,
+            help=f"{PLACES}  By default lin-room-v0, or with --times none.",
+        ),
     ] = None,
-    scheme: Annotated[str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".")] = "hertz",
+    scheme: Annotated[
+        str, typer.Option(autocompletion=complete_from(SCHEMES), help="Contact scheme: " + ", ".join(SCHEMES) + ".")
+    ] = "hertz",
     exit: Exits = None,
     unit: Unit = None,
     n: Count = None,

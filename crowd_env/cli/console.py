@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from crowd_env.checks import counted as counted  # commands have it from here
+from crowd_env.cli.completion import complete_from
 from crowd_env.headway import MANNERS, make_manner, plain_manner
 from crowd_env.outline import OUTLINES, make_outline, plain_outline
 from crowd_env.scenarios.scenario import Scenario
@@ -45,6 +46,7 @@ MannerName = Annotated[
     typer.Option(
         "--manner",
         metavar="NAME",
+        autocompletion=complete_from(MANNERS),
         help=f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's.",
         rich_help_panel=OF_PEOPLE,
     ),
@@ -54,6 +56,7 @@ OutlineOption = Annotated[
     typer.Option(
         "--outline",
         metavar="NAME",
+        autocompletion=complete_from(OUTLINES),
         help=f"What shape bodies have: {', '.join(OUTLINES)} (hertz alone); default the scenario's.",
         rich_help_panel=OF_PEOPLE,
     ),

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
 from crowd_env.checks import POSITIVE, number
 from crowd_env.cli.console import check_picture, check_place, progress_bar, run_title
+from crowd_env.cli.films import check_film_options, film_file, said_of
 from crowd_env.envs.arguments import parts_of
 from crowd_env.envs.rollout import Episode, Recorder
 from crowd_env.physics import ContactScheme
@@ -54,16 +56,25 @@ class Output(Protocol):
 
 @dataclass(frozen=True)
 class Film:
-    """``--film``."""
+    """``--film``, with ``--film-width`` [px], ``--film-fps`` [1/s] and ``--film-speed``."""
 
-    path: Path | None
+    asked: Path | None
+    width: int | None
+    fps: float | None
+    speed: float | None
+
+    @cached_property
+    def path(self) -> Path | None:
+        """Where it is written: of what was asked for, a file."""
+        return None if self.asked is None else film_file("--film", self.asked)
 
     def check(self) -> None:
-        """Raise if the path cannot be written, or a library is missing."""
-        if self.path is not None:
-            from crowd_env.rendering.film import FORMATS
-
-            check_picture("--film", self.path, tuple(FORMATS))
+        """Raise if an option is out of range or stands alone, the path cannot be written, or a library is missing."""
+        options = {"--film-width": self.width, "--film-fps": self.fps, "--film-speed": self.speed}
+        for option, value in options.items():
+            if value is not None and self.path is None:
+                raise ValueError(f"{option} belongs to --film, which is not given")
+        check_film_options(self.width, self.fps, self.speed)
 
     def recorder(self, run: FirstRun) -> Recorder:
         """Return what keeps every decision."""
@@ -77,8 +88,8 @@ class Film:
 
         assert self.path is not None  # else it is not asked for
         with progress_bar("film, frames") as progress:
-            write_film(self.path, episode.record, progress=progress)
-        return f"film: {self.path}"
+            write_film(self.path, episode.record, width=self.width, fps=self.fps, speed=self.speed, progress=progress)
+        return said_of(self.path)
 
 
 @dataclass(frozen=True)

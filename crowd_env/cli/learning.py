@@ -19,6 +19,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "train": "learn",
         "train-routing": "train_routing",
         "evaluate": "evaluate",
+        "show": "show",
         "submit": "submit",
         "export": "export",
     }

@@ -11,6 +11,7 @@ from rich.table import Table
 import crowd_env
 from crowd_env.cli.clogging import EXAMPLES as CLOGGING_EXAMPLES
 from crowd_env.cli.clogging import clog
+from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import AsJson, friendly_errors, progress_bar
 from crowd_env.cli.learning import WithLearning
 from crowd_env.cli.plan import plan
@@ -26,7 +27,6 @@ from crowd_env.scenarios import SCENARIOS, about
 app = typer.Typer(
     cls=WithLearning,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 
@@ -70,11 +70,15 @@ app.command("replay")(replay)
 
 @app.command()
 def warmup(
-    scheme: Annotated[list[str] | None, typer.Option(help="Contact scheme; may be repeated; default all.")] = None,
+    scheme: Annotated[
+        list[str] | None,
+        typer.Option(autocompletion=complete_from(SCHEMES), help="Contact scheme; may be repeated; default all."),
+    ] = None,
     manner: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
+            autocompletion=complete_from(MANNERS),
             help=f"Compile for people who walk in this manner: {', '.join(MANNERS)}; default competitive, "
             "all others share their kernels.",
         ),

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from crowd_env.analysis.plan_check import PlanCheck, check_plan, spot
 from crowd_env.cli.console import AsJson, check_picture, counted, friendly_errors, notes, progress_bar
-from crowd_env.cli.place import PLACES, Count, Exits, Unit, read_place
+from crowd_env.cli.place import PLACES, Count, Exits, Unit, complete_scenario, read_place
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.outline import room_of
 from crowd_env.plans.reading import read_plan
@@ -22,7 +22,9 @@ _SHOWN = 12  # rows of a kind in the table
 
 
 def plan(
-    place: Annotated[list[str], typer.Argument(help=f"{PLACES} Several make a sheet.")],
+    place: Annotated[
+        list[str], typer.Argument(autocompletion=complete_scenario, help=f"{PLACES} Several make a sheet.")
+    ],
     exit: Exits = None,
     unit: Unit = None,
     n: Count = None,

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
+from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import (
     OF_OUTPUT,
     OF_PEOPLE,
@@ -27,13 +28,26 @@ from crowd_env.cli.console import (
 )
 from crowd_env.cli.evacuations import evacuate
 from crowd_env.cli.figures_table import figures_table
+from crowd_env.cli.films import FilmFps, FilmSpeed, FilmWidth
 from crowd_env.cli.first_run import Film, FirstRun, ForceNetwork, Output, RecordingFile
-from crowd_env.cli.place import PLACES, Count, Exits, Radius, Speed, Starts, TimeLimit, Unit, read_place
+from crowd_env.cli.place import (
+    PLACES,
+    Count,
+    Exits,
+    Radius,
+    Speed,
+    Starts,
+    TimeLimit,
+    Unit,
+    complete_scenario,
+    read_place,
+)
 from crowd_env.cli.replay import Html
 from crowd_env.cli.results_folder import again, config_of, how_to_go_on, keep_in, open_folder, write_results
 from crowd_env.envs.rollout import Together
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, make_scheme
 from crowd_env.results.report import report
+from crowd_env.routing.strategies import STRATEGIES
 
 EXAMPLES = """Examples:
 
@@ -47,7 +61,7 @@ crowd-env run my_room.wkt --exit 5,2,5,3 --n 40 --out results
 
 def run(
     context: typer.Context,
-    scenario: Annotated[str, typer.Argument(help=PLACES)] = "room-v0",
+    scenario: Annotated[str, typer.Argument(help=PLACES, autocompletion=complete_scenario)] = "room-v0",
     exit: Exits = None,
     unit: Unit = None,
     n: Count = None,
@@ -60,6 +74,7 @@ def run(
         str,
         typer.Option(
             help="How people choose their way: shortest, nearest, fastest, comfortable, or a route or exit.",
+            autocompletion=complete_from(STRATEGIES),
             rich_help_panel=OF_PEOPLE,
         ),
     ] = "shortest",
@@ -67,11 +82,17 @@ def run(
         bool, typer.Option(" /--no-rules", help="Leave out the scenario's control rules.", rich_help_panel=OF_PEOPLE)
     ] = True,
     scheme: Annotated[
-        str, typer.Option(help="Contact scheme: " + ", ".join(SCHEMES) + ".", rich_help_panel=OF_PHYSICS)
+        str,
+        typer.Option(
+            help="Contact scheme: " + ", ".join(SCHEMES) + ".",
+            autocompletion=complete_from(SCHEMES),
+            rich_help_panel=OF_PHYSICS,
+        ),
     ] = "nsm2",
     social: Annotated[
         str | None,
         typer.Option(
+            autocompletion=complete_from(SOCIAL_FORCES),
             help=f"Social force: {', '.join(SOCIAL_FORCES)}; default the scheme's: hertz has one, others none.",
             rich_help_panel=OF_PHYSICS,
         ),
@@ -103,8 +124,16 @@ def run(
         ),
     ] = None,
     film: Annotated[
-        Path | None, typer.Option(help="Also film the first run: .gif or .mp4.", rich_help_panel=OF_OUTPUT)
+        Path | None,
+        typer.Option(
+            help="Also film the first run: .mp4 or .gif; of a name without suffix, or a folder, the smaller one that can be "
+            "written.",
+            rich_help_panel=OF_OUTPUT,
+        ),
     ] = None,
+    film_width: FilmWidth = None,
+    film_fps: FilmFps = None,
+    film_speed: FilmSpeed = None,
     html: Annotated[
         Path | None,
         typer.Option(help="Also make a web page that replays the first run: .html.", rich_help_panel=OF_OUTPUT),
@@ -155,7 +184,7 @@ def run(
     """Evacuate a place many times, everyone walking as the strategy says, and report how it went."""
     # Everything that can be made of the first run.
     possible: list[Output] = [
-        Film(film),
+        Film(film, film_width, film_fps, film_speed),
         Html(html),
         ForceNetwork(force_network, at, around),
         RecordingFile(record, record_contacts, every),

@@ -11,6 +11,7 @@ from crowd_env.state import Floats
 
 _DOT = 3.0  # px, discs smaller than this are dots without rim and heading
 _RIM, _RIM_WIDTH = 0.075, (0.8, 3.0)  # of the radius, and px
+_WIDE = 2.0  # times as wide are rims that have a color of their own
 _CHUNK = 2_000_000  # pixels of patches worked on at once
 
 
@@ -21,7 +22,7 @@ def put_discs(
     color: NDArray[np.uint8],
     heading: Floats | None = None,
     *,
-    rim: bool = True,
+    rim: NDArray[np.uint8] | bool | None = None,
 ) -> None:
     """Draw discs into ``image`` in place.
 
@@ -30,7 +31,7 @@ def put_discs(
     center, radius : (K, 2), (K,) px; a pixel's middle lies at (column + 0.5, row + 0.5).
     color : (K, 3).
     heading : (K, 2), unit vectors on the image of a tick; zero for none.
-    rim : draw rims, in a darker tone, around discs that are large enough.
+    rim : (K, 3) colors of rims, drawn wide; None draws them in a darker tone, False draws none.  Small discs have none.
     """
     height, width = image.shape[:2]
     half = np.ceil(radius) + 1
@@ -43,7 +44,8 @@ def put_discs(
     for start in range(0, len(rows), per_chunk):
         some = rows[start : start + per_chunk]
         ticks = None if heading is None else heading[some]
-        _put_some(image, center[some], radius[some], color[some], ticks, size, rim)
+        edges = rim[some] if isinstance(rim, np.ndarray) else rim
+        _put_some(image, center[some], radius[some], color[some], ticks, size, edges)
 
 
 def put_bodies(
@@ -54,6 +56,7 @@ def put_bodies(
     radius: Floats,
     angle: Floats,
     color: NDArray[np.uint8],
+    rim: NDArray[np.uint8] | None = None,
 ) -> None:
     """Draw bodies of several discs into ``image`` in place, with a dot where they face.
 
@@ -61,14 +64,17 @@ def put_bodies(
     ----------
     position, radius, angle : (K, 2), (K,) m, (K,) rad.
     color : (K, 3).
+    rim : (K, 3), colors of rims, drawn wide; default a darker tone.
     """
     center, size = outline.place_discs(position, radius, angle)
     count = size.shape[1]
     at, width = layout.pixels(center.reshape(-1, 2)), layout.scale * size.ravel()
-    edge = np.repeat(np.clip(_RIM * layout.scale * radius, *_RIM_WIDTH), count)
+    wide = 1.0 if rim is None else _WIDE
+    edge = np.repeat(wide * np.clip(_RIM * layout.scale * radius, *_RIM_WIDTH), count)
+    around = np.repeat(darker(color) if rim is None else rim, count, axis=0)
     paint = np.repeat(color, count, axis=0)
     large = np.repeat(layout.scale * radius >= _DOT, count)
-    put_discs(image, at[large], width[large], darker(paint[large]), rim=False)  # all rims lie below all bodies
+    put_discs(image, at[large], width[large], around[large], rim=False)  # all rims lie below all bodies
     put_discs(image, at, width - np.where(large, edge, 0.0), paint, rim=False)
     ahead = position + (0.35 * radius)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     seen = large[::count]
@@ -82,7 +88,7 @@ def _put_some(
     color: NDArray[np.uint8],
     heading: Floats | None,
     size: int,
-    rim: bool,
+    rim: NDArray[np.uint8] | bool | None,
 ) -> None:
     corner = np.floor(center).astype(np.int64) - size // 2  # (K, 2) px, of the patch around each
     middle = np.arange(size) + 0.5
@@ -93,9 +99,10 @@ def _put_some(
     cover = np.clip(r - distance + 0.5, 0.0, 1.0)
     fill = color.astype(np.float32)[:, None, None, :]
     paint = np.broadcast_to(fill, (*cover.shape, 3))
-    if rim and float(r.max()) >= _DOT:
-        dark = darker(color).astype(np.float32)[:, None, None, :]
-        edge = np.clip(_RIM * r, *_RIM_WIDTH) * (r >= _DOT)
+    if rim is not False and float(r.max()) >= _DOT:
+        own = isinstance(rim, np.ndarray)
+        dark = (rim if isinstance(rim, np.ndarray) else darker(color)).astype(np.float32)[:, None, None, :]
+        edge = (_WIDE if own else 1.0) * np.clip(_RIM * r, *_RIM_WIDTH) * (r >= _DOT)
         ink = np.clip(distance - (r - edge) + 0.5, 0.0, 1.0) * (r >= _DOT)
         if heading is not None:
             ink = np.maximum(ink, _tick(dx, dy, r, edge, heading.astype(np.float32)) * (r >= _DOT))

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env.rendering.discs import put_discs
-from crowd_env.rendering.palette import BACKGROUND, FAINT, INK, QUIET, SERIES, Color
+from crowd_env.rendering.palette import BACKGROUND, FAINT, INK, QUIET, SERIES, Color, group_color
 from crowd_env.rendering.recordings import Recording
-from crowd_env.rendering.text import Image, put_text, text_width
+from crowd_env.rendering.text import Image, put_text, shortened, text_width
 
 
 class EgressStrip:
@@ -20,10 +20,21 @@ class EgressStrip:
     width, margin : px.
     text : px, size of letters.
     end : s, right end of the time axis.
+    speed : seconds of the evacuations in one of the film; said unless it is 1.
     """
 
-    def __init__(self, recordings: Sequence[Recording], *, width: int, margin: int, text: float, end: float) -> None:
+    def __init__(
+        self,
+        recordings: Sequence[Recording],
+        *,
+        width: int,
+        margin: int,
+        text: float,
+        end: float,
+        speed: float = 1.0,
+    ) -> None:
         self.recordings = recordings
+        self.speed = speed
         self.end = max(end, 1e-6)
         self.size = 0.78 * text
         self.height = 2 * round(0.5 * float(np.clip(0.16 * width, 110.0, 150.0)) + 0.7 * text)
@@ -44,16 +55,21 @@ class EgressStrip:
             image[:, self.left : self.left + column][curve[:, :column]] = color
             x, y, count = self._x(until), self._y(int(recording.inside(until))), int(recording.inside(until))
             self._dot(image, x, y, color)
-            # The upper right corner is free: curves fall.
-            row = self.top + (1.0 + 1.5 * k) * self.size
             label = f"{count}" if time < recording.end or count else f"{recording.end:.1f} s"
             if several:
-                put_text(image, label, (self.right, row), self.size, color, side="right", bold=True)
-                end = self.right - text_width("00.0 s", self.size, bold=True) - 0.5 * self.size
-                put_text(image, recording.title, (end, row), self.size, color, side="right", bold=True)
+                self._put_label(image, k, recording.title, label)
             elif count:
                 put_text(image, label, (x + 0.9 * self.size, y - 0.4 * self.size), self.size, color, bold=True)
         return image
+
+    def _put_label(self, image: Image, k: int, title: str, label: str) -> None:
+        """Name the curve ``k`` above all curves, where none can strike a name out."""
+        room = (self.right - self._free) / len(self.recordings)
+        end, row, color = self.right - (len(self.recordings) - 1 - k) * room, 0.32 * self.top, SERIES[k % len(SERIES)]
+        put_text(image, label, (end, row), self.size, color, side="right", bold=True)
+        end -= text_width("000.0 s", self.size, bold=True) + 0.3 * self.size
+        name = shortened(title, end - self.right + (len(self.recordings) - k) * room - self.size, self.size)
+        put_text(image, name, (end, row), self.size, color, side="right", bold=True)
 
     def _x(self, time: float) -> float:
         return self.left + (self.right - self.left) * time / self.end
@@ -75,6 +91,13 @@ class EgressStrip:
             image[row, self.left : self.right + 1] = FAINT
             put_text(image, str(count), (self.left - 0.6 * self.size, row), self.size, QUIET, side="right")
         put_text(image, "people inside", (margin, 0.32 * self.top), self.size, INK)
+        self._free = margin + text_width("people inside", self.size) + round(self.size)
+        if self.speed != 1.0:
+            said = f"film: {self.speed:.3g}× real time"
+            put_text(image, said, (self._free, 0.32 * self.top), self.size, QUIET)
+            self._free += text_width(said, self.size) + round(self.size)
+        if len(self.recordings) == 1:
+            self._put_groups(image, self.recordings[0].groups)
         base = round(self._y(0))
         ticks = _ticks(self.end)
         for tick in ticks:
@@ -83,6 +106,16 @@ class EgressStrip:
             text = f"{tick:g} s" if tick == ticks[-1] else f"{tick:g}"
             put_text(image, text, (column, base + 1.0 * self.size + 4), self.size, QUIET, side="center")
         return image
+
+    def _put_groups(self, image: Image, names: Sequence[str]) -> None:
+        """Say in the line above the axes which color is which group, as far as there is room."""
+        for name, color in zip(names, group_color(range(len(names))).tolist(), strict=True):
+            width = text_width(name, self.size) + round(2.2 * self.size)
+            if self._free + width > self.right:
+                return
+            self._dot(image, self._free + 0.5 * self.size, 0.32 * self.top, color)
+            put_text(image, name, (self._free + 1.2 * self.size, 0.32 * self.top), self.size, QUIET)
+            self._free += width
 
     def _draw_curve(self, recording: Recording) -> NDArray[np.bool_]:
         """Return which pixels (height, columns from the left end) the whole curve covers."""

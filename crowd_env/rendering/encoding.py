@@ -16,6 +16,7 @@ from crowd_env.rendering.text import Image
 if TYPE_CHECKING:
     import PIL.Image
 
+_QUALITY = 5.5  # of an MP4, 10 is the best: CRF 22, at which flat areas and letters still look as they were drawn
 _FLAT = 32  # colors of a film that are kept as they are
 # Pillow looks the nearest color up for cells of 4 levels a channel, by a corner of the cell: a color that is kept loses to
 # none that differs by so much in one channel.
@@ -41,7 +42,7 @@ def write_mp4(path: Path, frames: Iterable[Image], fps: float) -> Path:
     size = (first.shape[1], first.shape[0])
     with written(path) as part:
         video = imageio_ffmpeg.write_frames(
-            str(part), size, fps=fps, codec="libx264", pix_fmt_out="yuv420p", macro_block_size=2, quality=7
+            str(part), size, fps=fps, codec="libx264", pix_fmt_out="yuv420p", macro_block_size=2, quality=_QUALITY
         )
         video.send(None)
         try:

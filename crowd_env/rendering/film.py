@@ -15,17 +15,23 @@ from crowd_env.rendering.recordings import Recording
 from crowd_env.rendering.text import Image
 
 _PANEL, _WIDEST = 480, 1280  # px, of one evacuation and of a film, if no width is asked for
+_SECONDS = 30.0  # s  that a film lasts at most, if no speed is asked for
+_FPS = 20.0  # 1/s, if no rate is asked for
+_GIF_FPS, _GIF_FRAMES = (
+    10.0,
+    300,
+)  # a GIF stores each frame whole where people walk: beyond so many the rate sinks so far
 
 
 def write_film(
     path: str | Path,
     recordings: Recording | Sequence[Recording],
     *,
-    fps: float = 20.0,
+    fps: float | None = None,
     width: int | None = None,
     max_seconds: float | None = None,
     hold: float = 1.5,
-    speed: float = 1.0,
+    speed: float | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Path:
     """Write the evacuations side by side under one clock and return the path.
@@ -35,26 +41,38 @@ def write_film(
     Parameters
     ----------
     path : ends in .gif, .mp4, or .png (then only the moment of most pressure is written).
-    fps : frames per second; a GIF counts in hundredths of a second, so that 30 becomes 33.3.
+    fps : frames per second; a GIF counts in hundredths of a second, so that 30 becomes 33.3.  Default 20; of a GIF that lasts
+        longer than 15 s as many as make about 300 frames, but at least 10.
     width : px of the whole film; default 480 an evacuation, at most 1280.
     max_seconds : s of the evacuations to show; default all.
     hold : s to rest on the last frame.
-    speed : how many seconds of the evacuations a second of the film shows.
+    speed : how many seconds of the evacuations a second of the film shows; default 1, or the whole number at which the film
+        lasts 30 s at most.  Unless it is 1 the picture says it.
     progress : called with the number of frames that have just been drawn, and of all frames.
 
     Raises
     ------
     ValueError
-        If the suffix is another, there is no recording, or ``fps`` or ``speed`` is not positive.
+        If the suffix is another, there is no recording, or ``width``, ``fps`` or ``speed`` is not positive.
     """
     path = check_suffix(path, tuple(FORMATS))
     films = _several(recordings)
     for name, value in (("fps", fps), ("speed", speed)):
-        if not value > 0:
+        if value is not None and not value > 0:
             raise ValueError(f"{name} is {value!r}; it must be > 0")
     end = max(film.end for film in films)
     end = end if max_seconds is None else min(end, max_seconds)
+    speed = default_speed(end) if speed is None else speed
+    if fps is None:
+        fps = _FPS
+        if path.suffix.lower() == ".gif":
+            fps = float(np.clip(_GIF_FRAMES * speed / max(end, 1e-9), _GIF_FPS, _FPS))
     return FORMATS[path.suffix.lower()](path, films, width, _Clock(end, fps, hold, speed, progress))
+
+
+def default_speed(end: float) -> float:
+    """Return how many seconds a second of a film shows of evacuations that end after ``end`` [s], if nothing is asked for."""
+    return float(max(1, np.ceil(end / _SECONDS)))
 
 
 class _Clock(NamedTuple):
@@ -69,13 +87,13 @@ class _Clock(NamedTuple):
 
 def _gif(path: Path, films: Sequence[Recording], width: int | None, clock: _Clock) -> Path:
     step = max(round(100.0 / clock.fps), 2) / 100.0
-    stage = _Stage(films, width, clock.end)
+    stage = _Stage(films, width, clock.end, clock.speed)
     sample = [stage.frame(part * clock.end) for part in np.linspace(0.0, 1.0, 9)]
     return write_gif(path, stage.frames(clock, step), step, sample)
 
 
 def _mp4(path: Path, films: Sequence[Recording], width: int | None, clock: _Clock) -> Path:
-    return write_mp4(path, _Stage(films, width, clock.end).frames(clock, 1.0 / clock.fps), clock.fps)
+    return write_mp4(path, _Stage(films, width, clock.end, clock.speed).frames(clock, 1.0 / clock.fps), clock.fps)
 
 
 def _png(path: Path, films: Sequence[Recording], width: int | None, clock: _Clock) -> Path:
@@ -131,7 +149,7 @@ def write_strip(path: str | Path, recording: Recording, times: Sequence[float], 
 class _Stage:
     """Places the panels and the curves of a film on one image."""
 
-    def __init__(self, recordings: Sequence[Recording], width: int | None, end: float) -> None:
+    def __init__(self, recordings: Sequence[Recording], width: int | None, end: float, speed: float = 1.0) -> None:
         count = len(recordings)
         width = min(_PANEL * count, _WIDEST) if width is None else width
         panel = 2 * (width // (2 * count))
@@ -143,7 +161,9 @@ class _Stage:
             for k, recording in enumerate(recordings)
         ]
         layout = self.renderers[0].layout
-        self.strip = EgressStrip(recordings, width=layout.width * count, margin=layout.margin, text=text, end=end)
+        self.strip = EgressStrip(
+            recordings, width=layout.width * count, margin=layout.margin, text=text, end=end, speed=speed
+        )
         self._plans = max(renderer.size[1] for renderer in self.renderers)
 
     def frame(self, time: float) -> Image:
@@ -184,6 +204,7 @@ def _panel(renderer: Renderer, recording: Recording, time: float, *, title: str,
         velocity=seen.velocity,
         angle=seen.angle,
         outline=recording.outline,
+        group=recording.group,
         title=title,
         clock=time if clock else None,
         inside=inside,

@@ -6,9 +6,9 @@ from numpy.typing import ArrayLike
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.outline import Outline
 from crowd_env.rendering.discs import put_bodies, put_discs
-from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, pressure_color
-from crowd_env.rendering.plan import Layout, draw_plan, fit, round_length
-from crowd_env.rendering.text import Image, put_text, text_width
+from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, group_color, pressure_color
+from crowd_env.rendering.plan import MAT, Layout, draw_plan, fit, round_length
+from crowd_env.rendering.text import Image, put_text, shortened, text_width
 from crowd_env.state import Floats
 
 _STANDING = 0.1  # m/s, slower than this nobody has a heading
@@ -48,6 +48,7 @@ class Renderer:
         self.geometry = geometry
         self.layout: Layout = fit(geometry, width, text=text)
         self._empty: Image = draw_plan(geometry, self.layout)
+        _put_exit_names(self._empty, geometry, self.layout)
         if scale_bar:
             _put_scale_bar(self._empty, self.layout)
         self._with_legend = self._empty.copy()
@@ -68,6 +69,7 @@ class Renderer:
         velocity: ArrayLike | None = None,
         angle: ArrayLike | None = None,
         outline: Outline | None = None,
+        group: ArrayLike | None = None,
         title: str = "",
         clock: float | None = None,
         inside: int | None = None,
@@ -83,6 +85,7 @@ class Renderer:
         color_value : (N,), how hard everyone is pressed: 0 to 1 is up to `FULL_PRESSURE`.  Without it all are calm.
         velocity : (N, 2) m/s, gives everyone who moves a heading.
         angle, outline : (N,) rad and the shape of bodies that are no discs; they show where they face.
+        group : (N,), which group everyone belongs to; rims are in its color.
         title : what is seen.
         clock : s.
         inside : number of people inside; default the number of active ones.
@@ -97,12 +100,13 @@ class Renderer:
         image = (self._empty if color_value is None or not legend else self._with_legend).copy()
         size = np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,))[drawn]
         color = pressure_color(value[drawn])
+        rim = None if group is None else group_color(np.asarray(group)[drawn])
         if outline is not None:
             facing = np.zeros(count) if angle is None else np.asarray(angle, dtype=np.float64)
-            put_bodies(image, self.layout, outline, position[drawn], size, facing[drawn], color)
+            put_bodies(image, self.layout, outline, position[drawn], size, facing[drawn], color, rim)
         else:
             heading = None if velocity is None else _headings(np.asarray(velocity, dtype=np.float64)[drawn])
-            put_discs(image, self.layout.pixels(position[drawn]), size * self.layout.scale, color, heading)
+            put_discs(image, self.layout.pixels(position[drawn]), size * self.layout.scale, color, heading, rim=rim)
         left = int(shown.sum()) if inside is None else inside
         self._put_header(image, title, clock, status or f"{left} of {count} inside", finished=left == 0)
         return image
@@ -117,7 +121,7 @@ class Renderer:
         small = 0.86 * size
         if title:
             room = end - x - size - text_width(status, small)
-            text = _shortened(title, room, size)
+            text = shortened(title, room, size)
             put_text(image, text, (x, y), size, INK, bold=True)
             x += text_width(text, size, bold=True) + 0.8 * size if text else 0.0
         put_text(image, status, (x, y), small, EXIT if finished else QUIET)
@@ -130,12 +134,22 @@ def _headings(velocity: Floats) -> Floats:
     return np.where(moving[:, None], unit, 0.0) * (1.0, -1.0)
 
 
-def _shortened(text: str, room: float, size: float) -> str:
-    if text_width(text, size, bold=True) <= room:
-        return text
-    while text and text_width(text + "…", size, bold=True) > room:
-        text = text[:-1]
-    return text.rstrip() + "…" if text else ""
+def _put_exit_names(image: Image, geometry: Geometry, layout: Layout) -> None:
+    """Write the names of exits, if there are several, outside of them along the wall."""
+    names = dict.fromkeys(geometry.exit_names)
+    if len(names) < 2:
+        return
+    size = 0.72 * layout.text
+    for name in names:
+        lines = [line for line, other in zip(geometry.exits, geometry.exit_names, strict=True) if other == name]
+        a, b = max(lines, key=lambda line: float(np.hypot(*(line[1] - line[0]))))
+        along = (b - a) / np.hypot(*(b - a))
+        outward = np.array([along[1], along[0]])  # y of pixels points down
+        at = layout.pixels(0.5 * (a + b)) + (layout.wall + MAT * layout.margin + 0.7 * size) * outward
+        upward = abs(outward[0]) > abs(outward[1])
+        half = 0.5 * np.array([size, text_width(name, size)] if upward else [text_width(name, size), size])
+        x, y = np.clip(at, half + 1, (layout.width, layout.height) - half - 1).tolist()
+        put_text(image, name, (x, y), size, EXIT, side="center", upward=bool(upward))
 
 
 def _put_legend(image: Image, layout: Layout) -> None:

@@ -44,3 +44,14 @@ def require_libraries(suffix: str) -> None:
     with drawing_library():
         for name in _NEEDED[suffix]:
             importlib.import_module(name)
+
+
+def film_suffix() -> str:
+    """Return what a film ends in if nothing is asked for: .mp4, which is smaller, or .gif where no encoder is installed."""
+    try:
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ModuleNotFoundError, RuntimeError):  # not installed, or its program is missing
+        return ".gif"
+    return ".mp4"

@@ -71,6 +71,8 @@ class FilmRecorder:
         people, outline = env.people(e), env.simulation.outline
         if len(angle) > 1:
             angle[0] = angle[1]  # people face their way from the first step on
+        parts = env.scenario_of_env[e].population.parts
+        several = len(parts) > 1
         return Recording(
             time=time,
             position=position,
@@ -83,6 +85,8 @@ class FilmRecorder:
             exit_time=env.simulation.state.exit_time[people].copy(),
             angle=None if outline is None else angle,
             outline=outline,
+            group=np.repeat(np.arange(len(parts)), [part.count for part in parts]) if several else None,
+            groups=tuple(part.name or f"group {k + 1}" for k, part in enumerate(parts)) if several else (),
         )
 
     def _keep(self, env: CrowdEnv) -> None:

@@ -50,6 +50,11 @@ def pressure_color(value: ArrayLike) -> NDArray[np.uint8]:
     return RAMP[np.rint(level * (len(RAMP) - 1)).astype(np.int64)]
 
 
+def group_color(group: ArrayLike) -> NDArray[np.uint8]:
+    """Return (..., 3) the colors of groups of people, by their numbers."""
+    return np.asarray(SERIES, dtype=np.uint8)[np.asarray(group, dtype=np.int64) % len(SERIES)]
+
+
 def darker(colors: ArrayLike, by: float = 0.22) -> NDArray[np.uint8]:
     """Return ``colors`` (..., 3) with their perceived lightness lowered."""
     lab = to_oklab(colors)

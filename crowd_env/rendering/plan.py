@@ -13,7 +13,7 @@ from crowd_env.state import Floats
 
 _WALL_THICKNESS = 0.11  # m, as drawn; walls of the model have none
 _THIN_WALL = 0.04  # m, walls that are touched from both sides
-_STEP = 0.3  # of the margin, how far the mat of an exit reaches beyond the wall
+MAT = 0.3  # of the margin, how far the mat of an exit reaches beyond the wall
 
 
 class Layout(NamedTuple):
@@ -35,22 +35,26 @@ class Layout(NamedTuple):
 
 
 def fit(geometry: Geometry, width: int, *, text: float | None = None) -> Layout:
-    """Return the layout of a frame ``width`` px wide; the height follows, but is at most about the width."""
+    """Return the layout of a frame ``width`` px wide; the height follows, but is at most about the width.
+
+    Where there are several exits, there is room for their names around the plan.
+    """
     width = max(2 * round(width / 2), 160)
     text = text or float(np.clip(width / 42.0, 10.0, 20.0))
     header, footer = round(2.6 * text), round(2.4 * text)
     min_x, min_y, max_x, max_y = geometry.bounds
     span_x, span_y = max(max_x - min_x, 1e-6), max(max_y - min_y, 1e-6)
     margin = round(0.03 * width)
-    room = width - 2 * margin
+    band = round(0.9 * text) if len(set(geometry.exit_names)) > 1 else 0
+    room = width - 2 * (margin + band)
     thick = _WALL_THICKNESS * room / max(span_x + 2 * _WALL_THICKNESS, span_y + 2 * _WALL_THICKNESS)
     wall = float(max(round(min(thick, 0.02 * width)), 3))
     scale = min((room - 2 * wall) / span_x, (room - 2 * wall) / span_y)
     scale = max(np.floor(scale * span_x), 1.0) / span_x  # a room's walls begin where pixels do
     plan_height = scale * span_y + 2 * wall
-    height = 2 * round(0.5 * (header + plan_height + footer))
+    height = 2 * round(0.5 * (header + plan_height + 2 * band + footer))
     origin_x = round(0.5 * (width - scale * span_x)) - scale * min_x
-    origin_y = header + wall + scale * max_y
+    origin_y = header + band + wall + scale * max_y
     return Layout(width, height, scale, (origin_x, origin_y), wall, text, margin, header, footer)
 
 
@@ -69,7 +73,7 @@ def draw_plan(geometry: Geometry, layout: Layout, samples: int = 4) -> Image:
     for hole in exit_areas(geometry):
         fill([hole], EXIT_MAT)
     for a, b in geometry.exits:
-        fill([_strip(a, b, 0.0, (layout.wall + _STEP * layout.margin) * pixel)], EXIT_MAT)
+        fill([_strip(a, b, 0.0, (layout.wall + MAT * layout.margin) * pixel)], EXIT_MAT)
     fill([*shells_of(geometry.walkable), *holes_of(geometry.walkable)], FLOOR)
     line = float(np.clip(0.35 * layout.wall, 2.0, 4.0)) * pixel
     for a, b in geometry.exits:

@@ -8,7 +8,7 @@ import numpy as np
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.outline import Outline
-from crowd_env.state import Bools, Floats
+from crowd_env.state import Bools, Floats, Ints
 
 
 class Moment(NamedTuple):
@@ -42,6 +42,8 @@ class Recording:
     exit_time: Floats | None = None  # (N,)  s  exact times; without them people leave at a sample; nan = did not
     angle: Floats | None = None  # (T, N)     rad    of bodies that are no discs
     outline: Outline | None = None  # their shape
+    group: Ints | None = None  # (N,)  which of ``groups``
+    groups: tuple[str, ...] = ()  # names of the groups of people, if there are several
 
     def __post_init__(self) -> None:
         times, people = len(self.time), len(self.radius)
@@ -60,6 +62,9 @@ class Recording:
                 )
         if times == 0 or not (np.diff(self.time) > 0).all():
             raise ValueError("a recording needs at least one time, and its times must increase")
+        shape = () if self.group is None else np.shape(self.group)
+        if self.groups and shape != (people,):
+            raise ValueError(f"group has shape {shape}; it needs {(people,)}")
         if self.exit_time is not None and np.shape(self.exit_time) != (people,):
             raise ValueError(f"exit_time has shape {np.shape(self.exit_time)}; it needs {(people,)}")
 

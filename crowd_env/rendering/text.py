@@ -24,6 +24,15 @@ def text_width(text: str, size: float, *, bold: bool = False) -> int:
     return text_mask(text, size, bold).shape[1]
 
 
+def shortened(text: str, room: float, size: float) -> str:
+    """Return ``text``, or as much of its beginning as fits into ``room`` [px] in bold letters."""
+    if text_width(text, size, bold=True) <= room:
+        return text
+    while text and text_width(text + "…", size, bold=True) > room:
+        text = text[:-1]
+    return text.rstrip() + "…" if text else ""
+
+
 def put_text(
     image: Image,
     text: str,
@@ -33,11 +42,16 @@ def put_text(
     *,
     side: Side = "left",
     bold: bool = False,
+    upward: bool = False,
 ) -> None:
-    """Write ``text`` into ``image`` in place, centered vertically on ``at`` = (x, y) [px] and horizontally by ``side``."""
+    """Write ``text`` into ``image`` in place, centered vertically on ``at`` = (x, y) [px] and horizontally by ``side``.
+
+    ``upward`` turns it by a right angle, so that it is read from below.
+    """
     if not text:
         return
     mask = text_mask(text, size, bold)
+    mask = np.rot90(mask) if upward else mask
     height, width = mask.shape
     x = round(at[0] - {"left": 0.0, "center": 0.5 * width, "right": width}[side])
     y = round(at[1] - 0.5 * height)

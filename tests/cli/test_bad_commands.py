@@ -185,7 +185,11 @@ CASES = [
     ("run cut.toml", "region 'cell' part that no exit reaches"),
     # pictures and folders
     ("run --film out.avi", "out.avi .gif .mp4"),
-    ("run --film out", "out .gif .mp4"),
+    ("run --film none/out", "--film no folder"),
+    ("run --film out.gif --film-width 10", "--film-width 160 3840"),
+    ("run --film out.gif --film-fps 0", "--film-fps above 0"),
+    ("run --film out.gif --film-speed nan", "--film-speed > 0"),
+    ("run --film-speed 2", "--film-speed --film"),
     ("run --film none/out.gif", "--film no folder"),
     ("run --film folder.gif", "--film folder.gif folder"),
     ("run --film good.toml/out.gif", "--film not a folder"),

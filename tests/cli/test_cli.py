@@ -121,6 +121,15 @@ def test_the_first_run_can_be_filmed(folder):
     assert json.loads(result.stdout)["people"] == 2
 
 
+def test_a_film_without_a_suffix_is_of_the_format_that_can_be_written(folder, monkeypatch):
+    (folder / "films").mkdir()
+    assert call("run --n 2 --runs 1 --film first").exit_code == 0 and (folder / "first.mp4").exists()
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    result = call("run --n 2 --runs 1 --film films --film-width 320 --film-fps 5 --film-speed 2")
+    assert result.exit_code == 0 and (folder / "films" / "film.gif").exists()
+    assert "MP4 needs imageio-ffmpeg" in result.stderr
+
+
 # ------------------------------------------------------------------------------------------------------ the other ones
 
 

@@ -15,8 +15,9 @@ from crowd_env.rendering import (
     write_still,
     write_strip,
 )
+from crowd_env.rendering.egress import EgressStrip
 from crowd_env.rendering.encoding import write_gif
-from crowd_env.rendering.palette import BACKGROUND, EXIT_MAT, FLOOR, WALL
+from crowd_env.rendering.palette import BACKGROUND, EXIT_MAT, FLOOR, WALL, group_color
 
 PIL_Image = pytest.importorskip("PIL.Image")
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
@@ -77,6 +78,17 @@ def test_gif_lasts_as_long_as_the_evacuation_and_is_small(tmp_path):
         assert shown == pytest.approx(1000 * (4.0 + 1.0 + 0.05))
         assert film.size[0] == 480
     assert [file.name for file in tmp_path.iterdir()] == ["room.gif"]  # no temporary file is left
+
+
+def test_a_long_evacuation_runs_faster_and_the_picture_says_so(tmp_path):
+    film = replace(recording(end=4.0, finish=False), time=np.linspace(0.0, 100.0, 41))
+    drawn = []
+    write_film(tmp_path / "a.gif", film, width=200, hold=0.0, progress=lambda count, of: drawn.append(of))
+    assert drawn == [313] * 313  # 25 s at 4 times the speed, a frame in 0.08 s
+    options = {"width": 400, "margin": 10, "text": 14.0, "end": 100.0}
+    real, fast = (EgressStrip([film], speed=speed, **options).draw(0.0) for speed in (1.0, 4.0))
+    words = (real != fast).any(axis=-1)
+    assert words.any() and not words[30:].any()  # in the line above the axes
 
 
 def test_gif_keeps_flat_colors(tmp_path):
@@ -166,6 +178,22 @@ def test_films_need_recordings_and_a_rate(tmp_path):
         write_film(tmp_path / "a.gif", [])
     with pytest.raises(ValueError, match="fps"):
         write_film(tmp_path / "a.gif", recording(), fps=0.0)
+    with pytest.raises(ValueError, match="speed"):
+        write_film(tmp_path / "a.gif", recording(), speed=-1.0)
+
+
+def test_groups_have_rims_and_names_in_their_colors(tmp_path):
+    film = recording(people=12)
+    groups = replace(film, group=np.arange(12) % 2, groups=("quick", "slow"))
+    path = write_still(tmp_path / "groups.png", groups, 0.5)
+    image, plain = (
+        np.asarray(PIL_Image.open(one)).astype(int) for one in (path, write_still(tmp_path / "a.png", film, 0.5))
+    )
+    for color in group_color([0, 1]).astype(int):
+        near, before = (np.abs(one - color).sum(axis=-1) < 12 for one in (image, plain))
+        assert near.sum() > before.sum() + 30
+    with pytest.raises(ValueError, match="group has shape"):
+        replace(groups, group=None)
 
 
 # ------------------------------------------------------------------------------------------------------------- figures

@@ -263,3 +263,19 @@ def test_a_missing_library_is_named_with_what_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(ModuleNotFoundError, match=r"pygame.*: pip install pygame matplotlib pillow imageio-ffmpeg"):
         Window().show(np.zeros((60, 80, 3), dtype=np.uint8))
+
+
+def test_several_exits_have_their_names_beside_them_and_a_single_one_has_none():
+    room, door = box(0, 0, 8, 5), [(8, 2), (8, 3)]
+    frames = {}
+    for names in (("west", "east"), ("out", "out")):
+        exits = dict.fromkeys(names)
+        exits[names[0]] = [(0, 3), (0, 2)]
+        exits[names[1]] = door if names[0] != names[1] else exits[names[0]]
+        geometry = Geometry.from_polygon(room, exits=exits)
+        renderer = Renderer(geometry, width=480)
+        image = renderer.frame(np.zeros((0, 2)), [], inside=1).astype(int)
+        left, top = renderer.layout.pixels((0.0, 3.5)).astype(int)
+        beside = image[top : top + round(2 * renderer.layout.scale), 2 : left - 10]
+        frames[names[0]] = (np.abs(beside - EXIT).sum(axis=-1) < 60).any()
+    assert frames == {"west": True, "out": False}
