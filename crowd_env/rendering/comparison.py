@@ -31,6 +31,12 @@ class Share(NamedTuple):
     high: float
 
 
+def literal(label: str) -> str:
+    """Return a text in which a dollar is no formula, and that a legend leaves out in no case."""
+    text = label.replace("$", r"\$")
+    return f" {text}" if text.startswith("_") else text
+
+
 def egress_bands(path: str | Path, bands: Mapping[str, Band]) -> Path:
     """Draw how many people are inside against time, a line and a band for each label, and return the path.
 
@@ -54,7 +60,7 @@ def egress_bands(path: str | Path, bands: Mapping[str, Band]) -> Path:
         time[-1] = max(end, time[-2])
         axes.fill_between(time, low, high, step="post", color=series(k), alpha=0.16, linewidth=0)
         style = ("-", (0, (5, 2)), (0, (1, 1.3)), (0, (6, 2, 1, 2)))[k % 4]  # also told apart in black and white
-        axes.step(time, mean, where="post", color=series(k), linewidth=2.0, linestyle=style, label=_plain(label))
+        axes.step(time, mean, where="post", color=series(k), linewidth=2.0, linestyle=style, label=literal(label))
     axes.set_xlim(0.0, end)
     axes.set_ylim(0.0, 1.04 * max(float(band.high.max()) for band in bands.values()))
     axes.locator_params(axis="y", integer=True)
@@ -85,20 +91,14 @@ def share_bars(path: str | Path, shares: Mapping[str, Mapping[str, Share]], exit
         rows = [row for row, name in enumerate(exits) if name in of_exit]
         found = 100.0 * np.nan_to_num(np.array([of_exit[exits[row]] for row in rows]).reshape(-1, 3), nan=np.nan)
         at = np.array(rows) + (k - 0.5 * (len(shares) - 1)) * thick
-        axes.barh(at, np.nan_to_num(found[:, 0]), 0.86 * thick, color=series(k), alpha=0.75, label=_plain(label))
+        axes.barh(at, np.nan_to_num(found[:, 0]), 0.86 * thick, color=series(k), alpha=0.75, label=literal(label))
         around = np.abs(np.nan_to_num(found[:, 1:] - found[:, :1]))
         axes.errorbar(found[:, 0], at, xerr=around.T, fmt="none", ecolor=hex_of(INK), elinewidth=1.1, capsize=2.5)
-    axes.set_yticks(range(len(exits)), labels=[_plain(name) for name in exits])
+    axes.set_yticks(range(len(exits)), labels=[literal(name) for name in exits])
     axes.set_ylim(len(exits) - 0.5, -0.5)
     axes.set_xlim(0.0, 100.0)
     _legend(figure)
     return save_figure(figure, path)
-
-
-def _plain(label: str) -> str:
-    """Return a text in which a dollar is no formula, and that a legend leaves out in no case."""
-    text = label.replace("$", r"\$")
-    return f" {text}" if text.startswith("_") else text
 
 
 def _legend(figure: Any) -> None:

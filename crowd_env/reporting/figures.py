@@ -1,16 +1,20 @@
 """The sections of a report that show something: the plan as it was understood, and what came out."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import zip_longest
 from typing import Any
 
 from crowd_env.analysis.plan_check import PlanCheck, check_plan, spot
 from crowd_env.outline import room_of
-from crowd_env.rendering.comparison import Band, Share, egress_bands, share_bars
+from crowd_env.rendering.comparison import Band, Share, egress_bands, literal, share_bars
+from crowd_env.rendering.heat import heat_maps
 from crowd_env.rendering.sheet import draw_sheet
 from crowd_env.reporting.differences import COMPARED
+from crowd_env.reporting.maps import Measured, Worst, heat_of
 from crowd_env.reporting.markup import Drawer, bullets, heading, paragraph, picture, section, table
 from crowd_env.reporting.runs import Runs
 from crowd_env.results.egress import QUANTILES, egress
+from crowd_env.results.measurements import INJURY, REACH
 
 _LOW, _HIGH = QUANTILES.index(0.05), QUANTILES.index(0.95)
 
@@ -90,6 +94,42 @@ def results(runs: Sequence[Runs], minus_first: Sequence[Mapping[str, Any]], draw
     return section("Results", *parts)
 
 
+def maps(runs: Sequence[Runs], found: Sequence[Measured], drawer: Drawer) -> str:
+    """Return the section on where it was crowded, and where people pressed each other; nothing if it was not measured."""
+    if not found:
+        return ""
+    parts = [
+        paragraph(
+            "In each cell the largest value of any moment of the runs that were made again for this. Density: people within "
+            f"{REACH:g} m over the area of that disc. Pressure: contact force on a person over the circumference of the body, "
+            f"mean of one decision; beyond {INJURY:g} N/m people are taken for injured in Helbing, Farkas, Vicsek 2000 (Nature "
+            "407:487). Forces are those of the contact scheme and were not held against measured ones.",
+            "small",
+        )
+    ]
+    for one, measured in zip(runs, found, strict=True):
+        again = "1 run" if measured.runs == 1 else f"{measured.runs} runs"
+        came = "came out as before, to the last bit" if measured.same else "did NOT come out as before"
+        heat_maps(drawer.path, one.scenario.geometry, heat_of(measured, found), title=literal(one.name))
+        caption = (
+            f"{one.name}: {again} made again from their seeds; they {came}. All maps of a kind have the same colors."
+        )
+        parts.append(picture(drawer.taken(), f"Maps of {one.name}", caption, "maps"))
+        rows = [
+            (k + 1, *(_spot(pair, unit) for pair, unit in zip(pairs, ("people/m²", "N/m"), strict=True)))
+            for k, pairs in enumerate(zip_longest(measured.densest, measured.hardest))
+        ]
+        parts.append(table(rows, ("worst places", "density", "pressure"), kind="numbers"))
+    return section("Where it was crowded, and where people pressed", *parts)
+
+
+def _spot(place: Worst | None, unit: str) -> str:
+    if place is None:
+        return "–"
+    value = f"{place.value:.1f}" if unit == "people/m²" else f"{place.value:.0f}"
+    return f"{value} {unit} at ({place.x:.1f}, {place.y:.1f}) m, {place.distance:.1f} m from exit {place.exit}"
+
+
 def _curves(runs: Sequence[Runs], drawer: Drawer) -> str:
     bands = {}
     for one in runs:
@@ -124,6 +164,8 @@ def _share(figure: Mapping[str, Any]) -> Share:
 def _exit(found: Mapping[str, Any] | None) -> str:
     if found is None or found["share"]["mean"] is None:
         return "–"
+    if not found["share"]["sd"]:  # an interval of no width would claim too much
+        return f"{100 * found['share']['mean']:.1f} % in every run"
     low, high = found["share"]["ci95"]
     interval = "" if low is None else f" ({100 * max(low, 0.0):.1f} to {100 * min(high, 1.0):.1f})"
     return f"{100 * found['share']['mean']:.1f} %{interval}"
@@ -139,7 +181,7 @@ def _differences(minus_first: Sequence[Mapping[str, Any]]) -> list[str]:
         parts.append(
             paragraph(
                 "Paired, run by run on the same people in the same places (common random numbers), with the 95 % interval of "
-                "the mean difference. An interval that holds 0 shows no difference.",
+                "the mean difference. An interval that holds 0 shows no clear difference.",
                 "small",
             )
         )
@@ -163,7 +205,7 @@ def _time(name: str, unit: str) -> Callable[[Mapping[str, Any]], str]:
         if found["sd"] is None:
             return f"{found['mean']:.2f} {unit}"
         low, high = found["ci95"]
-        return f"{found['mean']:.2f} ({low:.2f} to {high:.2f}) {unit}, ± {found['sd']:.2f}"
+        return f"{found['mean']:.2f} ({low:.2f} to {high:.2f}) {unit}\n± {found['sd']:.2f} {unit}"
 
     return words
 

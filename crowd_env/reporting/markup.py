@@ -9,13 +9,16 @@ from typing import Any
 
 
 def table(rows: Iterable[Sequence[Any]], head: Sequence[Any] = (), *, kind: str = "") -> str:
-    """Return a table; the first cell of a row is its head.  ``kind`` is a class of the style sheet."""
+    """Return a table; the first cell of a row is its head, and one cell stands for columns that all say
+    alike, unless there is a kind.
+
+    ``kind`` is a class of the style sheet, such as that of figures, which stand in their own columns.
+    """
     top = (
         "<thead><tr>" + "".join(f'<th scope="col">{_cell(one)}</th>' for one in head) + "</tr></thead>" if head else ""
     )
     body = "".join(
-        f'<tr><th scope="row">{_cell(row[0])}</th>' + "".join(f"<td>{_cell(one)}</td>" for one in row[1:]) + "</tr>"
-        for row in rows
+        f'<tr><th scope="row">{_cell(row[0])}</th>' + _cells(row[1:], merged=not kind) + "</tr>" for row in rows
     )
     return f'<div class="wide"><table class="{escape(kind)}">{top}<tbody>{body}</tbody></table></div>'
 
@@ -70,6 +73,12 @@ class Drawer:
 
     def __exit__(self, *error: object) -> None:
         self._folder.cleanup()
+
+
+def _cells(values: Sequence[Any], *, merged: bool) -> str:
+    if merged and len(values) > 1 and len(set(values)) == 1:
+        return f'<td colspan="{len(values)}">{_cell(values[0])}</td>'
+    return "".join(f"<td>{_cell(one)}</td>" for one in values)
 
 
 def _cell(value: Any) -> str:

@@ -11,12 +11,15 @@ import crowd_env
 from crowd_env.files.atomic import check_suffix, write_text
 from crowd_env.reporting.assumptions import assumptions, limits, population, provenance
 from crowd_env.reporting.differences import differences
-from crowd_env.reporting.figures import place, results
+from crowd_env.reporting.figures import maps, place, results
+from crowd_env.reporting.maps import Measured
 from crowd_env.reporting.markup import Drawer, bullets
 from crowd_env.reporting.runs import Runs, remarks_on
 
 
-def write_report(path: str | Path, runs: Sequence[Runs], *, title: str | None = None) -> Path:
+def write_report(
+    path: str | Path, runs: Sequence[Runs], *, measured: Sequence[Measured] = (), title: str | None = None
+) -> Path:
     """Write one HTML page about the runs of one or several folders, and return its path.
 
     The page needs no network and no script; it can be printed.
@@ -25,6 +28,7 @@ def write_report(path: str | Path, runs: Sequence[Runs], *, title: str | None = 
     ----------
     path : ends in .html.
     runs : of `crowd_env.reporting.runs.load_runs`; differences are to the first.
+    measured : of `crowd_env.reporting.maps.measure`, one for each folder; none = no maps.
     title : by default the names of the places.
 
     Raises
@@ -43,6 +47,7 @@ def write_report(path: str | Path, runs: Sequence[Runs], *, title: str | None = 
             population(runs),
             assumptions(runs),
             results(runs, differences(runs), drawer),
+            maps(runs, measured, drawer),
             limits(runs),
             provenance(runs),
         ]

@@ -14,7 +14,9 @@ from crowd_env.cli.main import app
 from crowd_env.cli.report import place_of
 from crowd_env.reporting.differences import differences
 from crowd_env.reporting.limits import limits_of, validation_map
+from crowd_env.reporting.maps import _worst, measure
 from crowd_env.reporting.runs import load_runs
+from crowd_env.results.measurements import CELL, grid_over
 
 EVIL = "<script>alert(1)</script>"
 PLAN = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
@@ -71,7 +73,17 @@ def test_the_page_needs_nothing_else_and_shows_every_section(page: Path) -> None
     found = Parsed(page)
     assert "script" not in found.tags and "link" not in found.tags
     assert found.sources and all(source.startswith("data:image/png;base64,") for source in found.sources)
-    for heading in ("The plan", "Population", "Assumptions", "Results", "Egress", "Exits", "Limits", "Versions"):
+    for heading in (
+        "The plan",
+        "Population",
+        "Assumptions",
+        "Results",
+        "Egress",
+        "Exits",
+        "crowded",
+        "Limits",
+        "Versions",
+    ):
         assert heading in found.text
     assert "Do not size a building with it." in found.text
     assert "crowd-env run --config" in found.text
@@ -79,9 +91,10 @@ def test_the_page_needs_nothing_else_and_shows_every_section(page: Path) -> None
 
 def test_the_figures_are_those_of_the_folders(folders: Path) -> None:
     words = ("report", folders / "nearest", folders / "shortest", "-o", folders / "figures.html", "--json")
-    code, out, _ = command(*words)
+    code, out, _ = command(*words, "--no-maps")
     assert code == 0
     found = json.loads(out)
+    assert found["maps"] == []
     for one in found["runs"]:
         summary = json.loads((folders / one["name"] / "summary.json").read_text("utf-8"))
         assert {key: one[key] for key in summary} == summary
@@ -105,6 +118,30 @@ def test_pairs_have_a_shorter_interval_only_where_the_draws_are_the_same(folders
     assert "other people" in differences([nearest, fatter])[0]["why_not"]
 
 
+def test_the_maps_are_of_the_same_runs_made_again(folders: Path) -> None:
+    (nearest,) = load_runs([folders / "nearest"], place_of)
+    found = measure(nearest, 2)
+    assert found.runs == 2 and found.same
+    assert found.density.shape == found.pressure.shape == found.grid.shape
+    assert found.densest[0].value <= found.density.max()
+    values = [place.value for place in found.densest]
+    assert values == sorted(values, reverse=True)
+    changed = nearest._replace(episodes=[one._replace(exit_time=one.exit_time + 1e-12) for one in nearest.episodes])
+    assert not measure(changed, 1).same
+
+
+def test_worst_places_are_peaks_and_not_the_slopes_beside_them(folders: Path) -> None:
+    (nearest,) = load_runs([folders / "nearest"], place_of)
+    geometry = nearest.scenario.geometry
+    grid = grid_over(geometry)
+    rows, columns = np.indices(grid.shape)
+    x, y = (low + CELL * (at + 0.5) for low, at in zip(grid.origin, (columns, rows), strict=True))
+    cones = [height - 0.5 * np.hypot(x - 4.0, y - at) for height, at in ((3.0, 3.0), (2.0, 9.0))]
+    one, other = _worst(geometry, grid, np.maximum(np.maximum(*cones), 0.0))
+    assert np.hypot(one.x - 4.0, one.y - 3.0) < CELL and np.hypot(other.x - 4.0, other.y - 9.0) < CELL
+    assert one.exit == "west" and one.distance == pytest.approx(5.0, abs=CELL)  # to (0, 6)
+
+
 def test_no_name_becomes_markup(tmp_path: Path) -> None:
     home = tmp_path / EVIL.replace("/", "")
     home.mkdir()
@@ -114,7 +151,7 @@ def test_no_name_becomes_markup(tmp_path: Path) -> None:
     assert command(*runs, "--out", home / "<b>one")[0] == 0
     assert command(*runs, "--out", home / "_$two")[0] == 0
     page = tmp_path / "report.html"
-    code, _, said = command("report", home / "<b>one", home / "_$two", "-o", page, "--title", EVIL)
+    code, _, said = command("report", home / "<b>one", home / "_$two", "-o", page, "--title", EVIL, "--no-maps")
     assert code == 0, said
     found = Parsed(page)
     assert not {"script", "b"} & set(found.tags)
@@ -129,7 +166,7 @@ def test_an_unfinished_folder_and_another_version_are_said(folders: Path, tmp_pa
         (copy / name).write_text((folders / "nearest" / name).read_text("utf-8"), "utf-8")
     config = json.loads((copy / "config.json").read_text("utf-8"))
     (copy / "config.json").write_text(json.dumps({**config, "runs": 50, "version": "0.0.9"}), "utf-8")
-    code, _, said = command("report", copy, "-o", tmp_path / "report.html")
+    code, _, said = command("report", copy, "-o", tmp_path / "report.html", "--no-maps")
     assert code == 0
     assert "3 of 50 runs were finished" in said and "by version 0.0.9" in said
     assert "3 of 50 runs were finished" in Parsed(tmp_path / "report.html").text
