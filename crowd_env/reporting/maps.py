@@ -15,6 +15,7 @@ from crowd_env.state import Floats
 
 _PLACES = 5  # that are named of each map
 _APART = 2.0  # m, between two of them
+_LEAST = 0.25  # of the largest value: what is less is not among the worst
 
 
 class Worst(NamedTuple):
@@ -99,7 +100,10 @@ def heat_of(found: Measured, every: Sequence[Measured]) -> list[HeatMap]:
 
 
 def _worst(geometry: Geometry, grid: Grid, values: Floats) -> list[Worst]:
-    """Return the places on the plan whose value nothing within `_APART` along x and y exceeds, the largest first."""
+    """Return the places on the plan whose value nothing within `_APART` along x and y exceeds, the largest first.
+
+    Places with less than a quarter of the largest value are left out.
+    """
     rows, columns = np.indices(grid.shape)
     points = np.asarray(grid.origin) + CELL * (np.stack([columns, rows], axis=-1).reshape(-1, 2) + 0.5)
     inside = np.where(geometry.contains(points).reshape(grid.shape), values, 0.0)
@@ -108,7 +112,8 @@ def _worst(geometry: Geometry, grid: Grid, values: Floats) -> list[Worst]:
     for axis in (0, 1):
         pad = [(reach, reach) if k == axis else (0, 0) for k in (0, 1)]
         around = sliding_window_view(np.pad(around, pad), 2 * reach + 1, axis=axis).max(axis=-1)
-    left = np.where(inside >= around, inside, 0.0).ravel()
+    worth = (inside >= around) & (inside >= _LEAST * inside.max(initial=0.0))
+    left = np.where(worth, inside, 0.0).ravel()
     middles = geometry.exits.mean(axis=1)
     found: list[Worst] = []
     while len(found) < _PLACES and left.max(initial=0.0) > 0.0:
