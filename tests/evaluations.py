@@ -8,11 +8,11 @@ from typer.testing import CliRunner
 from agents import evaluate as command
 from agents.evaluation.entries import make_entries
 from agents.evaluation.evaluation import evaluate_driver
-from agents.evaluation.measurements import MeasurementRecorder
 from agents.networks import MLP
 from agents.trained import LearnedPolicy
 from crowd_env import ControlRule, CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform
 from crowd_env.geometry.geometry import box
+from crowd_env.results.measurements import MeasurementRecorder
 
 NAMES = ("shortest", "nearest", "fastest", "west", "rules", "random", "stand-still")
 

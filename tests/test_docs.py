@@ -102,7 +102,7 @@ def test_commands_run(command, monkeypatch, tmp_path):
             words[1] = "lin-fig4"
         if words[1].startswith("lin"):
             words += ["--workers", "1"]
-    if words[0] in ("warmup", "replay"):  # what is replayed was recorded by the command above
+    if words[0] in ("warmup", "replay", "report"):  # what is shown was made by the commands above
         words = [words[0], "--help"]
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output

@@ -12,12 +12,12 @@ from crowd_env.executors import Executor, Serial, WorkerDied
 from crowd_env.files.json_file import json_number
 from crowd_env.headway import Manner
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
+from crowd_env.results.measurements import Measured, MeasurementRecorder
 from crowd_env.results.report import column, figures_of, named
 from crowd_env.state import Bools, Floats
 
 from ..drivers import PolicyBatches, learned_people, policy_driver
 from ..policy import Policy
-from .measurements import Measured, MeasurementRecorder
 
 # Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.
 HELD_OUT_SEED = 1_000_000
@@ -76,7 +76,7 @@ class Evaluation:
         """Return the figures as one JSON row, in SI units; impulse and way are means per person.
 
         ``crushed_share`` is of the people who at any time bore more than 1600 N/m, ``crushed_time`` how long these did, see
-        `agents.evaluation.measurements.INJURY`; ``hurry`` is the largest of anyone's mean speed over the own desired speed.
+        `crowd_env.results.measurements.INJURY`; ``hurry`` is the largest of anyone's mean speed over the own desired speed.
 
         ``evacuation_time`` is over the runs in which everyone got out, ``mean_exit_time`` over the people who did.  Policies
         are compared by `agents.evaluation.comparison`, which counts everybody.
@@ -220,7 +220,7 @@ def evaluate_cells(
 
     Parameters
     ----------
-    measure : take a sample every decision step, see `agents.evaluation.measurements`.
+    measure : take a sample every decision step, see `crowd_env.results.measurements`.
     executor : simulates the batches, by default one after the other here.
     finished : called with the number of a cell and its evaluation, as soon as all of its runs have ended.
     progress : called with the number of runs that have just finished.

@@ -15,6 +15,7 @@ from crowd_env.files.fingerprint import fingerprint
 from crowd_env.files.json_file import read_json, write_json
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
+from crowd_env.results.measurements import CELL, Grid, Maps, Measured, RunMeasurements
 
 from ..networks import network_digest
 from ..tasks.task import Task
@@ -22,7 +23,6 @@ from .comparison import last_times
 from .entries import Entry
 from .evaluation import Evaluation
 from .fingerprint import source_stamp
-from .measurements import CELL, Grid, Maps, Measured, RunMeasurements
 
 _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"

@@ -16,6 +16,7 @@ from crowd_env.cli.console import AsJson, friendly_errors, progress_bar
 from crowd_env.cli.learning import WithLearning
 from crowd_env.cli.plan import plan
 from crowd_env.cli.replay import replay
+from crowd_env.cli.report import report
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.run import EXAMPLES as RUN_EXAMPLES
 from crowd_env.cli.run import run
@@ -66,6 +67,7 @@ def list_names(as_json: AsJson = False) -> None:
 
 app.command()(plan)
 app.command("replay")(replay)
+app.command("report")(report)
 
 
 @app.command()

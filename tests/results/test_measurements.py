@@ -7,8 +7,8 @@ import pytest
 from evaluations import SMALL, hall, recorded, run
 
 from agents.evaluation.evaluation import Evaluation
-from agents.evaluation.measurements import CELL, REACH, most_within
 from crowd_env.rendering.heat import HeatMap, heat_figure, heat_maps
+from crowd_env.results.measurements import CELL, REACH, most_within
 
 
 @pytest.mark.parametrize("scheme", ["dem", "nsm1", "nsm2", "hertz"])

@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env import CrowdEnv, Geometry, Step, contact_pressure
+from crowd_env.analysis.pressure import contact_pressure
+from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.rollout import Episode
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.state import Bools, Floats, Ints, as_grid
 
 REACH = 1.0  # m  the density at a point: the number of people within this distance, over the area of the disc

@@ -1,0 +1,113 @@
+"""The command ``crowd-env report``."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from crowd_env.cli.console import (
+    OF_OUTPUT,
+    AsJson,
+    check_picture,
+    check_place,
+    friendly_errors,
+    notes,
+    progress_bar,
+    with_manner,
+)
+from crowd_env.cli.place import read_place
+from crowd_env.files.atomic import check_suffix
+from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.reporting.differences import differences
+from crowd_env.reporting.maps import Measured, measure
+from crowd_env.reporting.runs import Runs, load_runs, remarks_on
+from crowd_env.scenarios.scenario import Scenario
+
+
+def report(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR...", help="Folders of crowd-env run --out; several are compared, with the first."),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Page to write, .html.", rich_help_panel=OF_OUTPUT)] = Path(
+        "report.html"
+    ),
+    title: Annotated[
+        str | None, typer.Option(help="Title of the page; default the place.", rich_help_panel=OF_OUTPUT)
+    ] = None,
+    maps: Annotated[
+        bool,
+        typer.Option(
+            " /--no-maps", help="Leave out the maps, for which runs are made again.", rich_help_panel=OF_OUTPUT
+        ),
+    ] = True,
+    map_runs: Annotated[
+        int,
+        typer.Option(help="Runs of each folder that are made again for the maps.", min=1, rich_help_panel=OF_OUTPUT),
+    ] = 5,
+    as_json: AsJson = False,
+) -> None:
+    """Make one web page to hand in: plan, people, assumptions, results with intervals, comparison, limits of validity.
+
+    Examples: crowd-env run two-exit-hall-v0 --runs 20 --strategy nearest --out nearest
+
+    crowd-env run two-exit-hall-v0 --runs 20 --strategy fastest --out fastest
+
+    crowd-env report nearest fastest -o report.html
+    """
+    with friendly_errors():
+        check_suffix(out, (".html",))
+        check_place("--out", out)
+        check_picture("--out", out.with_suffix(".png"), (".png",))  # the libraries that draw
+        runs = load_runs(folders, place_of)
+        for remark in remarks_on(runs):
+            notes.print(f"note: {remark}", style="yellow", markup=False, soft_wrap=True)
+        measured = _measured(runs, map_runs) if maps else []
+        from crowd_env.reporting.page import write_report
+
+        written = write_report(out, runs, measured=measured, title=title)
+    if as_json:
+        found = [{"name": one.name, "folder": str(one.folder), **one.figures} for one in runs]
+        figures = {"runs": found, "differences": differences(runs), "maps": [one.as_json() for one in measured]}
+        typer.echo(json.dumps({"report": str(written), **figures}))
+        return
+    notes.print(f"report: {written} ({written.stat().st_size / 1e3:.0f} kB)", markup=False, soft_wrap=True)
+
+
+def _measured(runs: Sequence[Runs], most: int) -> list[Measured]:
+    """Return the maps of every folder, under a bar."""
+    total = sum(min(most, len(one.episodes)) for one in runs)
+    with progress_bar("maps: runs made again", total) as progress:
+        found = [measure(one, most, progress) for one in runs]
+    for one in found:
+        if not one.same:
+            text = f"note: {one.name}: the runs that were made again for the maps did not come out as before"
+            notes.print(text, style="yellow", markup=False, soft_wrap=True)
+    return found
+
+
+def place_of(config: Mapping[str, Any]) -> tuple[Scenario, ContactScheme]:
+    """Return the place and the contact scheme of a config of ``crowd-env run``.
+
+    Raises
+    ------
+    ValueError
+        If its plan cannot be read, or an option does not suit it.
+    """
+    given = config["arguments"]
+    starts = given.get("starts")
+    place = read_place(
+        given["scenario"],
+        exits=given.get("exit"),
+        unit=given.get("unit"),
+        count=given.get("n"),
+        radius=given.get("radius"),
+        speed=given.get("speed"),
+        starts=None if starts is None else Path(starts),
+        time_limit=given.get("time_limit"),
+    )
+    return with_manner(place, given.get("manner"), given.get("outline")), make_scheme(
+        given["scheme"], given.get("social")
+    )

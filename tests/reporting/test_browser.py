@@ -1,0 +1,35 @@
+"""The page in a browser: it fits a phone, and asks for nothing.
+
+It needs Playwright (``pip install playwright``; its own browsers are not needed) and Chromium (``apt install chromium``).
+"""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from crowd_env.cli.main import app
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium to show the page with")
+
+
+def test_the_page_fits_a_phone_and_asks_for_nothing(tmp_path: Path) -> None:
+    words = ["run", "room-v0", "--n", "4", "--runs", "2", "--out", str(tmp_path / "a folder with a rather long name")]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    page = tmp_path / "report.html"
+    assert CliRunner().invoke(app, ["report", words[-1], "-o", str(page), "--no-maps"]).exit_code == 0
+    asked: list[str] = []
+    with sync_api.sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        for width in (375, 1280):
+            shown = chromium.new_page(viewport={"width": width, "height": 800})
+            shown.on("request", lambda request: asked.append(request.url.split(":")[0]))
+            shown.on("console", lambda message: asked.append(message.text))
+            shown.goto(page.as_uri())
+            assert shown.evaluate("document.documentElement.scrollWidth") == width
+            assert shown.evaluate("[...document.images].every(image => image.naturalWidth > 0)")
+        chromium.close()
+    assert set(asked) <= {"file", "data"}
