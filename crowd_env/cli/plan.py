@@ -28,7 +28,7 @@ def plan(
     exit: Exits = None,
     unit: Unit = None,
     n: Count = None,
-    out: Annotated[Path, typer.Option(help="Image to write, .png.")] = Path("plan.png"),
+    out: Annotated[Path | None, typer.Option(help="Image to write, .png.", show_default="plan.png")] = None,
     seed: Annotated[int, typer.Option(help="Where people stand.", min=0)] = 0,
     as_json: AsJson = False,
 ) -> None:
@@ -40,8 +40,16 @@ def plan(
 
     crowd-env plan my_room.wkt --exit 5,2,5,3 --n 40
     """
+    wanted = Path("plan.png") if out is None else out
+    picture: Path | None = wanted
     with friendly_errors():
-        check_picture("--out", out, (".png",), makes_folder=True)
+        try:
+            check_picture("--out", wanted, (".png",), makes_folder=True)
+        except ModuleNotFoundError as error:
+            if out is not None:
+                raise
+            warnings.warn(f"figures alone, no picture: {error}", stacklevel=2)
+            picture = None
         if exit and len(place) > 1:
             raise ValueError(f"--exit is for one floor plan, but {len(place)} places are given")
         checks, told = [], []
@@ -51,17 +59,19 @@ def plan(
                 checks.append(check)
                 told.append(said)
                 progress(1)
-            from crowd_env.rendering.sheet import draw_sheet
+            if picture is not None:
+                from crowd_env.rendering.sheet import draw_sheet
 
-            draw_sheet(out, checks)
+                draw_sheet(picture, checks)
             progress(len(place))
     if as_json:
         heads = [_figures(check, said) for check, said in zip(checks, told, strict=True)]
-        typer.echo(json.dumps({"picture": str(out), "plans": heads}))
+        typer.echo(json.dumps({"picture": picture and str(picture), "plans": heads}))
         return
     for check in checks:
         Console().print(_table(check))
-    notes.print(f"plan: {out}", markup=False, soft_wrap=True)
+    if picture is not None:
+        notes.print(f"plan: {picture}", markup=False, soft_wrap=True)
 
 
 def _understood(

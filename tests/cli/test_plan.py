@@ -1,5 +1,7 @@
 """The command ``crowd-env plan``: what it says of a place, and that it draws every kind of place."""
 
+import sys
+
 import matplotlib.image
 import numpy as np
 import pytest
@@ -118,3 +120,14 @@ def test_mistakes_are_one_sentence(line, words, tmp_path):
     wrong = call(f"plan {line}{out}")
     assert wrong.exit_code == 2 and words in wrong.stderr and "Traceback" not in wrong.output
     assert not list(tmp_path.iterdir())
+
+
+def test_without_a_drawing_library_there_are_figures_and_a_note(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    result = call("plan room-v0")
+    assert result.exit_code == 0 and "narrowest passage" in result.stdout
+    assert "no picture" in result.stderr and "matplotlib" in result.stderr and not list(tmp_path.iterdir())
+    assert figures("plan room-v0")["picture"] is None
+    asked = call("plan room-v0 --out room.png")  # who asks for a picture is told that there is none
+    assert asked.exit_code == 2 and "matplotlib" in asked.stderr
