@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
 
@@ -199,7 +200,7 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
 def check_libraries() -> None:
     """Raise ModuleNotFoundError now, not after the training, if a library is missing; say how to install it."""
     try:
-        from . import learned  # noqa: F401
+        import_module(f"{__package__}.learned")
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
             f"training needs {error.name}, which is not installed: pip install stable-baselines3 tensorboard torch",

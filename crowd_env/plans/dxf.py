@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -19,7 +19,6 @@ from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
-    from ezdxf.path import Path as Curve
 
 _MOST = 50_000  # entities of exploded blocks, which come at about ten thousand a second
 _DEEPEST = 16  # blocks in blocks
@@ -47,21 +46,22 @@ def read_dxf(path: Path, meters: float | None) -> Drawing:
     document = _open(path)
     drawing = Drawing()
     drawing.unit, drawing.meters = _unit(document)
-    curves = _curves_by_layer(document, drawing.notes)
-    if not any(role_of_layer(layer)[0] == "walkable" for layer in curves):  # type: ignore[index]  # only these are kept
+    layers = _layers_with_a_role(document, drawing.notes)
+    walkable = [curve for layer in layers.values() if layer.role == "walkable" for curve in layer.curves]
+    if not walkable:
         raise ValueError(
             f"none of its visible layers says where people walk; name them {LAYERS}; its layers: {_layers(document)}"
         )
-    meters = meters or _guess(curves)
-    for layer, paths in curves.items():
-        role, name = role_of_layer(layer)  # type: ignore[misc]
-        _add_layer(drawing, layer, role, name, paths, meters)
+    meters = meters or _guess(walkable)
+    for layer, drawn in layers.items():
+        _add_layer(drawing, layer, drawn.role, drawn.name, drawn.curves, meters)
     return drawing
 
 
 def _open(path: Path) -> "Document":
     try:
-        import ezdxf
+        from ezdxf.filemanagement import readfile
+        from ezdxf.lldxf.const import DXFError
     except ModuleNotFoundError:
         raise ModuleNotFoundError(
             "reading a DXF drawing needs ezdxf, which is not installed: pip install ezdxf", name="ezdxf"
@@ -81,8 +81,8 @@ def _open(path: Path) -> "Document":
     if b"EOF" not in tail:
         raise ValueError("the DXF drawing ends in the middle: it is not whole; save it anew")
     try:
-        return ezdxf.readfile(path)  # type: ignore[attr-defined]  # its __init__ says no __all__
-    except (ezdxf.DXFError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:  # type: ignore[attr-defined]
+        return readfile(path)
+    except (DXFError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
         raise ValueError(f"the DXF drawing is damaged ({error}); open it in a CAD program and save it anew") from None
 
 
@@ -99,19 +99,28 @@ def _layers(document: "Document") -> str:
     return ", ".join(names[:_SHOWN]) + more
 
 
-def _curves_by_layer(document: "Document", notes: list[str]) -> dict[str, list["Curve"]]:
-    """Return the curves of each layer that has a role; what is left out is noted."""
+class _Layer(NamedTuple):
+    """What is drawn on a layer that has a role; a hatch is a list of curves."""
+
+    role: str
+    name: str  # that the layer gives, "" if none
+    curves: list[Any]
+
+
+def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _Layer]:
+    """Return name -> visible layer that has a role; what is left out is noted."""
     from ezdxf import path as paths
 
     hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
-    found: dict[str, list[Any]] = {}
+    found: dict[str, _Layer] = {}
     others: Counter[str] = Counter()
     unread: Counter[str] = Counter()
     for layer, entity in _Exploding(document).entities():
         kind = entity.dxftype()
         if kind in _NO_LINES:
             continue
-        if kind == "INSERT" or role_of_layer(layer) is None or layer.lower() in hidden:
+        role = role_of_layer(layer)
+        if kind == "INSERT" or role is None or layer.lower() in hidden:
             others[layer + (" (hidden)" if layer.lower() in hidden else "")] += 1
             continue
         try:
@@ -124,7 +133,7 @@ def _curves_by_layer(document: "Document", notes: list[str]) -> dict[str, list["
         except (TypeError, ValueError, ZeroDivisionError):
             unread[f"{kind} on {layer}"] += 1
             continue
-        found.setdefault(layer, []).extend(curves)
+        found.setdefault(layer, _Layer(*role, [])).curves.extend(curves)
     if others:
         names = [name for name, _ in others.most_common(_SHOWN)]
         more = f" and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
@@ -187,9 +196,8 @@ class _Exploding:
         return self._layers[block]
 
 
-def _guess(curves: dict[str, list[Any]]) -> float:
+def _guess(walkable: Sequence[Any]) -> float:
     """Return about how many meters a unit is; only how finely curves are drawn depends on it."""
-    walkable = [curve for layer, found in curves.items() if role_of_layer(layer)[0] == "walkable" for curve in found]  # type: ignore[index]
     points = np.array([(point.x, point.y) for curve in _flat(walkable) for point in curve.control_vertices()])
     across = float(np.ptp(points, axis=0).max()) if len(points) else 1.0
     return next((meters for meters in (1.0, 0.01) if meters * across <= 300.0), 0.001)

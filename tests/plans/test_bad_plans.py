@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+import sys
 
 import numpy as np
 import pytest
@@ -167,6 +168,7 @@ def test_it_is_refused_in_one_sentence(name, tmp_path, monkeypatch):
 
 def test_a_library_that_is_missing_is_named(tmp_path, monkeypatch):
     room_drawing(tmp_path / "room.dxf")
-    monkeypatch.setitem(__import__("sys").modules, "ezdxf", None)
+    for name in ("ezdxf", "ezdxf.filemanagement"):
+        monkeypatch.setitem(sys.modules, name, None)
     result = CliRunner().invoke(app, ["run", str(tmp_path / "room.dxf")])
     assert result.exit_code == 2 and "needs ezdxf" in result.stderr and "pip install ezdxf" in result.stderr
