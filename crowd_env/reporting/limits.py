@@ -59,6 +59,11 @@ def limits_of(runs: Runs) -> Limits:
 def _others(config: Mapping[str, Any]) -> list[str]:
     """Return in what a config is another than the runs of the map."""
     said = []
+    if config["manner"] == "competitive":
+        said.append(
+            "Competitive people walk at full speed whatever is in front of them, as in the papers; people who do not press "
+            "keep a distance and leave more slowly (docs/walking.md)."
+        )
     if config["outline"] != "disc":
         said.append("The rows are of people with the outline of discs; the bodies of these runs are others.")
     scheme = make_scheme(config["scheme"]["name"])

@@ -228,3 +228,10 @@ def test_a_scheme_without_a_row_says_so(folders: Path) -> None:
     assert "no row of nsm2-printed, competitive" in limits_of(printed).summary
     slower = room._replace(config={**room.config, "dt": 0.005})
     assert "0.005 s" in " ".join(limits_of(slower).notes)
+
+
+def test_people_who_keep_no_distance_are_told_of(folders: Path) -> None:
+    (room,) = load_runs([folders / "room"], place_of)
+    assert "full speed whatever is in front" in " ".join(limits_of(room).notes)
+    calm = room._replace(config={**room.config, "manner": "calm"})
+    assert "full speed" not in " ".join(limits_of(calm).notes)
