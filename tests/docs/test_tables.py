@@ -50,9 +50,8 @@ def test_the_table_of_rewards_is_complete():
     assert {name: float(weight) for name, weight in rows.items()} == {name: weights.get(name, 0.0) for name in REWARDS}
 
 
-def test_the_tables_of_schemes_are_complete():
+def test_the_table_of_schemes_is_complete():
     assert [row[0] for row in table("docs/physics.md", "name")] == list(SCHEMES)
-    assert [row[0] for row in table("README.md", "scheme")] == list(SCHEMES)
 
 
 def test_numbers_in_the_text_are_those_of_the_code():
