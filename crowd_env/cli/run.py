@@ -21,6 +21,7 @@ from crowd_env.cli.console import (
     Runs,
     Seed,
     Workers,
+    claim,
     friendly_errors,
     interrupted,
     notes,
@@ -201,7 +202,9 @@ def run(
         first = FirstRun(place, contact, options, seed)
         recorders = [output.recorder(first) for output in outputs]
         here = config_of(context.params, place, contact, options)
-        folder = None if out is None else open_folder(out, place, here)
+        if record is not None:
+            claim(context, "--record", record, record.with_name(f".{record.name}.lock"))
+        folder = None if out is None else open_folder(context, out, place, here)
         begin = time.monotonic()
         with nullcontext() if folder is None else folder:
             done = evacuate(
