@@ -1,5 +1,7 @@
 """What a row says, and that a run does not notice that it is recorded."""
 
+import pickle
+
 import numpy as np
 import pytest
 from recordings import CASES, two_doors
@@ -143,3 +145,13 @@ def test_the_number_inside_is_that_of_the_exit_times():
     assert kept.inside(0.0) == 20 and kept.inside(kept.times[-1]) == 0
     middle = np.sort(kept.exit_time)[9]
     assert kept.inside([middle - 1e-9, middle]).tolist() == [11, 10]
+
+
+def test_a_recorder_travels_while_it_records(tmp_path):
+    env = CrowdEnv("room-v0", num_envs=2)
+    env.reset(seed=0)
+    recorder = RunRecorder(tmp_path / "run.sqlite", runs=[1])
+    recorder.begin(env, [0, 1])
+    copied = pickle.loads(pickle.dumps(recorder))
+    assert copied.runs == {1} and copied.path == recorder.path
+    assert [path.name for path in tmp_path.iterdir()] == ["run.part.sqlite"]
