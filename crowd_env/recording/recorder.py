@@ -95,6 +95,8 @@ class RunRecorder:
 
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Begin the recordings of a batch with its first moment."""
+        for running in self._running.values():  # of a batch that broke off
+            running.sampler.stop()
         self._running, self._finished = {}, {}
         every = 1 if self.every is None else parts_of("every", self.every, "decisions", env.decision_dt)
         for e, run in enumerate(runs):
@@ -129,6 +131,7 @@ class RunRecorder:
                         "finished": True,
                     }
                 )
+                running.sampler.stop()
                 del self._running[e]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -142,6 +145,7 @@ class RunRecorder:
     def close(self) -> None:
         """Write the frames that wait of evacuations that will not go on, and leave their files unfinished."""
         for running in self._running.values():
+            running.sampler.stop()
             running.flush()
             running.writer.abandon()
         self._running = {}
