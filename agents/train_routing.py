@@ -1,6 +1,8 @@
 """Train a controller that sends people to exits, and evaluate it: ``python -m agents.train_routing``."""
 
 import json
+import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,6 +10,7 @@ import typer
 
 from crowd_env.checks import number, whole
 from crowd_env.cli.console import MannerName, OutlineOption, friendly_errors, notes, progress_bar
+from crowd_env.cli.place import PLACES, Exits, Unit, complete_scenario, plan_options
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.files.json_file import write_json
 from crowd_env.headway import plain_manner
@@ -50,7 +53,14 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    scenario: Annotated[str, typer.Option(help="Scenario to train in.")] = "two-exit-hall-v0",
+    scenario: Annotated[
+        str, typer.Option(autocompletion=complete_scenario, help=f"Scenario to train in.  {PLACES}")
+    ] = "two-exit-hall-v0",
+    exit: Exits = None,
+    unit: Unit = None,
+    people: Annotated[
+        int | None, typer.Option(help="How many people there are.", show_default="the scenario's, or 20", min=1)
+    ] = None,
     scheme: Annotated[str, typer.Option(help="Contact scheme.")] = "nsm2",
     manner: MannerName = None,
     outline: OutlineOption = None,
@@ -68,7 +78,9 @@ def main(
 ) -> None:
     """Train a controller by PPO and compare it on held-out draws with people who choose their way themselves.
 
-    Example: crowd-env train-routing --seconds 60
+    Examples: crowd-env train-routing --seconds 60
+
+    crowd-env train-routing --scenario my_plan.wkt --exit 6,2,6,3 --exit 0,2,0,3 --people 60
     """
     options: dict[str, Any] = {
         "scenario": scenario,
@@ -82,11 +94,15 @@ def main(
     results: dict[str, Any] = {}
     judged: list[Evaluation] = []
     try:
-        with friendly_errors(lambda: _left_behind(folder, scenario, scheme, manner, outline)):
+        again = {"scenario": scenario, "exit": exit, "unit": unit, "people": people, "manner": manner}
+        with friendly_errors(lambda: _left_behind(folder, {**again, "outline": outline, "schemes": scheme})):
             whole("--runs", runs, RUNS)
             check_libraries()
-            options["manner"] = config["manner"] = plain_manner(make_scenario(scenario).manner_of_run(manner))
-            options["outline"] = config["outline"] = plain_outline(make_scenario(scenario).outline_of_run(outline))
+            of_place = {**plan_options(scenario, exit, unit), **({} if people is None else {"count": people})}
+            place = make_scenario(scenario, **of_place)
+            options |= {"manner": plain_manner(place.manner_of_run(manner)), **of_place}
+            options["outline"] = plain_outline(place.outline_of_run(outline))
+            config |= options
             _check(options, seed, split, seconds=seconds, steps=steps, envs=envs)
             from .learned.routing import train_controller
 
@@ -126,19 +142,18 @@ def _check(options: dict[str, Any], seed: int, split: float, **budget: float) ->
     check_envs(int(budget["envs"]), batch.env.num_people)
 
 
-def _left_behind(folder: Path | None, scenario: str, scheme: str, manner: str | None, outline: str | None) -> str:
-    """Return in words what an interrupted run has kept, and how to evaluate it."""
+def _left_behind(folder: Path | None, given: Mapping[str, Any]) -> str:
+    """Return in words what an interrupted run has kept, and how to evaluate it with the options that were ``given``."""
     if folder is None or not (folder / "best.safetensors").exists():
         return ""
     if (folder / "results.json").exists():
         return f"what was evaluated by then is in {folder}/results.json"
-    who = "".join(
-        f" --{option} {name}" for option, name in (("manner", manner), ("outline", outline)) if name is not None
-    )
-    again = f"python -m agents.evaluate --scenario {scenario}{who} --schemes {scheme} --policies nearest fastest"
-    return (
-        f"the best controller so far is {folder}/best.safetensors; evaluate it with: {again} {folder}/best.safetensors"
-    )
+    words = ["python", "-m", "agents.evaluate"]
+    for option, value in given.items():
+        for one in value if isinstance(value, list) else [value]:
+            words += [] if one is None else [f"--{option}", str(one)]
+    again = shlex.join([*words, "--policies", "nearest", "fastest", f"{folder}/best.safetensors"])
+    return f"the best controller so far is {folder}/best.safetensors; evaluate it with: {again}"
 
 
 if __name__ == "__main__":

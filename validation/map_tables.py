@@ -14,6 +14,7 @@ CASES = (*_ONE_ROW, "standards")
 # What the second paper prints stands beside what this package makes of it.
 SCHEMES = (*COMPARED, "hertz-literal")
 _SAID = {True: "yes", False: "**no**", None: "–"}
+_OUTCOME = {True: "yes", False: "no", None: "reported"}
 
 PASSED_HEAD = ("case or test", "manner", *(f"`{scheme}`" for scheme in SCHEMES))
 FIGURES_HEAD = ("case or test", "manner", "scheme", "passed", "figures")
@@ -31,13 +32,27 @@ def passed(source: "Sources") -> list[list[str]]:
 
 def criteria(source: "Sources") -> str:
     """Say what each case and test asks for, and which tests are not supported."""
-    asked = {row["case"]: f"{row['criterion']} ({row['source']})" for row in _sorted(source)}
+    asked = _asked(source)
     made = {case: f"`{case}`, {source.draws(case)}" for case in _ONE_ROW if case in asked}
-    missing = {row["source"]: row["figure"] for row in _read(source, "standards") if row["case"] == "not supported"}
-    lines = [f"* {made.get(case, f'`{case}`')}: {text}." for case, text in asked.items()]
-    lines += [f"* Not supported, {tests}: {reason}." for tests, reason in missing.items()]
+    lines = [f"* {made.get(case, f'`{case}`')}: {text}" for case, text in asked.items()]
+    lines += [f"* Not supported, {text}" for text in _not_supported(source)]
     lines += [f"* `{case}` was not run for this table." for case in CASES if not _read(source, case)]
     return "\n".join(lines)
+
+
+def as_data(source: "Sources") -> dict[str, Any]:
+    """Return the same for reports: of each case and test what it asks for, and what came out by manner and scheme."""
+    results: dict[str, dict[str, dict[str, str]]] = {}
+    for row in _sorted(source):
+        results.setdefault(row["case"], {}).setdefault(row["manner"], {})[row["scheme"]] = _OUTCOME[row["passed"]]
+    cases = []
+    for case, text in _asked(source).items():
+        of_manner = {
+            manner: {scheme: of_scheme[scheme] for scheme in SCHEMES if scheme in of_scheme}
+            for manner, of_scheme in results[case].items()
+        }
+        cases.append({"case": case, "criterion": text, "results": of_manner})
+    return {"cases": cases, "not_supported": _not_supported(source)}
 
 
 def figures(source: "Sources") -> list[list[str]]:
@@ -46,6 +61,15 @@ def figures(source: "Sources") -> list[list[str]]:
         [f"`{row['case']}`", row["manner"], f"`{row['scheme']}`", _SAID[row["passed"]], row["figure"]]
         for row in _sorted(source)
     ]
+
+
+def _asked(source: "Sources") -> dict[str, str]:
+    return {row["case"]: f"{row['criterion']} ({row['source']})." for row in _sorted(source)}
+
+
+def _not_supported(source: "Sources") -> list[str]:
+    rows = [row for row in _read(source, "standards") if row["case"] == "not supported"]
+    return list({row["source"]: f"{row['source']}: {row['figure']}." for row in rows}.values())
 
 
 def _sorted(source: "Sources") -> Rows:

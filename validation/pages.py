@@ -76,6 +76,7 @@ class Table(NamedTuple):
     note : makes the sentences below the table.
     made_by : command line that takes long, or reads data which is not in the repository: the table is made of the folder that
         it has written.  Empty for a table that runs its commands itself.
+    data : a JSON file of the package that has the same as data, and what makes the keys that it takes from there.
     """
 
     page: str
@@ -83,6 +84,7 @@ class Table(NamedTuple):
     rows: Callable[[Sources], list[list[str]]]
     note: Callable[[Sources], str] | None = None
     made_by: str = ""
+    data: tuple[str, Callable[[Sources], dict[str, Any]]] | None = None
 
 
 def fill(name: str, command: Command, *, folder: Path | None = None, root: Path = ROOT) -> Path:
@@ -103,6 +105,10 @@ def fill(name: str, command: Command, *, folder: Path | None = None, root: Path 
     parts = [markdown(table.head, table.rows(sources))] if table.head else []
     if table.note is not None:
         parts.append(f"{table.note(sources)}\n")
+    if table.data is not None:
+        file, make = root / table.data[0], table.data[1]
+        content = {**(read_json(file) if file.exists() else {}), **make(sources)}
+        write_text(file, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
     write_text(page, replaced(text, f"table: {name}", "\n".join(parts), table.page))
     return page
 
@@ -244,7 +250,12 @@ TABLES: dict[str, Table] = {
         made_by="python train.py",
     ),
     "map": Table(
-        "docs/validation.md", map_tables.PASSED_HEAD, map_tables.passed, map_tables.criteria, made_by=_MAP_COMMAND
+        "docs/validation.md",
+        map_tables.PASSED_HEAD,
+        map_tables.passed,
+        map_tables.criteria,
+        made_by=_MAP_COMMAND,
+        data=("crowd_env/reporting/page_parts/limits.json", map_tables.as_data),
     ),
     "measured": Table("docs/validation.md", map_tables.FIGURES_HEAD, map_tables.figures, made_by=_MAP_COMMAND),
     "scenarios": Table(

@@ -1,13 +1,12 @@
 """One job of a benchmark: train one algorithm with one seed, or take a fixed policy, and judge it on held-out draws."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from crowd_env import ObservationLayout, Scenario
+from crowd_env.files.claim import claimed
 from crowd_env.files.fingerprint import fingerprint
 from crowd_env.files.json_file import json_number, read_json, write_json
 
@@ -59,7 +58,7 @@ def do(job: Job, plan: Plan, folder: Path) -> dict[str, Any] | None:
     """
     path = folder / job.file
     if not path.exists():
-        with _claimed(folder / f".{path.stem}.claim") as mine:
+        with claimed(folder / f".{path.stem}.claim") as mine:
             if not mine:
                 return None
             if not path.exists():
@@ -92,24 +91,6 @@ def _of_plan(job: Job, plan: Plan) -> dict[str, Any]:
     if job.seed is not None:
         told |= {name: getattr(plan, name) for name in ("minutes", "checkpoints", "validation_runs")}
     return told
-
-
-@contextmanager
-def _claimed(path: Path) -> Iterator[bool]:
-    """Say whether this process alone has the claim; it falls with the process, however that ends."""
-    import fcntl  # of POSIX systems
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            yield False
-            return
-        try:
-            yield True
-        finally:
-            path.unlink(missing_ok=True)
 
 
 def _fixed(job: Job, plan: Plan) -> dict[str, Any]:

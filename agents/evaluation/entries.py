@@ -212,7 +212,7 @@ def _learned_entry(path: Path, crowd: _Crowd) -> Entry:
         return _policy_entry(found, crowd, path)
     if crowd.learned_share is not None:
         raise NotMixed(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
-    of_the_run = ("scenario", "scheme", "dt", "threads", "manner", "outline")
+    of_the_run = ("scenario", "exits", "unit", "count", "scheme", "dt", "threads", "manner", "outline")
     own = {key: value for key, value in found.options.items() if key not in of_the_run}
     own["sample_dt"] = SAMPLE
     try:

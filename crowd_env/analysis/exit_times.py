@@ -1,7 +1,8 @@
 """Exit times in files: read those of an experiment, write those of a simulation, in one form.
 
-Columns ``run,time``: the run that an exit belongs to, and its time [s].  Two more may follow: ``exit``, the name of the exit
-taken, and ``out``, 1 for someone who got out; a row with 0 says that watching the run ended at that time with people inside.
+Columns ``run,time``: the run that an exit belongs to, and its time [s].  More may follow: ``exit``, the name of the exit taken,
+and ``out``, 1 for someone who got out; a row with 0 says that watching the run ended at that time with people inside.  Where a
+column ``until`` holds that time, ``time`` is empty, and there may be such a row for each of them.
 """
 
 import warnings
@@ -29,7 +30,9 @@ def read_exits(path: str | Path) -> list[RunExits]:
     until: dict[str, float] = {}
     for row in table.rows:
         what = f"row {row.number}"
-        run, time = row.cells["run"], table.number(row, "time", what)
+        run = row.cells["run"]
+        until_then = row.cells.get("out") == "0" and not row.cells["time"] and bool(row.cells.get("until"))
+        time = table.number(row, "until" if until_then else "time", what)
         if time < 0:
             raise ValueError(
                 f"{table.path}: {what}: time is {time:g} s; it must be >= 0, counted from the start of the run"
@@ -42,6 +45,8 @@ def read_exits(path: str | Path) -> list[RunExits]:
         if out == "1":
             times[run].append(time)
             exits[run].append(row.cells.get("exit") or "")
+        elif until_then and until.get(run) == time:
+            pass  # one more of those who were inside then
         elif run in until:
             raise ValueError(f"{table.path}: {what}: run {run!r} has a second row with out = 0; watching ends once")
         else:

@@ -106,7 +106,7 @@ def clog(
             name = _name(place, contact)
             blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
             options: dict[str, Any] = {"scheme": contact, "dt": dt, "workers": workers}
-            episodes, stopped, _ = evacuate(name, place, runs, seed=seed, **options)
+            episodes, stopped, *_ = evacuate(name, place, runs, seed=seed, **options)
             sets = {name: [exits_of_episode(episode, place.geometry) for episode in episodes], **sets}
         found = {
             name: clogging(data, pause=pause, per_exit=per_exit, blocked_after=blocked_after)

@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from crowd_env.checks import counted as counted  # commands have it from here
 from crowd_env.cli.completion import complete_from
+from crowd_env.files.claim import claimed
 from crowd_env.headway import MANNERS, make_manner, plain_manner
 from crowd_env.outline import OUTLINES, make_outline, plain_outline
 from crowd_env.scenarios.scenario import Scenario
@@ -213,6 +214,18 @@ def check_folder(option: str, out: Path) -> None:
         raise ValueError(f"{option} {out}: {there} is not a folder")
     if not os.access(there, os.W_OK | os.X_OK):
         raise ValueError(f"{option} {out}: {there} cannot be written")
+
+
+def claim(context: typer.Context, option: str, path: Path, lock: Path) -> None:
+    """Keep other commands from writing to ``path`` until this one ends, by the lock file ``lock``.
+
+    Raises
+    ------
+    ValueError
+        If another command writes there now.
+    """
+    if not context.with_resource(claimed(lock)):
+        raise ValueError(f"{option} {path}: another command is writing there; let it end, or name another place")
 
 
 def check_picture(option: str, path: Path, suffixes: Sequence[str], *, makes_folder: bool = False) -> None:

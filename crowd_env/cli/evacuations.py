@@ -1,7 +1,7 @@
 """Many evacuations under a bar, on all cores, and what an interruption has left of them."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRe
 
 from crowd_env.checks import whole
 from crowd_env.cli.console import counted, interrupted, notes
-from crowd_env.envs.rollout import Episode, Recorder, RunsInterrupted, run_episodes
+from crowd_env.envs.rollout import Episode, Recorder, RunsInterrupted, Together, run_episodes
 from crowd_env.executors import Processes, all_cores
 from crowd_env.results.tally import Tally
 from crowd_env.scenarios.scenario import Scenario
@@ -27,7 +27,10 @@ class Evacuations(NamedTuple):
 
     episodes: list[Episode]  # that were finished, in the order of their numbers
     stopped: RunsInterrupted | None  # the interruption, if they are not all
-    first: Episode | None  # run 0 with its record, if one was asked for and it was finished
+    first: (
+        Episode | None
+    )  # run 0 with what its recorders kept of it, in their order, if there were some and it was finished
+    records: dict[int, Any]  # what the recorder of all runs kept of those that it was to record, by their numbers
 
 
 def evacuate(
@@ -38,20 +41,24 @@ def evacuate(
     workers: int | None = None,
     kept: Sequence[Episode] = (),
     keep: Callable[[Sequence[Episode]], object] | None = None,
-    first: Recorder | None = None,
+    first: Sequence[Recorder] = (),
+    recorder: Recorder | None = None,
+    recorded: Collection[int] = (),
     **options: Any,
 ) -> Evacuations:
     """Run evacuations under a bar; without a single one an interruption ends the command.
 
-    One run comes first and alone, in this process: mistakes show at once, what is not compiled is compiled once, its record
-    need not travel, and its time tells whether the others are worth processes of their own.
+    One run comes first and alone, in this process: mistakes show at once, what is not compiled is compiled once, what is kept
+    of it need not travel, and its time tells whether the others are worth processes of their own.
 
     Parameters
     ----------
     workers : most processes; default one a core.
     kept : runs that were finished before.
     keep : is given the runs that have just ended.
-    first : records run 0, which is run again if it was kept.
+    first : record run 0, which is run again if it was kept.
+    recorder : sees all runs, wherever they are made, and keeps something of those that are ``recorded``, which are run again
+        if they were kept.
     **options : of `crowd_env.envs.rollout.rollout`.
 
     Raises
@@ -61,13 +68,16 @@ def evacuate(
     """
     whole("runs", runs)
     found = {episode.run: episode for episode in kept}
-    todo = [run for run in range(runs) if run not in found or (run == 0 and first is not None)]
-    record: Episode | None = None
+    wanted = {*recorded, *([0] if first else [])}
+    todo = [run for run in range(runs) if run not in found or run in wanted]
+    seen: Episode | None = None
+    records: dict[int, Any] = {}
     stopped: RunsInterrupted | None = None
     with Tally(runs) as tally, _Bar(title, runs, place.population.count, tally, found):
 
         def take(episodes: Sequence[Episode]) -> None:
-            found.update({episode.run: episode for episode in episodes})
+            records.update({episode.run: episode.record for episode in episodes if episode.run in recorded})
+            found.update({episode.run: episode._replace(record=None) for episode in episodes})
             for episode in episodes:
                 tally.take(episode)
             if keep is not None:
@@ -77,18 +87,19 @@ def evacuate(
             tally.take(episode)
         try:
             begin = time.monotonic()
-            recorder = first if todo[:1] == [0] else None
             if todo:
-                (record,) = run_episodes(place, runs, only=todo[:1], watch=tally, recorder=recorder, **options)
-                take([record._replace(record=None)])
+                alone = first if todo[0] == 0 else ()
+                together = Together([*alone, *([] if recorder is None else [recorder])])
+                (seen,) = run_episodes(place, runs, only=todo[:1], watch=tally, recorder=together, **options)
+                take([seen._replace(record=None if recorder is None else seen.record[len(alone)])])
             if todo[1:]:
                 way = _way(len(todo) - 1, workers, tally.begun - begin, tally)
-                run_episodes(place, runs, only=todo[1:], watch=tally, keep=take, **way, **options)
+                run_episodes(place, runs, only=todo[1:], watch=tally, recorder=recorder, keep=take, **way, **options)
         except KeyboardInterrupt:
             stopped = RunsInterrupted([found[run] for run in sorted(found)], runs)
     if stopped is not None and not found:
         interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
-    return Evacuations([found[run] for run in sorted(found)], stopped, record if first is not None else None)
+    return Evacuations([found[run] for run in sorted(found)], stopped, seen if first else None, records)
 
 
 def _way(runs: int, workers: int | None, setting_up: float, tally: Tally) -> dict[str, Any]:

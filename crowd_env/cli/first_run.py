@@ -1,4 +1,4 @@
-"""What is made of the first run: it is recorded while it runs, and written when all runs are finished."""
+"""Pictures of the first run: what they show is kept while it runs, and drawn when all runs are finished."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,13 +6,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-from crowd_env.checks import POSITIVE, number
-from crowd_env.cli.console import check_picture, check_place, progress_bar, run_title
+from crowd_env.cli.console import check_picture, progress_bar, run_title
 from crowd_env.cli.films import check_film_options, film_file, said_of
-from crowd_env.envs.arguments import parts_of
 from crowd_env.envs.rollout import Episode, Recorder
 from crowd_env.physics import ContactScheme
-from crowd_env.results.config import DECISION_DT
 from crowd_env.scenarios.scenario import Scenario
 
 _LEAST_AROUND = 0.5  # m
@@ -131,36 +128,3 @@ class ForceNetwork:
             )
         write_force_network(self.path, forces, around=self.around, title=run.title)
         return f"forces: {self.path}, mean of 0.1 s until {forces.time:.1f} s"
-
-
-@dataclass(frozen=True)
-class RecordingFile:
-    """``--record``, with ``--record-contacts`` and ``--every`` [s]: a file that grows while the run goes on."""
-
-    path: Path | None
-    contacts: bool
-    every: float | None
-
-    def check(self) -> None:
-        """Raise if an option is out of range or stands alone, the path cannot be written, or a library is missing."""
-        for option, given in (("--record-contacts", self.contacts), ("--every", self.every is not None)):
-            if given and self.path is None:
-                raise ValueError(f"{option} belongs to --record, which is not given")
-        if self.every is not None:
-            parts_of("--every", number("--every", self.every, POSITIVE, "s"), "decisions", DECISION_DT)
-        if self.path is not None:
-            from crowd_env.recording.formats import check_writable
-
-            check_writable("--record", self.path)
-            check_place("--record", self.path)
-
-    def recorder(self, run: FirstRun) -> Recorder:
-        """Return what writes the file."""
-        from crowd_env.recording import RunRecorder
-
-        told = {"rules": run.options["rules"]}
-        return RunRecorder(self.path, contacts=self.contacts, every=self.every, seed=run.seed, facts=told)
-
-    def write(self, run: FirstRun, episode: Episode) -> str:
-        """Say where the file is: it was written while it ran."""
-        return f"recording: {episode.record}"

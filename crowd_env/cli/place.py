@@ -1,6 +1,6 @@
 """Which place a command is about: a scenario by name, a scenario file, or a floor plan with its exits and people."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -95,8 +95,35 @@ def read_place(
     ValueError
         If there is no such place, something in its file is wrong, or an option does not suit it.
     """
-    meters = unit_in_meters(unit)
-    recorded = None if starts is None else meters * read_starts(starts)
+    people = people_options(count, radius, speed, starts, unit)
+    timing: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
+    options = plan_options(name, exits, unit)
+    if kind_of_place(name) == "plan":
+        plan = read_plan(name, **options)
+        return scenario_on(plan, people_on(plan, **people), **timing)
+    return changed_place(name, people, **timing)
+
+
+def changed_place(name: str, people: Mapping[str, Any], **options: Any) -> Scenario:
+    """Return a scenario that ships or stands in a file, with the fields of its population that ``people`` names.
+
+    ``options`` are those of `make_scenario`.
+    """
+    population = {"population": make_scenario(name).population.changed(**people)} if people else {}
+    return make_scenario(name, **options, **population)
+
+
+def people_options(
+    count: int | None, radius: str | None, speed: str | None, starts: Path | None, unit: str | None
+) -> dict[str, Any]:
+    """Return the fields of a `Population` that options stand for; they are those of `read_place`.
+
+    Raises
+    ------
+    ValueError
+        If an option is not understood, the file of starts cannot be read, or it holds another number of people than --n says.
+    """
+    recorded = None if starts is None else unit_in_meters(unit) * read_starts(starts)
     if recorded is not None and count not in (None, len(recorded)):
         raise ValueError(f"--n is {count}, but {starts} holds {len(recorded)} positions")
     people: dict[str, Any] = {} if recorded is None else {"starts": recorded, "start_region": None}
@@ -107,14 +134,7 @@ def read_place(
         people["radius"] = _range(radius, "--radius")
     if speed is not None:
         people["desired_speed"] = _range(speed, "--speed")
-    timing: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
-    options = plan_options(name, exits, unit)
-    if kind_of_place(name) == "plan":
-        plan = read_plan(name, **options)
-        return scenario_on(plan, people_on(plan, **people), **timing)
-    if people:
-        timing["population"] = make_scenario(name).population.changed(**people)
-    return make_scenario(name, **timing)
+    return people
 
 
 def plan_options(name: str, exits: Sequence[str] | None, unit: str | None) -> dict[str, Any]:

@@ -10,10 +10,30 @@ from rich.console import Console
 from rich.table import Table
 
 from crowd_env.analysis.plan_check import PlanCheck, check_plan, spot
-from crowd_env.cli.console import AsJson, check_picture, counted, friendly_errors, notes, progress_bar
-from crowd_env.cli.place import PLACES, Count, Exits, Unit, complete_scenario, read_place
+from crowd_env.cli.console import (
+    AsJson,
+    OutlineOption,
+    check_picture,
+    counted,
+    friendly_errors,
+    notes,
+    progress_bar,
+    with_manner,
+)
+from crowd_env.cli.place import (
+    PLACES,
+    Count,
+    Exits,
+    Radius,
+    Starts,
+    Unit,
+    changed_place,
+    complete_scenario,
+    people_options,
+    plan_options,
+)
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.outline import room_of
+from crowd_env.outline import make_outline, room_of
 from crowd_env.plans.reading import read_plan
 from crowd_env.scenarios import kind_of_place
 from crowd_env.scenarios.floor_plan import people_on, scenario_on
@@ -28,6 +48,9 @@ def plan(
     exit: Exits = None,
     unit: Unit = None,
     n: Count = None,
+    radius: Radius = None,
+    starts: Starts = None,
+    outline: OutlineOption = None,
     out: Annotated[Path | None, typer.Option(help="Image to write, .png.", show_default="plan.png")] = None,
     seed: Annotated[int, typer.Option(help="Where people stand.", min=0)] = 0,
     as_json: AsJson = False,
@@ -50,12 +73,14 @@ def plan(
                 raise
             warnings.warn(f"figures alone, no picture: {error}", stacklevel=2)
             picture = None
-        if exit and len(place) > 1:
-            raise ValueError(f"--exit is for one floor plan, but {len(place)} places are given")
+        for option, given in (("--exit", exit), ("--starts", starts)):
+            if given and len(place) > 1:
+                raise ValueError(f"{option} is for one floor plan, but {len(place)} places are given")
+        people = people_options(n, radius, None, starts, unit)
         checks, told = [], []
         with progress_bar("plans", 2 * len(place)) as progress:
             for name in place:
-                check, said = _understood(name, exit or [], unit, n, seed)
+                check, said = _understood(name, exit or [], unit, people, outline, seed)
                 checks.append(check)
                 told.append(said)
                 progress(1)
@@ -75,14 +100,14 @@ def plan(
 
 
 def _understood(
-    name: str, exits: list[str], unit: str | None, count: int | None, seed: int
+    name: str, exits: list[str], unit: str | None, people: dict[str, Any], outline: str | None, seed: int
 ) -> tuple[PlanCheck, list[str]]:
     """Return a place as it was understood, and what was noted on the way."""
     said: list[str] = []
     try:
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always", UserWarning)
-            check = _check(name, exits, unit, count, seed)
+            check = _check(name, exits, unit, people, outline, seed)
     finally:  # also those that lead up to a mistake
         said += dict.fromkeys(" ".join(str(warning.message).split()) for warning in told)
         for text in said:
@@ -90,10 +115,13 @@ def _understood(
     return check, said
 
 
-def _check(name: str, exits: list[str], unit: str | None, count: int | None, seed: int) -> PlanCheck:
+def _check(
+    name: str, exits: list[str], unit: str | None, people: dict[str, Any], outline: str | None, seed: int
+) -> PlanCheck:
+    options = plan_options(name, exits, unit)
     if kind_of_place(name) == "plan":
-        drawn = read_plan(name, exits, unit=unit)
-        people = people_on(drawn, count=count)
+        drawn = read_plan(name, **options)
+        crowd = people_on(drawn, **people)
         if not drawn.exits:
             for note in drawn.notes:
                 warnings.warn(note, stacklevel=2)
@@ -101,11 +129,12 @@ def _check(name: str, exits: list[str], unit: str | None, count: int | None, see
                 geometry = Geometry.from_polygon(drawn.walkable, regions=drawn.regions)
             except ValueError as error:
                 raise ValueError(f"{drawn.path}: {error}") from None
-            title = f"floor plan {drawn.path.name}"
-            return check_plan(drawn.path.stem, geometry, people, title=title, seed=seed)
-        scenario = scenario_on(drawn, people)
+            title, room = f"floor plan {drawn.path.name}", room_of(make_outline(outline))
+            return check_plan(drawn.path.stem, geometry, crowd, title=title, room=room, seed=seed)
+        scenario = scenario_on(drawn, crowd)
     else:
-        scenario = read_place(name, exits=exits, unit=unit, count=count)
+        scenario = changed_place(name, people)
+    scenario = with_manner(scenario, None, outline)
     return check_plan(
         scenario.name,
         scenario.geometry,

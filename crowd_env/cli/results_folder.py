@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from crowd_env.cli.console import check_folder, counted, friendly_errors, notes
+from crowd_env.cli.console import check_folder, claim, counted, friendly_errors, notes
 from crowd_env.envs.rollout import Episode
 from crowd_env.files.json_file import read_json
 from crowd_env.physics import ContactScheme
@@ -74,15 +74,16 @@ def config_of(
     return config
 
 
-def open_folder(out: Path, place: Scenario, config: dict[str, Any]) -> ResultsFolder:
-    """Return the folder, after saying what it holds, and whether its figure cannot be drawn.
+def open_folder(context: typer.Context, out: Path, place: Scenario, config: dict[str, Any]) -> ResultsFolder:
+    """Return the folder, which is this command's alone, after saying what it holds, and whether its figure cannot be drawn.
 
     Raises
     ------
     ValueError
-        If it cannot be written, or holds something else.
+        If it cannot be written, holds something else, or another command writes there.
     """
     check_folder("--out", out)
+    claim(context, "--out", out, out / ".lock")
     folder = ResultsFolder(out, place, config)
     if folder.finished:
         runs = counted(config["runs"], "run", "runs")

@@ -29,7 +29,7 @@ from crowd_env.cli.console import (
 from crowd_env.cli.evacuations import evacuate
 from crowd_env.cli.figures_table import figures_table
 from crowd_env.cli.films import FilmFps, FilmSpeed, FilmWidth
-from crowd_env.cli.first_run import Film, FirstRun, ForceNetwork, Output, RecordingFile
+from crowd_env.cli.first_run import Film, FirstRun, ForceNetwork, Output
 from crowd_env.cli.place import (
     PLACES,
     Count,
@@ -42,9 +42,9 @@ from crowd_env.cli.place import (
     complete_scenario,
     read_place,
 )
+from crowd_env.cli.recording_file import RecordingFile
 from crowd_env.cli.replay import Html
 from crowd_env.cli.results_folder import again, config_of, how_to_go_on, keep_in, open_folder, write_results
-from crowd_env.envs.rollout import Together
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, make_scheme
 from crowd_env.results.report import report
 from crowd_env.routing.strategies import STRATEGIES
@@ -166,6 +166,13 @@ def run(
             rich_help_panel=OF_OUTPUT,
         ),
     ] = None,
+    record_runs: Annotated[
+        str | None,
+        typer.Option(
+            help="Record these runs in place of the first: 3, 0,3,7, 0-9 or all; several get a file each, NAME-3.sqlite.",
+            rich_help_panel=OF_OUTPUT,
+        ),
+    ] = None,
     record_contacts: Annotated[
         bool,
         typer.Option(
@@ -187,9 +194,10 @@ def run(
         Film(film, film_width, film_fps, film_speed),
         Html(html),
         ForceNetwork(force_network, at, around),
-        RecordingFile(record, record_contacts, every),
     ]
+    recording = RecordingFile(record, record_runs, record_contacts, every)
     with friendly_errors():
+        recording.check(runs)
         for output in possible:
             output.check()
         outputs = [output for output in possible if output.path is not None]
@@ -201,7 +209,8 @@ def run(
         first = FirstRun(place, contact, options, seed)
         recorders = [output.recorder(first) for output in outputs]
         here = config_of(context.params, place, contact, options)
-        folder = None if out is None else open_folder(out, place, here)
+        writer = recording.recorder(context, runs, seed, {"rules": rules})
+        folder = None if out is None else open_folder(context, out, place, here)
         begin = time.monotonic()
         with nullcontext() if folder is None else folder:
             done = evacuate(
@@ -210,7 +219,9 @@ def run(
                 runs,
                 seed=seed,
                 workers=workers,
-                first=Together(recorders) if recorders else None,
+                first=recorders,
+                recorder=writer,
+                recorded=recording.numbers(runs),
                 kept=[] if folder is None else folder.finished,
                 keep=None if folder is None else keep_in(folder),
                 scheme=contact,
@@ -227,6 +238,8 @@ def run(
     with friendly_errors():
         if folder is not None:
             write_results(folder, first.title, figures, done.episodes)
+        for run in sorted(done.records):
+            notes.print(f"recording: {done.records[run]}", markup=False, soft_wrap=True)
         if done.stopped is not None:
             said = f"{done.stopped}; the figures are of these, and lean to short evacuations"
             interrupted(said if folder is None else f"{said}; to go on: {how_to_go_on()}")

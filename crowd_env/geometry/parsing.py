@@ -33,9 +33,11 @@ _EXIT_FORMS = "'x1,y1,x2,y2' in meters, 'LINESTRING (x1 y1, x2 y2)' or 'POLYGON 
 
 
 def place(point: ArrayLike) -> str:
-    """Return ``point`` (2,) as text for messages."""
-    x, y = np.asarray(point, dtype=float)
-    return f"({x:.6g}, {y:.6g})"
+    """Return ``point`` (2,) as text for messages: six digits, and in large numbers, as of maps, down to the centimeter."""
+    x, y = (
+        f"{round(value, 2):.12g}" if abs(value) >= 1e4 else f"{value:.6g}" for value in np.asarray(point, dtype=float)
+    )
+    return f"({x}, {y})"
 
 
 def border_edges(area: Area) -> Floats:

@@ -11,7 +11,7 @@ from crowd_env.files.versions import versions_of
 from crowd_env.geometry.aprons import add_aprons
 from crowd_env.headway import plain_manner
 from crowd_env.outline import plain_outline
-from crowd_env.recording.contacts import find_contacts
+from crowd_env.recording.contacts import ContactSums
 from crowd_env.recording.exits import APRON, places_beyond
 from crowd_env.recording.recording import FrameContacts
 from crowd_env.state import Bools, Floats, Ints
@@ -80,6 +80,7 @@ def read_head(
         "outline": plain_outline(simulation.outline),
         "time_limit": float(env.time_limit[e]),
         "versions": versions_of(),
+        **({"contact_force": "mean since the frame before"} if contacts else {}),
     }
     return Head(
         facts={**known, **facts, "finished": False},
@@ -103,7 +104,8 @@ class FrameSampler:
     """Makes the frames of environment ``e`` of a batch, one ``every`` so many decisions, the first and the last in any case."""
 
     def __init__(self, env: CrowdEnv, e: int, *, every: int, contacts: bool) -> None:
-        self._e, self._people, self._every, self._contacts = e, env.people(e), every, contacts
+        self._e, self._people, self._every = e, env.people(e), every
+        self._contacts = ContactSums(env.simulation, e) if contacts else None
         count = self._people.stop - self._people.start
         self._exits = env.scenario_of_env[e].geometry.exits
         self._decision_dt, self._decisions, self._seen_at = env.decision_dt, 0, 0.0
@@ -140,6 +142,11 @@ class FrameSampler:
         frame = self._frame(env, np.zeros(0, dtype=np.int64), np.zeros(len(self._gone)))
         return frame._replace(time=self._seen_at + self._every * self._decision_dt)
 
+    def stop(self) -> None:
+        """Leave the environment alone: no more frames will be asked for."""
+        if self._contacts is not None:
+            self._contacts.stop()
+
     def _time(self, env: CrowdEnv) -> float:
         """Return the time of the moment [s]; a clock that stopped within a decision, when all were out, is at its end."""
         time = float(env.simulation.state.time[self._e])
@@ -175,7 +182,7 @@ class FrameSampler:
             facing=self._facing[rows],
             pressure=pressure[rows],
             angle=None if outline is None else angle[rows].copy(),
-            contacts=find_contacts(env.simulation, self._e, ~self._gone) if self._contacts else None,
+            contacts=None if self._contacts is None else self._contacts.take(time - self._seen_at, ~self._gone),
             inside=~self._gone[rows],
             left=left,
             exit_time=exit_time,

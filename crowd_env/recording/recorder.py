@@ -1,13 +1,13 @@
 """Recorders of a rollout: the evacuations are written, or kept, while they run."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
-from crowd_env.checks import COUNT, POSITIVE, number, whole
+from crowd_env.checks import COUNT, NOT_NEGATIVE, POSITIVE, number, whole
 from crowd_env.envs.arguments import parts_of
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.rollout import Driver, rollout
@@ -44,7 +44,7 @@ class RunningRecording:
 
 
 class RunRecorder:
-    """Records the first evacuations of a rollout, each into a file of its own, or in memory.
+    """Records evacuations of a rollout, each into a file of its own, or in memory.
 
     It is a `crowd_env.envs.rollout.Recorder`, for `run_episodes` and `rollout`; they come out as without it, bit by bit.  What
     it keeps of a run is the path of its file, a `Recording` if there is no file, or None if the run is not recorded.  A file
@@ -54,7 +54,7 @@ class RunRecorder:
     Parameters
     ----------
     path : of the file, or if several runs are recorded of `NAME-0.sqlite`, `NAME-1.sqlite` ...; None = in memory.
-    runs : how many are recorded, the first ones.
+    runs : which are recorded: so many, the first ones, or those of these numbers.
     contacts : whether to record who touches whom, and with what forces.
     every : s, from one frame to the next, a whole multiple of the decision step; by default that.
     seed : of the rollout, for the facts.
@@ -72,14 +72,16 @@ class RunRecorder:
         self,
         path: str | Path | None = None,
         *,
-        runs: int = 1,
+        runs: int | Collection[int] = 1,
         contacts: bool = False,
         every: float | None = None,
         seed: int | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> None:
         self.path = None if path is None else check_writable("the recording", path)
-        self.runs, self.contacts = whole("runs to record", runs, COUNT), contacts
+        numbers = runs if isinstance(runs, Collection) else range(whole("runs to record", runs, COUNT))
+        self.runs = frozenset(whole("a run to record", run, NOT_NEGATIVE) for run in numbers)
+        self.contacts = contacts
         self.every = None if every is None else number("every", every, POSITIVE, "s")
         self.seed, self.facts = seed, dict(facts or {})
         self._running: dict[int, RunningRecording] = {}
@@ -87,16 +89,18 @@ class RunRecorder:
 
     def path_of(self, run: int) -> Path | None:
         """Return where a run is written."""
-        if self.path is None or self.runs == 1:
+        if self.path is None or len(self.runs) == 1:
             return self.path
         return self.path.with_name(f"{self.path.stem}-{run}{self.path.suffix}")
 
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Begin the recordings of a batch with its first moment."""
+        for running in self._running.values():  # of a batch that broke off
+            running.sampler.stop()
         self._running, self._finished = {}, {}
         every = 1 if self.every is None else parts_of("every", self.every, "decisions", env.decision_dt)
         for e, run in enumerate(runs):
-            if run < self.runs:
+            if run in self.runs:
                 seed = None if self.seed is None else self.seed + run
                 head = read_head(env, e, every=every, contacts=self.contacts, run=run, seed=seed, facts=self.facts)
                 path = self.path_of(run)
@@ -127,7 +131,12 @@ class RunRecorder:
                         "finished": True,
                     }
                 )
+                running.sampler.stop()
                 del self._running[e]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy has, here or in another process: it begins with no evacuation under way."""
+        return {**vars(self), "_running": {}, "_finished": {}}
 
     def record(self, env: CrowdEnv, e: int) -> Any:
         """Return what there is of the evacuation in environment ``e``, which has just ended."""
@@ -136,6 +145,7 @@ class RunRecorder:
     def close(self) -> None:
         """Write the frames that wait of evacuations that will not go on, and leave their files unfinished."""
         for running in self._running.values():
+            running.sampler.stop()
             running.flush()
             running.writer.abandon()
         self._running = {}

@@ -12,9 +12,10 @@ from crowd_env.state import Bools, Floats, Ints
 
 
 class FrameContacts(NamedTuple):
-    """The K contacts of F frames: those of the last physics step before each frame, as `Simulation.contacts` lists them.
+    """The K contacts of F frames: everything that touched since the frame before, of people who are still inside.
 
-    They are found where bodies were at the start of that step: a gap may differ from the frame's by what people move in it.
+    Gap, normal and point are those of the last physics step in which the two touched, found where `Simulation.contacts` finds
+    them: a gap may differ from the frame's by what people move in a step, and more if they parted before.
     """
 
     start: Ints  #: (F+1,) contacts of frame f are start[f]:start[f + 1]
@@ -23,7 +24,7 @@ class FrameContacts(NamedTuple):
     gap: Floats  #: (K,) m, < 0 is overlap
     normal: Floats  #: (K, 2) unit vector from j to i
     point: Floats  #: (K, 2) m, where they touch: in the middle of gap or overlap
-    force: Floats  #: (K, 2) N, normal (> 0 pushes apart) and tangential: impulse of that step over its length
+    force: Floats  #: (K, 2) N, mean since the frame before, normal (> 0 pushes apart) and tangential; times that time: impulse
 
 
 @dataclass(frozen=True, eq=False)

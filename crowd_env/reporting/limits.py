@@ -25,7 +25,7 @@ class Limits(NamedTuple):
 
 @cache
 def validation_map() -> Any:
-    """Return the content of ``page_parts/limits.json``, which a test holds against ``docs/validation.md``."""
+    """Return the content of ``page_parts/limits.json``; its cases are made with the map of ``docs/validation.md``."""
     return json.loads((files("crowd_env.reporting") / "page_parts" / "limits.json").read_text(encoding="utf-8"))
 
 

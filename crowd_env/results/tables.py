@@ -19,6 +19,9 @@ RUNS, EXITS, CURVE = "runs.csv", "exits.csv", "nt.csv"
 _WHOLE = ("unfinished", "escaped", "unconverged")
 _RUN_COLUMNS = ("run", "seed", "people", "end", "time_limit", "t95", *EpisodeMetrics._fields)
 _EXIT_COLUMNS = ("run", "time", "exit", "out", "person", "radius", "desired_speed", "group")
+_UNTIL = (
+    "until"  # which older tables lack: of those who stayed inside they hold one row a run, with the time of its end
+)
 
 
 def write_tables(folder: Path, scenario: Scenario, episodes: Sequence[Episode]) -> list[Path]:
@@ -27,7 +30,9 @@ def write_tables(folder: Path, scenario: Scenario, episodes: Sequence[Episode]) 
     The exits come first, so that a run that stands in ``runs.csv`` has its exits.
     """
     groups = _groups(scenario)
-    exits = write_csv(folder / EXITS, _EXIT_COLUMNS, (row for one in episodes for row in _exits(scenario, groups, one)))
+    exits = write_csv(
+        folder / EXITS, (*_EXIT_COLUMNS, _UNTIL), (row for one in episodes for row in _exits(scenario, groups, one))
+    )
     return [write_csv(folder / RUNS, _RUN_COLUMNS, map(_run, episodes)), exits]
 
 
@@ -78,15 +83,15 @@ def _run(episode: Episode) -> list[object]:
 
 
 def _exits(scenario: Scenario, groups: np.ndarray, episode: Episode) -> list[tuple[object, ...]]:
-    """Return the rows of a run in the order of time; the people who stayed come last, the first of them with ``out`` = 0."""
+    """Return the rows of a run in the order of time; the people who stayed come last, without a time and an exit."""
     names = exit_names(scenario, episode.exit_index)
     order = np.argsort(episode.exit_time, kind="stable")  # nan go last
     rows: list[tuple[object, ...]] = []
-    for k in order[: int(np.isfinite(episode.exit_time).sum())]:
-        time, body = _cell(float(episode.exit_time[k])), (episode.radius[k], episode.desired_speed[k])
-        rows.append((episode.run, time, names[k], 1, int(k), *(_cell(float(one)) for one in body), groups[k]))
-    if len(rows) < len(order):  # `crowd_env.analysis.exit_times` takes one such row a run
-        rows.append((episode.run, _cell(episode.end), "", 0, "", "", "", ""))
+    for k in order:
+        out = bool(np.isfinite(episode.exit_time[k]))
+        body = (_cell(float(one)) for one in (episode.radius[k], episode.desired_speed[k]))
+        first = (episode.run, _cell(float(episode.exit_time[k])), names[k], int(out), int(k))
+        rows.append((*first, *body, groups[k], "" if out else _cell(episode.end)))
     return rows
 
 
@@ -106,19 +111,22 @@ def _episode(scenario: Scenario, runs: Table, row: Row, exits: Table, rows: Sequ
     people = scenario.population.count
     columns = np.full((3, people), np.nan)  # exit time, radius, desired speed
     index = np.full(people, -1, dtype=np.int64)
-    out = [one for one in rows if one.cells["out"] == "1"]
+    told = [one for one in rows if one.cells["person"]]
     try:
-        for one in out:
-            k = int(one.cells["person"])
+        for one in told:
+            k, out, what = int(one.cells["person"]), one.cells["out"] == "1", f"row {one.number}"
             columns[:, k] = [
-                exits.number(one, name, f"row {one.number}") for name in ("time", "radius", "desired_speed")
+                exits.number(one, name, what) if out or one.cells[name] else float("nan")
+                for name in ("time", "radius", "desired_speed")
             ]
-            index[k] = scenario.geometry.exit_names.index(one.cells["exit"])
+            if out:
+                index[k] = scenario.geometry.exit_names.index(one.cells["exit"])
         number, seed = int(row.cells["run"]), int(row.cells["seed"])
     except (ValueError, IndexError):
         raise ValueError(f"{exits.path}: the exits of run {row.cells['run']!r} are not those of this place") from None
-    if len(out) + metrics.unfinished != people:
+    count = int((index >= 0).sum())
+    if count + metrics.unfinished != people:
         raise ValueError(
-            f"{exits.path}: run {number} has {len(out)} exits; {people} people without {metrics.unfinished} were expected"
+            f"{exits.path}: run {number} has {count} exits; {people} people without {metrics.unfinished} were expected"
         )
     return Episode(number, seed, metrics, columns[0], index, columns[1], columns[2], value("time_limit"), value("end"))

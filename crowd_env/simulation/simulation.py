@@ -1,6 +1,6 @@
 """A batch of crowds that walk, touch and leave.  No rewards, no agents: give it commands, advance it, read its arrays."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -164,6 +164,7 @@ class Simulation:
         self.batch = self._stepper.batch  # what kernels work on
         for e in range(environments):
             self.close_doors(e, self._door_schedule.restart(e))
+        self.listeners: list[Callable[[], object]] = []  # called after every physics step; bits stay, speed does not
         self.times_restored = 0  # whoever keeps books beside the simulation sees that they are of another moment
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -226,8 +227,11 @@ class Simulation:
                 self._sorted.update(self.history.contacts, self.workspace.neighbors)
             tasks = (self._sorted, self.planner, self._door_schedule)
             waits = [task.steps_until_due(self.state.time, self.dt, inside) for task in tasks if task is not None]
+            waits += [1] if self.listeners else []
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
             self._stepper.run_until(target, self.dt)
+            for listen in self.listeners:
+                listen()
         add_diagnostics(self.diagnostics, self.results.diagnostics)
         state, geometry_of_env = self.state, self.world.geometry_of_env
         mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, state.position, self.escaped)

@@ -7,6 +7,7 @@ import signal
 import numpy as np
 import pytest
 from routing_places import corridor, hall
+from typer.testing import CliRunner
 
 from agents import train_routing as command
 from agents.controllers import FixedSplit, RandomController
@@ -150,7 +151,6 @@ SMALL = ("--scenario", "small-hall", "--grid", 2, 1, "--steps", 64, "--envs", 2,
 
 def call(*arguments):
     from typer import Typer
-    from typer.testing import CliRunner
 
     app = Typer(pretty_exceptions_enable=False)
     app.command()(command.main)
@@ -193,9 +193,30 @@ def test_one_run_has_no_interval_and_is_no_error(tmp_path, quick):
     assert "nan" not in told.stdout and "learned" in told.stdout
 
 
+def test_a_controller_is_trained_and_judged_on_a_floor_plan(tmp_path, quick):
+    """Its file is evaluated on the plan with the exits that are named then."""
+    from agents import evaluate
+
+    plan = tmp_path / "hall.wkt"
+    plan.write_text("POLYGON ((0 0, 800 0, 800 400, 0 400, 0 0))")  # in cm
+    place = ("--scenario", plan, "--exit", "0,150,0,250", "--exit", "800,150,800,350", "--unit", "cm", "--people", 6)
+    told = call(*SMALL[2:], *place, "--runs", 1, "--out", tmp_path / "run")
+    assert told.exit_code == 0, (told.output, told.exception)
+    config = json.loads((tmp_path / "run" / "results.json").read_text())["config"]
+    assert (config["exits"], config["unit"], config["count"]) == (["0,150,0,250", "800,150,800,350"], "cm", 6)
+    words = [
+        str(word) for word in (*place, "--policies", "nearest", tmp_path / "run" / "best.safetensors", "--runs", 1)
+    ]
+    judged = CliRunner().invoke(evaluate.app, [*words, "--json"])
+    assert judged.exit_code == 0, judged.output
+    assert [row["policy"] for row in json.loads(judged.stdout)["rows"]] == ["nearest", "best"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("--exit", "0,1,0,2"), "has its own exits; --exit is for floor plans"),
+        (("--unit", "cm"), "is in meters; --unit is for floor plans"),
         (("--seconds", -1), "--seconds -1"),
         (("--runs", 0), "--runs 0"),
         (("--seed", -1), "seed -1"),

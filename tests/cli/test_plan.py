@@ -39,6 +39,34 @@ def test_it_says_how_large_a_plan_is_and_how_wide_its_exits(tmp_path):
     assert head["capacity"] == int(head["area"] / (np.sqrt(12) * 0.225**2))  # a hexagon around each disc
 
 
+def test_it_answers_for_the_people_of_the_run(tmp_path):
+    """Larger bodies have less room and may not pass; recorded starts and an outline count as they do in a run."""
+    narrow = written(
+        tmp_path / "narrow.wkt", box(0, 0, 6, 4).difference(box(3, 0, 3.2, 1.6)).difference(box(3, 2.3, 3.2, 4))
+    )
+    line, picture = f"{narrow} --exit 6,1,6,2", tmp_path / "narrow.png"
+    usual, large = of(line, picture), of(f"{line} --radius 0.3,0.4", picture)
+    assert large["body_diameter"] == [0.6, 0.8] and large["free_area"] < usual["free_area"]
+    assert large["capacity"] == int(large["area"] / (np.sqrt(12) * 0.35**2)) < usual["capacity"]
+    assert not usual["remarks"] and any("narrower than the largest bodies (0.80 m)" in one for one in large["remarks"])
+    assert of(f"{line} --outline torso", picture)["capacity"] < usual["capacity"]
+    without = f"{narrow}"  # of which no exit is known yet
+    assert of(f"{without} --outline torso --radius 0.3", picture)["capacity"] < of(without, picture)["capacity"]
+    behind = tmp_path / "behind.csv"
+    behind.write_text("x,y\n4,1\n5,2\n5,3\n")
+    told = of(f"{line} --starts {behind}", picture)
+    (door,) = told["exits"]
+    assert told["people"] == 3 and door["narrowest_passage"]["is_exit"]  # nobody has to pass the door before it
+    assert of("room-v0 --radius 0.4 --n 3", picture)["body_diameter"] == [0.8, 0.8]
+    for bad, words in (
+        (f"{line} --radius wide", "--radius is 'wide'; it must be one number"),
+        (f"{line} --starts {behind} --n 4", "--n is 4, but "),
+        (f"room-v0 floor-v0 --starts {behind}", "--starts is for one floor plan, but 2 places are given"),
+    ):
+        result = call(f"plan {bad} --out {picture}")
+        assert result.exit_code == 2 and words in result.stderr and result.stderr.count("\n") == 1
+
+
 def test_a_plan_without_exits_is_drawn_so_that_they_can_be_read_off(tmp_path):
     head = of(FOYER, tmp_path / "foyer.png")
     assert head["exits"] == [] and head["not_reached"] == []

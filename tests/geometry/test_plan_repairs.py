@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 from crowd_env import Geometry, Population, Scenario
+from crowd_env.geometry.parsing import place
 from crowd_env.scenarios.floor_plan import scenario_from_wkt
 
 ROOM = shapely.box(0, 0, 6, 5)
@@ -163,3 +164,24 @@ def test_more_people_than_there_is_room_for_are_refused_before_any_is_drawn():
     regions = {"west": shapely.box(0, 0, 2, 5)}
     with pytest.raises(ValueError, match=r"100 people do not fit without overlap into 10\.0 m2 of 'west'"):
         Scenario("room", quietly(ROOM, exits=[DOOR], regions=regions), Population(100, start_region="west"), 60.0)
+
+
+@pytest.mark.parametrize(
+    ("point", "text"),
+    [
+        ((3.5, 2.0), "(3.5, 2)"),
+        ((1 / 3, -1234.5678), "(0.333333, -1234.57)"),
+        ((357_412.3456, 5_612_345.678), "(357412.35, 5612345.68)"),  # of maps in UTM
+        ((-10_000.0, 5_600_000.5), "(-10000, 5600000.5)"),
+        ((np.nan, 1e300), "(nan, 1e+300)"),
+    ],
+)
+def test_places_in_messages_are_told_to_the_centimeter(point, text):
+    assert place(point) == text
+
+
+def test_a_mistake_far_from_the_origin_of_a_map_can_be_found():
+    east, north = 357_412.0, 5_612_345.0
+    hall = shapely.box(east, north, east + 10, north + 8)
+    with pytest.raises(ValueError, match=r"its point \(357416(\.\d+)?, 5612349\) is"):
+        Geometry.from_polygon(hall, exits=[[(east + 4, north + 4), (east + 5, north + 4)]])

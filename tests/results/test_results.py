@@ -1,5 +1,6 @@
 """The folder of results: what stands in it is what was run, and an interrupted command goes on with it."""
 
+import csv
 import json
 from dataclasses import replace
 
@@ -11,7 +12,7 @@ from crowd_env import Groups, Population, make_scenario
 from crowd_env.analysis.exit_times import read_exits
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.executors import Processes
-from crowd_env.files.csv_table import read_table
+from crowd_env.files.csv_table import read_table, write_csv
 from crowd_env.physics import make_scheme
 from crowd_env.results.config import difference, run_config
 from crowd_env.results.egress import egress
@@ -45,15 +46,14 @@ def episodes(place):
 
 
 def same(found, expected):
-    """Return whether runs are the same but for the bodies of people who stayed, which are not written down."""
+    """Return whether runs are the same to the last bit."""
     for one, other in zip(found, expected, strict=True):
-        out = np.isfinite(other.exit_time)
         assert (one.run, one.seed, one.time_limit, one.end) == (other.run, other.seed, other.time_limit, other.end)
         np.testing.assert_array_equal(one.metrics, other.metrics)
         np.testing.assert_array_equal(one.exit_time, other.exit_time)
         np.testing.assert_array_equal(one.exit_index, other.exit_index)
-        np.testing.assert_array_equal(one.radius[out], other.radius[out])
-        np.testing.assert_array_equal(one.desired_speed[out], other.desired_speed[out])
+        np.testing.assert_array_equal(one.radius, other.radius)
+        np.testing.assert_array_equal(one.desired_speed, other.desired_speed)
     return True
 
 
@@ -73,12 +73,34 @@ def test_the_exits_are_those_that_clogging_reads(place, episodes, tmp_path):
 def test_a_row_a_person_tells_who_it_was(place, episodes, tmp_path):
     write_tables(tmp_path, place, episodes)
     rows = [row.cells for row in read_table(tmp_path / "exits.csv", "x", ("run",), "s", "a row").rows]
-    out = [row for row in rows if row["out"] == "1"]
-    assert {row["group"] for row in out} == {"quick"} and len(rows) - len(out) == 3  # a row a run says that some stayed
-    for row in out:
+    out, stayed = ([row for row in rows if row["out"] == told] for told in "10")
+    assert {row["group"] for row in out} == {"quick"} and not any(row["until"] for row in out)
+    assert [(row["run"], row["person"], row["group"]) for row in stayed] == [
+        (str(run), str(k), "slow") for run in range(3) for k in (4, 5, 6)
+    ]
+    assert {(row["time"], row["exit"], row["until"]) for row in stayed} == {("", "", str(episodes[0].end))}
+    for row in rows:
         body = place.population.draw(np.random.default_rng(2 + int(row["run"])), place.geometry)[0]
         k = int(row["person"])
         assert (float(row["radius"]), float(row["desired_speed"])) == (body.radius[k], body.desired_speed[k])
+
+
+def test_tables_of_older_versions_are_read(place, episodes, tmp_path):
+    write_tables(tmp_path, place, episodes)
+    with (tmp_path / "exits.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    stayed = {row["run"]: [row["run"], row.pop("until"), "", "0", *4 * [""]] for row in rows if row["out"] == "0"}
+    out = [list(row.values())[:8] for row in rows if row["out"] == "1"]
+    columns = ("run", "time", "exit", "out", "person", "radius", "desired_speed", "group")
+    write_csv(tmp_path / "exits.csv", columns, [*out, *stayed.values()])
+    for found, expected in zip(read_tables(tmp_path, place), episodes, strict=True):
+        inside = np.isnan(expected.exit_time)
+        np.testing.assert_array_equal(found.exit_time, expected.exit_time)
+        np.testing.assert_array_equal(found.radius, np.where(inside, NAN, expected.radius))
+    assert [run.until for run in read_exits(tmp_path / "exits.csv")] == [episode.end for episode in episodes]
+    found = read_tables(tmp_path, place)
+    write_tables(tmp_path, place, found)  # as a folder that is gone on with
+    assert same(read_tables(tmp_path, place), found)
 
 
 def test_n_of_t_counts_those_inside_and_a_run_that_has_ended_stays_as_it_was(tmp_path):

@@ -182,6 +182,29 @@ def test_the_map_says_what_passes_and_what_was_asked(tmp_path):
     assert "* Not supported, NIST 2.7: no lifts." in text and "| `not supported`" not in text
 
 
+def test_reports_have_the_map_as_data(tmp_path):
+    """What is written by hand beside it stays, and a map that cannot be written leaves the data as they were."""
+    data = tmp_path / TABLES["map"].data[0]
+    data.parent.mkdir(parents=True)
+    data.write_text(json.dumps({"not_modeled": ["fire"], "cases": []}))
+    of_cases(tmp_path, "map", map_rows())
+    content = json.loads(data.read_text(encoding="utf-8"))
+    assert content["not_modeled"] == ["fire"] and content["not_supported"] == ["NIST 2.7: no lifts."]
+    assert [one["case"] for one in content["cases"]][::10] == ["gate", "rimea-1"]
+    gate, *_, test = content["cases"]
+    assert gate == {
+        "case": "gate",
+        "criterion": "as recorded (a paper).",
+        "results": {"calm": {"dem": "yes", "hertz": "no"}},
+    }
+    assert test["results"] == {"calm": {"dem": "yes"}, "hurried": {"dem": "reported"}}
+    before = data.read_bytes()
+    (tmp_path / "docs" / "validation.md").write_text("no place")
+    with pytest.raises(ValueError, match="no place for map"):
+        fill("map", run, folder=tmp_path / "run", root=tmp_path)
+    assert data.read_bytes() == before
+
+
 def test_the_map_has_the_figures_of_every_row(tmp_path):
     text = of_cases(tmp_path, "measured", map_rows())
     assert "| `ring` | calm | `hertz` | **no** | 1.13 /s |" in text

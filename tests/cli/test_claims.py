@@ -1,0 +1,77 @@
+"""Two commands that write to one place: the second is told, before anything is run."""
+
+import errno
+import subprocess
+import sys
+
+import pytest
+from commands import call
+
+from crowd_env.cli import evacuations
+from crowd_env.files.claim import claimed
+
+RUN = "run room-v0 --n 3 --runs 1 --scheme dem"
+# Takes a lock, says so, and waits until it is killed.
+HOLDS = """
+import sys, time
+from pathlib import Path
+from crowd_env.files.claim import claimed
+with claimed(Path(sys.argv[1])) as ours:
+    print(ours, flush=True)
+    time.sleep(600)
+"""
+
+
+def test_a_claim_falls_with_a_process_that_is_killed(tmp_path):
+    lock = tmp_path / "out" / ".lock"
+    with subprocess.Popen([sys.executable, "-c", HOLDS, str(lock)], stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "True\n"
+        with claimed(lock) as ours:
+            assert not ours
+        other.kill()
+    assert lock.exists()
+    with claimed(lock) as ours:
+        assert ours
+    assert not lock.exists()
+
+
+def test_a_claim_leaves_nothing_behind_but_what_was_written(tmp_path):
+    with claimed(tmp_path / "a" / "b" / ".lock"):
+        assert (tmp_path / "a" / "b" / ".lock").exists()
+    assert not list(tmp_path.iterdir())
+    with claimed(tmp_path / "a" / "b" / ".lock"):
+        (tmp_path / "a" / "x").write_text("")
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["x"]
+
+
+@pytest.mark.parametrize(("option", "name"), [("--out", "out"), ("--record", "run.sqlite")])
+def test_the_second_command_is_told_and_runs_nothing(option, name, tmp_path, monkeypatch):
+    path = tmp_path / name
+    lock = path / ".lock" if option == "--out" else tmp_path / f".{name}.lock"
+    with monkeypatch.context() as patch, claimed(lock) as ours:
+        assert ours
+        before = sorted(tmp_path.rglob("*"))
+        patch.setattr(evacuations, "run_episodes", None)
+        told = call(f"{RUN} {option} {path}")
+        assert (told.exit_code, told.stdout) == (2, "") and sorted(tmp_path.rglob("*")) == before
+        said = f"error: {option} {path}: another command is writing there; let it end, or name another place\n"
+        assert told.stderr == said
+    assert call(f"{RUN} {option} {path}").exit_code == 0
+    assert path.exists() and not lock.exists()
+
+
+def test_a_command_that_ends_in_a_mistake_leaves_no_folder(tmp_path):
+    assert call(f"{RUN} --n 100000 --out {tmp_path / 'out'}").exit_code == 2
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOLCK, "No locks available"), ImportError("no fcntl")])
+def test_where_there_are_no_locks_it_is_said_and_gone_on(error, tmp_path, monkeypatch):
+    def no_locks(_):
+        raise error
+
+    monkeypatch.setattr("crowd_env.files.claim._lock", no_locks)
+    told = call(f"{RUN} --out {tmp_path / 'out'}")
+    assert told.exit_code == 0 and (tmp_path / "out" / "runs.csv").exists()
+    expected = f"note: {tmp_path / 'out'} has no file locks: see to it that no other command writes there"
+    assert told.stderr.splitlines()[0] == expected
