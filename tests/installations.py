@@ -2,7 +2,7 @@
 
 import argparse
 import importlib.util
-import shlex
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -47,11 +47,7 @@ def check_make(words: list[str]) -> None:
     """Check that make has the target, and that the programs it would call are there."""
     options = {"check": True, "capture_output": True, "text": True, "cwd": ROOT}
     called = subprocess.run(["make", "-n", *words[1:]], **options).stdout
-    programs = [shlex.split(line) for line in called.splitlines() if "/bin/python -m" in line or "/bin/python " in line]
+    programs = re.findall(r"/bin/python (?:-m ([\w.]+)|([\w./]+\.py))", called)
     assert programs
-    for program in programs:
-        where = next(k for k, word in enumerate(program) if word.endswith("/bin/python"))
-        if program[where + 1] == "-m":
-            assert importlib.util.find_spec(program[where + 2]), program
-        elif program[where + 1].endswith(".py"):
-            assert (ROOT / program[where + 1]).exists(), program
+    for module, script in programs:
+        assert importlib.util.find_spec(module) if module else (ROOT / script).exists(), module or script
