@@ -161,6 +161,19 @@ _ALL = (
         steps=2_400_000,
         eval_every=800_000,
     ),
+    # Where to go and in which order: people may follow one another to either door.  More steps lead away from the clone.
+    Preset(
+        "two-narrow-exits",
+        people=100,
+        dt=0.01,
+        **_BY_ORDER
+        | {
+            "action": {"name": "speeds-exits", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]},
+            "terms": (*_WITH_AHEAD, "routes", "queues_shown"),
+            "envs": 12,
+            "steps": 2_000_000,
+        },
+    ),
     Preset("room", people=20, dt=0.01, **_NO_HARM | {"envs": 48, "eval_runs": 100}),
     Preset("pillar", people=60, dt=0.01, **_NO_HARM),
     Preset("bottleneck", people=60, dt=0.01, **_NO_HARM),
