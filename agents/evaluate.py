@@ -17,7 +17,6 @@ from crowd_env.cli.console import (
     OutlineOption,
     friendly_errors,
     notes,
-    progress_bar,
     run_title,
     with_manner,
 )
@@ -29,11 +28,10 @@ from crowd_env.rendering.libraries import require_libraries
 from crowd_env.routing.strategies import STRATEGIES
 
 from . import POLICIES, PRETRAINED
-from .evaluation.comparison import last_times, mean_times, minus_first, ranking
-from .evaluation.entries import RULE, Entry, made_drivers, make_entries
-from .evaluation.evaluation import HELD_OUT_SEED, Cell, Evaluation, evaluate_cells
+from .evaluation.entries import RULE, make_entries
+from .evaluation.evaluation import HELD_OUT_SEED, Evaluation
 from .evaluation.folder import EvaluationFolder, settings_of
-from .evaluation.protocol import credible_lines, task_row, task_table
+from .evaluation.protocol import credible_lines, task_table
 from .evaluation.report import crowding_table, exits_table, left_table, ranking_lines, table_console, times_table
 from .evaluation.robustness import (
     few_runs,
@@ -43,8 +41,8 @@ from .evaluation.robustness import (
     robustness_table,
     summary_of_trials,
 )
+from .evaluation.same_draws import compare, summary
 from .lists_of_names import ListsOfNames
-from .runs import versions
 from .tasks import TASKS, Task, make_task
 from .training_config import RUNS
 
@@ -55,69 +53,6 @@ _SCENARIO, _NAMED, _SCHEME, _RUNS = (
     "nsm2",
     100,
 )  # unless a task or an option says otherwise
-
-
-def compare(
-    entries: Sequence[Entry],
-    scenario: Scenario,
-    schemes: Sequence[str],
-    *,
-    runs: int,
-    seed: int = 0,
-    threads: int = 1,
-    folder: EvaluationFolder | None = None,
-    executor: Executor | None = None,
-) -> list[Evaluation]:
-    """Evaluate every entry under every scheme: run ``k`` of all of them starts from the same people in the same places.
-
-    What ``folder`` has kept is taken from there.  The rest is shared out by ``executor``, by default one batch after the other
-    here; results do not depend on it.
-    """
-    executor = executor or Serial()
-    pairs = [(entry, scheme) for scheme in schemes for entry in entries]
-    results = [None if folder is None else folder.load(*pair) for pair in pairs]
-    todo = [k for k, result in enumerate(results) if result is None]
-
-    def finished(number: int, result: Evaluation) -> None:
-        k = todo[number]
-        results[k] = result
-        if folder is not None:
-            folder.save(*pairs[k], result)
-        if not notes.is_terminal:  # no bar there: say in lines how far it is
-            title = f"{k + 1}/{len(pairs)} {result.policy}, {result.scheme}"
-            notes.print(f"{title}: mean exit time {mean_times(result).mean():.2f} s", markup=False)
-
-    with progress_bar("evaluating", runs * len(todo)) as progress:
-        drivers = made_drivers([pairs[k] for k in todo], scenario, threads, executor)
-        cells = [
-            Cell(driver, scenario, entry.name, scheme, entry.manner)
-            for (entry, scheme), driver in zip([pairs[k] for k in todo], drivers, strict=True)
-        ]
-        options: dict[str, Any] = {"runs": runs, "first_seed": HELD_OUT_SEED + seed, "measure": True}
-        evaluate_cells(cells, executor=executor, finished=finished, progress=progress, **options)
-    return [result for result in results if result is not None]
-
-
-def summary(
-    results: Sequence[Evaluation], scenario: Scenario, settings: dict[str, Any], task: Task | None = None
-) -> dict[str, Any]:
-    """Return everything about an evaluation but single runs, ready for JSON; rows of a task are those of its protocol."""
-    rows = []
-    for result in results:
-        if task is not None:
-            rows.append(task_row(task, scenario, result, results))
-            continue
-        first = next(one for one in results if one.scheme == result.scheme)
-        all_counted = {"last": float(last_times(result).mean()), "mean": float(mean_times(result).mean())}
-        rows.append(result.row() | {"unfinished_at_limit": all_counted, "minus_first": minus_first(result, first)})
-    return {
-        **settings,
-        "people": scenario.population.count,
-        "time_limit": scenario.time_limit,
-        "rows": rows,
-        "ranking": {"last": ranking(results), "mean": ranking(results, of=mean_times)},
-        "versions": versions(),
-    }
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -9,10 +9,10 @@ from crowd_env.checks import Range, whole
 from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import check_folder, friendly_errors
 
-from .evaluate import compare
 from .evaluation.entries import RULE, make_entries
 from .evaluation.folder import EvaluationFolder, settings_of
 from .evaluation.robustness import Found, few_runs, judge_trial, make_trials
+from .evaluation.same_draws import compare
 from .evaluation.submission import REFERENCES, make_submission, write_submission
 from .lists_of_names import ListsOfNames
 from .tasks import TASKS, make_task

@@ -3,6 +3,8 @@
 from typing import TYPE_CHECKING, Any
 
 from validation.cases.case import COMPARED
+from validation.cases.doors import JUDGED, MEAN
+from validation.cases.gate import FLOW
 
 if TYPE_CHECKING:
     from validation.pages import Sources
@@ -16,6 +18,8 @@ SCHEMES = (*COMPARED, "hertz-literal")
 _SAID = {True: "yes", False: "**no**", None: "–"}
 _OUTCOME = {True: "yes", False: "no", None: "reported"}
 
+FULL_SPEED = "competitive"
+FULL_SPEED_HEAD = ("case", "scheme", "figures")
 PASSED_HEAD = ("case or test", "manner", *(f"`{scheme}`" for scheme in SCHEMES))
 FIGURES_HEAD = ("case or test", "manner", "scheme", "passed", "figures")
 
@@ -61,6 +65,40 @@ def figures(source: "Sources") -> list[list[str]]:
         [f"`{row['case']}`", row["manner"], f"`{row['scheme']}`", _SAID[row["passed"]], row["figure"]]
         for row in _sorted(source)
     ]
+
+
+def full_speed(source: "Sources") -> list[list[str]]:
+    """One row a case and scheme: the two cases that recordings are nearest to, with people who keep no distance."""
+    return [[f"`{row['case']}`", f"`{row['scheme']}`", row["figure"]] for row in _pressing(source)]
+
+
+def full_speed_note(source: "Sources") -> str:
+    """Say how much faster they are than people in experiments, and how often they get stuck."""
+    rows = _pressing(source)
+    at_doors = [
+        (one["flow"], one["stuck"])
+        for row in rows
+        if row["case"] == "doors"
+        for width, one in row["more"]["widths"].items()
+        if float(width) in JUDGED
+    ]
+    flows = [flow for flow, _ in at_doors if flow is not None]
+    gates = [row["more"] for row in rows if row["case"] == "gate"]
+    stuck, runs = (sum(counts) for counts in zip(*((one["stuck"], len(one["passages"])) for one in gates), strict=True))
+    through = [one["flow"] for one in gates if one["flow"] is not None]
+    flow = " to ".join(dict.fromkeys(f"{one:.2f}" for one in (min(through), max(through)))) if through else ""
+    passed = f"{flow} /s pass in the others" if through else "all get stuck"
+    return (
+        f"{source.draws('gate')} of the gate and {source.draws('doors')} of the doors. Through doors of {JUDGED[0]:g} to "
+        f"{JUDGED[-1]:g} m {min(flows):.1f} to {max(flows):.1f} people pass a meter and second, where the published mean is "
+        f"{MEAN:g}: {min(flows) / MEAN:.1f} to {max(flows) / MEAN:.1f} times as many. The gate blocks in {stuck} of {runs} "
+        f"runs; {passed}, where {FLOW:g} /s were recorded."
+    )
+
+
+def _pressing(source: "Sources") -> Rows:
+    rows = [row for case in ("gate", "doors") for row in source.rows(case) if row["manner"] == FULL_SPEED]
+    return sorted(rows, key=lambda row: (("gate", "doors").index(row["case"]), SCHEMES.index(row["scheme"])))
 
 
 def _asked(source: "Sources") -> dict[str, str]:

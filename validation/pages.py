@@ -258,6 +258,13 @@ TABLES: dict[str, Table] = {
         data=("crowd_env/reporting/page_parts/limits.json", map_tables.as_data),
     ),
     "measured": Table("docs/validation.md", map_tables.FIGURES_HEAD, map_tables.figures, made_by=_MAP_COMMAND),
+    "full-speed": Table(
+        "docs/validation.md",
+        map_tables.FULL_SPEED_HEAD,
+        map_tables.full_speed,
+        map_tables.full_speed_note,
+        made_by=f"python -m validation gate doors --manner {map_tables.FULL_SPEED} --data DATA --out DIR",
+    ),
     "scenarios": Table(
         "docs/scenarios.md",
         ("runs with people left inside", *(f"`{scheme}`" for scheme in tables.SCENARIO_SCHEMES)),

@@ -95,7 +95,7 @@ def judge_trial(
 
     Parameters
     ----------
-    compare : `agents.evaluate.compare`, or what does its work elsewhere.
+    compare : `agents.evaluation.same_draws.compare`, or what does its work elsewhere.
     out : holds a folder for each variation, from which an interrupted evaluation goes on.
     """
     notes.print(f"{trial.variation.name}: {trial.variation.about}", markup=False, highlight=False)

@@ -14,7 +14,6 @@ from crowd_env.files.json_file import json_number, write_json
 
 from .. import POLICIES
 from ..drivers import policy_driver
-from ..evaluate import compare
 from ..networks import network_digest
 from ..policy import Policy
 from ..rules import StrategyPolicy
@@ -26,6 +25,7 @@ from .evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from .folder import EvaluationFolder, settings_of
 from .protocol import task_row, task_table
 from .report import comparison_table, crowding_table
+from .same_draws import compare
 
 LEARNED = "learned"
 NETWORK, RESULTS = "best.safetensors", "results.json"

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from evaluations import SMALL, call
 
-from agents.evaluate import compare
 from agents.evaluation.entries import make_entries
 from agents.evaluation.folder import EvaluationFolder, settings_of
+from agents.evaluation.same_draws import compare
 
 
 class Elsewhere:

@@ -205,6 +205,30 @@ def test_reports_have_the_map_as_data(tmp_path):
     assert data.read_bytes() == before
 
 
+def test_full_speed_is_told_beside_what_is_known(tmp_path):
+    """A mean over the runs that were not stuck stands for them; where all were, there is none."""
+
+    def gate(scheme, flow, stuck):
+        more = {"flow": flow, "stuck": stuck, "passages": [[]] * 4}
+        return {**row_of("gate", scheme, False, f"{flow} /s", manner="competitive"), "more": more}
+
+    def doors(scheme, *flows):
+        widths = {width: {"flow": flow, "stuck": 0} for width, flow in zip(("0.5", "0.8", "2.4"), flows, strict=True)}
+        return {**row_of("doors", scheme, False, "wide", manner="competitive"), "more": {"widths": widths}}
+
+    rows = {
+        "gate": [gate("hertz", None, 4), gate("dem", 2.5, 1), row_of("gate", "dem", True)],
+        "doors": [doors("dem", 99.0, 6.36, 8.48), doors("hertz", None, 4.24, None)],
+    }
+    text = of_cases(tmp_path, "full-speed", rows)
+    lines = [line for line in text.splitlines() if line.startswith("| `")]
+    assert lines == ["| `gate` | `dem` | 2.5 /s |", "| `gate` | `hertz` | None /s |", *(
+        f"| `doors` | `{scheme}` | wide |" for scheme in ("dem", "hertz")
+    )]  # fmt: skip
+    assert "Through doors of 0.8 to 2.4 m 4.2 to 8.5 people" in text and "2.12: 2.0 to 4.0 times as many" in text
+    assert "The gate blocks in 5 of 8 runs; 2.50 /s pass in the others, where 1.13 /s" in text
+
+
 def test_the_map_has_the_figures_of_every_row(tmp_path):
     text = of_cases(tmp_path, "measured", map_rows())
     assert "| `ring` | calm | `hertz` | **no** | 1.13 /s |" in text

@@ -1,0 +1,79 @@
+"""Entries under contact schemes, all on the same draws, and everything that is said about them as plain data."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from crowd_env import Scenario
+from crowd_env.cli.console import notes, progress_bar
+from crowd_env.executors import Executor, Serial
+
+from ..runs import versions
+from ..tasks import Task
+from .comparison import last_times, mean_times, minus_first, ranking
+from .entries import Entry, made_drivers
+from .evaluation import HELD_OUT_SEED, Cell, Evaluation, evaluate_cells
+from .folder import EvaluationFolder
+from .protocol import task_row
+
+
+def compare(
+    entries: Sequence[Entry],
+    scenario: Scenario,
+    schemes: Sequence[str],
+    *,
+    runs: int,
+    seed: int = 0,
+    threads: int = 1,
+    folder: EvaluationFolder | None = None,
+    executor: Executor | None = None,
+) -> list[Evaluation]:
+    """Evaluate every entry under every scheme: run ``k`` of all of them starts from the same people in the same places.
+
+    What ``folder`` has kept is taken from there.  The rest is shared out by ``executor``, by default one batch after the other
+    here; results do not depend on it.
+    """
+    executor = executor or Serial()
+    pairs = [(entry, scheme) for scheme in schemes for entry in entries]
+    results = [None if folder is None else folder.load(*pair) for pair in pairs]
+    todo = [k for k, result in enumerate(results) if result is None]
+
+    def finished(number: int, result: Evaluation) -> None:
+        k = todo[number]
+        results[k] = result
+        if folder is not None:
+            folder.save(*pairs[k], result)
+        if not notes.is_terminal:  # no bar there: say in lines how far it is
+            title = f"{k + 1}/{len(pairs)} {result.policy}, {result.scheme}"
+            notes.print(f"{title}: mean exit time {mean_times(result).mean():.2f} s", markup=False)
+
+    with progress_bar("evaluating", runs * len(todo)) as progress:
+        drivers = made_drivers([pairs[k] for k in todo], scenario, threads, executor)
+        cells = [
+            Cell(driver, scenario, entry.name, scheme, entry.manner)
+            for (entry, scheme), driver in zip([pairs[k] for k in todo], drivers, strict=True)
+        ]
+        options: dict[str, Any] = {"runs": runs, "first_seed": HELD_OUT_SEED + seed, "measure": True}
+        evaluate_cells(cells, executor=executor, finished=finished, progress=progress, **options)
+    return [result for result in results if result is not None]
+
+
+def summary(
+    results: Sequence[Evaluation], scenario: Scenario, settings: dict[str, Any], task: Task | None = None
+) -> dict[str, Any]:
+    """Return everything about an evaluation but single runs, ready for JSON; rows of a task are those of its protocol."""
+    rows = []
+    for result in results:
+        if task is not None:
+            rows.append(task_row(task, scenario, result, results))
+            continue
+        first = next(one for one in results if one.scheme == result.scheme)
+        all_counted = {"last": float(last_times(result).mean()), "mean": float(mean_times(result).mean())}
+        rows.append(result.row() | {"unfinished_at_limit": all_counted, "minus_first": minus_first(result, first)})
+    return {
+        **settings,
+        "people": scenario.population.count,
+        "time_limit": scenario.time_limit,
+        "rows": rows,
+        "ranking": {"last": ranking(results), "mean": ranking(results, of=mean_times)},
+        "versions": versions(),
+    }
