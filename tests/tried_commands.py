@@ -16,7 +16,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from evaluations import random_network
 from installations import check_make, check_pip
 from outputs import WIDTH
 from repository import ROOT
@@ -31,17 +30,14 @@ from agents.evaluation import evaluation
 from agents.pretrained import load
 from agents.rules import ShortestPath
 from agents.tasks import TASKS
-from agents.trained import LearnedController
 from benchmarks.measuring import Row
 from crowd_env.cli.main import app
-from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.files.csv_table import write_csv
-from examples import shipped_policy
 
 FEW = 8  # people
 # Option -> what it is given instead of what is shown.
 SMALL = {"--runs": "1", "--n": str(FEW), "--people": str(FEW), "--seeds": "1"}
-# Words of a command -> options that are added to it; it has at most what is said here to do then.
+# Word of a command -> options that are added to it, so that it has little to do.
 ADDED = {
     "--film": ["--film-width", "320", "--film-fps", "1"],
     "show": ["--film-width", "320", "--film-fps", "1"],
@@ -64,13 +60,8 @@ def workplace(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (folder / name).symlink_to(ROOT / name)
     shutil.copy(ROOT / "docs" / "performance.md", folder)
     (folder / "runs" / "NAME").mkdir(parents=True)
-    load("competitive-door/ppo").save(folder / "runs" / "NAME" / "best.safetensors")
-    routing = {"grid": (2, 1), "interval": 1.0}
-    batch = RoutingBatch("two-exit-hall-v0", **routing)
-    network = random_network(batch.layout.size, int(batch.choices.sum()))
-    controller = LearnedController(network, batch.choices, {"scenario": "two-exit-hall-v0", **routing})
-    controller.save(folder / "controller.safetensors")
-    load("competitive-door/ppo").save(folder / "learned.safetensors")
+    for path in ("runs/NAME/best.safetensors", "learned.safetensors"):
+        load("competitive-door/ppo").save(folder / path)
     monkeypatch.chdir(folder)
     monkeypatch.setenv("COLUMNS", WIDTH)
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
@@ -78,9 +69,8 @@ def workplace(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def smaller(words: list[str]) -> list[str]:
     """Return a command that does the least that shows that all of its words are right."""
-    words = [
-        MINUTES_LONG.get(word, word) for word in words if word != "--ray"
-    ]  # tests/agents/test_cluster.py has clusters
+    # Clusters are those of tests/agents/test_cluster.py.
+    words = [MINUTES_LONG.get(word, word) for word in words if word != "--ray"]
     for option, value in SMALL.items():
         if option in words:
             words[words.index(option) + 1] = value
@@ -123,7 +113,6 @@ def few_people(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let few people take part in every task, in one draw."""
     for name, task in list(TASKS.items()):
         monkeypatch.setitem(TASKS, name, replace(task, people=FEW, runs=1))
-    monkeypatch.setattr(shipped_policy.main, "__defaults__", (FEW,))
 
 
 def evaluate_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,7 +160,7 @@ def measure_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(benchmarks.cli.plots, "draw", lambda result, folder: None)
 
 
-def run_shell(words: list[str], line: str) -> str:
+def run_shell(line: str) -> str:
     """Run a line of a shell as it stands."""
     options = {"check": True, "capture_output": True, "text": True}
     return subprocess.run(["sh", "-c", line], **options).stdout
@@ -211,9 +200,9 @@ def attempt(command: Command, monkeypatch: pytest.MonkeyPatch) -> str:
         "pip": lambda: check_pip(words),
         "ray": lambda: check_ray(words),
         "export": lambda: check_export(words),
-        "cat": lambda: run_shell(words, command.line),
-        "grep": lambda: run_shell(words, command.line),
-        ".": lambda: run_shell(words, command.line),
+        "cat": lambda: run_shell(command.line),
+        "grep": lambda: run_shell(command.line),
+        ".": lambda: run_shell(command.line),
     }
     assert name in tried, f"no test knows how to try {command.line!r}; known programs: {', '.join(tried)}"
     return tried[name]() or ""
