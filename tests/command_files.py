@@ -33,6 +33,7 @@ BAD = {
     "bow.wkt": "POLYGON ((0 0, 5 5, 5 0, 0 5, 0 0))",
     "curve.wkt": "CURVEPOLYGON (CIRCULARSTRING (0 0, 4 0, 4 4, 0 4, 0 0))",
     "degrees.wkt": f"SRID=4326;{ROOM}",
+    "mercator.wkt": f"SRID=3857;{ROOM}",
     "geo.wkt": '{"type": "Polygon", "coordinates": [[[0, 0], [6, 0], [6, 5], [0, 0]]]}',
     "geo.geojson": '{"type": "FeatureCollection", "features": []}',
     "plan.dxf": "  0\r\nSECTION\r\n  2\r\nHEADER\r\n",

@@ -66,6 +66,10 @@ def from_wkt(text: str, what: str) -> BaseGeometry:
     srid, body = _SRID.match(text.lstrip("\ufeff \t\r\n")).groups()  # type: ignore[union-attr]  # matches anything
     if srid in ("4326", "4258"):
         raise ValueError(f"{what} is in degrees (SRID {srid}); project it to meters first")
+    if srid in ("3857", "3785", "900913"):  # lengths are stretched by 1.5 at 48 degrees north
+        raise ValueError(
+            f"{what} is in Web Mercator (SRID {srid}), whose meters are no meters; project it to meters first"
+        )
     curved = _CURVED.search(body)
     if curved:
         raise ValueError(

@@ -42,7 +42,8 @@ def scenario_from_plan(
     path : the file.
     exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into; without any, those
         of the file.
-    unit : m, cm or mm, of the coordinates of plan and exits; None = meters, unless that cannot be and the file says another.
+    unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that cannot be and the file says
+        another.
     count : number of people; by default 20, or as many as the file says.
     population : see `Scenario`; by default people of the default kind, in the start areas of the file if it has any.
     time_limit, blocked_after : s.

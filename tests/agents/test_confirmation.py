@@ -123,7 +123,7 @@ def test_both_lead_the_crowd_of_the_task_on_draws_that_nobody_has_seen(tmp_path,
     monkeypatch.setattr(confirmation, "DRAWS", 2)
     seeds, run_cells = [], evaluation.evaluate_cells
     monkeypatch.setattr(
-        "agents.evaluate.evaluate_cells",
+        "agents.evaluation.same_draws.evaluate_cells",
         lambda cells, **options: (seeds.append((options["first_seed"], options["runs"])), run_cells(cells, **options)),
     )
     config = task_config("room", 3, envs=2, steps=700) | {"eval_every": 10**6, "eval_runs": 2}

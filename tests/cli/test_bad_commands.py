@@ -86,6 +86,7 @@ CASES = [
     (f"run bow.wkt {DOOR}", "self-intersection (2.5, 2.5)"),
     (f"run curve.wkt {DOOR}", "CURVEPOLYGON straight"),
     (f"run degrees.wkt {DOOR}", "degrees 4326 meters"),
+    (f"run mercator.wkt {DOOR}", "Mercator 3857 meters"),
     (f"run geo.wkt {DOOR}", "GeoJSON well-known text scenario"),
     (f"run geo.geojson {DOOR}", "geo.geojson no features"),
     (f"run plan.dxf {DOOR}", "DXF ends in the middle"),
