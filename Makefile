@@ -14,7 +14,7 @@ CLIENTS := $(sort $(basename $(notdir $(wildcard examples/clients/*.txt))))
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help train test clients map kernels docs lint format bench hooks clean distclean
+.PHONY: help train test clients map kernels docs notebooks lint format bench hooks clean distclean
 
 help:
 	@echo "make train    train a policy, compare it with the rules, write runs/   (ARGS='--help' lists its options)"
@@ -23,6 +23,7 @@ help:
 	@echo "make map      hold crowds against laws, two minutes                    (ARGS='gate --data DIR' against recordings)"
 	@echo "make kernels  run the marked tests uncompiled, and say which lines of the kernels they reach"
 	@echo "make docs     build the site, build/docs/index.html; warnings are errors"
+	@echo "make notebooks execute the notebooks of docs/ anew, in place               (ARGS='pedpy' this alone)"
 	@echo "make lint     check style, types and layers"
 	@echo "make format   format the code and mend what can be mended by machine"
 	@echo "make bench    measure the speed                                        (ARGS='--json' for a program)"
@@ -61,6 +62,9 @@ kernels: $(VENV)/.dev
 docs: $(VENV)/.dev
 	$(BIN)/python -m sphinx -E -W --keep-going -q -d build/doctrees docs build/docs $(ARGS)
 	@echo "build/docs/index.html"
+
+notebooks: $(VENV)/.dev
+	$(BIN)/python -m docs.notebooks.execute $(ARGS)
 
 lint: $(VENV)/.dev
 	$(BIN)/python -m ruff check

@@ -180,11 +180,19 @@ def main(
         notes.print(f"writing to {folder}/")
         if not BACKENDS[config["backend"]](folder, config, threads, **far):
             raise KeyboardInterrupt
+        if config["task"] is not None:
+            _confirm(folder, config, threads)
         runs = runs or (_RUNS if config["task"] is None else task_of(config).runs)
         results = judge(folder, config, runs, threads)
         table_console().print(*tables(config, results))
         draw(folder, config, results)
     notes.print(f"model, config, results.json, figures and film: {folder}/")
+
+
+def _confirm(folder: Path, config: dict[str, Any], threads: int) -> None:
+    from .learned.confirmation import confirm
+
+    confirm(folder, config, threads)
 
 
 def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:

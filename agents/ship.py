@@ -17,7 +17,7 @@ from .pretrained import FOLDER
 from .tasks import Task, make_task
 from .trained import NUMBERS, load_trained
 
-_FROM_RESULTS = ("config", "spent", "validation", "learned_minus_rule", "learned_over_rule")
+_FROM_RESULTS = ("config", "spent", "validation", "confirmation", "learned_minus_rule", "learned_over_rule")
 
 
 def ship(run: Path, name: str, *, replace: bool = False) -> Path:

@@ -13,8 +13,9 @@ project = "crowd_env"
 author = copyright = "the crowd_env authors"
 version = release = crowd_env.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
 root_doc = "index"
+exclude_patterns = ["**.ipynb_checkpoints", "notebooks/runs"]
 html_theme = "furo"
 html_title = f"crowd_env {release}"
 html_static_path = ["static"]
@@ -31,6 +32,9 @@ highlight_language = "none"
 
 copybutton_prompt_text = "$ "
 copybutton_line_continuation_character = "\\"
+
+# Notebooks are shown with the outputs that are kept in them: tests/test_notebooks.py executes them, `make notebooks` anew.
+nb_execution_mode = "off"
 
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"

@@ -25,7 +25,8 @@ FOLDERS = sorted({path.parent for path in SOURCES})
 TESTED = ROOT / "tests"
 TESTS = sorted(TESTED.rglob("*.py"))
 
-HEAVY = {"torch", "stable_baselines3", "matplotlib", "pygame", "ray"}
+# Libraries whose modules are named otherwise.
+OTHERWISE_IMPORTED = {"import-linter": "importlinter", "myst-parser": "myst_parser", "pillow": "PIL"}
 MAX_LINES = 400
 EMPTY_WORDS = {"helper", "helpers", "manager", "managers", "util", "utils", "utilities", "handler", "handlers"}
 
@@ -49,13 +50,49 @@ def pinned_version(pin: Requirement) -> Version:
     return Version(specifier.version)
 
 
-def test_import_of_crowd_env_loads_no_learning_or_drawing_library():
-    program = "import crowd_env, sys; print(*sorted({name.partition('.')[0] for name in sys.modules}))"
-    result = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+def only_in_extras() -> set[str]:
+    """Return the modules of all libraries that no simulation needs: those of the extras alone."""
+    core = {Requirement(line).name for line in PROJECT["project"]["dependencies"]}
+    extras = {
+        Requirement(line).name for group in PROJECT["project"]["optional-dependencies"].values() for line in group
+    }
+    names = extras - core - {PROJECT["project"]["name"], "scipy"}  # numba loads scipy where it is installed
+    return {OTHERWISE_IMPORTED.get(name, name.replace("-", "_")) for name in names}
+
+
+@pytest.mark.parametrize(
+    ("program", "asked"),
+    [
+        ("import crowd_env", {}),
+        ("import sys; sys.argv[1:] = ['--version']; from crowd_env.cli.main import main; main()", {}),
+        ("import sys; sys.argv[1:] = ['--help']; from crowd_env.cli.main import main; main()", {}),
+        (
+            "from crowd_env.cli.main import app; app(prog_name='crowd-env')",
+            {"COMP_WORDS": "crowd-env ru", "COMP_CWORD": "1"},
+        ),
+        (
+            "from crowd_env.cli.main import app; app(prog_name='crowd-env')",
+            {"COMP_WORDS": "crowd-env run room-v0 --scheme hertz-", "COMP_CWORD": "4"},
+        ),
+    ],
+    ids=["import", "version", "help", "completion of a command", "completion of a name"],
+)
+def test_what_begins_everything_loads_no_library_of_an_extra(program, asked):
+    """Nor does the import load pydantic, which reads files, and which some versions of typer load for themselves."""
+    assert {"torch", "stable_baselines3", "matplotlib", "PIL", "pygame", "ray", "pyarrow", "ezdxf"} <= only_in_extras()
+    text = (
+        f"import sys\ntry: exec({program!r})\n"
+        "finally: print(*sorted({name.partition('.')[0] for name in sys.modules}), file=sys.stderr)"
+    )
+    if asked:
+        asked = {"_CROWD_ENV_COMPLETE": "complete_bash", **asked}
+    options = {"cwd": ROOT, "env": os.environ | asked, "capture_output": True, "text": True}
+    result = subprocess.run([sys.executable, "-c", text], **options, check=False)
     assert result.returncode == 0, result.stderr
-    loaded = set(result.stdout.split())
+    loaded = set(result.stderr.splitlines()[-1].split())
     assert "crowd_env" in loaded
-    assert not loaded & HEAVY
+    reads_files = {"pydantic"} if program == "import crowd_env" else set()
+    assert sorted(loaded & (only_in_extras() | reads_files)) == []
 
 
 @pytest.mark.parametrize("path", [*SOURCES, *TESTS], ids=lambda path: path.relative_to(ROOT).as_posix())
@@ -77,7 +114,7 @@ def test_a_second_file_with_the_prefix_of_a_first_makes_a_folder(folder):
 def test_tests_mirror_the_folders():
     rooms = {path.name for path in TESTED.iterdir() if path.is_dir() and list(path.glob("test_*.py"))}
     known = {path.name.strip("_") for path in (ROOT / "crowd_env").iterdir() if (path / "__init__.py").exists()}
-    assert rooms <= known | {"agents", "benchmarks", "clients", "validation"}
+    assert rooms <= known | {"agents", "benchmarks", "clients", "docs", "validation"}
     assert known - rooms <= {"files"}, "a room without a test"
 
 

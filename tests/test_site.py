@@ -7,9 +7,13 @@ import pytest
 from repository import ROOT
 
 DOCS = ROOT / "docs"
-PAGES = sorted(path for path in DOCS.rglob("*") if path.suffix in {".md", ".rst"})
-# A page in Markdown lists those below it in a block, one in reStructuredText in an indented paragraph.
-TOCTREES = {".md": r"^```\{toctree\}\n(.*?)^```", ".rst": r"^\.\. toctree::\n((?:   .*\n|\n)+)"}
+PAGES = sorted(
+    path
+    for path in DOCS.rglob("*")
+    if path.suffix in {".md", ".rst", ".ipynb"} and ".ipynb_checkpoints" not in path.parts
+)
+# A page in Markdown lists those below it in a block, one in reStructuredText in an indented paragraph, a notebook none.
+TOCTREES = {".md": r"^```\{toctree\}\n(.*?)^```", ".rst": r"^\.\. toctree::\n((?:   .*\n|\n)+)", ".ipynb": r"$^()"}
 OF_ONE_MODULE = r"^\.\. currentmodule:: (\S+)\n(.*?)(?=^\.\. currentmodule|\Z)"
 
 

@@ -23,6 +23,8 @@ from ..policy import Policy
 HELD_OUT_SEED = 1_000_000
 # Draws on which the best network of a training is chosen: neither trained on nor used for the final table.
 VALIDATION_SEED = 2_000_000
+# Of draws on which what did best on those is tried again.
+FINAL_SEED = 3_000_000
 
 
 @dataclass(frozen=True, eq=False)

@@ -78,13 +78,15 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
 
 def _training(folder: Path) -> dict[str, Any]:
     """Return what the training took in all, and the figures of the network that was kept."""
-    from ..learned.training import read_curve, score
+    from ..learned.confirmation import confirmation, kept_row
+    from ..learned.training import read_curve
 
     curve = read_curve(folder / "learning_curve.csv")
-    kept = min(curve, key=score)
+    kept = kept_row(folder, curve)
     return {
         "spent": {name: curve[-1][name] for name in ("steps", "seconds", "cpu_seconds")},
         "validation": {name: json_number(value) for name, value in kept.items()},
+        "confirmation": confirmation(folder),
     }
 
 
@@ -109,9 +111,11 @@ def draw(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> 
 def _draw_curve(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:
     from crowd_env.rendering import learning_curve
 
-    from ..learned.training import read_curve, score
+    from ..learned.confirmation import kept_row
+    from ..learned.training import read_curve
 
     curve = read_curve(folder / "learning_curve.csv")
+    kept = kept_row(folder, curve)
     learning_curve(
         folder / "learning_curve.png",
         [row["steps"] for row in curve],
@@ -119,7 +123,7 @@ def _draw_curve(folder: Path, config: Mapping[str, Any], results: list[Evaluatio
         errors={LEARNED: [row["standard_error"] for row in curve]},
         reference={
             **_references(config, results),
-            f"kept, best of {len(curve)}": min(curve, key=score)["evacuation_time"],
+            "kept, the start" if kept is curve[0] else f"kept, best of {len(curve)}": kept["evacuation_time"],
         },
         title=f"{config['eval_runs']} validation draws at each point, ± standard error",
         xlabel="training steps of all slots",

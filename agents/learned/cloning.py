@@ -97,8 +97,12 @@ def _loss(policy: Any, env: CrowdEnv, inputs: torch.Tensor, labels: torch.Tensor
 
 
 def _labels(env: CrowdEnv, command: Floats) -> Floats:
-    """Return the labels of commands (K, 2): themselves, or the shares (K, A) of two choices whose mean they nearly are."""
-    if not isinstance(env.single_action_space, gymnasium.spaces.Discrete):
+    """Return the labels of commands (K, 2): themselves, or the shares (K, A) of two choices whose mean they nearly are.
+
+    A rule keeps to the own way: of actions that choose another way too, all others have a share of 0.
+    """
+    space = env.single_action_space
+    if not isinstance(space, gymnasium.spaces.Discrete):
         return command
     choices = cast(SpeedTable, env.action_kind.decode).commands
     rows = np.arange(len(command))
@@ -109,7 +113,7 @@ def _labels(env: CrowdEnv, command: Floats) -> Floats:
     part = np.clip((way * rest[:, None]).sum(axis=2) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
     missed = np.linalg.norm(rest[:, None] - part[:, :, None] * way, axis=2)
     second = (missed + 1e-6 * length).argmin(axis=1)  # of equally good ones the one that is less far
-    found = np.zeros((len(command), len(choices)))
+    found = np.zeros((len(command), int(space.n)))
     found[rows, second] = part[rows, second]
     found[rows, first] += 1.0 - part[rows, second]
     return found

@@ -14,15 +14,14 @@ from crowd_env.envs.routing.env import RoutingVectorEnv
 from crowd_env.files.json_file import write_json
 
 from ..evaluation.comparison import last_times, mean_times
-from ..evaluation.evaluation import VALIDATION_SEED
+from ..evaluation.evaluation import FINAL_SEED, VALIDATION_SEED
 from ..evaluation.routing import evaluate_controller
 from ..trained import LearnedController
 from .callback import TrainingCallback
 from .export import network_of
 from .ppo import PPOSettings, new_ppo
 
-# Validation draws on which the best few are evaluated again: the best of many evaluations on few draws is partly luck.
-FINAL_SEED = 3_000_000
+# The best few are evaluated again on other draws: the best of many evaluations on few draws is partly luck.
 _FINALISTS = 3
 
 

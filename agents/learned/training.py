@@ -20,6 +20,8 @@ from .callback import TrainingCallback
 from .checkpoint import write_checkpoint
 from .export import network_of
 
+START = "start.safetensors"  # the network that training began with
+
 # evacuation_time and its standard error are over all validation draws, people left inside count as in
 # `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.
 CURVE_COLUMNS = (
@@ -39,8 +41,8 @@ class PolicyCallback(TrainingCallback):
     """Accompanies the training of a policy that everyone shares.
 
     Every ``eval_every`` steps it evaluates the mean action on validation draws, writes the learning curve, the checkpoint and,
-    if it is the best so far, ``best.safetensors``.  Training stops when ``max_seconds`` have passed or at the first Ctrl-C or
-    SIGTERM; a second one stops at once.
+    if it is the best so far, ``best.safetensors``; the first is ``start.safetensors`` too.  Training stops when ``max_seconds``
+    have passed or at the first Ctrl-C or SIGTERM; a second one stops at once.
 
     Parameters
     ----------
@@ -108,6 +110,8 @@ class PolicyCallback(TrainingCallback):
             self.logger.record(f"eval/{name}", value)
         self.logger.dump(self.num_timesteps)
         write_checkpoint(self.folder / "checkpoint.pt", self.model)
+        if len(self.curve) == 1:
+            policy.save(self.folder / START)
         if score(row) < best_before:
             policy.save(self.folder / "best.safetensors")
         write_curve(self.folder / "learning_curve.csv", self.curve)

@@ -128,18 +128,22 @@ _ALL = (
     Preset("narrow-door", people=80, dt=0.01, **_BY_ORDER | {"envs": 16}),
     Preset("hertz-room", people=60, dt=0.01, **_BY_ORDER),
     Preset("literal-room", people=20, dt=0.01, envs=48, reward=_CHARGED),
-    # Full speed alone: with slower choices people learn to wait for one another in front of the other group.  Contact weighs
-    # little: at 0.3 waiting pays more than a side of one's own.  Both groups have to agree on a side, which takes many updates.
+    # Both groups have to agree on a side, which takes many updates.  At full speed alone, or where contacts cost a tenth, lanes
+    # form as well, but whoever is slow is pushed along by those behind.
     Preset(
         "counter-flow",
         people=30,
         dt=0.01,
-        action={"name": "speeds-directions", "speeds": [1.0], "headings": [-_HALF, -_HALF / 2, 0.0, _HALF / 2, _HALF]},
+        action={
+            "name": "speeds-directions",
+            "speeds": [0.6, 1.0],
+            "headings": [-_HALF, -_HALF / 2, 0.0, _HALF / 2, _HALF],
+        },
         terms=USUAL,
-        reward={"weights": {"progress": 0.5, "time": 1.0, "contact": 0.1}, "team_share": 0.0},
+        reward={"weights": {"progress": 0.5, "time": 1.0, "contact": 0.6}, "team_share": 0.0},
         ppo={"gamma": 0.99, "rule_logit": 1.0, "batch_size": 4096},
         envs=16,
-        steps=6_000_000,
+        steps=8_000_000,
         eval_every=800_000,
         eval_runs=100,
     ),
@@ -156,6 +160,19 @@ _ALL = (
         envs=4,
         steps=2_400_000,
         eval_every=800_000,
+    ),
+    # Where to go and in which order: people may follow one another to either door.  More steps lead away from the clone.
+    Preset(
+        "two-narrow-exits",
+        people=100,
+        dt=0.01,
+        **_BY_ORDER
+        | {
+            "action": {"name": "speeds-exits", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]},
+            "terms": (*_WITH_AHEAD, "routes", "queues_shown"),
+            "envs": 12,
+            "steps": 2_000_000,
+        },
     ),
     Preset("room", people=20, dt=0.01, **_NO_HARM | {"envs": 48, "eval_runs": 100}),
     Preset("pillar", people=60, dt=0.01, **_NO_HARM),

@@ -95,6 +95,7 @@ VARIATIONS: dict[str, tuple[Variation, ...]] = {
     "literal-room": (_TWICE, *_door(0.7, 1.0), *_under("hertz"), *_PEOPLE),
     "counter-flow": (_TWICE, *_width(1.6, 2.5), *_under("dem", "hertz"), *_PEOPLE),
     "two-exit-hall": (_TWICE, *_door(0.8, 1.3), *_under("dem", "hertz"), *_PEOPLE),
+    "two-narrow-exits": (_TWICE, *_door(0.6, 0.8), *_under("dem", "hertz"), *_PEOPLE),
     "theatre": (_HALF, *_under("dem", "hertz"), *_PEOPLE),
     "floor": (_TWICE, _other("exit_width", 0.9, "exits of"), *_under("dem", "hertz"), *_PEOPLE),
     "large-hall": (_HALF, *_door(2.0), *_under("nsm2"), *_PEOPLE),

@@ -31,8 +31,8 @@ Exits = Annotated[
 Unit = Annotated[
     str | None,
     typer.Option(
-        help="Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm or mm; default m, unless that cannot "
-        "be and the file says another.",
+        help="Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm, mm, ft or in; default m, unless "
+        "that cannot be and the file says another.",
         rich_help_panel=OF_PLACE,
     ),
 ]

@@ -1,7 +1,7 @@
 """Floor plans in DXF drawings, with the layers that JuPedSim reads; ezdxf is loaded when one is read."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,6 +15,7 @@ from crowd_env.files.foreign import foreign_kind
 from crowd_env.plans.floor_plan import Drawing
 from crowd_env.plans.lines import GAP, open_line, outlines
 from crowd_env.plans.roles import LAYERS, role_of_layer
+from crowd_env.plans.units import judge_unit, unit_in_meters
 from crowd_env.state import Floats
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 _MOST = 50_000  # entities of exploded blocks, which come at about ten thousand a second
 _DEEPEST = 16  # blocks in blocks
 _COARSE = 0.005  # m; curves become straight lines that are no further from them
-_THIN = 0.02  # m; the thickness of an obstacle that is drawn as a line
 _SHOWN = 6  # layers in a message
 # Kinds of entities that draw nothing that could be a wall.
 _NO_LINES = ("TEXT", "MTEXT", "ATTDEF", "ATTRIB", "POINT", "DIMENSION", "LEADER", "MULTILEADER", "VIEWPORT", "IMAGE")
@@ -52,9 +52,9 @@ def read_dxf(path: Path, meters: float | None) -> Drawing:
         raise ValueError(
             f"none of its visible layers says where people walk; name them {LAYERS}; its layers: {_layers(document)}"
         )
-    meters = meters or _guess(walkable)
-    for layer, drawn in layers.items():
-        _add_layer(drawing, layer, drawn.role, drawn.name, drawn.curves, meters)
+    meters = meters or _taken_for(drawing, walkable, layers.values())
+    for drawn in layers.values():
+        _add_layer(drawing, drawn, meters)
     return drawing
 
 
@@ -90,7 +90,8 @@ def _unit(document: "Document") -> tuple[str | None, float | None]:
     """Return the unit that the header names, and how many meters it is if it is one that plans have."""
     names = {1: "inches", 2: "feet", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yards", 14: "decimeters"}
     name = names.get(int(document.header.get("$INSUNITS", 0)))
-    return name, {"mm": 0.001, "cm": 0.01, "m": 1.0}.get(name or "")
+    unit = {"inches": "in", "feet": "ft", "mm": "mm", "cm": "cm", "m": "m"}.get(name or "")
+    return name, None if unit is None else unit_in_meters(unit)
 
 
 def _layers(document: "Document") -> str:
@@ -102,13 +103,14 @@ def _layers(document: "Document") -> str:
 class _Layer(NamedTuple):
     """What is drawn on a layer that has a role; a hatch is a list of curves."""
 
+    layer: str  # as it is written first
     role: str
     name: str  # that the layer gives, "" if none
     curves: list[Any]
 
 
 def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _Layer]:
-    """Return name -> visible layer that has a role; what is left out is noted."""
+    """Return name in small letters -> visible layer that has a role; what is left out is noted."""
     from ezdxf import path as paths
 
     hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
@@ -120,8 +122,9 @@ def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _La
         if kind in _NO_LINES:
             continue
         role = role_of_layer(layer)
-        if kind == "INSERT" or role is None or layer.lower() in hidden:
-            others[layer + (" (hidden)" if layer.lower() in hidden else "")] += 1
+        unseen = layer.lower() in hidden or entity.dxf.get("invisible", 0)
+        if kind == "INSERT" or role is None or unseen:
+            others[layer + (" (hidden)" if unseen else "")] += 1
             continue
         try:
             if kind in ("HATCH", "MPOLYGON"):
@@ -133,7 +136,7 @@ def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _La
         except (TypeError, ValueError, ZeroDivisionError):
             unread[f"{kind} on {layer}"] += 1
             continue
-        found.setdefault(layer, _Layer(*role, [])).curves.extend(curves)
+        found.setdefault(layer.lower(), _Layer(layer, *role, [])).curves.extend(curves)
     if others:
         names = [name for name, _ in others.most_common(_SHOWN)]
         more = f" and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
@@ -147,10 +150,15 @@ def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _La
 
 
 class _Exploding:
-    """The entities of a drawing with its blocks exploded, but for blocks that hold nothing of a layer with a role."""
+    """The entities of a drawing with its blocks exploded.
+
+    Blocks that hold nothing of a layer with a role are not, nor those that are invisible or placed on a frozen layer: nothing
+    of them is seen, whatever layers it is on.
+    """
 
     def __init__(self, document: "Document") -> None:
         self._document = document
+        self._frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
         self._layers: dict[str, frozenset[str]] = {}  # of all that a block holds
         self._count = 0
 
@@ -173,13 +181,15 @@ class _Exploding:
                 )
             layer = entity.dxf.get("layer", "0")
             layer = outer if layer == "0" else layer
-            if entity.dxftype() != "INSERT" or depth > _DEEPEST or not self._has_role(entity, layer):
+            if entity.dxftype() != "INSERT" or depth > _DEEPEST or not self._opens(entity, layer):
                 yield layer, entity
                 continue
             for insert in entity.multi_insert() if entity.mcount > 1 else (entity,):
                 yield from self._exploded(insert.virtual_entities(), layer, depth + 1)
 
-    def _has_role(self, insert: Any, layer: str) -> bool:
+    def _opens(self, insert: Any, layer: str) -> bool:
+        if layer.lower() in self._frozen or insert.dxf.get("invisible", 0):
+            return False
         within = self._layers_of(insert.dxf.get("name", ""), 0)
         return any(role_of_layer(layer if name == "0" else name) is not None for name in within)
 
@@ -196,11 +206,18 @@ class _Exploding:
         return self._layers[block]
 
 
-def _guess(walkable: Sequence[Any]) -> float:
-    """Return about how many meters a unit is; only how finely curves are drawn depends on it."""
-    points = np.array([(point.x, point.y) for curve in _flat(walkable) for point in curve.control_vertices()])
-    across = float(np.ptp(points, axis=0).max()) if len(points) else 1.0
-    return next((meters for meters in (1.0, 0.01) if meters * across <= 300.0), 0.001)
+def _taken_for(drawing: Drawing, walkable: Sequence[Any], layers: Iterable[_Layer]) -> float:
+    """Return how many meters a unit will be taken for: gaps that are closed and how finely curves are drawn depend on it."""
+    from ezdxf.path import bbox
+
+    box = bbox(_flat(walkable))
+    exits = [curve for layer in layers if layer.role == "exit" for curve in layer.curves if not isinstance(curve, list)]
+    widest = max((float(curve.start.distance(curve.end)) for curve in exits), default=0.0)
+    try:
+        bounds = (box.extmin.x, box.extmin.y, box.extmax.x, box.extmax.y)
+        return judge_unit(bounds, widest, drawing.unit, drawing.meters)[0]
+    except ValueError:  # said where the whole plan is judged
+        return 1.0
 
 
 def _flat(curves: Sequence[Any]) -> list[Any]:
@@ -212,7 +229,7 @@ def _straight(curve: Any, meters: float) -> Floats:
     return np.array([(point.x, point.y) for point in curve.flattening(_COARSE / meters)]).reshape(-1, 2)
 
 
-def _add_layer(drawing: Drawing, layer: str, role: str, name: str, curves: Sequence[Any], meters: float) -> None:
+def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
     """Add what is drawn on a layer.
 
     Raises
@@ -220,6 +237,7 @@ def _add_layer(drawing: Drawing, layer: str, role: str, name: str, curves: Seque
     ValueError
         If a walkable area is not closed, or something is not finite.
     """
+    layer, role, name, curves = drawn
     hatches = [[_straight(ring, meters) for ring in curve] for curve in curves if isinstance(curve, list)]
     lines = [_straight(curve, meters) for curve in curves if not isinstance(curve, list)]
     if not all(np.isfinite(line).all() for line in (*lines, *(ring for rings in hatches for ring in rings))):
@@ -231,27 +249,15 @@ def _add_layer(drawing: Drawing, layer: str, role: str, name: str, curves: Seque
     areas: list[BaseGeometry] = [*found.areas, *(_hatched(rings) for rings in hatches)]
     if role == "exit" and all(area.is_valid for area in areas):  # an outline and its hatch are one exit
         areas = list(shapely.get_parts(shapely.union_all(areas)))
-    if role == "walkable" and len(areas) > 1 and _nested(areas):
-        drawing.notes.append(
-            f"layer {layer}: an outline lies within another one, and is walkable too; holes belong on jps-obstacles"
-        )
     for area in areas:
         drawing.add(role, name, area)
     if not found.open:
         return
     longest = max(found.open, key=lambda line: line.length)
     match role:
-        case "exit":
+        case "exit" | "obstacle":
             for line in found.open:
                 drawing.add(role, name, line)
-        case "obstacle":
-            for line in found.open:
-                drawing.add(
-                    role, name, shapely.buffer(line, 0.5 * _THIN / meters, cap_style="square", join_style="mitre")
-                )
-            drawing.notes.append(
-                f"layer {layer}: {counted(len(found.open), 'open line', 'open lines')} taken as walls {_THIN:g} m thick"
-            )
         case _ if not areas:
             raise ValueError(
                 f"layer {layer} encloses nothing: a line is not closed, {open_line(longest, meters)}; close it"
@@ -259,12 +265,6 @@ def _add_layer(drawing: Drawing, layer: str, role: str, name: str, curves: Seque
         case _:
             what = counted(len(found.open), "line that encloses nothing", "lines that enclose nothing")
             drawing.notes.append(f"layer {layer}: left out {what}; of the longest {open_line(longest, meters)}")
-
-
-def _nested(areas: Sequence[BaseGeometry]) -> bool:
-    """Return whether an area lies within another one, away from its outline."""
-    outer, inner = shapely.STRtree(areas).query(areas, predicate="contains_properly")
-    return bool((outer != inner).any())
 
 
 def _hatched(rings: Sequence[Floats]) -> BaseGeometry:

@@ -1,5 +1,6 @@
 """Floor plans in GeoJSON (RFC 7946): what each feature is, its properties or its name say."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,8 @@ from crowd_env.plans.roles import WORDS, role_of_layer, role_of_word
 _KEYS = ("role", "kind", "type", "layer", "class", "category", "usage", "function", "name")
 _NAMES = ("name", "id", "label", "title")
 _GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
-_DEGREES = ("4326", "4258", "CRS84")
+_DEGREES = re.compile(r"\b(4326|4258|CRS84)\b")
+_MERCATOR = re.compile(r"\b(3857|3785|900913)\b")
 
 
 def is_geojson(content: Any) -> bool:
@@ -30,7 +32,12 @@ def read_geojson(path: Path, meters: float | None) -> Drawing:
     if not is_geojson(content):
         raise ValueError("it is JSON, but not GeoJSON: it must be a FeatureCollection, a Feature or a geometry")
     crs = str(content.get("crs", ""))
-    if any(code in crs for code in _DEGREES):
+    if _MERCATOR.search(crs):
+        raise ValueError(
+            "its coordinates are those of Web Mercator (crs), in which lengths are stretched, by 1.5 in Central Europe; "
+            "project it to meters on the ground first, such as UTM"
+        )
+    if _DEGREES.search(crs):
         raise ValueError("its coordinates are degrees (crs); project it to meters first")
     drawing = Drawing()
     unmarked: list[tuple[str, Any]] = []

@@ -43,7 +43,8 @@ def outlines(lines: Sequence[Floats], gap: float) -> Outlines:
     faces, cuts, dangles, _ = shapely.polygonize_full([shapely.union_all(met)])
     left = shapely.line_merge(shapely.union_all([*shapely.get_parts(cuts), *shapely.get_parts(dangles)]))
     rest = [part for part in shapely.get_parts(left) if part.length > gap]
-    return Outlines([*areas, *shapely.get_parts(faces)], rest, max(widest, moved))
+    areas += [Polygon(face.exterior) for face in shapely.get_parts(faces)]
+    return Outlines(areas, rest, max(widest, moved))
 
 
 def _meeting(chains: Sequence[Floats], gap: float) -> tuple[list[LineString], float]:

@@ -65,7 +65,8 @@ def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None =
     path : .wkt, .geojson, .dxf, .sqlite (JuPedSim), .scenario (Vadere) or .json (Vadere, GeoJSON).
     exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into; they take the place
         of those in the file.
-    unit : m, cm or mm, of the coordinates of plan and exits; None = meters, unless that cannot be and the file says another.
+    unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that cannot be and the file says
+        another.
 
     Raises
     ------
@@ -183,9 +184,21 @@ def _named(shapes: Mapping[str, BaseGeometry], meters: float) -> dict[str, BaseG
 def _collected(shapes: list[BaseGeometry], notes: list[str]) -> BaseGeometry:
     """Return the walkable parts as one shape, without slivers if there is anything else."""
     parts = tidied(shapes, "walkable area", notes)
+    if _nested([part for part in parts if part.geom_type == "Polygon" and part.is_valid]):
+        notes.append(
+            "walkable area: an outline lies within another one, and is walkable too; draw as an obstacle what is a hole"
+        )
     if not any(part.geom_type == "Polygon" for part in parts):
         parts = shapes  # reading them gives the better message
     return parts[0] if len(parts) == 1 else shapely.GeometryCollection(parts)
+
+
+def _nested(areas: Sequence[BaseGeometry]) -> bool:
+    """Return whether an area lies within another one, away from its outline."""
+    if len(areas) < 2:
+        return False
+    outer, inner = shapely.STRtree(areas).query(areas, predicate="contains_properly")
+    return bool((outer != inner).any())
 
 
 def _listed(names: Iterable[str]) -> str:

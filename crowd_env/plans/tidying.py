@@ -11,6 +11,7 @@ from crowd_env.checks import counted
 from crowd_env.geometry.parsing import Area, place, read_area
 
 _THIN = 0.01  # m; what is narrower than this nobody walks on
+_WALL = 0.02  # m; the thickness of an obstacle that is drawn as a line
 _NOTHING = 1e-6  # m^2; an obstacle smaller than this is none
 _SAME = 1e-9  # share of the area
 _TIDIED = {
@@ -86,9 +87,9 @@ def without_obstacles(walkable: Area, obstacles: Sequence[BaseGeometry], notes: 
     Raises
     ------
     ValueError
-        If an obstacle is no area or crosses itself, or nothing is left to walk on.
+        If an obstacle crosses itself, or nothing is left to walk on.
     """
-    parts = tidied(obstacles, "obstacles", notes, thinnest=0.0)
+    parts = _walls(tidied(obstacles, "obstacles", notes, thinnest=0.0), notes)
     holes = [read_area(part, f"obstacle {k}") for k, part in enumerate(parts) if _is_area(part)]
     if not holes:
         return walkable
@@ -105,6 +106,18 @@ def without_obstacles(walkable: Area, obstacles: Sequence[BaseGeometry], notes: 
         lost = counted(len(rest) - len(polygons), "sliver", "slivers")
         notes.append(f"left out: {lost} between obstacles and walls")
     return polygons[0] if len(polygons) == 1 else MultiPolygon(polygons)
+
+
+def _walls(parts: Sequence[BaseGeometry], notes: list[str]) -> list[BaseGeometry]:
+    """Return the parts of obstacles [m] with walls in place of lines, and without points."""
+    lines = [part for part in parts if part.length > 0.0 and part.geom_type in ("LineString", "LinearRing")]
+    areas = [part for part in parts if part.geom_type == "Polygon"]
+    if lines:
+        notes.append(f"obstacles: {counted(len(lines), 'line', 'lines')} taken as walls {_WALL:g} m thick")
+    points = len(parts) - len(lines) - len(areas)
+    if points:
+        notes.append(f"left out: {points} {'obstacle that is a point' if points == 1 else 'obstacles that are points'}")
+    return [*areas, *(shapely.buffer(line, 0.5 * _WALL, cap_style="square", join_style="mitre") for line in lines)]
 
 
 def regions_in(walkable: Area, regions: Mapping[str, BaseGeometry], notes: list[str]) -> dict[str, Area]:

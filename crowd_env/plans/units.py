@@ -2,7 +2,7 @@
 
 from crowd_env.checks import known
 
-_METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+_METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 
 # A plan larger than this is rare, and one in centimeters always is: a note asks for the unit ...
 _WIDE_EXIT, _LARGE = 20.0, 300.0  # m
@@ -56,10 +56,10 @@ def judge_unit(
         ask = "is it in mm or cm? Then say --unit mm or --unit cm; --unit m if it is in meters"
         raise ValueError(f"{seen}{file_says}: {ask}")
     if across < _SMALL:
-        ask = "is it in km or degrees? It must be in m, cm or mm; --unit m if it is in meters"
+        ask = "is it in km or degrees? It must be in m, cm, mm, ft or in; --unit m if it is in meters"
         raise ValueError(f"{seen}{file_says}: {ask}")
     if across > _LARGE or widest > _WIDE_EXIT:
         return 1.0, f"{seen}{file_says}: is it in cm? Then say --unit cm; --unit m if it is in meters"
     if file_says:
-        return 1.0, f"{seen}{file_says}; --unit m, cm or mm decides"
+        return 1.0, f"{seen}{file_says}; --unit m, cm, mm, ft or in decides"
     return 1.0, ""

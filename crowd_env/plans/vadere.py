@@ -1,6 +1,6 @@
 """Scenarios of Vadere (JSON): what is within the bounds and no obstacle is walkable, targets are exits, sources are starts."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +29,21 @@ def read_vadere(path: Path, meters: float | None) -> Drawing:
     try:
         drawing = Drawing(unit="m", meters=1.0)
         _add_bounds(drawing, places["attributes"])
-        drawing.obstacles = [_shape(one, f"obstacle {_id(one)}") for one in places.get("obstacles", ())]
-        for target in places.get("targets", ()):
+        obstacles, targets, sources = (
+            [_plain(one) for one in places.get(kind, ())] for kind in ("obstacles", "targets", "sources")
+        )
+        drawing.obstacles = [_shape(one, f"obstacle {_id(one)}") for one in obstacles]
+        for target in targets:
             role = "exit" if _absorbs(target) else "region"
             drawing.add(role, f"target-{_id(target)}", _shape(target, f"target {_id(target)}"))
-        for source in places.get("sources", ()):
+        for source in sources:
             drawing.add("start", f"source-{_id(source)}", _shape(source, f"source {_id(source)}"), _people(source))
+        if any(not _leave_by_all(source, targets) for source in sources):
+            drawing.notes.append("left out: to which targets the people of a source walk; they choose among all exits")
+        if not all(map(_at_once, sources)):
+            drawing.notes.append(
+                "left out: that people of a source come one after the other; they stand there at the start"
+            )
     except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(f"its topography lacks or has in another form than Vadere's: {error}") from None
     for what in _LEFT_OUT:
@@ -57,8 +66,13 @@ def _add_bounds(drawing: Drawing, attributes: Mapping[str, Any]) -> None:
     drawing.walkable.append(box(x, y, x + width, y + height))
 
 
+def _plain(thing: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is said of a thing, of itself or in a table of its attributes."""
+    return {**thing.get("attributes", {}), **thing}
+
+
 def _shape(thing: Mapping[str, Any], what: str) -> Any:
-    shape = thing.get("shape") or thing["attributes"]["shape"]
+    shape = thing["shape"]
     match shape["type"]:
         case "RECTANGLE":
             x, y = number(f"{what}: x", shape["x"]), number(f"{what}: y", shape["y"])
@@ -79,7 +93,7 @@ def _shape(thing: Mapping[str, Any], what: str) -> Any:
 
 
 def _id(thing: Mapping[str, Any]) -> Any:
-    return thing.get("id", thing.get("attributes", {}).get("id", "?"))
+    return thing.get("id", "?")
 
 
 def _absorbs(target: Mapping[str, Any]) -> bool:
@@ -89,12 +103,21 @@ def _absorbs(target: Mapping[str, Any]) -> bool:
     return bool(target.get("absorbing", True))
 
 
+def _leave_by_all(source: Mapping[str, Any], targets: Iterable[Mapping[str, Any]]) -> bool:
+    """Return whether people of a source may walk to every target that people leave by, as far as the file says."""
+    chosen = source.get("targetIds")
+    return not chosen or {_id(target) for target in targets if _absorbs(target)} <= set(chosen)
+
+
+def _at_once(source: Mapping[str, Any]) -> bool:
+    spawner = source.get("spawner", {})
+    begin = spawner.get("constraintsTimeStart", source.get("startTime"))
+    return bool(begin == spawner.get("constraintsTimeEnd", source.get("endTime")))
+
+
 def _people(source: Mapping[str, Any]) -> int | None:
     """Return how many people a source lets in, if the file says a number in all."""
-    spawner = source.get("spawner", {})
-    once = spawner.get("constraintsTimeStart", source.get("startTime")) == spawner.get(
-        "constraintsTimeEnd", source.get("endTime")
-    )
+    spawner, once = source.get("spawner", {}), _at_once(source)
     most = spawner.get("constraintsElementsMax", source.get("maxSpawnNumberTotal"))
     each = spawner.get("eventElementCount", source.get("spawnNumber"))
     for count in (most, each if once else None):

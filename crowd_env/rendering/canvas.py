@@ -76,9 +76,22 @@ def mark(label: str, **style: Any) -> "Line2D":
     return Line2D([], [], label=label, **style)
 
 
-def save_figure(figure: "Figure", path: str | Path) -> Path:
-    """Write ``figure`` to ``path``, which ends in .png, and return it."""
+def literal(name: str) -> str:
+    """Return a name for a figure that has formulas: a dollar in it begins none."""
+    return name.replace("$", r"\$")
+
+
+def save_figure(figure: "Figure", path: str | Path, *, formulas: bool = True) -> Path:
+    """Write ``figure`` to ``path``, which ends in .png, and return it.
+
+    Without ``formulas`` all texts are shown as they are written: a dollar in the name of a file begins no formula.
+    """
     path = check_suffix(path, (".png",))
+    if not formulas:
+        from matplotlib.text import Text
+
+        for text in figure.findobj(Text):
+            text.set_parse_math(False)
     with written(path) as part:
         figure.savefig(part, format="png", dpi="figure")
     return path

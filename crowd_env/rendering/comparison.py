@@ -21,6 +21,7 @@ class Band(NamedTuple):
     mean: Floats  # (T,)
     low: Floats  # (T,)  lower edge of the band
     high: Floats  # (T,)
+    until: float = np.inf  # s  beyond this it is not known how many are inside
 
 
 class Share(NamedTuple):
@@ -31,10 +32,9 @@ class Share(NamedTuple):
     high: float
 
 
-def literal(label: str) -> str:
-    """Return a text in which a dollar is no formula, and that a legend leaves out in no case."""
-    text = label.replace("$", r"\$")
-    return f" {text}" if text.startswith("_") else text
+def _shown(label: str) -> str:
+    """Return a label that a legend leaves out in no case."""
+    return f" {label}" if label.startswith("_") else label
 
 
 def egress_bands(path: str | Path, bands: Mapping[str, Band]) -> Path:
@@ -43,7 +43,7 @@ def egress_bands(path: str | Path, bands: Mapping[str, Band]) -> Path:
     Parameters
     ----------
     path : ends in .png.
-    bands : label -> N(t); each is continued by its last values to the end of the longest.
+    bands : label -> N(t); each is continued by its last values to the end of the longest, as far as that is known.
 
     Raises
     ------
@@ -56,16 +56,17 @@ def egress_bands(path: str | Path, bands: Mapping[str, Band]) -> Path:
     axes = quiet_axes(figure.add_subplot(), "time [s]", "people inside", grid=True)
     end = 1.03 * max(max(float(band.time[-1]) for band in bands.values()), 1e-3)
     for k, (label, band) in enumerate(bands.items()):
-        time, mean, low, high = (np.append(row, row[-1]) for row in band)
+        time, mean, low, high = (np.append(row, row[-1]) for row in band[:4])
         time[-1] = max(end, time[-2])
+        time = np.minimum(time, band.until)
         axes.fill_between(time, low, high, step="post", color=series(k), alpha=0.16, linewidth=0)
         style = ("-", (0, (5, 2)), (0, (1, 1.3)), (0, (6, 2, 1, 2)))[k % 4]  # also told apart in black and white
-        axes.step(time, mean, where="post", color=series(k), linewidth=2.0, linestyle=style, label=literal(label))
+        axes.step(time, mean, where="post", color=series(k), linewidth=2.0, linestyle=style, label=_shown(label))
     axes.set_xlim(0.0, end)
     axes.set_ylim(0.0, 1.04 * max(float(band.high.max()) for band in bands.values()))
     axes.locator_params(axis="y", integer=True)
     _legend(figure)
-    return save_figure(figure, path)
+    return save_figure(figure, path, formulas=False)
 
 
 def share_bars(path: str | Path, shares: Mapping[str, Mapping[str, Share]], exits: Sequence[str]) -> Path:
@@ -91,14 +92,14 @@ def share_bars(path: str | Path, shares: Mapping[str, Mapping[str, Share]], exit
         rows = [row for row, name in enumerate(exits) if name in of_exit]
         found = 100.0 * np.nan_to_num(np.array([of_exit[exits[row]] for row in rows]).reshape(-1, 3), nan=np.nan)
         at = np.array(rows) + (k - 0.5 * (len(shares) - 1)) * thick
-        axes.barh(at, np.nan_to_num(found[:, 0]), 0.86 * thick, color=series(k), alpha=0.75, label=literal(label))
+        axes.barh(at, np.nan_to_num(found[:, 0]), 0.86 * thick, color=series(k), alpha=0.75, label=_shown(label))
         around = np.abs(np.nan_to_num(found[:, 1:] - found[:, :1]))
         axes.errorbar(found[:, 0], at, xerr=around.T, fmt="none", ecolor=hex_of(INK), elinewidth=1.1, capsize=2.5)
-    axes.set_yticks(range(len(exits)), labels=[literal(name) for name in exits])
+    axes.set_yticks(range(len(exits)), labels=exits)
     axes.set_ylim(len(exits) - 0.5, -0.5)
     axes.set_xlim(0.0, 100.0)
     _legend(figure)
-    return save_figure(figure, path)
+    return save_figure(figure, path, formulas=False)
 
 
 def _legend(figure: Any) -> None:

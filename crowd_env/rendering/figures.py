@@ -47,7 +47,7 @@ def egress_curves(path: str | Path, curves: Mapping[str, Iterable[ArrayLike]], *
     axes.set_xlim(0.0, end)
     axes.set_ylim(0.0, 1.04 * max(map(len, every)))
     axes.locator_params(axis="y", integer=True)
-    return save_figure(figure, path)
+    return save_figure(figure, path, formulas=False)
 
 
 def learning_curve(

@@ -53,7 +53,7 @@ def heat_maps(
     ValueError
         If the suffix is another or there is no map.
     """
-    return save_figure(heat_figure(geometry, maps, title=title, note=note), path)
+    return save_figure(heat_figure(geometry, maps, title=title, note=note), path, formulas=False)
 
 
 def heat_figure(geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "", note: str = "") -> "Figure":

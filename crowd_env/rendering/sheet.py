@@ -45,7 +45,7 @@ def draw_sheet(path: str | Path, checks: Sequence[PlanCheck]) -> Path:
     """
     if not checks:
         raise ValueError("a sheet needs at least one plan")
-    return save_figure(_one(checks[0]) if len(checks) == 1 else _several(checks), path)
+    return save_figure(_one(checks[0]) if len(checks) == 1 else _several(checks), path, formulas=False)
 
 
 def _one(check: PlanCheck) -> "Figure":

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowd_env.analysis.clogging import Clogging, survival
-from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure
+from crowd_env.rendering.canvas import hex_of, literal, new_figure, quiet_axes, save_figure
 from crowd_env.rendering.palette import INK, QUIET, SERIES
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def survival_figure(sets: Mapping[str, Clogging], *, title: str = "") -> "Figure
         _draw_one(axes, label, found, right, SERIES[k % len(SERIES)], ink=len(drawn) == 1)
     axes.set_xlim(left, right)
     axes.set_ylim(0.5 / max(len(gaps) for gaps in every), 1.5)
-    axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11)
+    axes.set_title(literal(title), loc="left", color=hex_of(INK), fontsize=11)
     if any(found.tail is not None for found in drawn.values()):
         axes.plot([], [], color=hex_of(QUIET), linewidth=1.2, dashes=(4, 3), label="exponential, same tail")
     if any(_ends_open(found) for found in drawn.values()):
@@ -89,7 +89,7 @@ def _draw_one(
 ) -> None:
     gaps, tail = found.gaps, found.tail
     t, share = survival(gaps)
-    shown = f"{label}: {len(gaps.closed)} gaps" + (f", {len(gaps.open)} open" if len(gaps.open) else "")
+    shown = f"{literal(label)}: {len(gaps.closed)} gaps" + (f", {len(gaps.open)} open" if len(gaps.open) else "")
     seen = t > 0.0
     axes.step(t[seen], share[seen], where="post", color=hex_of(color), linewidth=2.0, label=shown, zorder=3)
     if _ends_open(found):

@@ -12,8 +12,8 @@ from crowd_env.state import Floats, Ints
 class Tracks(NamedTuple):
     """The ways of N people through K frames; the S samples lie person by person.
 
-    Sample k of person n belongs to ``times[first[n] + k]``, but the last one to ``until[n]``: beyond the exit line, or where
-    the person was seen last.
+    Sample k of person n belongs to ``times[first[n] + k]``, but the last one to ``until[n]``: beyond the exit line, or the end
+    of the recording.
     """
 
     times: Floats  # (K,)  s
@@ -38,7 +38,8 @@ def thinned_frames(recording: Recording, most: int) -> Ints:
 def tracks_of(recording: Recording, frames: Ints) -> Tracks:
     """Return the ways of people at ``frames``; where a person was not seen in between, the way is straight.
 
-    Between frames that are kept, pressures are averaged.
+    People who did not get out stay to the end where they were seen last: the last frame of a recording may hold only those who
+    got out just before it.  Between frames that are kept, pressures are averaged.
     """
     people = len(recording.radius)
     order = np.argsort(recording.person, kind="stable")
@@ -48,6 +49,8 @@ def tracks_of(recording: Recording, frames: Ints) -> Tracks:
     here = np.flatnonzero(np.diff(seen) > 0)
     begin, until = np.zeros(people), np.full(people, -np.inf)
     begin[here], until[here] = row_time[seen[here]], row_time[seen[here + 1] - 1]
+    seen_until = until.copy()
+    until[here] = np.where(np.isnan(recording.exit_time[here]), recording.times[-1], until[here])
     first = np.searchsorted(times, begin, side="left")
     whole = np.maximum(np.searchsorted(times, until, side="right") - first, 0)
     own_last = np.isfinite(until) & ((whole == 0) | (times[np.maximum(first + whole - 1, 0)] < until))
@@ -58,7 +61,7 @@ def tracks_of(recording: Recording, frames: Ints) -> Tracks:
     who = np.repeat(np.arange(people), count)
     at = times[np.minimum(first[who] + np.arange(len(who)) - start[who], len(times) - 1)]
     at[start[1:][own_last] - 1] = until[own_last]
-    along, target = span * person + row_time, span * who + at
+    along, target = span * person + row_time, span * who + np.minimum(at, seen_until[who])
 
     def sampled(values: Floats) -> Floats:
         return np.interp(target, along, values) if len(along) else np.zeros(0)
@@ -85,8 +88,9 @@ def _mean_pressure(
     step = np.diff(recording.times, prepend=recording.times[0] - recording.frame_interval)
     borne = sampled(np.cumsum(pressure * step[recording.frame[order]]))
     mean = np.diff(borne, prepend=0.0) / np.maximum(np.diff(target, prepend=-1.0), 1e-9)
-    own = start[:-1][np.diff(start) > 0]
-    mean[own] = sampled(pressure)[own]  # nothing of this person lies before the first sample
+    own = np.diff(target, prepend=-1.0) <= 0.0  # nothing of a person who was not seen lies between two samples
+    own[start[:-1][np.diff(start) > 0]] = True  # nor before the first one
+    mean[own] = sampled(pressure)[own]
     return np.maximum(mean, 0.0)
 
 

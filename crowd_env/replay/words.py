@@ -43,12 +43,13 @@ def titles(recordings: Sequence[Recording], names: Sequence[str]) -> tuple[str, 
 
 def outcome(recording: Recording) -> str:
     """Return "all out after 39.6 s", or how many were left inside, when, and why."""
-    facts, end = recording.facts, recording.times[-1]
+    facts, end = recording.facts, float(recording.times[-1])
     left = int(np.isnan(recording.exit_time).sum())
     if facts.get("finished") is False:
         return f"{left} inside after {end:.1f} s, when the recording broke off"
     if left == 0:
         return f"all out after {recording.exit_time.max():.1f} s"
+    end = min(float(facts.get("end") or end), end)  # one frame may follow the end
     blocked = facts.get("blocked_since")
     why = "" if blocked is None else f", exits blocked since {blocked:.1f} s"
     return f"{left} still inside after {end:.1f} s{why}"

@@ -17,7 +17,8 @@ def differences(runs: Sequence[Runs]) -> list[dict[str, Any]]:
 
     Runs of one seed are paired where they begin with the same people in the same places (common random numbers): the interval
     of the mean difference is then that of paired values (Student's t).  ``pairs`` is the number of pairs in which both runs
-    have the figure.  A folder whose plan, people or seeds are others has ``why_not`` in place of figures.
+    have the figure; a mean exit time counts where everyone got out, since those who got out of a run that was cut short are
+    the quick ones.  A folder whose plan, people or seeds are others has ``why_not`` in place of figures.
     """
     return [_minus(other, runs[0]) for other in runs[1:]]
 
@@ -49,4 +50,6 @@ def _same_people(one: Episode, other: Episode) -> bool:
 
 
 def _value(episode: Episode, name: str) -> float:
-    return time_of_share(episode.exit_time, 0.95) if name == "t95" else float(getattr(episode.metrics, name))
+    if name == "t95":
+        return time_of_share(episode.exit_time, 0.95)
+    return float("nan") if episode.metrics.unfinished else float(getattr(episode.metrics, name))

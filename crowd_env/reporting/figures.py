@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
+from math import inf, isfinite
 from typing import Any
 
 from crowd_env.analysis.plan_check import PlanCheck, check_plan, spot
 from crowd_env.outline import room_of
-from crowd_env.rendering.comparison import Band, Share, egress_bands, literal, share_bars
+from crowd_env.rendering.comparison import Band, Share, egress_bands, share_bars
 from crowd_env.rendering.heat import heat_maps
 from crowd_env.rendering.sheet import draw_sheet
 from crowd_env.reporting.differences import COMPARED
@@ -77,7 +78,7 @@ def _passage(check: PlanCheck, name: str) -> str:
 def results(runs: Sequence[Runs], minus_first: Sequence[Mapping[str, Any]], drawer: Drawer) -> str:
     """Return the section on what came out."""
     head = ("", *(one.name for one in runs)) if len(runs) > 1 else ()
-    rows = [(label, *(words(one.figures) for one in runs)) for label, words in _ROWS.items()]
+    rows = [(label, *(words(one) for one in runs)) for label, words in _ROWS.items()]
     parts = [
         table(rows, head, kind="numbers"),
         paragraph(
@@ -110,7 +111,7 @@ def maps(runs: Sequence[Runs], found: Sequence[Measured], drawer: Drawer) -> str
     for one, measured in zip(runs, found, strict=True):
         again = "1 run" if measured.runs == 1 else f"{measured.runs} runs"
         came = "came out as before, to the last bit" if measured.same else "did NOT come out as before"
-        heat_maps(drawer.path, one.scenario.geometry, heat_of(measured, found), title=literal(one.name))
+        heat_maps(drawer.path, one.scenario.geometry, heat_of(measured, found), title=one.name)
         caption = (
             f"{one.name}: {again} made again from their seeds; they {came}. All maps of a kind have the same colors."
         )
@@ -134,14 +135,21 @@ def _curves(runs: Sequence[Runs], drawer: Drawer) -> str:
     bands = {}
     for one in runs:
         curve = egress([episode.exit_time for episode in one.episodes])
-        bands[one.name] = Band(curve.time, curve.mean, curve.quantiles[:, _LOW], curve.quantiles[:, _HIGH])
+        bands[one.name] = Band(curve.time, curve.mean, curve.quantiles[:, _LOW], curve.quantiles[:, _HIGH], _known(one))
     egress_bands(drawer.path, bands)
     caption = (
-        "N(t): how many people are inside; lines are means over draws, bands hold 90 % of them (5 % to 95 % quantile)."
+        "N(t): how many people are inside; lines are means over draws, bands hold 90 % of them (5 % to 95 % quantile). "
+        "A curve ends where the time limit ended a run with people inside."
     )
     return heading("Egress curves") + picture(
         drawer.taken(), "Number of people inside over time", caption, "small-plot"
     )
+
+
+def _known(runs: Runs) -> float:
+    """Return until when it is known how many people are inside [s]: until the time limit ends a run; blocked ones stay."""
+    cut = [one for one in runs.episodes if one.metrics.unfinished and not isfinite(one.metrics.blocked_since)]
+    return min((one.end for one in cut), default=inf)
 
 
 def _shares(runs: Sequence[Runs], drawer: Drawer) -> str:
@@ -193,13 +201,13 @@ def _gap(figure: Mapping[str, Any]) -> str:
     if figure["mean"] is None:
         return "–"
     low, high = figure["ci95"]
-    interval = "one pair alone" if low is None else f"{low:+.2f} to {high:+.2f}"
-    return f"{figure['mean']:+.2f} s ({interval}), {figure['pairs']} pairs"
+    interval = "no interval" if low is None else f"{low:+.2f} to {high:+.2f}"
+    return f"{figure['mean']:+.2f} s ({interval}), {figure['pairs']} {'pair' if figure['pairs'] == 1 else 'pairs'}"
 
 
-def _time(name: str, unit: str) -> Callable[[Mapping[str, Any]], str]:
-    def words(figures: Mapping[str, Any]) -> str:
-        found = figures[name]
+def _time(name: str, unit: str) -> Callable[[Runs], str]:
+    def words(runs: Runs) -> str:
+        found = runs.figures[name]
         if found["mean"] is None:
             return "–"
         if found["sd"] is None:
@@ -210,25 +218,35 @@ def _time(name: str, unit: str) -> Callable[[Mapping[str, Any]], str]:
     return words
 
 
-def _runs_in(kind: str) -> Callable[[Mapping[str, Any]], str]:
-    def words(figures: Mapping[str, Any]) -> str:
-        low, high = (100.0 * bound for bound in figures[f"{kind}_share"]["ci95"])
-        return f"{figures[f'{kind}_runs']} of {figures['runs']} ({low:.0f} to {high:.0f} %)"
+def _evacuation_time(runs: Runs) -> str:
+    whole = runs.figures["runs"] - runs.figures["unfinished_runs"]
+    of = f"\nof the {whole} of {runs.figures['runs']} runs in which everyone got out"
+    return _time("evacuation_time", "s")(runs) + (of if 0 < whole < runs.figures["runs"] else "")
+
+
+def _runs_in(kind: str) -> Callable[[Runs], str]:
+    def words(runs: Runs) -> str:
+        low, high = (100.0 * bound for bound in runs.figures[f"{kind}_share"]["ci95"])
+        return f"{runs.figures[f'{kind}_runs']} of {runs.figures['runs']} ({low:.0f} to {high:.0f} %)"
 
     return words
 
 
-_ROWS: dict[str, Callable[[Mapping[str, Any]], str]] = {
-    "runs": lambda figures: str(figures["runs"]),
-    "evacuation time": _time("evacuation_time", "s"),
+def _blocked(runs: Runs) -> str:
+    return _runs_in("blocked")(runs) if isfinite(runs.scenario.blocked_after) else "not looked for"
+
+
+_ROWS: dict[str, Callable[[Runs], str]] = {
+    "runs": lambda runs: str(runs.figures["runs"]),
+    "evacuation time": _evacuation_time,
     "95 % of the people out (T95)": _time("t95", "s"),
     "mean exit time": _time("mean_exit_time", "s"),
     "flow": _time("flow", "1/s"),
     "runs in which someone was left inside": _runs_in("unfinished"),
-    "people left inside, all runs": lambda figures: str(figures["unfinished"]),
-    "runs in which the exits blocked": _runs_in("blocked"),
-    "largest overlap of bodies": lambda figures: f"{figures['overlap_mm']['max']:.2f} mm",
-    "people found outside of the plan": lambda figures: (
-        f"{figures['escaped']}: these figures are void" if figures["escaped"] else "nobody"
+    "people left inside, all runs": lambda runs: str(runs.figures["unfinished"]),
+    "runs in which the exits blocked": _blocked,
+    "largest overlap of bodies": lambda runs: f"{runs.figures['overlap_mm']['max']:.2f} mm",
+    "people found outside of the plan": lambda runs: (
+        f"{runs.figures['escaped']}: these figures are void" if runs.figures["escaped"] else "nobody"
     ),
 }

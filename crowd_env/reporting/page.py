@@ -72,7 +72,7 @@ def _asked(runs: Sequence[Runs]) -> str:
     people = dict.fromkeys(str(one.figures["people"]) for one in runs)
     counts = dict.fromkeys(str(len(one.episodes)) for one in runs)
     text = f"How long do {' or '.join(people)} people take to leave, and by which exits? "
-    text += f"{' or '.join(counts)} simulated evacuations"
+    text += f"{' or '.join(counts)} simulated {'evacuation' if set(counts) == {'1'} else 'evacuations'}"
     return text + (
         f" of each of {len(runs)}, compared: {'; '.join(one.name for one in runs)}." if len(runs) > 1 else "."
     )

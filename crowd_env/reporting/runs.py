@@ -45,8 +45,13 @@ def load_runs(folders: Sequence[Path], place_of: PlaceOf) -> list[Runs]:
     Raises
     ------
     ValueError
-        If a folder is not one of ``crowd-env run --out``, holds no finished run, or its plan is not there any more as it was.
+        If a folder is not one of ``crowd-env run --out``, holds no finished run, or its plan is not there any more as it was,
+        or if one is given twice.
     """
+    where = [folder.resolve() for folder in folders]
+    twice = next((folder for k, folder in enumerate(folders) if where[k] in where[:k]), None)
+    if twice is not None:
+        raise ValueError(f"{twice} is given twice; a report compares different folders")
     found = [_load(folder, place_of) for folder in folders]
     return [runs._replace(name=name) for runs, name in zip(found, _names(found), strict=True)]
 
@@ -60,6 +65,12 @@ def remarks_on(runs: Sequence[Runs]) -> list[str]:
             said.append(
                 f"{one.name}: {finished} of {asked} runs were finished when this page was made; the figures are of these, and "
                 "lean to short evacuations."
+            )
+        left = one.figures["unfinished_runs"]
+        if left:
+            said.append(
+                f"{one.name}: in {left} of {finished} runs people were left inside, {one.figures['unfinished']} in all: mean "
+                "exit times, flows and shares of the exits are of those who got out, and times so found are too short."
             )
         if one.config["version"] != crowd_env.__version__:
             said.append(
@@ -110,10 +121,13 @@ def _names(runs: Sequence[Runs]) -> list[str]:
         told = [_told(one, what) for one in runs]
         if len(set(told)) > 1 and len(set(names)) < len(runs):
             names = [", ".join(filter(None, pair)) for pair in zip(names, told, strict=True)]
-    return [
-        name if names.count(name) == 1 else ", ".join(filter(None, (name, _last(one.folder))))
-        for name, one in zip(names, runs, strict=True)
-    ]
+    for told in ([_last(one.folder) for one in runs], [str(one.folder) for one in runs]):
+        if len(set(names)) < len(names):
+            names = [
+                name if names.count(name) == 1 else ", ".join(filter(None, (name, more)))
+                for name, more in zip(names, told, strict=True)
+            ]
+    return names
 
 
 def _last(folder: Path) -> str:

@@ -35,6 +35,16 @@ def test_labels_are_shares_of_choices_whose_mean_is_what_the_rule_wants(action):
     np.testing.assert_allclose(cloning._labels(env, choices) @ choices, choices, atol=1e-12)
 
 
+def test_a_rule_that_is_cloned_into_choices_of_exits_keeps_to_the_own_way():
+    env = CrowdEnv("two-exit-hall-v0", action="speeds-exits", count=2)
+    choices = env.action_kind.decode.commands
+    labels = cloning._labels(env, choices)
+    assert labels.shape == (len(choices), env.single_action_space.n) == (5, 15)
+    commands, ways = env.action_kind.decode(labels.argmax(axis=1))
+    np.testing.assert_allclose(commands, choices)
+    assert (ways == -1).all() and (labels[:, len(choices) :] == 0.0).all()
+
+
 @pytest.mark.parametrize("action", [SPEEDS, "continuous"])
 def test_a_clone_acts_as_its_rule_where_it_was_never_trained(action, monkeypatch):
     for name, value in (("ROUNDS", 4), ("DECISIONS", 120), ("EPOCHS", 12), ("_BATCH", 256)):

@@ -57,6 +57,7 @@ def run(tmp_path):
         "network": network_digest(found / "best.safetensors"),
         "spent": {"steps": 5000.0, "seconds": 10.0, "cpu_seconds": 19.0},
         "validation": {"evacuation_time": 8.1},
+        "confirmation": None,
         "learned_minus_rule": {"last": -1.0},
         "learned_over_rule": {"last": 0.9},
         "rows": rows,
@@ -135,7 +136,7 @@ def test_shipping_copies_the_network_and_writes_its_card(run, folder):
     assert card["policy"] == "room/mine" and card["task"] == ROOM.identity()
     assert card["network"] == network_digest(folder / "room/mine.safetensors")
     assert card["held_out"] == results["rows"]
-    for key in ("config", "spent", "validation", "learned_minus_rule", "learned_over_rule"):
+    for key in ("config", "spent", "validation", "confirmation", "learned_minus_rule", "learned_over_rule"):
         assert card[key] == results[key]
 
 

@@ -98,7 +98,7 @@ def test_open_lines_among_obstacles_are_walls(tmp_path):
     outline(space, [(5, 0), (5, 4)], "obstacles", close=False)
     plan = read(document, tmp_path)
     assert not plan.walkable.contains(shapely.Point(5, 3))
-    assert plan.notes == ("layer obstacles: 1 open line taken as walls 0.02 m thick",)
+    assert plan.notes == ("obstacles: 1 line taken as walls 0.02 m thick",)
 
 
 def test_slivers_and_what_encloses_nothing_are_dropped(tmp_path):

@@ -143,7 +143,8 @@ def test_targets_that_nobody_leaves_by_are_no_exits(absorbs, tmp_path):
 def test_sources_that_let_in_more_than_there_is_room_for_are_told(tmp_path):
     spawner = {"spawner": {"constraintsElementsMax": 5000, "constraintsTimeStart": 0.0, "constraintsTimeEnd": 600.0}}
     path = vadere(tmp_path / "room.scenario", sources=[source(1, 1.0, **spawner)])
-    with pytest.warns(UserWarning, match="the file says 5000 people; 5 start in the start areas of the plan"):
+    said = pytest.warns(UserWarning, match="the file says 5000 people; 5 start in the start areas of the plan")
+    with pytest.warns(UserWarning, match="one after the other"), said:
         place = make_scenario(path)
     assert place.population.count == 5
 
@@ -182,3 +183,29 @@ def test_python_takes_what_the_command_line_takes(tmp_path):
         assert scenario_from_wkt(path, others, Population(7), unit="cm").exits == ("exit-0",)
     with pytest.raises(ValueError, match=r"has no option 'side'; known: exits, unit, count, population, time_limit"):
         make_scenario(path, side=3.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "note"),
+    [
+        ({"targetIds": [3]}, ""),
+        ({"targetIds": []}, ""),
+        ({"targetIds": [4]}, "to which targets the people of a source walk"),
+        ({"endTime": 60.0}, "one after the other"),
+    ],
+)
+def test_what_a_source_says_of_its_people_and_is_not_modeled_is_told(changes, note, tmp_path):
+    plan = read_plan(vadere(tmp_path / "room.scenario", sources=[source(1, 1.0, 4) | changes]))
+    assert len(plan.notes) == bool(note) and note in " ".join(plan.notes)
+
+
+def test_attributes_of_a_thing_may_lie_in_a_table_of_their_own(tmp_path):
+    path = vadere(tmp_path / "room.scenario", sources=[source(1, 1.0, 4)], absorbs={"absorbing": False})
+    content = json.loads(path.read_text())
+    places = content["scenario"]["topography"]
+    for kind in ("obstacles", "targets", "sources"):
+        places[kind] = [{"attributes": one} for one in places[kind]]
+    (tmp_path / "nested.scenario").write_text(json.dumps(content))
+    flat, nested = (read_plan(one) for one in (path, tmp_path / "nested.scenario"))
+    assert not flat.exits and list(nested.regions) == list(flat.regions) == ["target-3", "source-1"]
+    assert nested.starts == flat.starts == {"source-1": 4} and nested.walkable.equals(flat.walkable)

@@ -5,6 +5,7 @@ It needs Playwright (``pip install playwright``; its own browsers are not needed
 
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from replayed_pages import walk_out
 
+from crowd_env.recording import Recording
 from crowd_env.rendering.palette import pressure_color
 from crowd_env.replay import write_page
 
@@ -31,6 +33,20 @@ def browser() -> Iterator[Any]:
         chromium.close()
 
 
+def _cut_short(recording: Recording) -> Recording:
+    """Return a recording whose last frame holds only those who got out just before it, as those of time limits do."""
+    last = int(np.searchsorted(recording.times, 2.0)) + 1
+    gone = (recording.frame > last) | ((recording.frame == last) & ~(recording.exit_time[recording.person] <= 2.0))
+    rows = {name: getattr(recording, name)[~gone] for name in ("person", "position", "velocity", "pressure")}
+    starts = np.concatenate([[0], np.cumsum(~gone)])[recording.frame_start[: last + 2]]
+    out = recording.exit_time <= 2.0
+    left = {
+        "exit_time": np.where(out, recording.exit_time, np.nan),
+        "exit_index": np.where(out, recording.exit_index, -1),
+    }
+    return replace(recording, times=recording.times[: last + 1], frame_start=starts, **left, **rows)
+
+
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
@@ -38,6 +54,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     recordings = {
         "one": [RECORDING],
         "two": [RECORDING, walk_out(5, strategy="nearest")],
+        "cut": [_cut_short(walk_out(12, stays=2, end=2.0)), RECORDING],
         "torso": [walk_out(outline="torso")],
         "evil": [evil],
     }
@@ -337,4 +354,16 @@ def test_letters_can_be_read(browser: Any, pages: dict[str, Path], scheme: str) 
     for letters, ground in (("#summary", page), ("h1", page), (".count", page), ("#legend", panel), ("#clock", panel)):
         assert contrast(color(letters, "color"), ground) >= 4.5, letters
     assert (contrast(page, "rgb(0, 0, 0)") < 2.0) == (scheme == "dark")
+    tab.close()
+
+
+def test_who_is_counted_inside_is_drawn_to_the_end_of_the_page(browser: Any, pages: dict[str, Path]) -> None:
+    tab = Tab(browser, pages["cut"])
+    tab.page.keyboard.press("End")
+    shown = tab.page.evaluate("replay.recordings.map((one) => [one.shown, one.inside(replay.time)])")
+    assert shown[0] == [shown[0][1]] * 2 and 2 < shown[0][0] < 12
+    assert f"{shown[0][0]} still inside after 2.0 s" in tab.page.inner_text("#plans")
+    tab.page.evaluate("replay.seek(replay.recordings[0].end)")
+    drawn = tab.page.evaluate("[replay.recordings[0].shown, replay.recordings[0].inside(replay.time)]")
+    assert drawn[0] >= drawn[1] == shown[0][0]  # and those who have just stepped out
     tab.close()

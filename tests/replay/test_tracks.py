@@ -104,3 +104,17 @@ def test_angles_do_not_jump_by_full_turns() -> None:
     inner = np.repeat(np.arange(3), tracks.samples)
     jumps = np.diff(tracks.angle)[np.diff(inner) == 0]
     np.testing.assert_allclose(jumps, 2.0 * np.diff(sample_times(tracks))[np.diff(inner) == 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("most", [10**6, 60])
+def test_who_stays_inside_stays_on_the_page_when_the_last_frame_holds_only_those_who_got_out(most: int) -> None:
+    recording = walk_out(8, stays=2)
+    last = len(recording.times) - 1
+    cut = without_rows(recording, (recording.person >= 6) & (recording.frame == last))
+    assert not {6, 7} & set(cut.person[cut.frame == last])
+    whole, kept = (tracks_of(one, thinned_frames(one, most)) for one in (recording, cut))
+    np.testing.assert_array_equal(kept.samples, whole.samples)
+    np.testing.assert_allclose(kept.until, whole.until)
+    np.testing.assert_allclose(np.stack([kept.x, kept.y]), np.stack([whole.x, whole.y]), atol=1e-9)
+    held = recording.pressure[(recording.person == 7) & (recording.frame == last - 1)]
+    assert kept.pressure[-1] == pytest.approx(held, rel=0.2)  # and what pressed on them does not end

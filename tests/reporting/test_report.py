@@ -2,15 +2,13 @@
 
 import json
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
+from reported_pages import Parsed, command
 from repository import ROOT
-from typer.testing import CliRunner
 
-from crowd_env.cli.main import app
 from crowd_env.cli.report import place_of
 from crowd_env.reporting.differences import differences
 from crowd_env.reporting.limits import limits_of, validation_map
@@ -20,30 +18,6 @@ from crowd_env.results.measurements import CELL, grid_over
 
 EVIL = "<script>alert(1)</script>"
 PLAN = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
-
-
-def command(*words: str | Path) -> tuple[int, str, str]:
-    """Return the exit code of a command, and what it wrote to both streams."""
-    result = CliRunner().invoke(app, list(map(str, words)))
-    return result.exit_code, result.stdout, " ".join(result.stderr.split())
-
-
-class Parsed(HTMLParser):
-    """The tags of a page, what they point at, and its text."""
-
-    def __init__(self, page: Path) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.sources: list[str] = []
-        self.text = ""
-        self.feed(page.read_text("utf-8"))
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.sources += [value or "" for name, value in attrs if name in ("src", "href", "srcset")]
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
 
 
 @pytest.fixture(scope="module")

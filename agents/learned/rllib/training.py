@@ -19,7 +19,7 @@ from ...evaluation.trained_run import NETWORK, physics_of
 from ...trained import LearnedPolicy
 from ...training_config import facts_of, judged_place, make_env
 from ..rate import FallingRate
-from ..training import curve_line, curve_row, env_options_of, read_curve, score, write_curve
+from ..training import START, curve_line, curve_row, env_options_of, read_curve, score, write_curve
 
 CHECKPOINT = "rllib"  # folder below that of the run
 _LEARNER = 1  # cores that runners leave to the learner
@@ -160,6 +160,8 @@ class _Training:
         best_before = min(map(score, self.curve), default=(np.inf, np.inf))
         self.curve.append(row)
         self._write_checkpoint()
+        if len(self.curve) == 1:
+            policy.save(self.folder / START)
         if score(row) < best_before:
             policy.save(self.folder / NETWORK)
         write_curve(self.folder / "learning_curve.csv", self.curve)

@@ -64,7 +64,7 @@ def write_force_network(
     """
     forces = contact_forces(crowd, e) if isinstance(crowd, Simulation) else crowd
     figure = force_network_figure(forces, around=around, full_force=full_force, color=color, title=title)
-    return save_figure(figure, path)
+    return save_figure(figure, path, formulas=False)
 
 
 def force_network_figure(

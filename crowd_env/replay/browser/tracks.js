@@ -98,6 +98,7 @@ class Recording {
   // Fill who is shown at `time` and where, between frames on straight lines.
   sample(time) {
     const { times, first, samples, until, start } = this;
+    const over = time > this.end + 1e-6; // while another recording goes on
     time = Math.min(Math.max(time, this.begin), this.end);
     const frame = Math.max(lastNotAbove(times, time + 1e-6), 0);
     let shown = 0;
@@ -105,7 +106,7 @@ class Recording {
     for (let n = 0; n < this.people; n++) {
       const k = frame - first[n];
       const last = samples[n] - 1;
-      if (k < 0 || k > last || time > until[n] + 1e-6) continue;
+      if (k < 0 || k > last || time > until[n] + 1e-6 || (over && this.leaving[n] < Infinity)) continue;
       const a = start[n] + k;
       const b = k < last ? a + 1 : a;
       let part = 0;

@@ -1,0 +1,119 @@
+"""Is the network that did best in training better than the one training began with?  Asked on draws that chose neither.
+
+The best of a learning curve is partly lucky: a few validation draws are looked at many times.  Where training begins at a rule
+that is hard to beat, what luck chose can be worse than the rule.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowd_env.cli.console import notes
+from crowd_env.files.atomic import written
+from crowd_env.files.json_file import read_json, write_json
+from crowd_env.state import Floats
+
+from ..evaluate import compare
+from ..evaluation.comparison import last_times
+from ..evaluation.entries import make_entries
+from ..evaluation.evaluation import FINAL_SEED, HELD_OUT_SEED
+from ..evaluation.folder import EvaluationFolder, settings_of
+from ..evaluation.trained_run import NETWORK
+from ..training_config import judged_place, task_of
+from .training import START, read_curve, score
+
+UNCONFIRMED, FOUND = "unconfirmed.safetensors", "confirmation.json"
+LOOKS, DRAWS = 4, 25  # at most so many looks, so many further draws for each
+# Group-sequential test of O'Brien and Fleming (1979) at 5 %, two-sided, four looks: after look k the difference over its
+# standard error must be beyond 2.024 √(4 / k) (Jennison and Turnbull 2000, table 2.3).
+_BOUND = 2.024
+
+
+def confirm(folder: Path, config: Mapping[str, Any], threads: int = 1) -> None:
+    """Keep the start of a finished training on a task unless the network that did best on validation draws is better.
+
+    Both lead the crowd of the task as it stands, with its own number of people and physics step, on the same fresh draws, and
+    are compared by the time of the last person, who counts until the time limit where somebody is left inside.  A difference
+    that is plain ends the test early.  ``confirmation.json`` says what came out; what has been simulated is kept, so that an
+    interrupted test goes on.  Where the start is kept, ``best.safetensors`` is the start, and the other
+    ``unconfirmed.safetensors``.
+
+    Nothing is asked of a run whose start did best, or that an earlier version began.
+    """
+    curve = read_curve(folder / "learning_curve.csv")
+    best = min(curve, key=score)
+    _reopen(folder, best)
+    if best is curve[0] or not (folder / START).exists():
+        return
+    notes.print("confirming the network on fresh draws, beside the one training began with ...")
+    difference = np.empty(0)
+    z, bound = 0.0, np.inf
+    for look in range(LOOKS):
+        difference = np.append(difference, _minus_start(folder, config, look, threads))
+        z, bound = _over_error(difference), _BOUND * np.sqrt(LOOKS / (look + 1))
+        if abs(z) > bound:
+            break
+    better = z < -bound
+    mean = float(difference.mean())
+    found = {
+        "kept": "trained" if better else "start",
+        "steps": best["steps"],
+        "draws": len(difference),
+        "seconds_later": mean,
+        "standard_error": _error(difference),
+        "bound": bound,
+    }
+    write_json(folder / FOUND, found)
+    said = (
+        f"{abs(mean):.2f} s {'sooner' if mean < 0.0 else 'later'} out than the start on {len(difference)} fresh draws"
+    )
+    if better:
+        notes.print(f"the network of step {best['steps']:.0f} is {said}: kept")
+        return
+    for source, target in ((NETWORK, UNCONFIRMED), (START, NETWORK)):
+        with written(folder / target) as part:
+            part.write_bytes((folder / source).read_bytes())
+    notes.print(f"the network of step {best['steps']:.0f} is {said}, not sooner beyond doubt: the start is kept")
+
+
+def kept_row(folder: Path, curve: Sequence[dict[str, float]]) -> dict[str, float]:
+    """Return the row of the learning curve of the network that was kept."""
+    found = confirmation(folder)
+    return curve[0] if found is not None and found["kept"] == "start" else min(curve, key=score)
+
+
+def confirmation(folder: Path) -> dict[str, Any] | None:
+    """Return what `confirm` found; None where it asked nothing."""
+    return read_json(folder / FOUND) if (folder / FOUND).exists() else None
+
+
+def _reopen(folder: Path, best: Mapping[str, float]) -> None:
+    """Forget an earlier test; a network that it refused is asked about again if it still is the best of the curve."""
+    before, refused = confirmation(folder), folder / UNCONFIRMED
+    if before is not None and refused.exists() and before["steps"] == best["steps"]:
+        with written(folder / NETWORK) as part:
+            part.write_bytes(refused.read_bytes())
+    (folder / FOUND).unlink(missing_ok=True)
+    refused.unlink(missing_ok=True)
+
+
+def _minus_start(folder: Path, config: Mapping[str, Any], look: int, threads: int) -> Floats:
+    """Return how much later [s] the last person of each draw of a look is out than under the start."""
+    place, task = judged_place(config), task_of(config)
+    seed = FINAL_SEED - HELD_OUT_SEED + look * DRAWS
+    kept = EvaluationFolder(folder / f"confirmation-{look + 1}", settings_of(place, DRAWS, seed, task))
+    entries = make_entries([str(folder / name) for name in (START, NETWORK)], place, task)
+    start, best = compare(entries, place, [config["scheme"]], runs=DRAWS, seed=seed, threads=threads, folder=kept)
+    return last_times(best) - last_times(start)
+
+
+def _error(difference: Floats) -> float:
+    return float(difference.std(ddof=1) / np.sqrt(len(difference)))
+
+
+def _over_error(difference: Floats) -> float:
+    """Return the mean over its standard error; equal differences that are not 0 are infinitely sure."""
+    mean, error = float(difference.mean()), _error(difference)
+    return mean / error if error > 0.0 else float(np.sign(mean)) * np.inf if mean else 0.0

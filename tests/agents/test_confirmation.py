@@ -1,0 +1,138 @@
+"""What luck chose is not kept: the best network of a training against the one it began with, on fresh draws."""
+
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+from training_runs import curve
+
+from agents import learn
+from agents.learned import confirmation
+from agents.learned.confirmation import confirm, kept_row
+from agents.learned.training import CURVE_COLUMNS, write_curve
+
+ROOM = {"task": "room"}
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Return a folder of a training whose second row did best, with files in the place of networks."""
+    rows = [dict.fromkeys(CURVE_COLUMNS, 0.0) | {"steps": k, "evacuation_time": t} for k, t in ((0, 9.0), (5, 8.0))]
+    write_curve(tmp_path / "learning_curve.csv", rows)
+    (tmp_path / "start.safetensors").write_bytes(b"start")
+    (tmp_path / "best.safetensors").write_bytes(b"trained")
+    return tmp_path
+
+
+def answer(monkeypatch, mean, sd, asked=None):
+    """Let the draws of every look differ by normal numbers of this mean and spread, in place of simulations."""
+    rng = np.random.default_rng(1)
+
+    def differ(folder, config, look, threads):
+        if asked is not None:
+            asked.append(((folder / "start.safetensors").read_bytes(), (folder / "best.safetensors").read_bytes()))
+        return rng.normal(mean, sd, confirmation.DRAWS)
+
+    monkeypatch.setattr(confirmation, "_minus_start", differ)
+
+
+def held(folder):
+    return {path.name: path.read_bytes() for path in folder.glob("*.safetensors")}
+
+
+@pytest.mark.parametrize(("mean", "looks"), [(-5.0, 1), (-0.5, None), (5.0, 1)])
+def test_what_is_plain_is_decided_at_once_and_only_what_is_sooner_is_kept(run, monkeypatch, mean, looks):
+    asked = []
+    answer(monkeypatch, mean, 1.0, asked)
+    confirm(run, ROOM)
+    told = json.loads((run / "confirmation.json").read_text())
+    assert told["kept"] == ("trained" if mean < 0 else "start")
+    assert held(run)["best.safetensors"] == (b"trained" if mean < 0 else b"start")
+    assert ("unconfirmed.safetensors" in held(run)) == (mean > 0)
+    assert told["draws"] == 25 * len(asked) and len(asked) == (looks or len(asked))
+    assert kept_row(run, curve(run))["steps"] == (5 if mean < 0 else 0)
+
+
+def test_what_is_not_beyond_doubt_is_refused_after_all_looks(run, monkeypatch):
+    asked = []
+    answer(monkeypatch, -0.05, 1.0, asked)
+    confirm(run, ROOM)
+    told = json.loads((run / "confirmation.json").read_text())
+    assert (told["kept"], told["draws"], len(asked)) == ("start", 100, 4)
+    assert held(run) == {
+        "best.safetensors": b"start",
+        "start.safetensors": b"start",
+        "unconfirmed.safetensors": b"trained",
+    }
+
+
+def test_a_network_that_is_no_better_is_kept_in_few_of_many_trainings(run, monkeypatch):
+    """The size of the test: 2.5 % on the side of "better"; 21 of 400 has a probability below 0.1 % then."""
+    rng = np.random.default_rng(3)
+    monkeypatch.setattr(confirmation, "_minus_start", lambda *args: rng.normal(0.0, 1.0, confirmation.DRAWS))
+    kept = 0
+    for _ in range(400):
+        (run / "best.safetensors").write_bytes(b"trained")
+        (run / "unconfirmed.safetensors").unlink(missing_ok=True)
+        confirm(run, ROOM)
+        kept += held(run)["best.safetensors"] == b"trained"
+    assert kept <= 20
+
+
+def test_a_network_that_acts_as_the_start_is_no_better(run, monkeypatch):
+    monkeypatch.setattr(confirmation, "_minus_start", lambda *args: np.zeros(confirmation.DRAWS))
+    confirm(run, ROOM)
+    assert held(run)["best.safetensors"] == b"start"
+
+
+def test_a_refused_network_is_asked_about_again_unless_a_better_one_came(run, monkeypatch):
+    answer(monkeypatch, 0.0, 1.0)
+    confirm(run, ROOM)
+    asked = []
+    answer(monkeypatch, -5.0, 1.0, asked)
+    confirm(run, ROOM)  # nothing was trained in between
+    assert asked == [(b"start", b"trained")] and held(run)["best.safetensors"] == b"trained"
+    assert "unconfirmed.safetensors" not in held(run)
+    answer(monkeypatch, 0.0, 1.0)
+    confirm(run, ROOM)
+    rows = [*curve(run), dict.fromkeys(CURVE_COLUMNS, 0.0) | {"steps": 9.0, "evacuation_time": 7.0}]
+    write_curve(run / "learning_curve.csv", rows)
+    (run / "best.safetensors").write_bytes(b"newer")  # as a training that went on leaves it
+    asked.clear()
+    answer(monkeypatch, -5.0, 1.0, asked)
+    confirm(run, ROOM)
+    assert asked == [(b"start", b"newer")] and kept_row(run, curve(run))["steps"] == 9
+
+
+def test_a_run_whose_start_did_best_is_asked_nothing(run, monkeypatch):
+    monkeypatch.setattr(confirmation, "_minus_start", None)
+    write_curve(run / "learning_curve.csv", curve(run)[:1])
+    confirm(run, ROOM)
+    assert held(run)["best.safetensors"] == b"trained" and not (run / "confirmation.json").exists()
+
+
+def test_both_lead_the_crowd_of_the_task_on_draws_that_nobody_has_seen(tmp_path, monkeypatch):
+    """A start that stands still loses against walking; the draws begin at 3,000,000, not at those of validation."""
+    from agents.evaluation import evaluation
+    from agents.networks import network_digest
+    from agents.training_config import task_config
+
+    monkeypatch.setattr(confirmation, "DRAWS", 2)
+    seeds, run_cells = [], evaluation.evaluate_cells
+    monkeypatch.setattr(
+        "agents.evaluate.evaluate_cells",
+        lambda cells, **options: (seeds.append((options["first_seed"], options["runs"])), run_cells(cells, **options)),
+    )
+    config = task_config("room", 3, envs=2, steps=700) | {"eval_every": 10**6, "eval_runs": 2}
+    config["ppo"] |= {"n_steps": 32, "batch_size": 256, "n_epochs": 1}
+    assert learn.train(tmp_path, config)
+    rows = curve(tmp_path)
+    write_curve(tmp_path / "learning_curve.csv", [rows[0] | {"evacuation_time": 99.0}, rows[-1]])
+    confirm(tmp_path, config)
+    told = json.loads((tmp_path / "confirmation.json").read_text())
+    assert seeds == [(3_000_000 + 2 * look, 2) for look in range(told["draws"] // 2)]
+    same = network_digest(tmp_path / "best.safetensors") == network_digest(tmp_path / "start.safetensors")
+    assert same == (told["kept"] == "start")

@@ -1,0 +1,42 @@
+"""Every Python block of the pages runs, and so does every example."""
+
+import os
+import re
+
+import pytest
+from repository import ROOT
+from shown import blocks, called
+
+
+@pytest.mark.parametrize("block", blocks("python"), ids=called)
+def test_python_blocks_run(block, monkeypatch, tmp_path):
+    for library in set(re.findall(r"^import (pandas|pedpy)", block.text, re.MULTILINE)):
+        pytest.importorskip(library, reason=f"{library} is not installed; `make test` does, for Python 3.11 and newer")
+    monkeypatch.chdir(tmp_path)
+    exec(compile("\n" * block.line + block.text, str(block.page), "exec"), {"__name__": "__main__"})
+
+
+def test_the_readme_has_a_short_example_to_begin_with():
+    block = blocks("python")[0]
+    assert block.page.name == "README.md"
+    assert block.line < 60
+    assert len(block.text.splitlines()) <= 12
+
+
+@pytest.mark.parametrize("name", ["own_policy", "room_picture", "shipped_policy"])
+def test_examples_run(name, monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(str(ROOT))
+    example = __import__(f"examples.{name}", fromlist=["main"])
+    if name == "own_policy":
+        example.main(runs=1)
+    elif name == "shipped_policy":
+        from agents import load
+        from agents.evaluation.evaluation import evaluate
+        from agents.tasks import make_task
+
+        task = make_task("competitive-door")
+        judged = evaluate(load("competitive-door/ppo"), task.place(8), scheme=task.scheme, runs=1, dt=task.dt)
+        assert example.main(people=8) == judged.column("evacuation_time")[0]
+    else:
+        example.main(tmp_path / "room.png")
+        assert os.path.getsize(tmp_path / "room.png") > 1000

@@ -1,0 +1,24 @@
+"""Scenario files that the pages show are read, take the options that they declare, and hold the people that they name."""
+
+import pytest
+from installations import tomllib
+from shown import blocks, called
+
+from crowd_env import CrowdEnv, make_scenario
+
+
+@pytest.mark.parametrize("block", blocks("toml"), ids=called)
+def test_scenarios_are_read_and_placed(block, tmp_path):
+    path = tmp_path / "foyer.toml"
+    path.write_text(block.text, encoding="utf-8")
+    told = tomllib.loads(block.text)
+    place = make_scenario(path)
+    assert place.name == told["name"] and "{" not in place.title
+    assert place.population.count == sum(group["count"] for group in told["groups"])
+    env = CrowdEnv(place)
+    env.reset(seed=0)
+    env.step(None)
+    assert env.num_people == place.population.count
+    for option, about in told["options"].items():
+        for value in (about["low"], about["high"]):
+            assert make_scenario(path, **{option: value}).geometry != place.geometry
