@@ -26,7 +26,7 @@ from crowd_env.files.atomic import write_text
 FOLDER = Path(__file__).resolve().parent
 ROOT = FOLDER.parents[1]
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-LONGEST = 600  # s, of a cell: kernels may have to be compiled first
+LONGEST = 1800  # s, of a cell: the kernels of several schemes may have to be compiled first
 SPENT = re.compile(r"; [\d.]+ s of computing")  # in the table of crowd-env run
 # Of any Python 3: which one ran is no news.
 METADATA = {
