@@ -90,8 +90,8 @@ def test_what_differs_between_executions_is_not_kept():
     new = nbformat.v4
     outputs = [
         new.new_output("stream", name="stderr", text="note\n"),
-        new.new_output("stream", name="stdout", text="seed 0; 0."),
-        new.new_output("stream", name="stdout", text="7 s of computing\n"),
+        new.new_output("stream", name="stdout", text="  seed 0; 0."),
+        new.new_output("stream", name="stdout", text="7 s of computing  \n"),
         new.new_output("display_data", {"text/plain": "1"}),
         new.new_output("stream", name="stdout", text="end\n"),
     ]

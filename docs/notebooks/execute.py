@@ -26,8 +26,8 @@ from crowd_env.files.atomic import write_text
 FOLDER = Path(__file__).resolve().parent
 ROOT = FOLDER.parents[1]
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-LONGEST = 600  # s, of a cell: kernels may have to be compiled first
-SPENT = re.compile(r"; [\d.]+ s of computing")  # in the table of crowd-env run
+LONGEST = 1800  # s, of a cell: the kernels of several schemes may have to be compiled first
+SPENT = re.compile(r"^ *(\S.*); [\d.]+ s of computing *$", re.MULTILINE)  # centered, below the table of crowd-env run
 # Of any Python 3: which one ran is no news.
 METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
@@ -102,7 +102,7 @@ def _joined(outputs: list[NotebookNode]) -> list[NotebookNode]:
             continue
         for name in sorted({output.name for output in several}, reverse=True):
             text = "".join(output.text for output in several if output.name == name)
-            found.append(nbformat.v4.new_output("stream", name=name, text=SPENT.sub("", text)))
+            found.append(nbformat.v4.new_output("stream", name=name, text=SPENT.sub(r"\1", text)))
     return found
 
 
