@@ -16,6 +16,7 @@ from .evaluation.same_draws import compare
 from .evaluation.submission import REFERENCES, make_submission, write_submission
 from .lists_of_names import ListsOfNames
 from .tasks import TASKS, make_task
+from .trained import SAMPLED
 from .training_config import RUNS
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -65,6 +66,9 @@ def main(
         few = whole("--robustness-runs", few, Range(0, runs).because("the first of the draws of the task"))
         whole("--threads", threads)
         check_folder("--out", out)
+        drawn = [name for name in policy if name.endswith(SAMPLED)]
+        if drawn:
+            raise ValueError(f"--policy {drawn[0]}: a submission is of the most likely actions; leave out {SAMPLED}")
         place, named = chosen.place(), list(dict.fromkeys((*REFERENCES, *policy)))
         entries = make_entries(named, place, chosen)
         trials = make_trials(chosen, list(dict.fromkeys((RULE, *policy)))) if few else []

@@ -1,6 +1,8 @@
 """Trained networks as policies and controllers.  Nothing here needs torch: a file holds numbers, see `agents.networks`."""
 
+import copy
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, cast
 
@@ -16,6 +18,7 @@ from .networks import Network, read_network, write_network
 
 PICKLE, NUMBERS = ".zip", ".safetensors"
 _EARLIER = ".npz"
+SAMPLED = ":sampled"  # behind the name of a policy: it draws its actions
 Kind = TypeVar("Kind", bound="_Learned")
 
 
@@ -44,13 +47,14 @@ class _Learned:
 
 
 class LearnedPolicy(_Learned):
-    """A network shared by every pedestrian; takes the most likely action.
+    """A network shared by every pedestrian; takes the most likely action, or draws one, see `sampled`.
 
     Parameters
     ----------
     network : from an observation to an action (mean) or, if discrete, to the logits of the actions.
     env_options : frame, action and observation layout it was trained with.
     trained : what it was trained in (scenario, scheme, dt, ...), for the record.
+    spread : standard deviation of each component of a continuous action in training; None = not known.
 
     Attributes
     ----------
@@ -64,8 +68,16 @@ class LearnedPolicy(_Learned):
 
     what = "policy of people's own steps"
 
-    def __init__(self, network: Network, env_options: dict[str, Any], trained: dict[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        network: Network,
+        env_options: dict[str, Any],
+        trained: dict[str, Any] | None = None,
+        spread: Sequence[float] | None = None,
+    ) -> None:
         self.network, self.env_options, self.trained = network, env_options, trained or {}
+        self.spread = None if spread is None else tuple(map(float, spread))
+        self._draws = False
         known("frame", env_options["frame"], FRAMES)
         self.space = make_action(env_options["action"]).space
         if isinstance(self.space, gymnasium.spaces.Discrete):
@@ -78,12 +90,30 @@ class LearnedPolicy(_Learned):
                 f"the network turns {network.inputs} numbers into {network.outputs}; "
                 f"its observation and action have {expected[0]} and {expected[1]}"
             )
+        if self.spread is not None and len(self.spread) != outputs:
+            raise ValueError(f"{len(self.spread)} standard deviations of {outputs} components of an action")
+
+    def sampled(self) -> "LearnedPolicy":
+        """Return the same policy as it acted in training: it draws every action from its distribution.
+
+        Raises
+        ------
+        ValueError
+            If the actions are continuous and their spread is not known.
+        """
+        if not isinstance(self.space, gymnasium.spaces.Discrete) and self.spread is None:
+            raise ValueError(
+                "its file does not say how far its continuous actions scatter; it takes the most likely one alone"
+            )
+        found = copy.copy(self)
+        found.name, found._draws = f"{self.name}{SAMPLED}", True
+        return found
 
     def reset(self, env_mask: np.ndarray) -> None:
         """Nothing to forget."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
-        """Return the most likely action: the mean, within its bounds, or the choice with the largest logit.
+        """Return the most likely action, the mean within its bounds or the choice with the largest logit; or one that is drawn.
 
         Raises
         ------
@@ -96,8 +126,11 @@ class LearnedPolicy(_Learned):
             )
         out = self.network(observation)
         if isinstance(self.space, gymnasium.spaces.Discrete):
-            return np.asarray(out.argmax(axis=1))
+            # The largest of logits and independent Gumbel numbers is a draw from the softmax.
+            return np.asarray((out + rng.gumbel(size=out.shape) if self._draws else out).argmax(axis=1))
         box = cast(gymnasium.spaces.Box, self.space)
+        if self._draws:
+            out = out + rng.normal(size=out.shape) * np.array(self.spread)
         return np.clip(out.reshape(-1, *box.shape), box.low, box.high)
 
     def facts(self) -> dict[str, Any]:
@@ -105,7 +138,11 @@ class LearnedPolicy(_Learned):
         return {
             "kind": "policy",
             "observation": options["observation"].as_table(),
-            "action": {"kind": plain_action(options["action"]), "frame": options["frame"]},
+            "action": {
+                "kind": plain_action(options["action"]),
+                "frame": options["frame"],
+                **({} if self.spread is None else {"spread": list(self.spread)}),
+            },
             "trained": self.trained,
         }
 
@@ -193,7 +230,7 @@ def made_from(path: Path, network: Network, facts: dict[str, Any]) -> LearnedPol
             raise ValueError(f"its kind is {facts['kind']!r}")
         layout = ObservationLayout(**facts["observation"])
         options = {"frame": facts["action"]["frame"], "action": facts["action"]["kind"], "observation": layout}
-        return LearnedPolicy(network, options, trained)
+        return LearnedPolicy(network, options, trained, facts["action"].get("spread"))
     except Exception as error:  # JSON can hold anything
         said = f"{error} is missing" if isinstance(error, KeyError) else error
         raise ValueError(f"{path} does not say what its network is for: {said}") from None

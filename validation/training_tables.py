@@ -42,12 +42,13 @@ def training(source: "Sources") -> list[list[str]]:
 
 def training_note(source: "Sources") -> str:
     """Say what was trained, and which of its networks was kept."""
-    from agents.learned.training import read_curve, score  # brings torch
+    from agents.learned.training import read_curve  # brings torch
 
     found = source.read("results.json")
     config, rows = found["config"], {row["policy"]: row for row in found["rows"]}
     curve = read_curve(source.path("learning_curve.csv"))
-    best, first, last = min(curve, key=score), curve[0], curve[-1]
+    first, last = curve[0], curve[-1]
+    best = next(row for row in curve if row["steps"] == found["validation"]["steps"])
     learned = rows["learned"]["clearing_time"]["mean"]
     sooner = ", ".join(
         f"{100.0 * (1.0 - learned / rows[name]['clearing_time']['mean']):.0f} % sooner than `{name}`"

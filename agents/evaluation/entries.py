@@ -18,7 +18,7 @@ from ..drivers import SAMPLE, ControllerDriver, policy_driver
 from ..policy import Policy
 from ..rules import StrategyPolicy
 from ..tasks.task import Task
-from ..trained import LearnedPolicy, load_trained, names_file
+from ..trained import SAMPLED, LearnedPolicy, load_trained, names_file
 
 RULES = "rules"
 RULE = "rule"  # the strategy of a task, at full speed
@@ -152,10 +152,11 @@ def _make(name: str, crowd: _Crowd) -> Entry:
         return _policy_entry(StrategyPolicy(name), crowd)
     if name in POLICIES:
         return _policy_entry(make_policy(name), crowd)
-    if name in PRETRAINED:
-        return replace(_learned_entry(PRETRAINED[name], crowd), name=name)
-    if names_file(name):
-        return _learned_entry(Path(name), crowd)
+    plain, sampled = name.removesuffix(SAMPLED), name.endswith(SAMPLED)
+    if plain in PRETRAINED:
+        return replace(_learned_entry(PRETRAINED[plain], crowd, sampled), name=name)
+    if names_file(plain):
+        return _learned_entry(Path(plain), crowd, sampled)
     if name == RULE:
         raise ValueError(
             "policy 'rule' is the strategy of a task; give --task NAME, or name a strategy such as shortest"
@@ -196,8 +197,8 @@ def _of_task(task: Task | None, scheme: str | ContactScheme) -> dict[str, Any]:
     return {} if task is None else task.env_options(make_scheme(scheme).info.name)
 
 
-def _learned_entry(path: Path, crowd: _Crowd) -> Entry:
-    """Return the entry of a network: its file says whether it is a policy or a controller.
+def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
+    """Return the entry of a network: its file says whether it is a policy or a controller; ``sampled``: it draws its actions.
 
     A controller keeps the options of `RoutingBatch` that it was trained with, but for what the evaluation itself says.
 
@@ -209,7 +210,15 @@ def _learned_entry(path: Path, crowd: _Crowd) -> Entry:
     scenario, task = crowd.scenario, crowd.task
     found = load_trained(path, trust_pickle=crowd.trust_pickle)
     if isinstance(found, LearnedPolicy):
-        return _policy_entry(found, crowd, path)
+        if not sampled:
+            return _policy_entry(found, crowd, path)
+        try:
+            entry = _policy_entry(found.sampled(), crowd, path)
+        except ValueError as error:
+            raise ValueError(f"{path}{SAMPLED}: {error}") from None
+        return replace(entry, name=entry.name + SAMPLED)
+    if sampled:
+        raise ValueError(f"{path}{SAMPLED}: a controller takes the most likely choices alone")
     if crowd.learned_share is not None:
         raise NotMixed(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
     of_the_run = ("scenario", "exits", "unit", "count", "scheme", "dt", "threads", "manner", "outline")

@@ -17,7 +17,7 @@ from ..drivers import policy_driver
 from ..networks import network_digest
 from ..policy import Policy
 from ..rules import StrategyPolicy
-from ..trained import LearnedPolicy
+from ..trained import SAMPLED, LearnedPolicy
 from ..training_config import judged_place, task_of
 from .comparison import last_times, minus_first, ratio
 from .entries import RULE, make_entries
@@ -47,7 +47,9 @@ def title_of(config: Mapping[str, Any]) -> str:
 
 
 def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> list[Evaluation]:
-    """Evaluate the baselines and the learned policy on the same held-out draws and write ``results.json``.
+    """Evaluate the baselines and the learned policy, which comes last, on the same held-out draws and write ``results.json``.
+
+    The learned policy takes its most likely action; before it stands the same as it acted in training, drawing every action.
 
     Beside the figures it holds all that a shipped policy's card says: the task, the network, what was spent, and the figures
     of the network on the validation draws, by which it was chosen.
@@ -57,8 +59,10 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     """
     task, place, scheme = task_of(config), judged_place(config), config["scheme"]
     own = config["task"] is not None
-    *rules, network = make_entries([*(_OF_TASK if own else _OF_SCENARIO), str(folder / NETWORK)], place, task)
-    entries = [*rules, replace(network, name=LEARNED)]
+    rules = make_entries(_OF_TASK if own else _OF_SCENARIO, place, task)
+    networks = make_entries([f"{folder / NETWORK}{drawn}" for drawn in _kinds(folder)], place, task)
+    named = [replace(entry, name=LEARNED + drawn) for entry, drawn in zip(networks, _kinds(folder), strict=True)]
+    entries = [*rules, *named]
     kept = EvaluationFolder(folder / f"held-out-{runs}", settings_of(place, runs, 0, task if own else None))
     results = compare(entries, place, [scheme], runs=runs, threads=threads, folder=kept)
     rule, learned = results[0], results[-1]
@@ -74,6 +78,15 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     }
     write_json(folder / RESULTS, content)
     return results
+
+
+def _kinds(folder: Path) -> tuple[str, ...]:
+    """Return what stands behind the name of the policy where it is judged: drawing its actions too, if it can; and not."""
+    try:
+        LearnedPolicy.load(folder / NETWORK).sampled()
+    except ValueError:
+        return ("",)
+    return SAMPLED, ""
 
 
 def _training(folder: Path) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from typing import Any, TypeVar
 
+from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
@@ -26,6 +27,13 @@ def network_of(model: Any) -> MLP:
         raise ValueError("its network does not take flat observations")
     kind = BetaMLP if isinstance(policy, BetaPolicy) else MLP
     return _layers([*policy.mlp_extractor.policy_net, policy.action_net], kind)
+
+
+def spread_of(model: Any) -> list[float] | None:
+    """Return the standard deviations of the components of a Gaussian action; None of another distribution."""
+    if not isinstance(model.policy.action_dist, DiagGaussianDistribution):
+        return None
+    return [float(one) for one in model.policy.log_std.detach().exp()]
 
 
 def plain(module: nn.Module) -> Network:

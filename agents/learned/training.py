@@ -18,7 +18,7 @@ from ..evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
 from ..trained import LearnedPolicy
 from .callback import TrainingCallback
 from .checkpoint import write_checkpoint
-from .export import network_of
+from .export import network_of, spread_of
 
 START = "start.safetensors"  # the network that training began with
 
@@ -99,7 +99,7 @@ class PolicyCallback(TrainingCallback):
         return f"{self.rate / 1000:.0f}k steps/s, best {best:.2f} s"
 
     def _evaluate(self) -> None:
-        policy = LearnedPolicy(network_of(self.model), env_options_of(self.env), self.trained)
+        policy = LearnedPolicy(network_of(self.model), env_options_of(self.env), self.trained, spread_of(self.model))
         result = evaluate(policy, self.scenario, runs=self.eval_runs, first_seed=VALIDATION_SEED, **self.judged)
         spent = {"steps": self.model.num_timesteps, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds}
         row = curve_row(result, spent, self._returns)

@@ -213,4 +213,5 @@ def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
     assert found.trained["task"] == card["task"] == ROOM.identity() and card["config"] == config
     assert card["spent"]["steps"] >= 1500 and card["spent"]["cpu_seconds"] > 0
     assert card["validation"]["evacuation_time"] > 0
-    assert [row["policy"] for row in card["held_out"]] == ["rule", "learned"] and card["held_out"][1]["runs"] == 2
+    assert [row["policy"] for row in card["held_out"]] == ["rule", "learned:sampled", "learned"]
+    assert card["held_out"][-1]["runs"] == 2
