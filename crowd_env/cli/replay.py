@@ -82,8 +82,8 @@ def _write(path: Path, recordings: Sequence["Recording"], names: Sequence[str]) 
         if left_out:
             text = f"note: {name}: {frames} of {frames + left_out} frames are shown, so that the page stays small"
             notes.print(text, style="yellow", markup=False, soft_wrap=True)
-    rows = counted(written.rows, "person in a frame", "people in frames")
-    return f"page: {written.path} ({_size(written.size)}, {rows})"
+    shown = counted(sum(written.frames), "frame", "frames")
+    return f"page: {written.path} ({_size(written.size)}, {shown})"
 
 
 def _beside(recordings: list[Path]) -> Path:
