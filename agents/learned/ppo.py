@@ -1,5 +1,6 @@
 """PPO with parameter sharing: one network for everybody, started as the rule it has to beat."""
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -49,17 +50,20 @@ def new_ppo(venv: VecEnv, settings: PPOSettings, seed: int, **options: Any) -> P
     torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
     taken = ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "target_kl")
     own = {"log_std_init": settings.log_std_init} if settings.distribution == "gaussian" else {}
-    return PPO(
-        DISTRIBUTIONS[settings.distribution],
-        venv,
-        learning_rate=FallingRate(settings.learning_rate),
-        batch_size=min(settings.batch_size, settings.n_steps * venv.num_envs),
-        policy_kwargs={"net_arch": [settings.hidden] * 2, **own},
-        seed=seed,
-        device="cpu",
-        **{name: getattr(settings, name) for name in taken},
-        **options,
-    )
+    with warnings.catch_warnings():
+        # How many samples of people inside a rollout holds is not known before: a last batch that is smaller is no mistake.
+        warnings.filterwarnings("ignore", message="You have specified a mini-batch size")
+        return PPO(
+            DISTRIBUTIONS[settings.distribution],
+            venv,
+            learning_rate=FallingRate(settings.learning_rate),
+            batch_size=min(settings.batch_size, settings.n_steps * venv.num_envs),
+            policy_kwargs={"net_arch": [settings.hidden] * 2, **own},
+            seed=seed,
+            device="cpu",
+            **{name: getattr(settings, name) for name in taken},
+            **options,
+        )
 
 
 def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path | None = None) -> PPO:
