@@ -27,14 +27,14 @@ def run(tmp_path):
     return tmp_path
 
 
-def answer(monkeypatch, mean, sd, asked=None):
-    """Let the draws of every look differ by normal numbers of this mean and spread, in place of simulations."""
+def answer(monkeypatch, mean, sd, asked=None, impulse=0.0):
+    """Let the times [s] and impulses of every look differ by normal numbers of such means, in place of simulations."""
     rng = np.random.default_rng(1)
 
     def differ(folder, config, look, threads):
         if asked is not None:
             asked.append(((folder / "start.safetensors").read_bytes(), (folder / "best.safetensors").read_bytes()))
-        return rng.normal(mean, sd, confirmation.DRAWS)
+        return rng.normal(mean, sd, confirmation.DRAWS), rng.normal(impulse, 1.0, confirmation.DRAWS)
 
     monkeypatch.setattr(confirmation, "_minus_start", differ)
 
@@ -69,10 +69,23 @@ def test_what_is_not_beyond_doubt_is_refused_after_all_looks(run, monkeypatch):
     }
 
 
+@pytest.mark.parametrize(
+    ("mean", "impulse", "kept"),
+    [(-0.05, -1.0, "trained"), (-0.05, -0.25, "start"), (0.12, -1.0, "start"), (5.0, -9.0, "start")],
+)
+def test_of_two_that_are_out_as_soon_the_one_that_plainly_touches_less_is_kept(run, monkeypatch, mean, impulse, kept):
+    """100 draws: -0.25 is 2.5 standard errors, too little for a second question; 0.12 is later on average."""
+    answer(monkeypatch, mean, 1.0, impulse=impulse)
+    confirm(run, ROOM)
+    told = json.loads((run / "confirmation.json").read_text())
+    assert told["kept"] == kept and told["impulse_more"] == pytest.approx(impulse, abs=0.3)
+    assert (told["seconds_later"] < 0.0) == (mean < 0.0)
+
+
 def test_a_network_that_is_no_better_is_kept_in_few_of_many_trainings(run, monkeypatch):
     """The size of the test: 2.5 % on the side of "better"; 21 of 400 has a probability below 0.1 % then."""
     rng = np.random.default_rng(3)
-    monkeypatch.setattr(confirmation, "_minus_start", lambda *args: rng.normal(0.0, 1.0, confirmation.DRAWS))
+    monkeypatch.setattr(confirmation, "_minus_start", lambda *args: rng.normal(0.0, 1.0, (2, confirmation.DRAWS)))
     kept = 0
     for _ in range(400):
         (run / "best.safetensors").write_bytes(b"trained")
@@ -83,7 +96,7 @@ def test_a_network_that_is_no_better_is_kept_in_few_of_many_trainings(run, monke
 
 
 def test_a_network_that_acts_as_the_start_is_no_better(run, monkeypatch):
-    monkeypatch.setattr(confirmation, "_minus_start", lambda *args: np.zeros(confirmation.DRAWS))
+    monkeypatch.setattr(confirmation, "_minus_start", lambda *args: np.zeros((2, confirmation.DRAWS)))
     confirm(run, ROOM)
     assert held(run)["best.safetensors"] == b"start"
 
