@@ -26,7 +26,7 @@ import benchmarks.cli
 from agents import learn
 from agents.benchmark import algorithms, job
 from agents.benchmark.algorithms import ALGORITHMS
-from agents.evaluation import evaluation
+from agents.evaluation import same_draws
 from agents.pretrained import load
 from agents.rules import ShortestPath
 from agents.tasks import TASKS
@@ -115,13 +115,19 @@ def few_people(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(TASKS, name, replace(task, people=FEW, runs=1))
 
 
-def evaluate_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let an evaluation end where its runs would begin: options are checked, policies made, places drawn by then."""
+def evaluate_nothing(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """Let an evaluation end where its runs would begin: options are checked, policies made, places drawn by then.
+
+    Returns what was to be evaluated, which grows.
+    """
+    found: list[object] = []
 
     def reached(*cells: object, **options: object) -> None:
+        found.append(cells)
         raise SystemExit
 
-    monkeypatch.setattr(evaluation, "evaluate_cells", reached)
+    monkeypatch.setattr(same_draws, "evaluate_cells", reached)
+    return found
 
 
 def short_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
