@@ -60,8 +60,9 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     task, place, scheme = task_of(config), judged_place(config), config["scheme"]
     own = config["task"] is not None
     rules = make_entries(_OF_TASK if own else _OF_SCENARIO, place, task)
-    networks = make_entries([f"{folder / NETWORK}{drawn}" for drawn in _kinds(folder)], place, task)
-    named = [replace(entry, name=LEARNED + drawn) for entry, drawn in zip(networks, _kinds(folder), strict=True)]
+    kinds = _kinds(folder)
+    networks = make_entries([f"{folder / NETWORK}{kind}" for kind in kinds], place, task)
+    named = [replace(entry, name=LEARNED + kind) for entry, kind in zip(networks, kinds, strict=True)]
     entries = [*rules, *named]
     kept = EvaluationFolder(folder / f"held-out-{runs}", settings_of(place, runs, 0, task if own else None))
     results = compare(entries, place, [scheme], runs=runs, threads=threads, folder=kept)

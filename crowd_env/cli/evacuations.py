@@ -27,9 +27,8 @@ class Evacuations(NamedTuple):
 
     episodes: list[Episode]  # that were finished, in the order of their numbers
     stopped: RunsInterrupted | None  # the interruption, if they are not all
-    first: (
-        Episode | None
-    )  # run 0 with what its recorders kept of it, in their order, if there were some and it was finished
+    # Run 0 with what its recorders kept of it, in their order, if there were some and it was finished.
+    first: Episode | None
     records: dict[int, Any]  # what the recorder of all runs kept of those that it was to record, by their numbers
 
 

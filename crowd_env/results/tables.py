@@ -19,9 +19,8 @@ RUNS, EXITS, CURVE = "runs.csv", "exits.csv", "nt.csv"
 _WHOLE = ("unfinished", "escaped", "unconverged")
 _RUN_COLUMNS = ("run", "seed", "people", "end", "time_limit", "t95", *EpisodeMetrics._fields)
 _EXIT_COLUMNS = ("run", "time", "exit", "out", "person", "radius", "desired_speed", "group")
-_UNTIL = (
-    "until"  # which older tables lack: of those who stayed inside they hold one row a run, with the time of its end
-)
+# Older tables lack this column: of those who stayed inside they hold one row a run, with the time of its end.
+_UNTIL = "until"
 
 
 def write_tables(folder: Path, scenario: Scenario, episodes: Sequence[Episode]) -> list[Path]:
