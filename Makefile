@@ -14,11 +14,12 @@ CLIENTS := $(sort $(basename $(notdir $(wildcard examples/clients/*.txt))))
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help train test clients map kernels docs notebooks lint format bench hooks clean distclean
+.PHONY: help train test test-all nightly clients map kernels docs notebooks lint format bench hooks clean distclean
 
 help:
 	@echo "make train    train a policy, compare it with the rules, write runs/   (ARGS='--help' lists its options)"
-	@echo "make test     run the tests                                            (ARGS='-m slow' the slow ones)"
+	@echo "make test     run the tests of the laws, two minutes                   (ARGS='tests/physics' these alone)"
+	@echo "make test-all run all tests but those of a night;  make nightly: those"
 	@echo "make clients  try each learning library in an environment of its own   (ARGS='torchrl sb3' these alone)"
 	@echo "make map      hold crowds against laws, two minutes                    (ARGS='gate --data DIR' against recordings)"
 	@echo "make kernels  run the marked tests uncompiled, and say which lines of the kernels they reach"
@@ -34,8 +35,16 @@ help:
 train: $(VENV)/.train
 	$(BIN)/python train.py $(ARGS)
 
+PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal --durations 10 --durations-min 1
+
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -n 2 --dist worksteal --durations 10 --durations-min 1 $(ARGS)
+	$(PYTEST) $(ARGS)
+
+test-all: $(VENV)/.dev
+	$(PYTEST) -m "not nightly" $(ARGS)
+
+nightly: $(VENV)/.dev
+	$(PYTEST) -m nightly $(ARGS)
 
 # All are tried before one that failed ends it.
 clients:
@@ -53,7 +62,7 @@ map: $(VENV)/.dev
 # Marked tests and the files that hold kernels are found by what stands in them, wherever they lie; the other tests are not
 # even imported: some make their plans as they are, which takes a minute uncompiled.
 kernels: $(VENV)/.dev
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "kernels and not slow" --cov=crowd_env --cov-report= $(ARGS) \
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "kernels and not nightly" --cov=crowd_env --cov-report= $(ARGS) \
 	  $$(grep -rlE --include='*.py' 'pytest\.mark\.kernels$$' tests)
 	$(BIN)/python -m coverage report --fail-under=85 \
 	  --include="$$(grep -rlE --include='*.py' '^@(inner_|allocating_)?kernel$$' crowd_env | paste -sd, -)"

@@ -7,9 +7,9 @@ from typing import Any, cast
 import numpy as np
 
 from crowd_env import CrowdEnv, Scenario, Step
+from crowd_env.core.arrays.state import Bools
 from crowd_env.envs.rollout import Driver, run_episodes
 from crowd_env.envs.routing.batch import RoutingBatch
-from crowd_env.state import Bools
 
 from .controllers import Controller
 from .policy import Policy

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd_env import ObservationLayout
-from crowd_env.checks import POSITIVE, SHARE, Range, check_fields
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import POSITIVE, SHARE, Range, check_fields
 from crowd_env.envs.observation.neighbors import AHEAD_SCALE
 from crowd_env.envs.observation.view import SIGHT, SPEED_SCALE, TIME_SCALE
-from crowd_env.state import Floats
 
 from .walking import WalkingRule, along, desired_speed
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from crowd_env.files.versions import versions_of
+from crowd_env.core.files.versions import versions_of
 
 _PACKAGES = ("gymnasium", "pettingzoo")
 _OF_TRAINING = ("stable-baselines3", "torch")

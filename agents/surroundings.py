@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env import ObservationLayout, ObservationTerm
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.envs.observation.view import SIGHT, View
-from crowd_env.state import Floats, Ints
 
 _SPEED_SCALE = 4.0  # m/s
 

@@ -1,4 +1,5 @@
-"""Trained networks as policies and controllers.  Nothing here needs torch: a file holds numbers, see `agents.networks`."""
+"""Trained networks as policies and controllers.  Nothing here needs torch: a file holds numbers, see
+`crowd_env.agents.networks`."""
 
 import copy
 import math
@@ -10,7 +11,7 @@ import gymnasium
 import numpy as np
 
 from crowd_env import ObservationLayout
-from crowd_env.checks import known
+from crowd_env.core.checks import known
 from crowd_env.envs.action import FRAMES, make_action, plain_action
 from crowd_env.envs.routing.batch import RoutingBatch
 

@@ -9,10 +9,10 @@ from typing import Any, cast
 import numpy as np
 
 from crowd_env import CrowdEnv, ObservationLayout, Scenario, make_scheme
-from crowd_env.checks import POSITIVE, Range, known, number, whole
-from crowd_env.files.json_file import read_json
-from crowd_env.headway import plain_manner
-from crowd_env.outline import plain_outline
+from crowd_env.core.arrays.headway import plain_manner
+from crowd_env.core.arrays.outline import plain_outline
+from crowd_env.core.checks import POSITIVE, Range, known, number, whole
+from crowd_env.core.files.json_file import read_json
 
 from . import POLICIES, make_policy
 from .evaluation.entries import RULE

@@ -11,11 +11,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from crowd_env import ObservationLayout, ObservationTerm
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, check_fields
+from crowd_env.core.arrays.headway import Manner, make_manner
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, check_fields
 from crowd_env.envs.observation.neighbors import DENSITY_RADIUS, DENSITY_SCALE
 from crowd_env.envs.observation.view import SPEED_SCALE
-from crowd_env.headway import Manner, make_manner
-from crowd_env.state import Floats
 
 from .surroundings import LEADER, PREDECESSOR, read_leader
 
@@ -63,7 +63,8 @@ class RuleAtShare(WalkingRule):
     """Walk the shortest path at a fixed share of the own desired speed.
 
     Lin, Ma, Qin, Dong (2016) find that a crowd may clear sooner when it hurries less.  The share is given, or None: then
-    whatever evaluates the policy looks for the best in that scenario under that scheme, see `agents.drivers.best_share`.
+    whatever evaluates the policy looks for the best in that scenario under that scheme, see
+    `crowd_env.agents.drivers.best_share`.
 
     Parameters
     ----------
@@ -125,7 +126,8 @@ class DensityCap(WalkingRule):
 
 @dataclass(frozen=True)
 class HeadwayRule(WalkingRule):
-    """Keep a distance and step aside, as `crowd_env.headway` says: the manner of ``CrowdEnv(manner=...)`` as a policy.
+    """Keep a distance and step aside, as `crowd_env.core.arrays.headway` says: the manner of
+    ``CrowdEnv(manner=...)`` as a policy.
 
     It wants the shortest path at full speed, in an environment that it asks to be made with its manner: how fast and on which
     side of that path people walk, the compiled rule decides.  It sees those in front within 2 m whom no wall hides.

@@ -29,8 +29,8 @@ from benchmarks import (
 )
 from benchmarks.measuring import Effort, Row
 from benchmarks.tables import Grid, grids
-from crowd_env.cli.console import check_folder, friendly_errors, notes
-from crowd_env.files.json_file import write_json
+from crowd_env.core.console import check_folder, friendly_errors, notes
+from crowd_env.core.files.json_file import write_json
 
 # Name -> function that measures.
 CASES: dict[str, Callable[[Effort], list[Row]]] = {

@@ -14,7 +14,7 @@ from benchmarks.crowds import Crowd
 from benchmarks.measuring import Effort, Row, significant
 from benchmarks.scenes import jam
 from crowd_env import CrowdEnv, Simulation
-from crowd_env._kernels.struct_ref import StructRef
+from crowd_env.core.kernels.struct_ref import StructRef
 
 SIZE = 10_000
 _SCHEMES = (("dem", 0.001), ("nsm1", 0.01), ("nsm2", 0.01), ("hertz", 0.001))

@@ -12,9 +12,9 @@ import typer
 
 from benchmarks.cli import CASES
 from benchmarks.tables import Grid, Result, grids, number
-from crowd_env.cli.console import friendly_errors, notes
-from crowd_env.files.atomic import write_text
-from crowd_env.files.json_file import read_json
+from crowd_env.core.console import friendly_errors, notes
+from crowd_env.core.files.atomic import write_text
+from crowd_env.core.files.json_file import read_json
 from validation.pages import markdown as markdown_table
 from validation.pages import replaced
 

@@ -16,7 +16,7 @@ from benchmarks.measuring import Effort, Row, Sample, Stopwatch, in_turn, signif
 from crowd_env import CrowdEnv
 
 if TYPE_CHECKING:
-    from agents.learned import PPOSettings
+    from crowd_env.agents.learned import PPOSettings
 
 _RATE = "1/CPU s"
 _EMPTY = "the same PPO on an empty environment"
@@ -32,7 +32,7 @@ class Training:
     whole = 0.0
 
     def __init__(self, name: str, rooms: int, settings: "PPOSettings", inside: np.ndarray | None = None) -> None:
-        from agents.learned import make_ppo
+        from crowd_env.agents.learned import make_ppo
 
         self.name = name
         env = CrowdEnv("room-v0", num_envs=rooms, scheme="nsm2", autoreset=True)
@@ -60,7 +60,7 @@ class Training:
 
 def _empty(venv: Any, inside: np.ndarray) -> None:
     """Let the steps of a `CrowdVecEnv` do nothing; row by row of ``inside`` (steps, slots) says who counts."""
-    from crowd_env.adapters.sb3 import SlotRewards, Slots
+    from crowd_env.envs.adapters.sb3 import SlotRewards, Slots
 
     people = venv.num_envs
     observation = (
@@ -85,7 +85,7 @@ def rows(effort: Effort, rooms: int = 64, n_steps: int | None = None) -> list[Ro
     """Return samples per CPU second, where the time goes, and the ratio to the empty environment."""
     import torch
 
-    from agents.learned import PPOSettings
+    from crowd_env.agents.learned import PPOSettings
 
     torch.set_num_threads(1)
     settings = PPOSettings() if n_steps is None else PPOSettings(n_steps=n_steps, batch_size=rooms * 20)

@@ -6,7 +6,10 @@ Pedestrians leave buildings under granular contact physics, as PettingZoo, Gymna
 import gymnasium
 import pettingzoo
 
-from crowd_env.analysis.pressure import contact_pressure, crowd_pressure
+from crowd_env.core.arrays.headway import MANNERS, Headway
+from crowd_env.core.arrays.outline import OUTLINES, Disc, Outline
+from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
+from crowd_env.core.version import __version__ as __version__
 from crowd_env.envs.action import ActionKind
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.gymnasium_env import CrowdGymEnv, CrowdVectorEnv, make_vec
@@ -17,10 +20,10 @@ from crowd_env.envs.parallel import CrowdParallelEnv, parallel_env
 from crowd_env.envs.reward import RewardWeights
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.headway import MANNERS, Headway
-from crowd_env.navigation.field import OneWay
-from crowd_env.outline import OUTLINES, Disc, Outline
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
+from crowd_env.physics.pressure import contact_pressure, crowd_pressure
+from crowd_env.physics.simulation.simulation import Simulation
+from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios import SCENARIOS, make_scenario
@@ -28,10 +31,6 @@ from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt
 from crowd_env.scenarios.groups import Groups
 from crowd_env.scenarios.population import LogNormal, Normal, Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import Bodies, CrowdState, make_bodies, make_state
-
-__version__ = "0.1.0"
 
 ROUTING = "crowd_env/Routing-v0"  # one controller that sends people to exits
 

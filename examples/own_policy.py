@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from agents import make_policy
-from agents.evaluation.evaluation import evaluate
-from agents.evaluation.report import comparison_table
 from crowd_env import ObservationLayout
+from crowd_env.agents import make_policy
+from crowd_env.agents.evaluation.evaluation import evaluate
+from crowd_env.agents.evaluation.report import comparison_table
 
 
 class Patient:

@@ -5,9 +5,9 @@ The policy decides for everyone at once, one row an agent; it was trained on the
 
 import numpy as np
 
-import agents
 import crowd_env
-from agents.tasks import make_task
+from crowd_env import agents
+from crowd_env.agents.tasks import make_task
 
 
 def main(people: int = 100, seed: int = 1_000_000) -> float:

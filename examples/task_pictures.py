@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from agents.tasks import TASKS
 from crowd_env import CrowdEnv
+from crowd_env.agents.tasks import TASKS
 from crowd_env.rendering import Renderer
 from crowd_env.rendering.encoding import write_png
 from crowd_env.rendering.live import draw_env

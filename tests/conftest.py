@@ -12,4 +12,4 @@ os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # torch's own threads; numba's are set where a test is about them
 os.environ.setdefault(
     "CROWD_ENV_QUIET", "1"
-)  # no note that kernels are being compiled; tests/kernels/test_jit.py is about it
+)  # no note that kernels are being compiled; tests/core/kernels/test_jit.py is about it

@@ -8,9 +8,9 @@ import pytest
 import shapely
 from shapely.geometry import box
 
+from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import SCHEMES, ContactScheme
-from crowd_env.state import Bodies, CrowdState, make_bodies, make_state
 
 every_scheme = pytest.mark.parametrize("name", SCHEMES)
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 from typer.testing import CliRunner
 
-from agents import evaluate as command
-from agents.evaluation.entries import make_entries
-from agents.evaluation.evaluation import evaluate_driver
-from agents.networks import MLP
-from agents.trained import LearnedPolicy
 from crowd_env import ControlRule, CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform
+from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.evaluation.evaluation import evaluate_driver
+from crowd_env.agents.networks import MLP
+from crowd_env.agents.trained import LearnedPolicy
+from crowd_env.analysis.results.measurements import MeasurementRecorder
+from crowd_env.cli.agents import evaluate as command
 from crowd_env.geometry.geometry import box
-from crowd_env.results.measurements import MeasurementRecorder
 
 NAMES = ("shortest", "nearest", "fastest", "west", "rules", "random", "stand-still")
 
@@ -80,6 +80,6 @@ def random_policy(seed=0, **options):
 
 
 def call(*arguments):
-    """Return exit code, standard output and standard error of ``python -m agents.evaluate``."""
+    """Return exit code, standard output and standard error of ``crowd-env evaluate``."""
     result = CliRunner().invoke(command.app, [str(argument) for argument in arguments])
     return result.exit_code, result.stdout, result.stderr

@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import Point, Polygon, box
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.field import join_fields, travel_time_field
+from crowd_env.routing.fields.field import join_fields, travel_time_field
 
 RADIUS = 0.25
 ROOM = box(0, 0, 5, 5)

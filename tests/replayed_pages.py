@@ -1,4 +1,4 @@
-"""Recordings made by hand, and pages read back by the format that `crowd_env.replay.pack` documents."""
+"""Recordings made by hand, and pages read back by the format that `crowd_env.rendering.replay.pack` documents."""
 
 import base64
 import gzip
@@ -109,7 +109,7 @@ class Parsed(HTMLParser):
 
 
 def unpack(about: list[Mapping[str, Any]], text: str) -> dict[str, np.ndarray]:
-    """Return the columns of a packed recording by name, as `crowd_env.replay.pack` says they are packed."""
+    """Return the columns of a packed recording by name, as `crowd_env.rendering.replay.pack` says they are packed."""
     data = np.frombuffer(gzip.decompress(base64.b64decode(text)), dtype=np.uint8)
     found, begin = {}, 0
     for column in about:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from crowd_env.outline import OUTLINES, Outline, make_outline, plain_outline, room_of
+from crowd_env.core.arrays.outline import OUTLINES, Outline, make_outline, plain_outline, room_of
 
 TORSO = OUTLINES["torso"]
 

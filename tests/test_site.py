@@ -41,7 +41,14 @@ def test_every_page_is_in_the_site():
 
 @pytest.mark.parametrize(
     "module",
-    ["crowd_env", "crowd_env.adapters.sb3", "crowd_env.recording", "crowd_env.replay", "agents", "agents.tasks"],
+    [
+        "crowd_env",
+        "crowd_env.envs.adapters.sb3",
+        "crowd_env.recording",
+        "crowd_env.rendering.replay",
+        "agents",
+        "crowd_env.agents.tasks",
+    ],
 )
 def test_every_public_name_is_in_the_reference(module):
     shown = []

@@ -6,7 +6,7 @@ import torch
 from typer import Typer
 from typer.testing import CliRunner
 
-from agents import learn
+from crowd_env.cli.agents import learn
 
 app = Typer(pretty_exceptions_enable=False)
 app.command()(learn.main)

@@ -23,16 +23,16 @@ from shown import Command
 from typer.testing import CliRunner
 
 import benchmarks.cli
-from agents import learn
-from agents.benchmark import algorithms, job
-from agents.benchmark.algorithms import ALGORITHMS
-from agents.evaluation import same_draws
-from agents.pretrained import load
-from agents.rules import ShortestPath
-from agents.tasks import TASKS
 from benchmarks.measuring import Row
+from crowd_env.agents.benchmark import algorithms, job
+from crowd_env.agents.benchmark.algorithms import ALGORITHMS
+from crowd_env.agents.evaluation import same_draws
+from crowd_env.agents.pretrained import load
+from crowd_env.agents.rules import ShortestPath
+from crowd_env.agents.tasks import TASKS
+from crowd_env.cli.agents import learn
 from crowd_env.cli.main import app
-from crowd_env.files.csv_table import write_csv
+from crowd_env.core.files.csv_table import write_csv
 
 FEW = 8  # people
 # Option -> what it is given instead of what is shown.
@@ -43,8 +43,8 @@ ADDED = {
     "show": ["--film-width", "320", "--film-fps", "1"],
     "lin-fig4": ["--workers", "1"],
     "--scenario": ["--people", str(FEW)],
-    "agents.submit": ["--robustness-runs", "0"],
-    "agents.benchmark": ["--runs", "1", "--validation-runs", "1", "--baselines", "rule"],
+    "crowd_env.cli.agents.submit": ["--robustness-runs", "0"],
+    "crowd_env.agents.benchmark": ["--runs", "1", "--validation-runs", "1", "--baselines", "rule"],
     "--peers": ["scaling"],  # one case alone
     "benchmarks.report": ["--page", "performance.md"],  # a copy
 }
@@ -136,7 +136,7 @@ def short_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
     What comes before it is done: libraries are looked for, options are checked, the folder is made.
     """
     pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: pip install '.[train]'")
-    from agents.learned.training import CURVE_COLUMNS
+    from crowd_env.agents.learned.training import CURVE_COLUMNS
 
     def trained(folder: Path, config: dict, threads: int = 1, runners: int | None = None) -> bool:
         write_csv(folder / "learning_curve.csv", CURVE_COLUMNS, [[0.0] * len(CURVE_COLUMNS)])
@@ -173,7 +173,7 @@ def run_shell(line: str) -> str:
 
 
 def check_ray(words: list[str]) -> None:
-    """Check the words only: tests/executors/test_cluster.py starts a cluster, of processes of this machine."""
+    """Check the words only: tests/core/executors/test_cluster.py starts a cluster, of processes of this machine."""
     options = [word for word in words if word.startswith("--")]
     assert words[1] == "start" and set(options) <= {"--head", "--port", "--address"}
     assert "--head" not in options or "--address" not in options

@@ -4,8 +4,8 @@ import numpy as np
 from shapely.geometry import box
 
 from crowd_env import Geometry, Simulation
-from crowd_env.headway import Headway
-from crowd_env.state import Bodies, make_bodies, make_state
+from crowd_env.core.arrays.headway import Headway
+from crowd_env.core.arrays.state import Bodies, make_bodies, make_state
 
 OPEN = Geometry.from_polygon(box(-100, -100, 100, 100))
 

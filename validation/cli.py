@@ -16,9 +16,9 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from crowd_env import SCHEMES, make_scheme
-from crowd_env.cli.console import check_folder, friendly_errors, notes
-from crowd_env.headway import MANNERS, make_manner
-from crowd_env.outline import OUTLINES, Outline, make_outline
+from crowd_env.core.arrays.headway import MANNERS, make_manner
+from crowd_env.core.arrays.outline import OUTLINES, Outline, make_outline
+from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.physics import check_outline
 from validation.bits import ROOT, chosen, report
 from validation.bits_scenes import scenes

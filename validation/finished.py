@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from crowd_env import SCHEMES
-from crowd_env._kernels import jit
-from crowd_env.files.json_file import read_json, write_json
-from crowd_env.headway import MANNERS, make_manner
-from crowd_env.outline import make_outline
+from crowd_env.core.arrays.headway import MANNERS, make_manner
+from crowd_env.core.arrays.outline import make_outline
+from crowd_env.core.files.json_file import read_json, write_json
+from crowd_env.core.kernels import jit
 from validation.cases.case import DISC, Row, Setting, plain
 
 

@@ -12,9 +12,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from agents.tasks import TASKS
-from crowd_env.files.atomic import write_text
-from crowd_env.files.json_file import read_json
+from crowd_env.agents.tasks import TASKS
+from crowd_env.core.files.atomic import write_text
+from crowd_env.core.files.json_file import read_json
 from validation import blocked, bodies_tables, map_tables, reproduced, tables, task_pages, training_tables
 from validation.cases.case import DISC
 from validation.finished import complete_rows, draws, of_bodies
@@ -224,7 +224,7 @@ TABLES: dict[str, Table] = {
         ("", "last person, s", "learned minus this", "mean, s", "left inside"),
         tables.controller,
         tables.controller_note,
-        made_by="python -m agents.train_routing --out DIR",
+        made_by="crowd-env train-routing --out DIR",
     ),
     "tasks": Table(
         "docs/training.md",
@@ -255,7 +255,7 @@ TABLES: dict[str, Table] = {
         map_tables.passed,
         map_tables.criteria,
         made_by=_MAP_COMMAND,
-        data=("crowd_env/reporting/page_parts/limits.json", map_tables.as_data),
+        data=("crowd_env/rendering/report/page_parts/limits.json", map_tables.as_data),
     ),
     "measured": Table("docs/validation.md", map_tables.FIGURES_HEAD, map_tables.figures, made_by=_MAP_COMMAND),
     "full-speed": Table(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env import SCHEMES, Simulation, make_bodies, make_scenario, make_state
-from crowd_env.files.atomic import write_text
+from crowd_env.core.files.atomic import write_text
 
 STORED = Path(__file__).resolve().parent.parent / "tests" / "data" / "positions.json"
 STEPS = 5  # decisions of 0.1 s

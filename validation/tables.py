@@ -163,7 +163,7 @@ def _evaluated(source: "Sources") -> dict[tuple[str, str], dict[str, Any]]:
     """Return (strategy, scheme) -> its row."""
     names = ("shortest", "fastest", "comfortable", "nearest")
     found = source(
-        f"agents.evaluate --scenario two-exit-hall-v0 --policies {' '.join(names)} "
+        f"crowd_env.cli.agents.evaluate --scenario two-exit-hall-v0 --policies {' '.join(names)} "
         f"--schemes {' '.join(STRATEGY_SCHEMES)} --runs 20"
     )
     return {(row["policy"], row["scheme"]): row for row in found["rows"]}
@@ -243,7 +243,7 @@ def controller_note(source: "Sources") -> str:
 
 def tasks(source: "Sources") -> Cells:
     """One row a task, as it is registered."""
-    from agents.tasks import TASKS
+    from crowd_env.agents.tasks import TASKS
 
     rows = []
     for task in TASKS.values():

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agents.evaluation.comparison import paired
-from agents.evaluation.submission import REFERENCES, read_submission
-from agents.tasks import PRESETS, TASKS
-from agents.tasks.floors import RECORDED_FLOW, exit_widths, free_walk_time, touching_flow
-from agents.tasks.variations import variations
+from crowd_env.agents.evaluation.comparison import paired
+from crowd_env.agents.evaluation.submission import REFERENCES, read_submission
+from crowd_env.agents.tasks import PRESETS, TASKS
+from crowd_env.agents.tasks.floors import RECORDED_FLOW, exit_widths, free_walk_time, touching_flow
+from crowd_env.agents.tasks.variations import variations
 
 if TYPE_CHECKING:
     from validation.pages import Sources
@@ -159,7 +159,7 @@ def results_note(name: str) -> Callable[["Sources"], str]:
 
         those = submissions().get(name, [])
         if not those:
-            made_by = f"python -m agents.submit --task {name} --policy NAME --out docs/tasks/submissions"
+            made_by = f"crowd-env submit --task {name} --policy NAME --out docs/tasks/submissions"
             return f"No policy has been submitted yet: `{made_by}`."
         said = (
             f"{TASKS[name].runs} held-out draws, 95 % intervals (blocked: Wilson). The last person: of the runs that cleared; "

@@ -42,7 +42,7 @@ def training(source: "Sources") -> list[list[str]]:
 
 def training_note(source: "Sources") -> str:
     """Say what was trained, and which of its networks was kept."""
-    from agents.learned.training import read_curve  # brings torch
+    from crowd_env.agents.learned.training import read_curve  # brings torch
 
     found = source.read("results.json")
     config, rows = found["config"], {row["policy"]: row for row in found["rows"]}

@@ -17,7 +17,7 @@ class Algorithm(NamedTuple):
     Parameters
     ----------
     about : a line for people.
-    train : takes the config of a run (`agents.training_config.task_config`) and the `Watch` that ends it.
+    train : takes the config of a run (`crowd_env.agents.training_config.task_config`) and the `Watch` that ends it.
     terms : of the observation beside those of the preset.
     start : what it begins at; None = as the preset has it, which may be a better rule that is cloned.
     """

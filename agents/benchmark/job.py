@@ -6,9 +6,9 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from crowd_env import ObservationLayout, Scenario
-from crowd_env.files.claim import claimed
-from crowd_env.files.fingerprint import fingerprint
-from crowd_env.files.json_file import json_number, read_json, write_json
+from crowd_env.core.files.claim import claimed
+from crowd_env.core.files.fingerprint import fingerprint
+from crowd_env.core.files.json_file import json_number, read_json, write_json
 
 from .. import make_policy
 from ..drivers import policy_driver
@@ -100,7 +100,7 @@ def _fixed(job: Job, plan: Plan) -> dict[str, Any]:
 
 
 def fixed_policy(name: str, task: Task) -> Policy:
-    """Return a policy that is not trained here: the rule of the task, or what `agents.make_policy` takes."""
+    """Return a policy that is not trained here: the rule of the task, or what `crowd_env.agents.make_policy` takes."""
     return StrategyPolicy(task.rule, name=RULE) if name == RULE else make_policy(name)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.state import Floats
+from crowd_env.core.arrays.state import Floats
 
 _RESAMPLES = 20_000
 

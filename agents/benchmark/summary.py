@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.metrics import share_interval
-from crowd_env.files.json_file import json_number
-from crowd_env.state import Floats
 
 from .statistics import bootstrap_interval, interquartile_mean, performance_profile
 

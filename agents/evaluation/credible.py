@@ -40,7 +40,8 @@ def credibility(result: Evaluation, results: Sequence[Evaluation], place: Scenar
 
     Nobody may have escaped.  The deepest overlap and the largest speed of anyone may be a quarter more than under the rule at
     full speed; nobody may walk faster than desired on average, or 5 % faster than anyone who is pushed on under the rule.  The
-    flow may be a tenth more than people reach (2.8 a second and meter of exit, `agents.tasks.floors`), or than the rule does at
+    flow may be a tenth more than people reach (2.8 a second and meter of exit, `crowd_env.agents.tasks.floors`), or
+    than the rule does at
     its best; where that leaves someone inside in half of its runs, than people one behind the other, touching, at full speed.
 
     Parameters

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from crowd_env import Scenario
+from crowd_env.core.arrays.headway import Manner
+from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
-from crowd_env.executors import Executor, WorkerDied
-from crowd_env.headway import Manner
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 
@@ -57,8 +57,8 @@ def make_entries(
 
     Parameters
     ----------
-    trust_pickle : see `agents.trained.load_trained`.
-    learned_share : of the people whom a policy moves, see `agents.drivers.PolicyBatches`.
+    trust_pickle : see `crowd_env.agents.trained.load_trained`.
+    learned_share : of the people whom a policy moves, see `crowd_env.agents.drivers.PolicyBatches`.
 
     Raises
     ------

@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import CrowdEnv, EpisodeMetrics, Scenario, make_scenario
+from crowd_env.analysis.results.measurements import Measured, MeasurementRecorder
+from crowd_env.analysis.results.report import column, figures_of, named
+from crowd_env.core.arrays.headway import Manner
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.executors import Executor, Serial, WorkerDied
+from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.rollout import BatchDone, Driver, RunBatch, make_batches, simulate_batch
-from crowd_env.executors import Executor, Serial, WorkerDied
-from crowd_env.files.json_file import json_number
-from crowd_env.headway import Manner
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
-from crowd_env.results.measurements import Measured, MeasurementRecorder
-from crowd_env.results.report import column, figures_of, named
-from crowd_env.state import Bools, Floats
 
 from ..drivers import PolicyBatches, learned_people, policy_driver
 from ..policy import Policy
@@ -78,10 +78,11 @@ class Evaluation:
         """Return the figures as one JSON row, in SI units; impulse and way are means per person.
 
         ``crushed_share`` is of the people who at any time bore more than 1600 N/m, ``crushed_time`` how long these did, see
-        `crowd_env.results.measurements.INJURY`; ``hurry`` is the largest of anyone's mean speed over the own desired speed.
+        `crowd_env.analysis.results.measurements.INJURY`; ``hurry`` is the largest of anyone's mean speed over the
+        own desired speed.
 
         ``evacuation_time`` is over the runs in which everyone got out, ``mean_exit_time`` over the people who did.  Policies
-        are compared by `agents.evaluation.comparison`, which counts everybody.
+        are compared by `crowd_env.agents.evaluation.comparison`, which counts everybody.
         """
         out = np.concatenate(self.exit_times)
         out = out[np.isfinite(out)]
@@ -222,7 +223,7 @@ def evaluate_cells(
 
     Parameters
     ----------
-    measure : take a sample every decision step, see `crowd_env.results.measurements`.
+    measure : take a sample every decision step, see `crowd_env.analysis.results.measurements`.
     executor : simulates the batches, by default one after the other here.
     finished : called with the number of a cell and its evaluation, as soon as all of its runs have ended.
     progress : called with the number of runs that have just finished.

@@ -4,7 +4,7 @@ import functools
 from pathlib import Path
 
 import crowd_env
-from crowd_env.files.fingerprint import fingerprint
+from crowd_env.core.files.fingerprint import fingerprint
 
 from ..runs import versions
 

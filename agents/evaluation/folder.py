@@ -9,13 +9,13 @@ from urllib.parse import quote
 import numpy as np
 
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
-from crowd_env.files.array_file import read_arrays, write_arrays
-from crowd_env.files.csv_table import write_csv
-from crowd_env.files.fingerprint import fingerprint
-from crowd_env.files.json_file import read_json, write_json
-from crowd_env.headway import plain_manner
-from crowd_env.outline import plain_outline
-from crowd_env.results.measurements import CELL, Grid, Maps, Measured, RunMeasurements
+from crowd_env.analysis.results.measurements import CELL, Grid, Maps, Measured, RunMeasurements
+from crowd_env.core.arrays.headway import plain_manner
+from crowd_env.core.arrays.outline import plain_outline
+from crowd_env.core.files.array_file import read_arrays, write_arrays
+from crowd_env.core.files.csv_table import write_csv
+from crowd_env.core.files.fingerprint import fingerprint
+from crowd_env.core.files.json_file import read_json, write_json
 
 from ..networks import network_digest
 from ..tasks.task import Task

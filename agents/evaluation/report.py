@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from crowd_env.state import Floats
+from crowd_env.core.arrays.state import Floats
 
 from .comparison import last_times, mean_times, minus_first, ranking
 from .evaluation import Evaluation

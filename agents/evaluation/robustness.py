@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from crowd_env import Scenario
-from crowd_env.cli.console import notes
+from crowd_env.core.console import notes
 
 from ..runs import versions
 from ..tasks.task import Task
@@ -95,7 +95,7 @@ def judge_trial(
 
     Parameters
     ----------
-    compare : `agents.evaluation.same_draws.compare`, or what does its work elsewhere.
+    compare : `crowd_env.agents.evaluation.same_draws.compare`, or what does its work elsewhere.
     out : holds a folder for each variation, from which an interrupted evaluation goes on.
     """
     notes.print(f"{trial.variation.name}: {trial.variation.about}", markup=False, highlight=False)

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 from crowd_env import Scenario
+from crowd_env.core.arrays.headway import plain_manner
+from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch
-from crowd_env.headway import plain_manner
-from crowd_env.outline import plain_outline
 
 from ..controllers import Controller
 from ..drivers import ControllerDriver, policy_driver, sample_step

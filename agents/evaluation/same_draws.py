@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from crowd_env import Scenario
-from crowd_env.cli.console import notes, progress_bar
-from crowd_env.executors import Executor, Serial
+from crowd_env.core.console import notes, progress_bar
+from crowd_env.core.executors import Executor, Serial
 
 from ..runs import versions
 from ..tasks import Task

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.files.atomic import write_text
-from crowd_env.files.json_file import json_number, read_json
+from crowd_env.core.files.atomic import write_text
+from crowd_env.core.files.json_file import json_number, read_json
 
 from .. import PRETRAINED
 from ..networks import network_digest
@@ -87,7 +87,7 @@ def read_submission(path: Path) -> dict[str, Any]:
     """
     content = read_json(path)
     if not isinstance(content, dict) or any(name not in content for name in _KEYS) or content["format"] != FORMAT:
-        raise ValueError(f"{path} is no submission (format {FORMAT}); python -m agents.submit makes one")
+        raise ValueError(f"{path} is no submission (format {FORMAT}); crowd-env submit makes one")
     try:
         _check(path, content)
     except (KeyError, TypeError, IndexError, AttributeError) as error:

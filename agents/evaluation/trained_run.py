@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from crowd_env.cli.console import run_title
-from crowd_env.files.json_file import json_number, write_json
+from crowd_env.core.files.json_file import json_number, write_json
+from crowd_env.scenarios.titles import run_title
 
 from .. import POLICIES
 from ..drivers import policy_driver
-from ..networks import network_digest
+from ..networks import NETWORK, network_digest
 from ..policy import Policy
 from ..rules import StrategyPolicy
 from ..trained import SAMPLED, LearnedPolicy
@@ -28,7 +28,7 @@ from .report import comparison_table, crowding_table
 from .same_draws import compare
 
 LEARNED = "learned"
-NETWORK, RESULTS = "best.safetensors", "results.json"
+RESULTS = "results.json"
 # The first is what the others are compared with.
 _OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still", "random")), "random")
 _OF_SCENARIO = ("shortest", "stand-still", "random")

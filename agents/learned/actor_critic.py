@@ -1,6 +1,7 @@
 """PPO of a shared policy over scenes of people, with any actor and critic: what MAPPO and the variant with attention train.
 
-`agents.learned.ppo` is PPO by stable-baselines3, whose critic sees what the actor sees.  Here the critic may see everyone.
+`crowd_env.agents.learned.ppo` is PPO by stable-baselines3, whose critic sees what the actor sees.  Here the critic
+may see everyone.
 """
 
 from collections.abc import Callable

@@ -10,7 +10,7 @@ import numpy as np
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
-from crowd_env.cli.console import notes
+from crowd_env.core.console import notes
 
 from .rate import FallingRate
 

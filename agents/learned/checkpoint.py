@@ -5,7 +5,7 @@ from typing import Any
 
 import torch
 
-from crowd_env.files.atomic import written
+from crowd_env.core.files.atomic import written
 
 _FORMAT = "crowd_env checkpoint 1"
 

@@ -15,9 +15,9 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch.nn import functional
 
 from crowd_env import CrowdEnv
-from crowd_env.adapters.sb3 import CrowdVecEnv
+from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.action import SpeedTable
-from crowd_env.state import Floats
+from crowd_env.envs.adapters.sb3 import CrowdVecEnv
 
 from ..walking import WalkingRule
 

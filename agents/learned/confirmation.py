@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.cli.console import notes
-from crowd_env.files.atomic import written
-from crowd_env.files.json_file import read_json, write_json
-from crowd_env.state import Floats
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.console import notes
+from crowd_env.core.files.atomic import written
+from crowd_env.core.files.json_file import read_json, write_json
 
 from ..evaluation.comparison import last_times
 from ..evaluation.entries import make_entries
 from ..evaluation.evaluation import FINAL_SEED, HELD_OUT_SEED
 from ..evaluation.folder import EvaluationFolder, settings_of
 from ..evaluation.same_draws import compare
-from ..evaluation.trained_run import NETWORK
+from ..networks import NETWORK
 from ..training_config import judged_place, task_of
 from .training import START, read_curve, score
 

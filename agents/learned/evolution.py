@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import Scenario
+from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.rollout import Episode, run_episodes
-from crowd_env.state import Floats
 
 from ..drivers import policy_driver
 from ..evaluation.evaluation import HELD_OUT_SEED
@@ -25,7 +25,7 @@ class Searched(NamedTuple):
     high: float
 
 
-# Starts at `agents.walking.Follow`, on round numbers.
+# Starts at `crowd_env.agents.walking.Follow`, on round numbers.
 SEARCHED = MappingProxyType(
     {
         "spacing": Searched(0.5, 0.1, 0.0, 1.5),

@@ -37,7 +37,7 @@ def spread_of(model: Any) -> list[float] | None:
 
 
 def plain(module: nn.Module) -> Network:
-    """Return an actor of `agents.learned.networks` as plain numbers: a copy, which later training does not change.
+    """Return an actor of `crowd_env.agents.learned.networks` as plain numbers: a copy, which later training does not change.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from typing import Any
 
 from stable_baselines3.common.logger import configure
 
-from crowd_env.cli.console import notes
+from crowd_env.core.console import notes
 
 from ..evaluation.entries import RULE
 from ..evaluation.evaluation import HELD_OUT_SEED

@@ -16,7 +16,7 @@ _SIDECAR = "crowd_env.json"
 
 
 def read_pickled(path: Path) -> tuple[Network, dict[str, Any]]:
-    """Return the network of a file and the facts that `agents.trained` reads.
+    """Return the network of a file and the facts that `crowd_env.agents.trained` reads.
 
     Raises
     ------

@@ -13,8 +13,8 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 
 from crowd_env import CrowdEnv
-from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
-from crowd_env.checks import known
+from crowd_env.core.checks import known
+from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 
 from .beta import BetaPolicy, bias_at
 from .rate import FallingRate

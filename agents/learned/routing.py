@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
-from crowd_env.adapters.sb3 import VectorVecEnv
-from crowd_env.cli.console import notes
+from crowd_env.core.console import notes
+from crowd_env.core.files.json_file import write_json
+from crowd_env.envs.adapters.sb3 import VectorVecEnv
 from crowd_env.envs.routing.env import RoutingVectorEnv
-from crowd_env.files.json_file import write_json
 
 from ..evaluation.comparison import last_times, mean_times
 from ..evaluation.evaluation import FINAL_SEED, VALIDATION_SEED

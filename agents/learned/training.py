@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from crowd_env import CrowdEnv, Scenario
-from crowd_env.cli.console import notes, stops_by
-from crowd_env.files.csv_table import write_csv
+from crowd_env.core.console import notes, stops_by
+from crowd_env.core.files.csv_table import write_csv
 
 from ..evaluation.comparison import last_times
 from ..evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
@@ -48,7 +48,7 @@ class PolicyCallback(TrainingCallback):
     ----------
     env : what is trained in.
     scenario : what is evaluated.
-    judged : options of `agents.evaluation.evaluation.evaluate`: scheme, steps, strategy, manner, outline.
+    judged : options of `crowd_env.agents.evaluation.evaluation.evaluate`: scheme, steps, strategy, manner, outline.
     trained : facts about the training, for the files of the networks.
     options : of `TrainingCallback`.
     """

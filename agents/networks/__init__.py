@@ -7,4 +7,16 @@ from .mlp import MLP
 from .network import Network
 from .registry import NETWORKS
 
-__all__ = ["MLP", "NETWORKS", "Attention", "BetaMLP", "Network", "network_digest", "read_network", "write_network"]
+NETWORK = "best.safetensors"  # file in the folder of a training
+
+__all__ = [
+    "MLP",
+    "NETWORK",
+    "NETWORKS",
+    "Attention",
+    "BetaMLP",
+    "Network",
+    "network_digest",
+    "read_network",
+    "write_network",
+]

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from crowd_env.state import Floats
+from crowd_env.core.arrays.state import Floats
 
 from .mlp import MLP
 

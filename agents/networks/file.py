@@ -13,8 +13,8 @@ import numpy as np
 from safetensors import safe_open
 from safetensors.numpy import save
 
-from crowd_env.checks import known
-from crowd_env.files.atomic import written
+from crowd_env.core.checks import known
+from crowd_env.core.files.atomic import written
 
 from .network import Network
 from .registry import NETWORKS

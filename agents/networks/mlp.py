@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from crowd_env.state import Floats
+from crowd_env.core.arrays.state import Floats
 
 from .network import Network
 

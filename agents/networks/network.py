@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from crowd_env.state import Floats
+from crowd_env.core.arrays.state import Floats
 
 # Rows at once: larger products are shared out to threads, which costs more than it saves, much more on busy cores.
 _AT_ONCE = 60
@@ -15,7 +15,8 @@ _AT_ONCE = 60
 class Network(ABC):
     """Turns rows of numbers into rows of numbers, each row for itself.
 
-    A kind is a class with a line in `agents.networks.NETWORKS`.  What it holds are its `tensors` and `settings`; `of` makes it
+    A kind is a class with a line in `crowd_env.agents.networks.NETWORKS`.  What it holds are its `tensors` and
+    `settings`; `of` makes it
     from them again.  It calculates in double precision and rounds at the end: a row comes out the same in a batch of any size.
 
     Attributes

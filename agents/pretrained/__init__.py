@@ -1,9 +1,9 @@
-"""Trained policies that are shipped, by name: ``agents.load("competitive-door/ppo")``.
+"""Trained policies that are shipped, by name: ``crowd_env.agents.load("competitive-door/ppo")``.
 
 A policy is two files in the folder of its task.  ``NAME.safetensors`` is all that acting needs: the weights, and in its header
 the kind of the network, observation, action and what it was trained for.  ``NAME.json`` is its card, for people and for papers:
 how it was trained, and what it reached on held-out draws.  Nothing is said twice; the card names the weights it is about by
-their digest.  ``python -m agents.ship`` writes both.
+their digest.  ``crowd-env ship`` writes both.
 """
 
 from pathlib import Path
@@ -22,7 +22,7 @@ def load(name: str, *, trust_pickle: bool = False) -> LearnedPolicy | LearnedCon
     Parameters
     ----------
     name : of a shipped policy in `PRETRAINED`, or the path of a network (.safetensors).
-    trust_pickle : open a path of stable-baselines3 (.zip) too, see `agents.trained.load_trained`.
+    trust_pickle : open a path of stable-baselines3 (.zip) too, see `crowd_env.agents.trained.load_trained`.
 
     Raises
     ------

@@ -3,8 +3,8 @@
 import numpy as np
 
 from crowd_env import Scenario
+from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.rollout import run_episodes
-from crowd_env.state import Floats
 
 from .task import Task
 

@@ -10,7 +10,7 @@ from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 from crowd_env import Scenario, make_scenario
-from crowd_env.checks import known, whole
+from crowd_env.core.checks import known, whole
 from crowd_env.envs.observation.terms import USUAL
 
 from .registry import make_task
@@ -34,7 +34,7 @@ class Preset:
     terms : of the observation.
     reward : table of `RewardWeights`.
     start : what the policy starts as: "rule", full speed along the way, or a policy of `agents.POLICIES` that is cloned.
-    ppo : settings of `agents.learned.PPOSettings` that are others than its defaults ...
+    ppo : settings of `crowd_env.agents.learned.PPOSettings` that are others than its defaults ...
     once_cloned : ... and those that are others again where learning starts from a cloned rule.
     envs : rooms side by side.
     steps : training steps, summed over all pedestrian slots.

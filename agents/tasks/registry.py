@@ -5,7 +5,7 @@ and a test compares it with what is ``frozen`` here.  Where a default has change
 that cannot be, raise the version and freeze the new digest: figures of two versions do not stand in one table.
 """
 
-from crowd_env.checks import known
+from crowd_env.core.checks import known
 
 from .task import Task
 

@@ -7,9 +7,9 @@ from typing import Any, Literal
 import numpy as np
 
 from crowd_env import Scenario, make_scenario, make_scheme
-from crowd_env.checks import whole
-from crowd_env.files.fingerprint import fingerprint
-from crowd_env.headway import make_manner
+from crowd_env.core.arrays.headway import make_manner
+from crowd_env.core.checks import whole
+from crowd_env.core.files.fingerprint import fingerprint
 
 from ..evaluation.evaluation import HELD_OUT_SEED
 

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.files.json_file import json_number
-from crowd_env.state import Floats, Ints
+from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.files.json_file import json_number
 
 FEWEST_GAPS = 50  # with fewer there is no exponent
 FEWEST_IN_TAIL = 10

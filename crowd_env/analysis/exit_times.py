@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from crowd_env.analysis.clogging import RunExits, exit_gaps, exits_of_run
-from crowd_env.files.csv_table import read_table, write_csv
+from crowd_env.core.files.csv_table import read_table, write_csv
 
 
 def read_exits(path: str | Path) -> list[RunExits]:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.state import Floats
+from crowd_env.core.arrays.state import Floats
 
 _ROUNDS = 30
 _CLOSE = 1e-9  # m

@@ -13,9 +13,9 @@ import numpy as np
 
 from crowd_env.analysis.gaps import Gap, across, distances, gap_at
 from crowd_env.analysis.terrain import Terrain
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation import grid
-from crowd_env.state import Floats, Ints
+from crowd_env.routing.fields import grid
 
 _SHARE = 0.05  # of the people; a niche in which fewer start is not what the others have to pass
 _NEAR = 0.75  # spacings; a node lies at most so far beside the middle of a passage

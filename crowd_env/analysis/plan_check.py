@@ -9,12 +9,12 @@ import numpy as np
 from crowd_env.analysis.gaps import Gap
 from crowd_env.analysis.passages import Passage, narrowest_passages
 from crowd_env.analysis.terrain import Terrain, survey
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off
-from crowd_env.navigation.grid import nearest_nodes
+from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.groups import People
 from crowd_env.scenarios.placement import CLOSEST_PACKING
-from crowd_env.state import Floats, Ints
 
 # Beyond these a plan is rarely what it is meant to be.
 _WIDE_EXIT, _LARGE, _SMALL = 20.0, 300.0, 2.0  # m

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._kernels.jit import kernel
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation import grid
-from crowd_env.state import Bools, Floats, Ints
+from crowd_env.routing.fields import grid
 
 _FINEST = 0.05  # m; spacing of the nodes, finer in plans of a few meters ...
 _LEAST_NODES = 100  # ... along the longer side

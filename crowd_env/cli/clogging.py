@@ -13,31 +13,20 @@ from rich.table import Table
 
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run, powerlaw_library
 from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
+from crowd_env.analysis.results.report import share
 from crowd_env.cli.completion import complete_from
-from crowd_env.cli.console import (
-    AsJson,
-    MannerName,
-    OutlineOption,
-    Runs,
-    Seed,
-    Workers,
-    check_folder,
-    counted,
-    friendly_errors,
-    interrupted,
-    notes,
-    run_title,
-    with_manner,
-)
+from crowd_env.cli.console import AsJson, MannerName, OutlineOption, Runs, Seed, Workers
 from crowd_env.cli.evacuations import evacuate
 from crowd_env.cli.place import PLACES, Count, Exits, Speed, Unit, complete_scenario, read_place
+from crowd_env.core.arrays.headway import plain_manner
+from crowd_env.core.arrays.outline import plain_outline
+from crowd_env.core.checks import counted
+from crowd_env.core.console import check_folder, friendly_errors, interrupted, notes
 from crowd_env.envs.rollout import Episode, RunsInterrupted
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.headway import plain_manner
-from crowd_env.outline import plain_outline
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
-from crowd_env.results.report import share
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.titles import run_title, with_manner
 
 _WIDTH = 100
 

@@ -1,30 +1,16 @@
-"""How every command talks: a mistake is one line, a long wait has a bar, and an interruption says what it has left."""
+"""Options that several commands have, and checks of what they name."""
 
-import os
-import signal
-import threading
-import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
-from typing import Annotated, Any, NoReturn, TextIO
+from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from crowd_env.checks import counted as counted  # commands have it from here
 from crowd_env.cli.completion import complete_from
-from crowd_env.files.claim import claimed
-from crowd_env.headway import MANNERS, make_manner, plain_manner
-from crowd_env.outline import OUTLINES, make_outline, plain_outline
-from crowd_env.scenarios.scenario import Scenario
-
-INTERRUPTED = 130  # exit code, as shells have it
-
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+from crowd_env.core.arrays.headway import MANNERS
+from crowd_env.core.arrays.outline import OUTLINES
+from crowd_env.core.console import check_place
+from crowd_env.core.files.claim import claimed
 
 # Sections of the help.
 OF_PLACE, OF_PEOPLE, OF_PHYSICS, OF_RUNS, OF_OUTPUT = "Place", "People", "Physics", "Runs", "Output"
@@ -64,157 +50,6 @@ OutlineOption = Annotated[
 ]
 Seed = Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0, rich_help_panel=OF_RUNS)]
 
-notes = Console(stderr=True, highlight=False)
-
-
-@contextmanager
-def friendly_errors(kept: str | Callable[[], str] = "") -> Iterator[None]:
-    """Turn what goes wrong into one line: exit code 2 for a mistake, a missing library or a full disk, 130 for Ctrl-C.
-
-    Warnings are notes of one line each, and SIGTERM ends the block as Ctrl-C does.
-
-    Parameters
-    ----------
-    kept : what an interruption has left, in words, or a function that says it when one happens.
-    """
-    with _warnings_are_notes(), stops_by():
-        try:
-            yield
-        except KeyboardInterrupt:
-            interrupted(kept if isinstance(kept, str) else kept())
-        except BrokenPipeError:
-            raise  # the reader of our output has left: no mistake
-        except (
-            ValueError,
-            FloatingPointError,
-            ModuleNotFoundError,
-            OSError,
-            MemoryError,
-            OverflowError,
-            NotImplementedError,
-        ) as error:
-            notes.print(f"error: {_sentence(error)}", style="red", markup=False, soft_wrap=True)
-            raise typer.Exit(2) from None
-
-
-def interrupted(what_is_kept: str = "") -> NoReturn:
-    """Say what an interruption has left, and end with the exit code of one."""
-    text = f"interrupted: {what_is_kept}" if what_is_kept else "interrupted"
-    notes.print(text, style="yellow", markup=False, soft_wrap=True)
-    raise typer.Exit(INTERRUPTED)
-
-
-def _sentence(error: Exception) -> str:
-    match error:
-        case OSError(strerror=str() as reason, filename=str() as file):
-            text = f"{file}: {reason}"
-        case MemoryError():
-            text = (
-                f"not enough memory: {error}"
-                if str(error)
-                else "not enough memory; take fewer people or a smaller plan"
-            )
-        case OverflowError():
-            text = f"a number is too large: {error}"
-        case _:
-            text = str(error) or type(error).__name__
-    return " ".join(text.split())
-
-
-@contextmanager
-def _warnings_are_notes() -> Iterator[None]:
-    """Show every warning of the block once, as a sentence without the line of code that it came from."""
-    said: set[str] = set()
-
-    def show(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,
-        lineno: int,
-        file: TextIO | None = None,
-        line: str | None = None,
-    ) -> None:
-        text = " ".join(str(message).split())
-        if text not in said:
-            said.add(text)
-            notes.print(f"note: {text}", style="yellow", markup=False, soft_wrap=True)
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", UserWarning)
-        warnings.showwarning = show
-        yield
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
-
-
-@contextmanager
-def stops_by(handler: Callable[[int, FrameType | None], Any] = _interrupt) -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM, by which service managers and job queues end a program, call ``handler`` until the block ends.
-
-    By default they raise KeyboardInterrupt.  Outside of the main thread, where Python handles no signals, nothing changes.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = [signal.signal(number, handler) for number in _SIGNALS]
-    try:
-        yield
-    finally:
-        for number, old in zip(_SIGNALS, before, strict=True):
-            signal.signal(number, old)
-
-
-@contextmanager
-def progress_bar(title: str, total: int = 0) -> Iterator[Callable[..., None]]:
-    """Show a bar on the standard error stream while it is a terminal.
-
-    Call what is given with each count done, and with the number of all if that was not known before.
-    """
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=notes, transient=True, disable=not notes.is_terminal) as bar:
-        task = bar.add_task(title, total=total)
-        yield lambda count, of=None: bar.update(task, advance=count, total=of)
-
-
-def with_manner(place: Scenario, manner: str | None, outline: str | None = None) -> Scenario:
-    """Return a scenario in which people walk in this manner and have this outline; None = as it says.
-
-    Raises
-    ------
-    ValueError
-        If the manner or the outline is unknown, or people of this outline do not fit.
-    """
-    make_manner(manner)
-    make_outline(outline)
-    given: dict[str, Any] = {
-        name: value for name, value in (("manner", manner), ("outline", outline)) if value is not None
-    }
-    return replace(place, **given) if given else place
-
-
-def run_title(place: Scenario, scheme: str = "", *, people: str = "", runs: str = "") -> str:
-    """Return "room-v0: 20 people, hertz, calm, torso, 5 runs": what is given, and how people walk and are shaped."""
-    headway = place.manner_of_run()
-    manner = plain_manner(headway)
-    walk = manner if isinstance(manner, str) else f"time gap {manner['time_gap']:g} s"
-    first = f"{place.name}: {people}" if people else place.name
-    outline = place.outline_of_run()
-    shape = plain_outline(outline)
-    body = shape if isinstance(shape, str) else f"{len(shape['discs'])} discs a body"
-    parts = (first, scheme, walk if headway else "", body if outline else "", runs)
-    return ", ".join(part for part in parts if part)
-
-
-def check_folder(option: str, out: Path) -> None:
-    """Raise ValueError, before the work instead of after it, if nothing can be written into the folder ``out``."""
-    there = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
-    if not there.is_dir():
-        raise ValueError(f"{option} {out}: {there} is not a folder")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise ValueError(f"{option} {out}: {there} cannot be written")
-
 
 def claim(context: typer.Context, option: str, path: Path, lock: Path) -> None:
     """Keep other commands from writing to ``path`` until this one ends, by the lock file ``lock``.
@@ -238,19 +73,9 @@ def check_picture(option: str, path: Path, suffixes: Sequence[str], *, makes_fol
     ModuleNotFoundError
         If a drawing library is not installed; the message says how to install it.
     """
-    from crowd_env.files.atomic import check_suffix
+    from crowd_env.core.files.atomic import check_suffix
     from crowd_env.rendering.libraries import require_libraries
 
     check_suffix(path, suffixes)
     check_place(option, path, makes_folder=makes_folder)
     require_libraries(path.suffix.lower())
-
-
-def check_place(option: str, path: Path, *, makes_folder: bool = False) -> None:
-    """Raise ValueError if the file ``path`` is a folder, or its folder is missing (unless that is made) or closed."""
-    if path.is_dir():
-        raise ValueError(f"{option} {path}: this is a folder; name a file")
-    folder = path.absolute().parent
-    if not makes_folder and not folder.exists():
-        raise ValueError(f"{option} {path}: there is no folder {folder}")
-    check_folder(option, path.parent)

@@ -8,11 +8,11 @@ import numpy as np
 from rich.console import RenderableType
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
-from crowd_env.checks import whole
-from crowd_env.cli.console import counted, interrupted, notes
+from crowd_env.analysis.results.tally import Tally
+from crowd_env.core.checks import counted, whole
+from crowd_env.core.console import interrupted, notes
+from crowd_env.core.executors import Processes, all_cores
 from crowd_env.envs.rollout import Episode, Recorder, RunsInterrupted, Together, run_episodes
-from crowd_env.executors import Processes, all_cores
-from crowd_env.results.tally import Tally
 from crowd_env.scenarios.scenario import Scenario
 
 # s of a core that a process needs before it computes: Python, the imports, the compiled kernels (measured: 1.5 s).

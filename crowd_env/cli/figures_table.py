@@ -5,16 +5,17 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from crowd_env.cli.console import counted, run_title
+from crowd_env.core.arrays.state import MAX_SPEED
+from crowd_env.core.checks import counted
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import MAX_SPEED
+from crowd_env.scenarios.titles import run_title
 
 _EXITS_SHOWN = 4
 _RUNS_SHOWN = 10
 
 
 def figures_table(place: Scenario, figures: dict[str, Any], seconds: float) -> Table:
-    """Return the table of the figures of `crowd_env.results.report.report`.
+    """Return the table of the figures of `crowd_env.analysis.results.report.report`.
 
     Parameters
     ----------

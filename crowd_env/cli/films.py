@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from crowd_env.checks import POSITIVE, Range, number, whole
-from crowd_env.cli.console import OF_OUTPUT, check_picture, notes
+from crowd_env.cli.console import OF_OUTPUT, check_picture
+from crowd_env.core.checks import POSITIVE, Range, number, whole
+from crowd_env.core.console import notes
 
 _WIDTHS = Range(160, 3840)  # px
 _RATES = Range(0.0, 100.0, above=True)  # 1/s; a GIF counts in hundredths of a second

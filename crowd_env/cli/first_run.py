@@ -6,11 +6,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-from crowd_env.cli.console import check_picture, progress_bar, run_title
+from crowd_env.cli.console import check_picture
 from crowd_env.cli.films import check_film_options, film_file, said_of
+from crowd_env.core.console import progress_bar
 from crowd_env.envs.rollout import Episode, Recorder
 from crowd_env.physics import ContactScheme
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.titles import run_title
 
 _LEAST_AROUND = 0.5  # m
 

@@ -9,11 +9,11 @@ from rich.console import Console
 from rich.table import Table
 
 import crowd_env
+from crowd_env.cli.agents import WithLearning
 from crowd_env.cli.clogging import EXAMPLES as CLOGGING_EXAMPLES
 from crowd_env.cli.clogging import clog
 from crowd_env.cli.completion import complete_from
-from crowd_env.cli.console import AsJson, friendly_errors, progress_bar
-from crowd_env.cli.learning import WithLearning
+from crowd_env.cli.console import AsJson
 from crowd_env.cli.plan import plan
 from crowd_env.cli.replay import replay
 from crowd_env.cli.report import report
@@ -21,7 +21,8 @@ from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.run import EXAMPLES as RUN_EXAMPLES
 from crowd_env.cli.run import run
 from crowd_env.cli.schema import schema
-from crowd_env.headway import MANNERS, make_manner
+from crowd_env.core.arrays.headway import MANNERS, make_manner
+from crowd_env.core.console import friendly_errors, progress_bar
 from crowd_env.physics import SCHEMES, make_scheme
 from crowd_env.scenarios import SCENARIOS, about
 

@@ -10,16 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crowd_env.analysis.plan_check import PlanCheck, check_plan, spot
-from crowd_env.cli.console import (
-    AsJson,
-    OutlineOption,
-    check_picture,
-    counted,
-    friendly_errors,
-    notes,
-    progress_bar,
-    with_manner,
-)
+from crowd_env.cli.console import AsJson, OutlineOption, check_picture
 from crowd_env.cli.place import (
     PLACES,
     Count,
@@ -32,11 +23,14 @@ from crowd_env.cli.place import (
     people_options,
     plan_options,
 )
+from crowd_env.core.arrays.outline import make_outline, room_of
+from crowd_env.core.checks import counted
+from crowd_env.core.console import friendly_errors, notes, progress_bar
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.outline import make_outline, room_of
-from crowd_env.plans.reading import read_plan
 from crowd_env.scenarios import kind_of_place
 from crowd_env.scenarios.floor_plan import people_on, scenario_on
+from crowd_env.scenarios.plans.reading import read_plan
+from crowd_env.scenarios.titles import with_manner
 
 _SHOWN = 12  # rows of a kind in the table
 

@@ -7,11 +7,12 @@ from typing import Any
 
 import typer
 
-from crowd_env.checks import POSITIVE, number
-from crowd_env.cli.console import check_place, claim
+from crowd_env.analysis.results.config import DECISION_DT
+from crowd_env.cli.console import claim
+from crowd_env.core.checks import POSITIVE, number
+from crowd_env.core.console import check_place
 from crowd_env.envs.arguments import parts_of
 from crowd_env.envs.rollout import Recorder
-from crowd_env.results.config import DECISION_DT
 
 _ALL = "all"
 

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from crowd_env.cli.console import check_place, counted, friendly_errors, notes
 from crowd_env.cli.first_run import FirstRun
+from crowd_env.core.checks import counted
+from crowd_env.core.console import check_place, friendly_errors, notes
+from crowd_env.core.files.atomic import check_suffix
 from crowd_env.envs.rollout import Episode, Recorder
-from crowd_env.files.atomic import check_suffix
 
 if TYPE_CHECKING:
     from crowd_env.recording import Recording
@@ -75,7 +76,7 @@ def replay(
 
 def _write(path: Path, recordings: Sequence["Recording"], names: Sequence[str]) -> str:
     """Write a page, note what it leaves out, and return a line that says where it is."""
-    from crowd_env.replay import write_page
+    from crowd_env.rendering.replay import write_page
 
     written = write_page(path, recordings, names=names)
     for name, frames, left_out in zip(names, written.frames, written.left_out, strict=True):

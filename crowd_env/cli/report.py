@@ -7,23 +7,16 @@ from typing import Annotated, Any
 
 import typer
 
-from crowd_env.cli.console import (
-    OF_OUTPUT,
-    AsJson,
-    check_picture,
-    check_place,
-    friendly_errors,
-    notes,
-    progress_bar,
-    with_manner,
-)
+from crowd_env.cli.console import OF_OUTPUT, AsJson, check_picture
 from crowd_env.cli.place import read_place
-from crowd_env.files.atomic import check_suffix
+from crowd_env.core.console import check_place, friendly_errors, notes, progress_bar
+from crowd_env.core.files.atomic import check_suffix
 from crowd_env.physics import ContactScheme, make_scheme
-from crowd_env.reporting.differences import differences
-from crowd_env.reporting.maps import Measured, measure
-from crowd_env.reporting.runs import Runs, load_runs, remarks_on
+from crowd_env.rendering.report.differences import differences
+from crowd_env.rendering.report.maps import Measured, measure
+from crowd_env.rendering.report.runs import Runs, load_runs, remarks_on
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.titles import with_manner
 
 
 def report(
@@ -65,7 +58,7 @@ def report(
         for remark in remarks_on(runs):
             notes.print(f"note: {remark}", style="yellow", markup=False, soft_wrap=True)
         measured = _measured(runs, map_runs) if maps else []
-        from crowd_env.reporting.page import write_report
+        from crowd_env.rendering.report.page import write_report
 
         written = write_report(out, runs, measured=measured, title=title)
     if as_json:

@@ -9,10 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
-from crowd_env.cli.console import AsJson, check_folder, counted, friendly_errors, interrupted, notes, progress_bar
+from crowd_env.cli.console import AsJson
 from crowd_env.cli.paper_options import takes_settings
-from crowd_env.executors import Executor, all_cores, make_executor
-from crowd_env.files.csv_table import write_csv
+from crowd_env.core.checks import counted
+from crowd_env.core.console import check_folder, friendly_errors, interrupted, notes, progress_bar
+from crowd_env.core.executors import Executor, all_cores, make_executor
+from crowd_env.core.files.csv_table import write_csv
 from crowd_env.rendering.canvas import save_figure
 from crowd_env.reproduce import FIGURES, PAPERS, Figure, Paper, Result, Settings, Work, find
 from crowd_env.reproduce.pool import Interrupted, complete, distinct

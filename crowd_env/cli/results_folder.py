@@ -8,13 +8,15 @@ from typing import Any
 
 import typer
 
-from crowd_env.cli.console import check_folder, claim, counted, friendly_errors, notes
+from crowd_env.analysis.results.config import difference, run_config
+from crowd_env.analysis.results.folder import ResultsFolder
+from crowd_env.cli.console import claim
+from crowd_env.core.checks import counted
+from crowd_env.core.console import check_folder, friendly_errors, notes
+from crowd_env.core.files.json_file import read_json
 from crowd_env.envs.rollout import Episode
-from crowd_env.files.json_file import read_json
 from crowd_env.physics import ContactScheme
 from crowd_env.rendering.libraries import require_libraries
-from crowd_env.results.config import difference, run_config
-from crowd_env.results.folder import ResultsFolder
 from crowd_env.scenarios import SCENARIOS
 from crowd_env.scenarios.scenario import Scenario
 

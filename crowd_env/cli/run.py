@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
+from crowd_env.analysis.results.report import report
 from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import (
     OF_OUTPUT,
@@ -21,10 +22,6 @@ from crowd_env.cli.console import (
     Runs,
     Seed,
     Workers,
-    friendly_errors,
-    interrupted,
-    notes,
-    with_manner,
 )
 from crowd_env.cli.evacuations import evacuate
 from crowd_env.cli.figures_table import figures_table
@@ -45,9 +42,10 @@ from crowd_env.cli.place import (
 from crowd_env.cli.recording_file import RecordingFile
 from crowd_env.cli.replay import Html
 from crowd_env.cli.results_folder import again, config_of, how_to_go_on, keep_in, open_folder, write_results
+from crowd_env.core.console import friendly_errors, interrupted, notes
 from crowd_env.physics import SCHEMES, SOCIAL_FORCES, make_scheme
-from crowd_env.results.report import report
 from crowd_env.routing.strategies import STRATEGIES
+from crowd_env.scenarios.titles import with_manner
 
 EXAMPLES = """Examples:
 

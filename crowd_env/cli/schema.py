@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from crowd_env.cli.console import friendly_errors, notes
-from crowd_env.files.atomic import check_suffix, write_text
+from crowd_env.core.console import friendly_errors, notes
+from crowd_env.core.files.atomic import check_suffix, write_text
 
 
 def schema(out: Annotated[Path | None, typer.Option(help="File to write, .json; default: print it.")] = None) -> None:

@@ -17,9 +17,19 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env._kernels.jit import kernel
-from crowd_env.checks import NOT_NEGATIVE, Range, array, check_fields, check_keys, known, refuse, require_all, shown
-from crowd_env.state import Bools, Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.checks import (
+    NOT_NEGATIVE,
+    Range,
+    array,
+    check_fields,
+    check_keys,
+    known,
+    refuse,
+    require_all,
+    shown,
+)
+from crowd_env.core.kernels.jit import kernel
 
 Frame = Literal["path", "world"]
 FRAMES: tuple[Frame, ...] = ("path", "world")

@@ -6,11 +6,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from crowd_env.checks import NOT_NEGATIVE, refuse, shown, whole
-from crowd_env.headway import MANNERS, Headway, Manner, plain_manner
-from crowd_env.outline import OUTLINES, BodyShape, Outline, plain_outline
+from crowd_env.core.arrays.headway import MANNERS, Headway, Manner, plain_manner
+from crowd_env.core.arrays.outline import OUTLINES, BodyShape, Outline, plain_outline
+from crowd_env.core.arrays.state import Bodies, Bools, make_bodies
+from crowd_env.core.checks import NOT_NEGATIVE, refuse, shown, whole
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Bodies, Bools, make_bodies
 
 Found = TypeVar("Found")
 

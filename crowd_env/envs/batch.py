@@ -6,9 +6,9 @@ from typing import Any, NamedTuple, Protocol
 import gymnasium
 import numpy as np
 
+from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.metrics import EpisodeMetrics
-from crowd_env.state import Bools, Floats
 
 
 class BatchStep(NamedTuple):

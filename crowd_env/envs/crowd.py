@@ -8,8 +8,11 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env._kernels.struct_ref import struct_ref
-from crowd_env.checks import COUNT, POSITIVE, Range, array, flag, known, number, text, whole
+from crowd_env.core.arrays.headway import Manner
+from crowd_env.core.arrays.outline import BodyShape, room_of
+from crowd_env.core.arrays.state import Bools, Floats, Ints, make_state
+from crowd_env.core.checks import COUNT, POSITIVE, Range, array, flag, known, number, text, whole
+from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.action import FRAMES, ActionKind, Frame, make_action, to_command
 from crowd_env.envs.arguments import (
     bodies_before_reset,
@@ -27,16 +30,13 @@ from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.observation.view import allocate_route_ahead
 from crowd_env.envs.reward import RewardFunction, RewardWeights, Transition, make_weights
 from crowd_env.envs.route_choice import fit_to_ways, make_route_choice, take_routes
-from crowd_env.headway import Manner
-from crowd_env.outline import BodyShape, room_of
 from crowd_env.physics import ContactScheme, check_outline, make_scheme
+from crowd_env.physics.simulation.arguments import check_step
+from crowd_env.physics.simulation.checkpoint import copy_arrays, require_checkpoint, write_arrays
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.groups import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.simulation.arguments import check_step
-from crowd_env.simulation.checkpoint import copy_arrays, require_checkpoint, write_arrays
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import Bools, Floats, Ints, make_state
 
 _THREADS = Range(1, 1024)
 ActsOn = Literal["everyone", "ruled"]

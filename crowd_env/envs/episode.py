@@ -4,13 +4,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import kernel
-from crowd_env._kernels.struct_ref import StructRef, struct_ref
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.kernels.jit import kernel
+from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.envs.metrics import EpisodeMetrics, summarise_exits
 from crowd_env.envs.reward import Transition
-from crowd_env.simulation.checkpoint import Arrays, Checkpoint
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import Bools, Floats
+from crowd_env.physics.simulation.checkpoint import Arrays, Checkpoint
+from crowd_env.physics.simulation.simulation import Simulation
 
 
 class EpisodeState(NamedTuple):

@@ -1,6 +1,6 @@
 """Gymnasium: one controller moves everybody.  One room as an Env, many rooms as a natively batched VectorEnv.
 
-For one agent per pedestrian see `crowd_env.envs.parallel` (PettingZoo) and `crowd_env.adapters.sb3` (parameter sharing).
+For one agent per pedestrian see `crowd_env.envs.parallel` (PettingZoo) and `crowd_env.envs.adapters.sb3` (parameter sharing).
 """
 
 from collections.abc import Sequence
@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from gymnasium.vector.utils import batch_space
 
+from crowd_env.core.arrays.state import Bools, as_grid
 from crowd_env.envs.batch import BatchStep
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.single_env import SingleEnv
 from crowd_env.envs.vector_env import BatchVectorEnv
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Bools, as_grid
 
 
 class CrowdBatch:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from typing import Any
 
-from crowd_env.state import Ints
+from crowd_env.core.arrays.state import Ints
 
 
 class LazyInfos(dict[str, dict[str, Any]]):

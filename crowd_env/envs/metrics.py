@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import kernel
-from crowd_env.state import Floats
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.kernels.jit import kernel
 
 
 class EpisodeMetrics(NamedTuple):

@@ -10,13 +10,13 @@ import numpy as np
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
 
-from crowd_env.checks import array, shown, whole
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.checks import array, shown, whole
 from crowd_env.envs.arguments import NUMBERS, check_options
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.global_state import StateLayout, StateReader
 from crowd_env.envs.lazy_infos import LazyInfos, write_infos
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Bools, Floats, Ints
 
 RENDER_MODES = ("rgb_array", "human")
 

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import inner_kernel, kernel
-from crowd_env._kernels.struct_ref import StructRef, struct_ref
-from crowd_env.checks import SHARE, array, check_fields, from_data, known
+from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.core.checks import SHARE, array, check_fields, from_data, known
+from crowd_env.core.kernels.jit import inner_kernel, kernel
+from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.envs.terms import RewardTerm, names_of, own_terms, weighed_terms
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 
 class Transition(NamedTuple):

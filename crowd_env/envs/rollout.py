@@ -8,12 +8,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from crowd_env.checks import NOT_NEGATIVE, whole
+from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.checks import NOT_NEGATIVE, whole
+from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.metrics import EpisodeMetrics
-from crowd_env.executors import Executor, WorkerDied
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Floats, Ints
 
 # Evacuations and people simulated side by side: enough to fill a call, few enough to show progress.
 _RUNS_AT_ONCE = 50

@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import kernel
+from crowd_env.core.arrays.state import Bools, CrowdState, Floats, Ints
+from crowd_env.core.kernels.jit import kernel
 from crowd_env.envs.action import ActionKind, fit_routes
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.view import Ways
 from crowd_env.routing.route_set import RouteSet
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Bools, CrowdState, Floats, Ints
 
 _EARLY = 1e-9  # s  sums of physics steps that fall short of the dwell by rounding count as whole
 

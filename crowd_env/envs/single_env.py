@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 
-from crowd_env.checks import array
+from crowd_env.core.checks import array
 from crowd_env.envs.arguments import NUMBERS, check_options
 from crowd_env.envs.batch import Batch, BatchStep
 from crowd_env.scenarios.scenario import Scenario

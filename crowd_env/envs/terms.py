@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
-from crowd_env.checks import check_fields, known, number, refuse, table
+from crowd_env.core.checks import check_fields, known, number, refuse, table
 
 
 class Term:

@@ -7,12 +7,12 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from crowd_env.checks import array, known
+from crowd_env.core.arrays.state import Bools
+from crowd_env.core.checks import array, known
 from crowd_env.envs.arguments import NUMBERS, reset_mask
 from crowd_env.envs.batch import Batch
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Bools
 
 
 class BatchVectorEnv(VectorEnv):

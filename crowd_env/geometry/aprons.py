@@ -4,8 +4,8 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.parsing import Area
-from crowd_env.state import Floats
 
 _INWARDS = 1e-3  # m  an apron begins this far inside, so that no gap of rounding parts it from the area
 

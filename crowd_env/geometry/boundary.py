@@ -10,8 +10,8 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.parsing import SLIVER, Area, place
-from crowd_env.state import Floats
 
 _SAME = 1e-9  # m; a point nearer than this to a straight line is on it
 _SNAP = 0.01  # m; an exit may be drawn this far from the boundary ...

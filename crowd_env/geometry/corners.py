@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from crowd_env.state import Floats, Ints, row_starts
+from crowd_env.core.arrays.state import Floats, Ints, row_starts
 
 _SAME = 1e-9  # m; ends of walls nearer than this are one corner
 

@@ -3,8 +3,8 @@
 import numpy as np
 import shapely
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.parsing import SLIVER, Area, border_edges
-from crowd_env.state import Floats
 
 
 def solid_depth(walls: Floats, area: Area, most: float = 0.25) -> Floats:

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 import shapely
 
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.parsing import Area, Shape, read_lines, require_inside
-from crowd_env.state import Floats, Ints
 
 _SHORT = 1e-3  # m
 _SHORTEST = 0.1  # m

@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.checks import NOT_NEGATIVE, table
-from crowd_env.checks import number as require_number
-from crowd_env.checks import text as require_text
+from crowd_env.core.arrays.state import Bools, Floats, Ints, joined_starts
+from crowd_env.core.checks import NOT_NEGATIVE, table
+from crowd_env.core.checks import number as require_number
+from crowd_env.core.checks import text as require_text
 from crowd_env.geometry.boundary import open_boundary
 from crowd_env.geometry.corners import ends_together
 from crowd_env.geometry.depth import solid_depth
@@ -36,7 +37,6 @@ from crowd_env.geometry.parsing import (
     require_inside,
 )
 from crowd_env.geometry.parts import closed_off, is_within, join_near_parts, say_left_out, split_by_exits
-from crowd_env.state import Bools, Floats, Ints, joined_starts
 
 __all__ = ["Boundary", "Geometry", "box", "join_boundaries", "parse_exit"]
 

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, kernel
+from crowd_env.core.arrays.state import Bools, Floats, Ints, joined_starts, row_starts
+from crowd_env.core.kernels.jit import index, kernel
 from crowd_env.geometry.parsing import Area, border_edges
-from crowd_env.state import Bools, Floats, Ints, joined_starts, row_starts
 
 _FEWEST_ROWS, _MOST_ROWS = 8, 1024
 _ROUNDING = 1e-6  # m; a stretch ends so far before an edge

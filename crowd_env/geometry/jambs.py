@@ -18,10 +18,10 @@ import shapely
 from shapely.geometry import LinearRing, LineString, MultiLineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.boundary import rings_of
 from crowd_env.geometry.corners import ends_together
 from crowd_env.geometry.parsing import SLIVER, Area, place
-from crowd_env.state import Floats, Ints
 
 _CHORDS = 32  # of half a turn
 _KEPT = 1e-5  # m; so much is left of a wall between two arcs that meet, lest it have no direction

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from shapely.geometry import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.files.foreign import foreign_kind
-from crowd_env.state import Floats
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.files.foreign import foreign_kind
 
 Area: TypeAlias = Polygon | MultiPolygon
 Shape: TypeAlias = BaseGeometry | str | ArrayLike

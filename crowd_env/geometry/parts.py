@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.parsing import Area, place
-from crowd_env.state import Floats
 
 GAP = 0.01  # m; parts nearer to each other than this were meant to touch
 _INTO = 1e-6  # m; how far a corner is moved into the other part, so that the two overlap

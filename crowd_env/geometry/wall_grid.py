@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.state import Bools, Floats, Ints
 
 CELL = 1.0  # m
 _MOST_CELLS = 1_000_000  # of one geometry: beyond, cells are larger

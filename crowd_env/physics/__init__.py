@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from crowd_env.checks import check_keys, known, refuse
-from crowd_env.outline import Outline, plain_outline
+from crowd_env.core.arrays.outline import Outline, plain_outline
+from crowd_env.core.checks import check_keys, known, refuse
 from crowd_env.physics.dem import DEM
 from crowd_env.physics.hertz import Hertz
 from crowd_env.physics.nsm1 import NSM1

@@ -17,12 +17,12 @@ several discs is does not follow from what these touch: there it is always looke
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.state import MAX_SPEED, Floats, Indices
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.physics.narrow_phase import is_beyond_walls
 from crowd_env.physics.neighbors.update import TOO_FAST
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import MAX_SPEED, Floats, Indices
 
 # m; far above the rounding of map coordinates (1e-9 m at 5000 km), far below anything that is measured.
 MARGIN = 1e-6

@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import inner_kernel
+from crowd_env.core.arrays.state import Floats, Indices
+from crowd_env.core.kernels.jit import inner_kernel
 from crowd_env.physics.contacts import Contacts
-from crowd_env.state import Floats, Indices
 
 _FEW = 32  # contacts; this many are in flight together in any order, and sorting costs more than it saves
 _COLORS = 12  # 7 or 8 are used in a jam; a contact that finds none free shares the last

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import inner_kernel
+from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.kernels.jit import inner_kernel
 from crowd_env.physics.neighbors.lists import NeighborList
-from crowd_env.state import Floats, Ints
 
 
 class Contacts(NamedTuple):

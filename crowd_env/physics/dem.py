@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env.checks import POSITIVE, check_fields
+from crowd_env.core.arrays.state import Bodies
+from crowd_env.core.checks import POSITIVE, check_fields
+from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.dem_lanes.barrier import wait_for_all
 from crowd_env.physics.dem_lanes.buffers import interleave
 from crowd_env.physics.dem_lanes.gather import gather_crowd, scatter_slab
@@ -41,7 +42,6 @@ from crowd_env.physics.scheme import Call, ContactScheme, SchemeInfo
 from crowd_env.physics.step import contact_range, tick
 from crowd_env.physics.walking.decide import decide_share
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import Bodies
 
 INFO = SchemeInfo(
     name="dem",

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env._kernels.struct_ref import StructRef
+from crowd_env.core.kernels.jit import index, inner_kernel
+from crowd_env.core.kernels.struct_ref import StructRef
 from crowd_env.physics.social_force import SocialForce, SocialParams, add_social_forces
 from crowd_env.physics.workspace import Batch
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.step import list_active
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import Floats
 
 
 @inner_kernel

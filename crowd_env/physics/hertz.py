@@ -9,7 +9,8 @@ With overlap d, R = r_i r_j / (r_i + r_j), m = m_i m_j / (m_i + m_j), alpha = sq
 The formulas and parameters are those of granular flow codes, which settles what the paper leaves open: gamma is a rate per
 length.  In two dimensions s is one number, in the frame that turns with the contact; `Contacts.history` keeps it.
 
-Bodies may have an outline of several discs (`crowd_env.outline`): then r is the radius of the disc that touches, and normal
+Bodies may have an outline of several discs (`crowd_env.core.arrays.outline`): then r is the radius of the disc that
+touches, and normal
 forces turn a body too.  The paper has discs.
 
 Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new positions with the HALF-step velocity, half a kick.  The
@@ -27,8 +28,9 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields
+from crowd_env.core.arrays.state import Bodies
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields
+from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
 from crowd_env.physics.driving_force import Influences, regular_forces
 from crowd_env.physics.exits import leave
@@ -39,7 +41,6 @@ from crowd_env.physics.social_force import SocialForce
 from crowd_env.physics.steering import steer
 from crowd_env.physics.step import begin_call, contact_range, detect, record_impulses, record_overlaps, tick
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import Bodies
 
 DampingUnit = Literal["rate per length", "rate", "critical"]
 

@@ -8,11 +8,11 @@ a circle between the two walls that end on it, at the points where they are tang
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.state import Ints
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.physics.contacts import Contacts, contact_key
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import Ints
 
 
 @inner_kernel

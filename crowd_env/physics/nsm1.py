@@ -13,8 +13,9 @@ from typing import Literal
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env.checks import POSITIVE, check_fields
+from crowd_env.core.arrays.state import Bodies
+from crowd_env.core.checks import POSITIVE, check_fields
+from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
 from crowd_env.physics.constraints import assemble_no_overlap, restore_impulses, set_impulses, stash_impulses
 from crowd_env.physics.driving_force import Influences, regular_forces
@@ -32,7 +33,6 @@ from crowd_env.physics.step import (
     tick,
 )
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import Bodies
 
 INFO = SchemeInfo(
     name="nsm1",

@@ -16,8 +16,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel, kernel
-from crowd_env.checks import POSITIVE, SHARE, Range, check_fields
+from crowd_env.core.arrays.state import Bodies
+from crowd_env.core.checks import POSITIVE, SHARE, Range, check_fields
+from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
 from crowd_env.physics.constraints import assemble_no_overlap, assemble_percussions, set_impulses
 from crowd_env.physics.driving_force import Influences, regular_forces
@@ -36,7 +37,6 @@ from crowd_env.physics.step import (
     tick,
 )
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import Bodies
 
 INFO = SchemeInfo(
     name="nsm2",

@@ -6,12 +6,12 @@ from typing import Literal
 
 import numpy as np
 
-from crowd_env._kernels.struct_ref import StructRef
-from crowd_env.checks import COUNT, POSITIVE, number, whole
+from crowd_env.core.arrays.state import Bodies
+from crowd_env.core.checks import COUNT, POSITIVE, number, whole
+from crowd_env.core.kernels.struct_ref import StructRef
 from crowd_env.physics.driving_force import Influences, influences
 from crowd_env.physics.social_force import SocialForce, make_social
 from crowd_env.physics.solvers import SolverName, Stopping
-from crowd_env.state import Bodies
 
 # What the kernel of every scheme takes first: batch, dt, n_substeps, env_first, env_stop (see `ContactScheme.advance`), acting.
 Call = tuple[StructRef, float, int, int, int, Influences]

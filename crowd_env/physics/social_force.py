@@ -19,11 +19,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_choice, number
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_choice, number
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.narrow_phase import gap_to_feature
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import Floats
 
 
 class SocialParams(NamedTuple):

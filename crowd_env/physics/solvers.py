@@ -12,9 +12,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.state import Floats, Indices
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.constraints import Constraints, Extent
-from crowd_env.state import Floats, Indices
 
 SolverName = Literal["auto", "gauss-seidel", "accelerated"]
 # The momentum may not exceed 1 - this / sqrt(rows): the slowest motions of a jam are as wide as the jam.  Measured from 300 to

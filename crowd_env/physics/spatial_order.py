@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, kernel
-from crowd_env.clock import DueClock, next_multiple
+from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.core.clock import DueClock, next_multiple
+from crowd_env.core.kernels.jit import index, kernel
 from crowd_env.physics.contacts import Contacts, of_a_contact, order_of_contacts, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.workspace import Batch, Command, Results, set_command
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 MANY = 1000  # people from which on an environment is sorted: fewer lie in the caches anyhow
 EVERY = 0.5  # s

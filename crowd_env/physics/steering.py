@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.navigation.lookup import BLEND, blended_direction, exit_frame, quick_cell, through_exit, way_at
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.walking.decide import decide
 from crowd_env.physics.workspace import LOOKUP_PERIOD, Batch
+from crowd_env.routing.fields.lookup import BLEND, blended_direction, exit_frame, quick_cell, through_exit, way_at
 from crowd_env.routing.rules import apply_rules, notice_regions
-from crowd_env.state import Floats
 
 # Directions are looked up anew after this time: at every step of 0.01 s, at every tenth of 0.001 s.  A look-up costs as much
 # as two contacts, and nobody gets 2 cm further in between.

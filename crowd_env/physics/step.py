@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.bounds import least_radius, speed_limit
 from crowd_env.physics.constraints import Extent
 from crowd_env.physics.narrow_phase import find_contacts

@@ -6,19 +6,19 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._kernels.struct_ref import StructRef, struct_ref
+from crowd_env.core.arrays.headway import Headway, HeadwayParams
+from crowd_env.core.arrays.outline import OutlineParams
+from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
+from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.geometry.wall_grid import WallGrid
-from crowd_env.headway import Headway, HeadwayParams
-from crowd_env.navigation.lookup import FieldArrays
-from crowd_env.outline import OutlineParams
 from crowd_env.physics.constraints import Constraints, allocate_constraints
 from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
 from crowd_env.physics.dem_lanes.buffers import SoABuffers, allocate_buffers
 from crowd_env.physics.dem_lanes.partition import Partition, allocate_partition, count_slabs
 from crowd_env.physics.neighbors.lists import NeighborList, allocate_neighbors, entries_per_person
+from crowd_env.routing.fields.lookup import FieldArrays
 from crowd_env.routing.rules import Guidance
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
 
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 

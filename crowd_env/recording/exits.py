@@ -6,7 +6,7 @@ no time there (`SpeedCalculation.BORDER_ADAPTIVE`).  So there are two.
 
 import numpy as np
 
-from crowd_env.state import Bools, Floats
+from crowd_env.core.arrays.state import Bools, Floats
 
 APRON = 0.6  # m, depth of the ground outside of an exit that rows beyond it lie on
 _LEAST, _MOST = 0.05, 0.5  # m beyond the line, and beyond the place before

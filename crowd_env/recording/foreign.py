@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.recording.recording import Recording
-from crowd_env.state import Floats, Ints, row_starts
 
 _RADIUS = 0.2  # m, where a file says nothing of bodies
 _MARGIN = 0.5  # m, around positions of which no walkable area is known

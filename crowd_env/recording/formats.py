@@ -5,8 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from crowd_env.checks import path as path_of
-from crowd_env.files.atomic import check_suffix
+from crowd_env.core.checks import path as path_of
+from crowd_env.core.files.atomic import check_suffix
 from crowd_env.recording.frames import Head
 from crowd_env.recording.hdf5 import Hdf5Writer, read_hdf5
 from crowd_env.recording.parquet import ParquetWriter, read_parquet

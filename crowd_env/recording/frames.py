@@ -5,16 +5,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.analysis.pressure import contact_pressure
+from crowd_env.core.arrays.headway import plain_manner
+from crowd_env.core.arrays.outline import plain_outline
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.files.versions import versions_of
 from crowd_env.envs.crowd import CrowdEnv
-from crowd_env.files.versions import versions_of
 from crowd_env.geometry.aprons import add_aprons
-from crowd_env.headway import plain_manner
-from crowd_env.outline import plain_outline
+from crowd_env.physics.pressure import contact_pressure
 from crowd_env.recording.contacts import ContactSums
 from crowd_env.recording.exits import APRON, places_beyond
 from crowd_env.recording.recording import FrameContacts
-from crowd_env.state import Bools, Floats, Ints
 
 _AT_REST = 1e-3  # m/s; slower people go on facing as they did
 

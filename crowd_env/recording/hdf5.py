@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.files.atomic import written
+from crowd_env.core.files.atomic import written
 from crowd_env.recording.foreign import recording_of_positions
 from crowd_env.recording.frames import Frame, Head
 from crowd_env.recording.recording import FrameContacts, Recording

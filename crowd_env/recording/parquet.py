@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.files.json_file import read_json, write_json
+from crowd_env.core.arrays.state import Floats, Ints, row_starts
+from crowd_env.core.files.json_file import read_json, write_json
 from crowd_env.recording.frames import Frame, Head
 from crowd_env.recording.recording import FrameContacts, Recording
 from crowd_env.recording.writer import (
@@ -27,7 +28,6 @@ from crowd_env.recording.writer import (
     plain_place,
     read_place,
 )
-from crowd_env.state import Floats, Ints, row_starts
 
 _KEY = b"crowd_env"
 _PAIRS = ("normal", "point", "force")

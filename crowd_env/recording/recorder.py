@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.checks import COUNT, NOT_NEGATIVE, POSITIVE, number, whole
+from crowd_env.core.checks import COUNT, NOT_NEGATIVE, POSITIVE, number, whole
+from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.arguments import parts_of
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.rollout import Driver, rollout
-from crowd_env.files.json_file import json_number
 from crowd_env.recording.formats import check_writable, open_writer
 from crowd_env.recording.frames import Frame, FrameSampler, read_head
 from crowd_env.recording.writer import MemoryWriter, Writer

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.checks import array
-from crowd_env.state import Bools, Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.checks import array
 
 
 class FrameContacts(NamedTuple):

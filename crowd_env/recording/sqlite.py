@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.recording.foreign import recording_of_positions
 from crowd_env.recording.frames import Frame, Head
 from crowd_env.recording.recording import FrameContacts, Recording
@@ -27,7 +28,6 @@ from crowd_env.recording.writer import (
     plain_place,
     read_place,
 )
-from crowd_env.state import Floats, Ints, row_starts
 
 # What JuPedSim and PedPy read.
 _JUPEDSIM = """

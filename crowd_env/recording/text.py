@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from crowd_env.files.foreign import read_text
+from crowd_env.core.files.foreign import read_text
 from crowd_env.recording.foreign import recording_of_positions
 from crowd_env.recording.recording import Recording
 

@@ -7,9 +7,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.recording.frames import Frame, Head
 from crowd_env.recording.recording import FrameContacts, Recording
-from crowd_env.state import Floats, Ints, row_starts
 
 
 class Writer(Protocol):

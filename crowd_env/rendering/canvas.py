@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crowd_env.files.atomic import check_suffix, written
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.files.atomic import check_suffix, written
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import FLOOR, INK, OBSTACLE, QUIET, SERIES, Color
 from crowd_env.rendering.plan import holes_of, shells_of
-from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure, series
 from crowd_env.rendering.palette import INK
-from crowd_env.state import Floats
 
 _WIDTH = 6.0  # inch
 _DPI = 200

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env.outline import Outline
+from crowd_env.core.arrays.outline import Outline
+from crowd_env.core.arrays.state import Floats
 from crowd_env.rendering.palette import darker
 from crowd_env.rendering.plan import Layout
 from crowd_env.rendering.text import Image
-from crowd_env.state import Floats
 
 _DOT = 3.0  # px, discs smaller than this are dots without rim and heading
 _RIM, _RIM_WIDTH = 0.075, (0.8, 3.0)  # of the radius, and px

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure
 from crowd_env.rendering.palette import INK, QUIET, SERIES, Color
-from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

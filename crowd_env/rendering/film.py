@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.files.atomic import check_suffix
+from crowd_env.core.files.atomic import check_suffix
 from crowd_env.rendering.egress import EgressStrip
 from crowd_env.rendering.encoding import write_gif, write_mp4, write_png
 from crowd_env.rendering.frames import Renderer

@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from crowd_env.core.arrays.outline import Outline
+from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.outline import Outline
 from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, group_color, pressure_color
 from crowd_env.rendering.plan import MAT, Layout, draw_plan, fit, round_length
 from crowd_env.rendering.text import Image, put_text, shortened, text_width
-from crowd_env.state import Floats
 
 _STANDING = 0.1  # m/s, slower than this nobody has a heading
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.canvas import draw_floor, draw_lines, hex_of, new_figure, save_figure, show_plan
 from crowd_env.rendering.palette import EXIT, FAINT, INK, QUIET, WALL, Color, blend
-from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

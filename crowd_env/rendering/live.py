@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.analysis.pressure import contact_pressure
+from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.rollout import Driver, rollout
+from crowd_env.physics.pressure import contact_pressure
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.palette import FULL_PRESSURE
 from crowd_env.rendering.recordings import Recording
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Bools, Floats
 
 
 def _pressure(env: CrowdEnv, e: int) -> Floats:

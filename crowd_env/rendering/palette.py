@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowd_env.state import Floats
+from crowd_env.core.arrays.state import Floats
 
 Color = tuple[int, int, int]
 

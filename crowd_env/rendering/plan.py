@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, OBSTACLE, WALL, Color
 from crowd_env.rendering.text import Image
-from crowd_env.state import Floats
 
 _WALL_THICKNESS = 0.11  # m, as drawn; walls of the model have none
 _THIN_WALL = 0.04  # m, walls that are touched from both sides

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env.core.arrays.outline import Outline
+from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.outline import Outline
-from crowd_env.state import Bools, Floats, Ints
 
 
 class Moment(NamedTuple):

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from crowd_env.executors import Executor
+from crowd_env.core.executors import Executor
 from crowd_env.reproduce.result import Progress, Result
 from crowd_env.reproduce.run import Run
 from crowd_env.reproduce.settings import Settings

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from crowd_env.executors import Executor, Serial, WorkerDied
+from crowd_env.core.executors import Executor, Serial, WorkerDied
 from crowd_env.reproduce.result import Progress
 from crowd_env.reproduce.run import AnyRun, Record, Run
 from crowd_env.reproduce.store import Store

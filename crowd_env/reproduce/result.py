@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from crowd_env.files.csv_table import write_csv
-from crowd_env.files.json_file import write_json
+from crowd_env.core.files.csv_table import write_csv
+from crowd_env.core.files.json_file import write_json
 
 Progress = Callable[[int], None]
 

@@ -5,8 +5,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from crowd_env._kernels import jit
-from crowd_env.files.atomic import write_text
+from crowd_env.core.files.atomic import write_text
+from crowd_env.core.kernels import jit
 from crowd_env.reproduce.run import Record, Run
 
 _FORM = 1  # of the files

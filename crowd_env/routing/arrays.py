@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crowd_env.navigation.field import NavigationField
+from crowd_env.core.arrays.state import Ints, row_starts
+from crowd_env.routing.fields.field import NavigationField
 from crowd_env.routing.regions import region_masks
 from crowd_env.routing.route_set import RouteSet
 from crowd_env.routing.rules import MOST_REGIONS, Guidance, RegionArrays, RuleArrays
-from crowd_env.state import Ints, row_starts
 
 _REGION_CELL = 0.05  # m
 _REGION_CELLS = 4e6  # a place of more than 100 m x 100 m gets larger ones

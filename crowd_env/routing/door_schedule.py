@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.clock import DueClock, next_multiple
+from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.core.clock import DueClock, next_multiple
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.spec import DoorEvent
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
 
 CHECK_EVERY = 0.1  # s
 

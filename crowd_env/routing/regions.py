@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.directions import regions_on_the_way
-from crowd_env.navigation.field import NavigationField
-from crowd_env.state import Floats, Ints
+from crowd_env.routing.fields.directions import regions_on_the_way
+from crowd_env.routing.fields.field import NavigationField
 
 
 def region_masks(geometry: Geometry, points: Floats) -> Ints:

@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.clock import DueClock
+from crowd_env.core.arrays.state import Bodies, CrowdState, Floats, Ints
+from crowd_env.core.clock import DueClock
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.navigation.field import NavigationField, join_fields, rows_in_batch
-from crowd_env.navigation.fundamental_diagram import FundamentalDiagram
-from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.routing.arrays import add_fields, join_routes
+from crowd_env.routing.fields.field import NavigationField, join_fields, rows_in_batch
+from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram
+from crowd_env.routing.fields.lookup import FieldArrays
 from crowd_env.routing.route_set import RouteSet
-from crowd_env.state import Bodies, CrowdState, Floats, Ints
 
 Place = RouteSet | NavigationField | None
 

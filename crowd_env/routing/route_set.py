@@ -7,17 +7,17 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env.checks import known
+from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.checks import known
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.congestion import CongestionField
-from crowd_env.navigation.extension import carried_along
-from crowd_env.navigation.field import NavigationField, OneWay, straight_field, travel_time_field
+from crowd_env.routing.fields.congestion import CongestionField
+from crowd_env.routing.fields.extension import carried_along
+from crowd_env.routing.fields.field import NavigationField, OneWay, straight_field, travel_time_field
 from crowd_env.routing.regions import region_masks, regions_along
 from crowd_env.routing.rules import MOST_REGIONS
 from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedMap, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
-from crowd_env.state import Floats, Ints
 
 Target = Literal["path", "nearest", "centre", "width"]
 _MARGINS = {"nearest": float("nan"), "centre": float("inf"), "width": 0.0}

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import inner_kernel
-from crowd_env.navigation.lookup import FieldArrays
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.core.kernels.jit import inner_kernel
+from crowd_env.routing.fields.lookup import FieldArrays
 
 MOST_REGIONS = 62  # bits of a mask
 

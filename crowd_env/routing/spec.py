@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from crowd_env.checks import NOT_NEGATIVE, check_fields, known, shown
+from crowd_env.core.checks import NOT_NEGATIVE, check_fields, known, shown
 from crowd_env.routing.strategies import OF_ROUTES
 
 OUT = "out"  # name of the route that everyone knows: all exits

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, shown
+from crowd_env.core.arrays.state import MAX_SPEED, Floats
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, shown
 from crowd_env.geometry.geometry import Boundary, Geometry
-from crowd_env.state import MAX_SPEED, Floats
 
 _NOT_GIVEN = float("nan")
 

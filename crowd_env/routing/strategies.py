@@ -6,8 +6,8 @@ Each is a travel-time field by fast marching with a speed map of its own.  A new
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.routing.speed_map import SpeedMap
-from crowd_env.state import Floats
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Strategy:
     ----------
     about : what it means, in a few words.
     speed : speed (rows, cols) relative to plain floor, of a speed map at nodes (rows, cols, 2); None = plain floor everywhere.
-    follows_crowd : the field is found anew with the speed that the crowd leaves, see `crowd_env.navigation.congestion`.
+    follows_crowd : the field is found anew with the speed that the crowd leaves, see `crowd_env.routing.fields.congestion`.
     per_exit : there is a route to every exit, and everyone keeps to the one that is shortest from where they start.
     """
 

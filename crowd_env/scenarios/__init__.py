@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from crowd_env.checks import refuse
-from crowd_env.plans.reading import PLANS, is_plan
+from crowd_env.core.checks import refuse
 from crowd_env.scenarios.file.reading import SUFFIXES, ScenarioFile
 from crowd_env.scenarios.floor_plan import scenario_from_plan
+from crowd_env.scenarios.plans.reading import PLANS, is_plan
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.shipped.rooms import lin_room, room
 from crowd_env.scenarios.shipped.theatre import theatre

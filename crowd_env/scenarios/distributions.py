@@ -6,8 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from crowd_env.checks import check_fields
-from crowd_env.state import Floats
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import check_fields
 
 _LEAST_SHARE = 0.01  # of what is drawn has to lie within the bounds: what lies outside is drawn again
 

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.checks import texts
-from crowd_env.files.csv_table import read_table
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import texts
+from crowd_env.core.files.csv_table import read_table
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.domain import require_grid
-from crowd_env.plans.floor_plan import FloorPlan
-from crowd_env.plans.reading import read_plan
+from crowd_env.routing.fields.domain import require_grid
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.groups import Groups, People, as_people
+from crowd_env.scenarios.plans.floor_plan import FloorPlan
+from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Floats
 
 PEOPLE = 20  # on a plan that does not say how many
 TIME_LIMIT = 300.0  # s
@@ -35,7 +35,7 @@ def scenario_from_plan(
     blocked_after: float = np.inf,
     target: Target = "path",
 ) -> Scenario:
-    """Return a scenario on a floor plan in a file of any kind that `crowd_env.plans` reads.
+    """Return a scenario on a floor plan in a file of any kind that `crowd_env.scenarios.plans` reads.
 
     Parameters
     ----------

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import inner_kernel, kernel
-from crowd_env.checks import known
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.checks import known
+from crowd_env.core.kernels.jit import inner_kernel, kernel
 from crowd_env.geometry.geometry import Boundary, Geometry
-from crowd_env.state import Bools, Floats, Ints
 
 # Equal discs cannot cover more of the plane than a hexagonal packing does.
 CLOSEST_PACKING = np.pi / np.sqrt(12.0)

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.checks import number, refuse
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import number, refuse
 from crowd_env.scenarios.distributions import Distribution
 from crowd_env.scenarios.file.errors import validate
-from crowd_env.state import Floats
 
 
 def as_distribution(where: str, name: str, value: Any) -> Distribution:

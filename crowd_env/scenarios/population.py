@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, from_table, known, whole
+from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, make_bodies
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, from_table, known, whole
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform
 from crowd_env.scenarios.placement import CLOSEST_PACKING, sample_positions
 from crowd_env.scenarios.plain_data import as_distribution, as_positions
 from crowd_env.scenarios.starts import check_starts
-from crowd_env.state import MAX_SPEED, MOTIVATION, Bodies, Floats, make_bodies
 
 __all__ = ["Distribution", "LogNormal", "Normal", "Population", "Uniform"]
 

@@ -4,19 +4,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from crowd_env.checks import POSITIVE, Range, check_fields, flag, shown
+from crowd_env.core.arrays.headway import Headway, Manner, make_manner
+from crowd_env.core.arrays.outline import BodyShape, Outline, make_outline, room_of
+from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, shown
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.headway import Headway, Manner, make_manner
-from crowd_env.navigation.domain import require_grid
-from crowd_env.navigation.field import NavigationField, OneWay
-from crowd_env.outline import BodyShape, Outline, make_outline, room_of
+from crowd_env.routing.fields.domain import require_grid
+from crowd_env.routing.fields.field import NavigationField, OneWay
 from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
 from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios.groups import People, as_people
 from crowd_env.scenarios.population import Population, require_names, require_room
-from crowd_env.state import Floats, Ints
 
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import kernel
+from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.state import Floats, Ints
 
 
 def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:

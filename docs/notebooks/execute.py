@@ -21,7 +21,7 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 from nbformat import NotebookNode
 
-from crowd_env.files.atomic import write_text
+from crowd_env.core.files.atomic import write_text
 
 FOLDER = Path(__file__).resolve().parent
 ROOT = FOLDER.parents[1]

@@ -12,7 +12,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecMonitor
 
 from crowd_env import CrowdEnv
-from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
+from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 
 # 30 people and a door that passes one at a time: if everybody presses, they block it; who waits for a turn gets out sooner.
 ROOM = {

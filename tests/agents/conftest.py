@@ -3,7 +3,7 @@
 import pytest
 from evaluations import SMALL
 
-from agents import evaluate
+from crowd_env.cli.agents import evaluate
 from crowd_env.cli.place import read_place
 
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from agents import POLICIES, ShortestPath, make_policy
-from agents.evaluation.evaluation import HELD_OUT_SEED, evaluate
-from agents.evaluation.report import comparison_table
-from agents.runs import new_folder, versions
 from crowd_env import SCHEMES, make_scenario
+from crowd_env.agents import POLICIES, ShortestPath, make_policy
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate
+from crowd_env.agents.evaluation.report import comparison_table
+from crowd_env.agents.runs import new_folder, versions
+from crowd_env.analysis.results.report import report
+from crowd_env.core.files.json_file import read_json, write_json
 from crowd_env.envs.rollout import run_episodes
-from crowd_env.files.json_file import read_json, write_json
-from crowd_env.results.report import report
 
 SMALL = make_scenario("room-v0", count=6, time_limit=8.0)
 

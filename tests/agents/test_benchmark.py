@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from agents.benchmark import __main__ as command
-from agents.benchmark import job as jobs
-from agents.benchmark.algorithms import ALGORITHMS, Algorithm
-from agents.benchmark.job import Job, Plan, checkpoint, do
-from agents.benchmark.statistics import bootstrap_interval, interquartile_mean, performance_profile
-from agents.benchmark.summary import summarize, table
-from agents.evaluation.entries import make_entries
-from agents.evolved import Evolved
-from agents.rules import ShortestPath
-from agents.tasks import make_task
+from crowd_env.agents.benchmark import job as jobs
+from crowd_env.agents.benchmark.algorithms import ALGORITHMS, Algorithm
+from crowd_env.agents.benchmark.job import Job, Plan, checkpoint, do
+from crowd_env.agents.benchmark.statistics import bootstrap_interval, interquartile_mean, performance_profile
+from crowd_env.agents.benchmark.summary import summarize, table
+from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.evolved import Evolved
+from crowd_env.agents.rules import ShortestPath
+from crowd_env.agents.tasks import make_task
+from crowd_env.cli.agents import benchmark as command
 
 TEN = [70.38, 69.6, 71.92, 70.31, 68.39, 71.08, 73.91, 72.84, 67.89, 66.2]
 FIVE = [61.38, 62.04, 59.67, 61.78, 60.75]
@@ -182,7 +182,7 @@ def test_tables_have_the_soonest_that_always_clears_first():
     assert [line.split("`")[1] for line in table(rows).splitlines()[2:]] == ["fast", "slow", "stuck"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_algorithm_trains_for_a_moment(tmp_path):
     args = ("--task", "room", "--seeds", 1, "--minutes", 0.02, "--checkpoints", 1, "--validation-runs", 2, "--runs", 2)
     code, out, err = call(*args, "--baselines", "rule", "--out", tmp_path)

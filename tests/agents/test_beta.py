@@ -5,15 +5,15 @@ import pytest
 import scipy.stats
 import torch
 
-from agents.learned import PPOSettings, make_ppo
-from agents.learned.beta import BetaActions, bias_at
-from agents.learned.export import network_of, plain
-from agents.learned.networks import NeighborAttention, layers
-from agents.learned.training import env_options_of
-from agents.networks import MLP, Attention, BetaMLP, read_network
-from agents.networks.beta import LEAST
-from agents.trained import LearnedPolicy
 from crowd_env import CrowdEnv, ObservationLayout
+from crowd_env.agents.learned import PPOSettings, make_ppo
+from crowd_env.agents.learned.beta import BetaActions, bias_at
+from crowd_env.agents.learned.export import network_of, plain
+from crowd_env.agents.learned.networks import NeighborAttention, layers
+from crowd_env.agents.learned.training import env_options_of
+from crowd_env.agents.networks import MLP, Attention, BetaMLP, read_network
+from crowd_env.agents.networks.beta import LEAST
+from crowd_env.agents.trained import LearnedPolicy
 from crowd_env.envs.observation.terms import USUAL
 
 RNG = np.random.default_rng(0)

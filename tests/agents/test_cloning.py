@@ -7,13 +7,13 @@ pytest.importorskip("stable_baselines3")
 
 from training_runs import call
 
-from agents import make_policy
-from agents.learned import PPOSettings, cloning, make_ppo
-from agents.learned.export import network_of
-from agents.learned.training import env_options_of
-from agents.trained import LearnedPolicy
-from agents.training_config import make_env, task_config
 from crowd_env import CrowdEnv
+from crowd_env.agents import make_policy
+from crowd_env.agents.learned import PPOSettings, cloning, make_ppo
+from crowd_env.agents.learned.export import network_of
+from crowd_env.agents.learned.training import env_options_of
+from crowd_env.agents.trained import LearnedPolicy
+from crowd_env.agents.training_config import make_env, task_config
 
 SPEEDS = {"name": "speeds", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]}
 

@@ -11,10 +11,21 @@ import pytest
 from repository import ROOT
 
 ray = pytest.importorskip("ray", reason="Ray is not installed: an environment of its own has it, see docs/ray.md")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 POLICIES = ("rule", "rule-best-speed", "random", "follow")
-EVALUATE = ("-m", "agents.evaluate", "--task", "narrow-door", "--people", "30", "--policies", *POLICIES, "--runs", "60")
+EVALUATE = (
+    "-m",
+    "crowd_env.cli.agents.evaluate",
+    "--task",
+    "narrow-door",
+    "--people",
+    "30",
+    "--policies",
+    *POLICIES,
+    "--runs",
+    "60",
+)
 ALONE = {"RAY_ADDRESS": "local"}  # a cluster of this test, whatever else runs on the machine
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from evaluations import hall, made_up, run
 
-from agents.controllers import FixedSplit
-from agents.evaluation.comparison import kendall_tau, last_times, mean_times, paired, ranking, ratio
-from agents.evaluation.report import ranking_lines
-from agents.evaluation.routing import evaluate_controller
+from crowd_env.agents.controllers import FixedSplit
+from crowd_env.agents.evaluation.comparison import kendall_tau, last_times, mean_times, paired, ranking, ratio
+from crowd_env.agents.evaluation.report import ranking_lines
+from crowd_env.agents.evaluation.routing import evaluate_controller
 
 
 def test_paired_differences_by_hand():

@@ -9,10 +9,10 @@ pytest.importorskip("stable_baselines3")
 
 from training_runs import curve
 
-from agents import learn
-from agents.learned import confirmation
-from agents.learned.confirmation import confirm, kept_row
-from agents.learned.training import CURVE_COLUMNS, write_curve
+from crowd_env.agents.learned import confirmation
+from crowd_env.agents.learned.confirmation import confirm, kept_row
+from crowd_env.agents.learned.training import CURVE_COLUMNS, write_curve
+from crowd_env.cli.agents import learn
 
 ROOM = {"task": "room"}
 
@@ -129,14 +129,14 @@ def test_a_run_whose_start_did_best_is_asked_nothing(run, monkeypatch):
 
 def test_both_lead_the_crowd_of_the_task_on_draws_that_nobody_has_seen(tmp_path, monkeypatch):
     """A start that stands still loses against walking; the draws begin at 3,000,000, not at those of validation."""
-    from agents.evaluation import evaluation
-    from agents.networks import network_digest
-    from agents.training_config import task_config
+    from crowd_env.agents.evaluation import evaluation
+    from crowd_env.agents.networks import network_digest
+    from crowd_env.agents.training_config import task_config
 
     monkeypatch.setattr(confirmation, "DRAWS", 2)
     seeds, run_cells = [], evaluation.evaluate_cells
     monkeypatch.setattr(
-        "agents.evaluation.same_draws.evaluate_cells",
+        "crowd_env.agents.evaluation.same_draws.evaluate_cells",
         lambda cells, **options: (seeds.append((options["first_seed"], options["runs"])), run_cells(cells, **options)),
     )
     config = task_config("room", 3, envs=2, steps=700) | {"eval_every": 10**6, "eval_runs": 2}

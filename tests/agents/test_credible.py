@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from evaluations import call, hall, run
 
-from agents import POLICIES
-from agents.evaluation.credible import credibility
-from agents.evaluation.protocol import credible_lines
-from agents.rules import ShortestPath
-from agents.tasks import TASKS, Task
-from agents.tasks.floors import exit_widths, touching_flow
 from crowd_env import Uniform, make_scheme
+from crowd_env.agents import POLICIES
+from crowd_env.agents.evaluation.credible import credibility
+from crowd_env.agents.evaluation.protocol import credible_lines
+from crowd_env.agents.rules import ShortestPath
+from crowd_env.agents.tasks import TASKS, Task
+from crowd_env.agents.tasks.floors import exit_widths, touching_flow
 
 ROOM = {"scenario": "room-v0", "options": {"side": 5.0, "door_width": 0.8}, "people": 20, "scheme": "dem", "dt": 0.01}
 SMALL = Task("small", "a door", **ROOM, time_limit=30.0, blocked_after=20.0, runs=4, frozen="")

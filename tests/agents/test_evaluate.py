@@ -13,14 +13,14 @@ from evaluations import NAMES, RULED, SMALL, call, made_up, run
 from repository import ROOT
 from rich.console import Console
 
-from agents.controllers import FixedSplit, RandomController
-from agents.drivers import SAMPLE, ControllerDriver
-from agents.evaluation.entries import make_entries
-from agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
-from agents.evaluation.folder import _curves
-from agents.evaluation.report import crowding_table, exits_table, left_table, times_table
-from agents.evaluation.routing import evaluate_controller
 from crowd_env import CrowdEnv
+from crowd_env.agents.controllers import FixedSplit, RandomController
+from crowd_env.agents.drivers import SAMPLE, ControllerDriver
+from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
+from crowd_env.agents.evaluation.folder import _curves
+from crowd_env.agents.evaluation.report import crowding_table, exits_table, left_table, times_table
+from crowd_env.agents.evaluation.routing import evaluate_controller
 from crowd_env.envs.routing.batch import RoutingBatch
 
 # ------------------------------------------------------------------------------------------------------- the same draws
@@ -222,11 +222,11 @@ def test_a_folder_that_cannot_be_written_is_said_in_one_line(tmp_path):
         assert words in err
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_command_as_it_is_written(tmp_path):
     words = (
         f"--scenario room-v0 --policies shortest fastest stand-still --schemes dem nsm2 --runs 2 --out {tmp_path}/out"
     )
-    program = [sys.executable, "-m", "agents.evaluate", *words.split()]
+    program = [sys.executable, "-m", "crowd_env.cli.agents.evaluate", *words.split()]
     result = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=True)
     assert "fastest" in result.stdout and "The order is" in result.stdout

@@ -11,16 +11,16 @@ import pytest
 from evaluations import RULED, SMALL, call, hall, random_network, random_policy, run
 
 import crowd_env
-from agents.evaluation import evaluation
-from agents.evaluation.entries import make_entries
-from agents.evaluation.evaluation import HELD_OUT_SEED
-from agents.evaluation.fingerprint import source_stamp
-from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.evaluation.routing import evaluate_controller
-from agents.trained import LearnedController
 from crowd_env import SCHEMES, DoorEvent, Groups, Normal, SpeedZone, Uniform, make_scenario
+from crowd_env.agents.evaluation import evaluation
+from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
+from crowd_env.agents.evaluation.fingerprint import source_stamp
+from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
+from crowd_env.agents.evaluation.routing import evaluate_controller
+from crowd_env.agents.trained import LearnedController
+from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.envs.routing.batch import RoutingBatch
-from crowd_env.files.fingerprint import fingerprint
 from crowd_env.geometry.geometry import box
 from crowd_env.physics import SocialForce
 
@@ -164,7 +164,7 @@ def test_what_other_code_or_another_scheme_computed_is_computed_anew(kept, monke
     folder, entry, _ = kept
     assert folder.load(entry, "nsm2") is not None
     with monkeypatch.context() as patch:
-        patch.setattr("agents.evaluation.folder.source_stamp", lambda: "other")
+        patch.setattr("crowd_env.agents.evaluation.folder.source_stamp", lambda: "other")
         assert folder.load(entry, "nsm2") is None
     monkeypatch.setitem(SCHEMES, "nsm2", replace(SCHEMES["nsm2"], social=SocialForce()))
     assert folder.load(entry, "nsm2") is None

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from evaluations import hall
 
-from agents import Evolved
-from agents.evaluation.evaluation import HELD_OUT_SEED
-from agents.learned import evolution
-from agents.learned.evolution import SEARCHED, EvolutionSettings, clearing_times, decisions, evolve
 from crowd_env import CrowdEnv
+from crowd_env.agents import Evolved
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
+from crowd_env.agents.learned import evolution
+from crowd_env.agents.learned.evolution import SEARCHED, EvolutionSettings, clearing_times, decisions, evolve
 from crowd_env.envs.rollout import run_episodes
 
 OPTIONS = {"scheme": "nsm2", "dt": 0.01, "decision_dt": 0.1}

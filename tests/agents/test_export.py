@@ -10,10 +10,10 @@ from evaluations import random_network, random_policy
 from typer import Typer
 from typer.testing import CliRunner
 
-from agents import export
-from agents.networks import MLP
-from agents.trained import LearnedController, LearnedPolicy
 from crowd_env import ObservationLayout
+from crowd_env.agents.networks import MLP
+from crowd_env.agents.trained import LearnedController, LearnedPolicy
+from crowd_env.cli.agents import export
 from crowd_env.envs.action import make_action
 
 LAYOUT = ObservationLayout(terms=("direction", "neighbors"), neighbors=3)
@@ -111,7 +111,7 @@ import sys
 for name in ("torch", "stable_baselines3"):
     sys.modules[name] = None
 from pathlib import Path
-from agents.export import main
+from crowd_env.cli.agents.export import main
 main({(tmp_path / "a.safetensors").as_posix()!r}, Path({(tmp_path / "a.onnx").as_posix()!r}))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from evaluations import SMALL, call, hall, run
 
-from agents.controllers import RandomController
-from agents.evaluation.evaluation import evaluate
-from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.evaluation.routing import evaluate_controller
-from agents.rules import StrategyPolicy
 from crowd_env import MANNERS
+from crowd_env.agents.controllers import RandomController
+from crowd_env.agents.evaluation.evaluation import evaluate
+from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
+from crowd_env.agents.evaluation.routing import evaluate_controller
+from crowd_env.agents.rules import StrategyPolicy
 
 CALM = hall(manner="calm")
 
@@ -55,8 +55,8 @@ def test_the_command_takes_a_manner_and_prints_it():
 
 def test_training_keeps_its_manner():
     pytest.importorskip("stable_baselines3")
-    from agents.learned.ppo import PPOSettings
-    from agents.training_config import check_config, default_config, extended, make_env
+    from crowd_env.agents.learned.ppo import PPOSettings
+    from crowd_env.agents.training_config import check_config, default_config, extended, make_env
 
     usual = default_config("room-v0", "nsm2", 0, 2, 100, 1.0)
     calm = default_config("room-v0", "nsm2", 0, 2, 100, 1.0, manner="calm")
@@ -73,8 +73,8 @@ def test_a_policy_in_training_is_evaluated_in_its_manner(tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3")
     from training_runs import tiny
 
-    from agents import learn
-    from agents.networks import read_network
+    from crowd_env.agents.networks import read_network
+    from crowd_env.cli.agents import learn
 
     seen = []
 
@@ -82,7 +82,7 @@ def test_a_policy_in_training_is_evaluated_in_its_manner(tmp_path, monkeypatch):
         seen.append(options["manner"])
         return evaluate(policy, scenario, **options)
 
-    monkeypatch.setattr("agents.learned.training.evaluate", spy)
+    monkeypatch.setattr("crowd_env.agents.learned.training.evaluate", spy)
     folder = tmp_path / "run"
     assert learn.train(folder, tiny(folder, manner="calm", steps=1500, eval_runs=1))
     assert seen and set(seen) == {"calm"}
@@ -90,9 +90,9 @@ def test_a_policy_in_training_is_evaluated_in_its_manner(tmp_path, monkeypatch):
 
 
 def test_a_controller_is_judged_in_the_manner_of_the_evaluation(tmp_path):
-    from agents.evaluation.entries import make_entries
-    from agents.networks import MLP
-    from agents.trained import LearnedController
+    from crowd_env.agents.evaluation.entries import make_entries
+    from crowd_env.agents.networks import MLP
+    from crowd_env.agents.trained import LearnedController
     from crowd_env.envs.routing.batch import RoutingBatch
 
     batch = RoutingBatch(SMALL)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from evaluations import SMALL, call, hall, random_network, run
 
-from agents.drivers import learned_people
-from agents.evaluation.entries import make_entries
-from agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
-from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.trained import LearnedController
+from crowd_env.agents.drivers import learned_people
+from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
+from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
+from crowd_env.agents.trained import LearnedController
 from crowd_env.envs.routing.batch import RoutingBatch
 
 

@@ -5,12 +5,12 @@ import json
 import pytest
 from evaluations import call, hall
 
-from agents.controllers import RandomController
-from agents.evaluation.evaluation import evaluate
-from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.evaluation.routing import evaluate_controller
-from agents.rules import StrategyPolicy
 from crowd_env import OUTLINES
+from crowd_env.agents.controllers import RandomController
+from crowd_env.agents.evaluation.evaluation import evaluate
+from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
+from crowd_env.agents.evaluation.routing import evaluate_controller
+from crowd_env.agents.rules import StrategyPolicy
 
 
 def test_a_folder_holds_one_outline(tmp_path):
@@ -40,9 +40,9 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3")
     from training_runs import tiny
 
-    from agents import learn
-    from agents.networks import read_network
-    from agents.training_config import check_config, default_config, extended, make_env
+    from crowd_env.agents.networks import read_network
+    from crowd_env.agents.training_config import check_config, default_config, extended, make_env
+    from crowd_env.cli.agents import learn
 
     usual = default_config("room-v0", "hertz", 0, 2, 100, 1.0)
     torso = default_config("room-v0", "hertz", 0, 2, 100, 1.0, outline="torso")
@@ -59,7 +59,7 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
         seen.append(options["outline"])
         return evaluate(policy, scenario, **options)
 
-    monkeypatch.setattr("agents.learned.training.evaluate", spy)
+    monkeypatch.setattr("crowd_env.agents.learned.training.evaluate", spy)
     assert learn.train(folder, tiny(folder, scheme="hertz", dt=0.001, outline="torso", steps=1500, eval_runs=1))
     assert seen and set(seen) == {"torso"}
     assert read_network(folder / "best.safetensors")[1]["trained"]["outline"] == "torso"

@@ -12,16 +12,16 @@ from repository import ROOT
 
 ray = pytest.importorskip("ray", reason="Ray is not installed: an environment of its own has it, see docs/ray.md")
 pytest.importorskip("ray.rllib", reason="RLlib is not installed: pip install 'ray[rllib]'")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 import torch  # noqa: E402
 
-from agents.learned.ppo import PPOSettings  # noqa: E402
-from agents.learned.rllib import training  # noqa: E402  (these load RLlib)
-from agents.learned.rllib.runner import _Seen  # noqa: E402
-from agents.trained import LearnedPolicy  # noqa: E402
-from agents.training_config import make_env, task_config  # noqa: E402
-from crowd_env.files.json_file import write_json  # noqa: E402
+from crowd_env.agents.learned.ppo import PPOSettings  # noqa: E402
+from crowd_env.agents.learned.rllib import training  # noqa: E402  (these load RLlib)
+from crowd_env.agents.learned.rllib.runner import _Seen  # noqa: E402
+from crowd_env.agents.trained import LearnedPolicy  # noqa: E402
+from crowd_env.agents.training_config import make_env, task_config  # noqa: E402
+from crowd_env.core.files.json_file import write_json  # noqa: E402
 
 MEMORY = {"object_store_memory": 150_000_000}
 
@@ -117,7 +117,7 @@ def test_it_begins_as_the_native_training(kind):
     from ray.rllib.algorithms.ppo.torch.default_ppo_torch_rl_module import DefaultPPOTorchRLModule
     from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 
-    from agents.learned.rllib.module import first_policy, model_config, policy_in, state_with
+    from crowd_env.agents.learned.rllib.module import first_policy, model_config, policy_in, state_with
 
     settings = PPOSettings(**config()["ppo"] | {"rule_logit": 2.0})
     told = config(action=kind, start="rule", ppo=asdict(settings))

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from evaluations import call
 
-from agents.tasks import PRESETS, TASKS, Task
-from agents.tasks.variations import AS_IT_STANDS, VARIATIONS, variations
+from crowd_env.agents.tasks import PRESETS, TASKS, Task
+from crowd_env.agents.tasks.variations import AS_IT_STANDS, VARIATIONS, variations
 
 ROOM = {"scenario": "room-v0", "options": {"side": 4.0, "door_width": 1.2}, "people": 4, "scheme": "nsm2", "dt": 0.01}
 SMALL = Task("small", "four people", **ROOM, time_limit=20.0, blocked_after=5.0, runs=3, frozen="")

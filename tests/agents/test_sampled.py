@@ -5,9 +5,9 @@ import pytest
 from evaluations import call, random_network, random_policy
 from typer.testing import CliRunner
 
-from agents import submit
-from agents.trained import LearnedController, LearnedPolicy, load_trained
 from crowd_env import ObservationLayout
+from crowd_env.agents.trained import LearnedController, LearnedPolicy, load_trained
+from crowd_env.cli.agents import submit
 
 LAYOUT = ObservationLayout()
 MANY = np.tile(np.random.default_rng(1).uniform(-1.0, 1.0, LAYOUT.size).astype(np.float32), (20_000, 1))

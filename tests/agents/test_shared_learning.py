@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned.actor_critic import attention, central, collect, losses, train_actor_critic
-from agents.learned.batch import Decided, SceneBatch
-from agents.learned.dqn import DQNSettings, Replay, Returns, Transitions, train_dqn
-from agents.learned.networks import CentralCritic, NeighborAttention
-from agents.learned.ppo import PPOSettings
-from agents.learned.watch import Watch
 from crowd_env import CrowdEnv, ObservationLayout
+from crowd_env.agents.learned.actor_critic import attention, central, collect, losses, train_actor_critic
+from crowd_env.agents.learned.batch import Decided, SceneBatch
+from crowd_env.agents.learned.dqn import DQNSettings, Replay, Returns, Transitions, train_dqn
+from crowd_env.agents.learned.networks import CentralCritic, NeighborAttention
+from crowd_env.agents.learned.ppo import PPOSettings
+from crowd_env.agents.learned.watch import Watch
 from crowd_env.envs.observation.terms import USUAL
 
 TERMS = (*USUAL, "ahead", "lead")
@@ -204,7 +204,7 @@ def test_double_dqn_begins_at_the_rule_and_learns():
 
 def test_a_watch_judges_at_the_start_and_the_end_and_keeps_the_best(monkeypatch):
     now = iter(np.arange(0.0, 1000.0, 0.5))
-    monkeypatch.setattr("agents.learned.watch.time.process_time", lambda: float(next(now)))
+    monkeypatch.setattr("crowd_env.agents.learned.watch.time.process_time", lambda: float(next(now)))
     judged = []
 
     def judge(policy):

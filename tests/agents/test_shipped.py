@@ -10,14 +10,14 @@ from evaluations import random_network
 from typer import Typer
 from typer.testing import CliRunner
 
-import agents
-from agents import PRETRAINED, load, make_policy, ship
-from agents.evaluation.entries import make_entries
-from agents.networks import network_digest
-from agents.tasks import TASKS, make_task
-from agents.trained import LearnedController, LearnedPolicy
-from crowd_env import ObservationLayout
-from crowd_env.files.json_file import read_json, write_json
+from crowd_env import ObservationLayout, agents
+from crowd_env.agents import PRETRAINED, load, make_policy
+from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.networks import network_digest
+from crowd_env.agents.tasks import TASKS, make_task
+from crowd_env.agents.trained import LearnedController, LearnedPolicy
+from crowd_env.cli.agents import ship
+from crowd_env.core.files.json_file import read_json, write_json
 
 LAYOUT = ObservationLayout(terms=("direction", "neighbors"), neighbors=2)
 ROOM = TASKS["room"]
@@ -197,9 +197,9 @@ def test_what_cannot_be_shipped_is_refused_in_one_sentence(run, folder, name, ha
 
 def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
     pytest.importorskip("stable_baselines3")
-    from agents import learn
-    from agents.evaluation import trained_run
-    from agents.training_config import task_config
+    from crowd_env.agents.evaluation import trained_run
+    from crowd_env.agents.training_config import task_config
+    from crowd_env.cli.agents import learn
 
     monkeypatch.setattr(trained_run, "_OF_TASK", ("rule",))
     run = tmp_path / "runs/room"

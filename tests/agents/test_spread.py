@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from evaluations import SMALL, call
 
-from agents.evaluation.entries import make_entries
-from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.evaluation.same_draws import compare
+from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
+from crowd_env.agents.evaluation.same_draws import compare
 
 
 class Elsewhere:

@@ -8,10 +8,10 @@ import pytest
 from evaluations import random_policy
 from typer.testing import CliRunner
 
-from agents import submit
-from agents.evaluation.submission import read_submission, write_submission
-from agents.networks import network_digest
-from agents.tasks import TASKS, Task
+from crowd_env.agents.evaluation.submission import read_submission, write_submission
+from crowd_env.agents.networks import network_digest
+from crowd_env.agents.tasks import TASKS, Task
+from crowd_env.cli.agents import submit
 
 ROOM = {"scenario": "room-v0", "options": {"side": 4.0, "door_width": 1.2}, "people": 4, "scheme": "nsm2", "dt": 0.01}
 SMALL = Task("small", "four people", **ROOM, time_limit=20.0, blocked_after=5.0, runs=3, frozen="")

@@ -9,14 +9,14 @@ import pytest
 from evaluations import call, made_up, random_network, random_policy, run
 from rich.console import Console
 
-from agents.evaluation.entries import make_entries
-from agents.evaluation.evaluation import HELD_OUT_SEED
-from agents.evaluation.folder import EvaluationFolder, settings_of
-from agents.evaluation.protocol import task_row, task_table
-from agents.tasks import TASKS, Task
-from agents.tasks import task as module
-from agents.trained import LearnedController
 from crowd_env import Uniform, make_scenario, make_scheme
+from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
+from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
+from crowd_env.agents.evaluation.protocol import task_row, task_table
+from crowd_env.agents.tasks import TASKS, Task
+from crowd_env.agents.tasks import task as module
+from crowd_env.agents.trained import LearnedController
 from crowd_env.envs.routing.batch import RoutingBatch
 
 ROOM = {"scenario": "room-v0", "options": {"side": 4.0, "door_width": 1.2}, "people": 4, "scheme": "nsm2", "dt": 0.01}

@@ -16,18 +16,19 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.logger import Logger
 from training_runs import call, checkpoint, curve, tiny
 
-from agents import learn, make_policy
-from agents.evaluation.comparison import last_times, minus_first
-from agents.evaluation.evaluation import evaluate
-from agents.learned.callback import saturation
-from agents.learned.rate import FallingRate
-from agents.learned.training import CURVE_COLUMNS, PolicyCallback
-from agents.networks import read_network
-from agents.tasks import PRESETS, TASKS
-from agents.training_config import make_env
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
-from crowd_env.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
+from crowd_env.agents import make_policy
+from crowd_env.agents.evaluation.comparison import last_times, minus_first
+from crowd_env.agents.evaluation.evaluation import evaluate
+from crowd_env.agents.learned.callback import saturation
+from crowd_env.agents.learned.rate import FallingRate
+from crowd_env.agents.learned.training import CURVE_COLUMNS, PolicyCallback
+from crowd_env.agents.networks import read_network
+from crowd_env.agents.tasks import PRESETS, TASKS
+from crowd_env.agents.training_config import make_env
+from crowd_env.cli.agents import learn
 from crowd_env.envs.action import make_action
+from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 
 # ------------------------------------------------------------------------------------------------------ the whole job
 
@@ -130,9 +131,9 @@ def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monke
 
     monkeypatch.setitem(SCENARIOS, "small-room", lambda: make_scenario("room-v0", count=3, time_limit=6.0))
     monkeypatch.setattr(Simulation, "__init__", watched)
-    monkeypatch.setattr("agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
+    monkeypatch.setattr("crowd_env.agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
     monkeypatch.setattr(learn, "default_config", smaller)
-    monkeypatch.setattr("agents.training_config.default_config", smaller)
+    monkeypatch.setattr("crowd_env.agents.training_config.default_config", smaller)
     result = call(*asked, "--scenario", "room-v0", "--steps", 20, "--envs", 1, "--runs", 1, "--root", tmp_path)
     assert result.exit_code == 0, result.output
     assert seen == {dt}
@@ -268,9 +269,9 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
         seen.append((dt, self.bodies.env_start[1]))
 
     monkeypatch.setattr(Simulation, "__init__", watched)
-    monkeypatch.setattr("agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
-    monkeypatch.setattr("agents.drivers.SHARES", (1.0,))
-    monkeypatch.setattr("agents.drivers.SEARCH_RUNS", 1)
+    monkeypatch.setattr("crowd_env.agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
+    monkeypatch.setattr("crowd_env.agents.drivers.SHARES", (1.0,))
+    monkeypatch.setattr("crowd_env.agents.drivers.SEARCH_RUNS", 1)
     options = ("--task", "literal-room", "--people", 6, "--steps", 700, "--envs", 1, "--runs", 1, "--threads", 1)
     result = call(*options, "--root", tmp_path)
     assert result.exit_code == 0, result.output

@@ -19,9 +19,10 @@ import torch
 from repository import ROOT
 from training_runs import call, checkpoint, curve, tiny
 
-from agents import learn, make_policy
 from crowd_env import CrowdEnv
-from crowd_env.files.json_file import write_json
+from crowd_env.agents import make_policy
+from crowd_env.cli.agents import learn
+from crowd_env.core.files.json_file import write_json
 
 
 def test_training_goes_on_from_the_checkpoint_with_other_draws(tmp_path, monkeypatch):
@@ -162,7 +163,7 @@ def test_the_folder_of_an_earlier_version_is_refused(root, new, old):
     assert result.exit_code == 2 and "earlier version" in result.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_and_a_request_to_end_save_a_checkpoint_and_say_how_to_go_on(tmp_path, number):

@@ -9,13 +9,13 @@ import pytest
 from routing_places import corridor, hall
 from typer.testing import CliRunner
 
-from agents import train_routing as command
-from agents.controllers import FixedSplit, RandomController
-from agents.evaluation.comparison import last_times, mean_times, paired
-from agents.evaluation.evaluation import Evaluation
-from agents.evaluation.routing import evaluate_controller
-from agents.trained import LearnedController
 from crowd_env import SCENARIOS, CrowdEnv
+from crowd_env.agents.controllers import FixedSplit, RandomController
+from crowd_env.agents.evaluation.comparison import last_times, mean_times, paired
+from crowd_env.agents.evaluation.evaluation import Evaluation
+from crowd_env.agents.evaluation.routing import evaluate_controller
+from crowd_env.agents.trained import LearnedController
+from crowd_env.cli.agents import train_routing as command
 from crowd_env.envs.routing.env import RoutingVectorEnv
 
 
@@ -46,7 +46,7 @@ def options(monkeypatch):
 
 
 def test_training_is_repeatable_and_keeps_its_best(tmp_path, options):
-    from agents.learned.routing import FINAL_SEED, train_controller
+    from crowd_env.agents.learned.routing import FINAL_SEED, train_controller
 
     curves = []
     for name in ("one", "two"):
@@ -66,8 +66,8 @@ def test_training_is_repeatable_and_keeps_its_best(tmp_path, options):
 
 
 def test_the_numbers_choose_as_the_model_does(options):
-    from agents.learned.export import network_of
-    from agents.learned.routing import RoutingSettings, make_routing_ppo
+    from crowd_env.agents.learned.export import network_of
+    from crowd_env.agents.learned.routing import RoutingSettings, make_routing_ppo
 
     env = RoutingVectorEnv(hall(), num_envs=2, grid=(4, 2))
     model = make_routing_ppo(env, RoutingSettings(), seed=0)
@@ -78,7 +78,7 @@ def test_the_numbers_choose_as_the_model_does(options):
 
 def scripted_evaluations(monkeypatch, first, again):
     """Let judgements give the times in ``first``, and those of finalists in ``again``."""
-    from agents.learned import routing
+    from crowd_env.agents.learned import routing
 
     times = {routing.VALIDATION_SEED: iter(first), routing.FINAL_SEED: iter(again)}
     blank = CrowdEnv(hall(count=1)).metrics(0)._replace(unfinished=0)
@@ -101,7 +101,7 @@ def test_the_best_controller_of_many_draws_is_kept_not_the_luckiest_of_few(tmp_p
 
 
 def test_an_interrupted_training_keeps_its_best_and_ends(tmp_path, options, monkeypatch):
-    from agents.learned import routing
+    from crowd_env.agents.learned import routing
 
     def interrupt(self):
         if self.num_timesteps >= 20:
@@ -115,7 +115,7 @@ def test_an_interrupted_training_keeps_its_best_and_ends(tmp_path, options, monk
 
 
 def test_the_learning_rate_stays_above_zero_beyond_the_budget(tmp_path, options, monkeypatch):
-    from agents.learned import routing
+    from crowd_env.agents.learned import routing
 
     rates, update = [], routing.PPO._update_learning_rate
 
@@ -136,7 +136,7 @@ def test_where_someone_is_left_inside_the_time_limit_counts():
 
 
 def test_an_untrained_controller_sends_people_to_the_nearest_exit(options):
-    from agents.learned.routing import RoutingSettings, make_routing_ppo
+    from crowd_env.agents.learned.routing import RoutingSettings, make_routing_ppo
 
     env = RoutingVectorEnv(hall(), num_envs=1, grid=(4, 2))
     model = make_routing_ppo(env, RoutingSettings(), seed=0)
@@ -160,7 +160,7 @@ def call(*arguments):
 @pytest.fixture
 def quick(monkeypatch, options):
     """Judge on few draws while training."""
-    from agents.learned import routing
+    from crowd_env.agents.learned import routing
 
     init = routing.ControllerCallback.__init__
     monkeypatch.setattr(
@@ -195,7 +195,7 @@ def test_one_run_has_no_interval_and_is_no_error(tmp_path, quick):
 
 def test_a_controller_is_trained_and_judged_on_a_floor_plan(tmp_path, quick):
     """Its file is evaluated on the plan with the exits that are named then."""
-    from agents import evaluate
+    from crowd_env.cli.agents import evaluate
 
     plan = tmp_path / "hall.wkt"
     plan.write_text("POLYGON ((0 0, 800 0, 800 400, 0 400, 0 0))")  # in cm
@@ -256,7 +256,7 @@ def test_what_was_judged_before_an_interrupt_is_kept(tmp_path, quick, monkeypatc
 
 
 def test_an_interrupt_while_training_ends_at_once_and_says_what_there_is(tmp_path, quick, monkeypatch):
-    from agents.learned import routing
+    from crowd_env.agents.learned import routing
 
     monkeypatch.setattr(
         routing.ControllerCallback, "_on_step", lambda self: os.kill(os.getpid(), signal.SIGINT) or True
@@ -264,13 +264,13 @@ def test_an_interrupt_while_training_ends_at_once_and_says_what_there_is(tmp_pat
     monkeypatch.setattr(command, "evaluate_controller", lambda *args, **more: pytest.fail("it goes on judging"))
     told = call(*SMALL, "--runs", 2, "--out", tmp_path / "run")
     assert told.exit_code == 130
-    assert "agents.evaluate" in told.stderr and "run/best.safetensors" in told.stderr
+    assert "crowd-env evaluate" in told.stderr and "run/best.safetensors" in told.stderr
     assert LearnedController.load(tmp_path / "run" / "best.safetensors")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_minute_of_training_beats_the_random_controller(tmp_path, options):
-    from agents.learned.routing import train_controller
+    from crowd_env.agents.learned.routing import train_controller
 
     options = {"scenario": "small-hall", "count": 100}
     train_controller(tmp_path, options, envs=16, steps=20_000, seconds=60.0, seed=0, eval_every=4096, eval_runs=20)

@@ -13,11 +13,11 @@ from evaluations import SMALL, call, random_network, random_policy
 from safetensors import safe_open
 from safetensors.numpy import save
 
-from agents import make_policy
-from agents.evaluation.evaluation import evaluate
-from agents.networks import MLP, read_network, write_network
-from agents.trained import LearnedController, LearnedPolicy, load_trained
 from crowd_env import CrowdEnv, ObservationLayout
+from crowd_env.agents import make_policy
+from crowd_env.agents.evaluation.evaluation import evaluate
+from crowd_env.agents.networks import MLP, read_network, write_network
+from crowd_env.agents.trained import LearnedController, LearnedPolicy, load_trained
 from crowd_env.envs.action import make_action
 
 NARROW = ObservationLayout(terms=("direction", "neighbors"), neighbors=2)
@@ -192,7 +192,7 @@ def test_a_flipped_bit_is_refused_or_harmless(tmp_path):
 
 def test_a_file_too_large_is_not_opened(tmp_path, monkeypatch):
     random_policy().save(tmp_path / "a.safetensors")
-    monkeypatch.setattr("agents.networks.file._MOST_BYTES", 1000)
+    monkeypatch.setattr("crowd_env.agents.networks.file._MOST_BYTES", 1000)
     with pytest.raises(ValueError, match=r"a\.safetensors .* bytes; at most 1000 are read"):
         make_policy(str(tmp_path / "a.safetensors"))
 
@@ -242,7 +242,7 @@ def test_a_policy_is_no_controller_nor_the_other_way_round(tmp_path):
 def model():
     """Return an untrained PPO model and its environment."""
     pytest.importorskip("stable_baselines3")
-    from agents.learned import PPOSettings, make_ppo
+    from crowd_env.agents.learned import PPOSettings, make_ppo
 
     env = CrowdEnv(SMALL, autoreset=True, frame="world", observation=NARROW)
     return make_ppo(env, PPOSettings(), seed=0)
@@ -317,9 +317,9 @@ def test_a_trusted_pickle_is_read_and_can_be_saved_as_numbers(model, tmp_path):
 def test_the_numbers_act_as_the_model_does(action, tmp_path):
     """Without torch, to 1e-6; weights far from zero, so that tanh bends and bounds cut."""
     torch = pytest.importorskip("torch")
-    from agents.learned import PPOSettings, make_ppo
-    from agents.learned.export import network_of
-    from agents.learned.training import env_options_of
+    from crowd_env.agents.learned import PPOSettings, make_ppo
+    from crowd_env.agents.learned.export import network_of
+    from crowd_env.agents.learned.training import env_options_of
 
     env = CrowdEnv(SMALL, autoreset=True, action=action)
     model = make_ppo(env, PPOSettings(), seed=3)
@@ -346,7 +346,7 @@ def test_acting_needs_no_torch(tmp_path):
 import sys
 for name in ("torch", "stable_baselines3"):
     sys.modules[name] = None
-from agents import evaluate
+from crowd_env.cli.agents import evaluate
 sys.exit(evaluate.app(["--runs", "1", "--policies", "{(tmp_path / "a.safetensors").as_posix()}", "--json"]))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

@@ -7,12 +7,12 @@ import pytest
 from evaluations import call, hall, run
 from repository import ROOT
 
-from agents import POLICIES, DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, Zipper
-from agents.drivers import PolicyDriver, best_share
-from agents.evaluation.entries import make_entries
-from agents.evaluation.evaluation import evaluate
-from agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env import CrowdEnv, ObservationLayout
+from crowd_env.agents import POLICIES, DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, Zipper
+from crowd_env.agents.drivers import PolicyDriver, best_share
+from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.evaluation.evaluation import evaluate
+from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.envs.rollout import run_episodes
 
 RULES = (RuleAtShare(1.0), DensityCap(), HeadwayRule(), Follow(), Evolved(), Zipper())
@@ -205,7 +205,7 @@ def test_a_share_that_is_neither_given_nor_searched_for_is_refused():
 
 
 def test_the_best_share_is_full_speed_where_nothing_is_in_the_way(monkeypatch):
-    monkeypatch.setattr("agents.drivers.SEARCH_RUNS", 2)
+    monkeypatch.setattr("crowd_env.agents.drivers.SEARCH_RUNS", 2)
     assert best_share(hall(1)) == 1.0
 
 
@@ -220,7 +220,7 @@ def test_the_best_share_is_the_one_after_which_slower_takes_longer(monkeypatch):
         last = np.nan if share == 1.0 else 10.0 + abs(share - 0.7)
         return [episode._replace(metrics=episode.metrics._replace(evacuation_time=last))]
 
-    monkeypatch.setattr("agents.drivers.run_episodes", made_up)
+    monkeypatch.setattr("crowd_env.agents.drivers.run_episodes", made_up)
     assert best_share(hall(1)) == 0.7
     assert tried == [1.0, 0.9, 0.8, 0.7, 0.6]
 

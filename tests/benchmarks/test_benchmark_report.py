@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import cli, report
 from benchmarks.measuring import Row
-from crowd_env.files.atomic import write_text
+from crowd_env.core.files.atomic import write_text
 
 
 def test_the_page_has_a_place_for_every_case_and_nothing_is_lost(tmp_path, monkeypatch):

@@ -155,7 +155,7 @@ def test_roofline(quick_probes, tmp_path):
     drawn(rows, "roofline", tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_probes():
     assert probes.bandwidth(1000, 1) > 0
     assert probes.arithmetic(1) > 0
@@ -208,7 +208,7 @@ def test_cold_says_what_went_wrong(monkeypatch):
         cold.rows(TINY)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_cold_with_a_real_process():
     check(cold.rows(TINY))
 

@@ -8,14 +8,14 @@ import pytest
 from commands import call
 
 from crowd_env.cli import evacuations
-from crowd_env.files.claim import claimed
+from crowd_env.core.files.claim import claimed
 
 RUN = "run room-v0 --n 3 --runs 1 --scheme dem"
 # Takes a lock, says so, and waits until it is killed.
 HOLDS = """
 import sys, time
 from pathlib import Path
-from crowd_env.files.claim import claimed
+from crowd_env.core.files.claim import claimed
 with claimed(Path(sys.argv[1])) as ours:
     print(ours, flush=True)
     time.sleep(600)
@@ -70,7 +70,7 @@ def test_where_there_are_no_locks_it_is_said_and_gone_on(error, tmp_path, monkey
     def no_locks(_):
         raise error
 
-    monkeypatch.setattr("crowd_env.files.claim._lock", no_locks)
+    monkeypatch.setattr("crowd_env.core.files.claim._lock", no_locks)
     told = call(f"{RUN} --out {tmp_path / 'out'}")
     assert told.exit_code == 0 and (tmp_path / "out" / "runs.csv").exists()
     expected = f"note: {tmp_path / 'out'} has no file locks: see to it that no other command writes there"

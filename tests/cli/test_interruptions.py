@@ -12,10 +12,11 @@ import pytest
 import typer
 from commands import call
 
+from crowd_env.analysis.results.tally import Tally
 from crowd_env.cli import evacuations
 from crowd_env.cli import reproduce as command
-from crowd_env.cli.console import counted, friendly_errors
-from crowd_env.results.tally import Tally
+from crowd_env.core.checks import counted
+from crowd_env.core.console import friendly_errors
 
 
 def ctrl_c():

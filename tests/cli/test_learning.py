@@ -7,7 +7,7 @@ import pytest
 from commands import call
 from repository import ROOT
 
-from crowd_env.cli.learning import COMMANDS
+from crowd_env.cli.agents import COMMANDS
 
 
 def test_help_lists_them():
@@ -31,6 +31,6 @@ def test_a_mistake_is_told_as_everywhere():
 
 def test_other_commands_do_not_load_them():
     program = "import sys; from crowd_env.cli.main import app; app(['schema'], standalone_mode=False); "
-    program += "print([name for name in sys.modules if name.partition('.')[0] == 'agents'], file=sys.stderr)"
+    program += "print([name for name in sys.modules if name.startswith('crowd_env.agents')], file=sys.stderr)"
     result = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
     assert result.stderr.strip().endswith("[]")

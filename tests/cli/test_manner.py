@@ -7,8 +7,8 @@ from clogging_samples import needs_powerlaw
 from commands import call, figures
 
 from crowd_env import MANNERS, CrowdEnv
-from crowd_env.cli.console import run_title, with_manner
 from crowd_env.scenarios import make_scenario
+from crowd_env.scenarios.titles import run_title, with_manner
 
 PLACE = """
 manner = { time_gap = 0.7 }

@@ -5,9 +5,9 @@ import json
 import pytest
 from commands import call, figures
 
+from crowd_env.analysis.results.tally import Tally
 from crowd_env.cli import evacuations
 from crowd_env.envs.rollout import RunsInterrupted, run_episodes
-from crowd_env.results.tally import Tally
 
 RUN = "run two-exit-hall-v0 --scheme dem --n 6 --seed 3"
 FILES = {"config.json", "exits.csv", "nt.csv", "nt.png", "runs.csv", "summary.json"}
@@ -110,7 +110,7 @@ def test_a_full_disk_loses_no_figures(monkeypatch, tmp_path):
     def full(folder, *_):
         raise OSError(28, "No space left on device", str(folder / "exits.csv"))
 
-    monkeypatch.setattr("crowd_env.results.folder.write_tables", full)
+    monkeypatch.setattr("crowd_env.analysis.results.folder.write_tables", full)
     result = call(f"{RUN} --runs 3 --out {tmp_path} --json")
     assert result.exit_code == 2 and json.loads(result.stdout)["runs"] == 3
     assert result.stderr.splitlines() == [

@@ -99,7 +99,7 @@ def test_the_same_seed_learns_the_same(capsys):
     assert capsys.readouterr().out.count("of 120 people still inside at the end") == 6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_it_learns_to_let_others_go_first(monkeypatch, capsys):
     for name, value in (("count", 30), ("time_limit", 40.0)):
         monkeypatch.setitem(example.ROOM, name, value)

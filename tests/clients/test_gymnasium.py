@@ -70,7 +70,7 @@ def test_wrappers_of_observations_want_another_way_of_restarting(wrapper):
         getattr(wrappers, wrapper)(same_step)
 
 
-@pytest.mark.slow  # two processes load the compiled kernels
+@pytest.mark.nightly  # two processes load the compiled kernels
 def test_processes_of_their_own_tell_the_same():
     told = [
         subprocess.run(

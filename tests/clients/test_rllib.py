@@ -8,7 +8,7 @@ example = client_example("rllib", "torch", "ray", "ray.rllib")
 
 import ray  # noqa: E402
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 @pytest.fixture(scope="module", autouse=True)

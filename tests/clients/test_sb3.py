@@ -10,7 +10,7 @@ from stable_baselines3 import DQN  # noqa: E402
 from stable_baselines3.common.callbacks import BaseCallback  # noqa: E402
 
 from crowd_env import CrowdEnv  # noqa: E402
-from crowd_env.adapters.sb3 import CrowdVecEnv  # noqa: E402
+from crowd_env.envs.adapters.sb3 import CrowdVecEnv  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -31,7 +31,7 @@ def test_commands_do_what_they_are_shown_for(block, monkeypatch, tmp_path):
     assert ended is None or ended, "nothing was to be evaluated: the commands were run in full"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_strategies_are_compared_under_all_schemes(monkeypatch, tmp_path):
     (block,) = [block for block in blocks("console") if named(block.page) == "docs/routing.md"]
     run_block(block, monkeypatch, tmp_path)

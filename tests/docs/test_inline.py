@@ -15,12 +15,12 @@ from crowd_env.cli.main import app
 
 # Programs that are called as `python -m NAME` -> the module with its command line.
 COMMAND_LINES = {
-    "agents.benchmark": "agents.benchmark.__main__",
+    "crowd_env.agents.benchmark": "crowd_env.cli.agents.benchmark",
     "benchmarks": "benchmarks.cli",
     "validation": "validation.cli",
 }
 # Target of make -> the module that takes its ARGS.
-MADE_BY = {"train": "agents.learn", "map": "validation", "bench": "benchmarks"}
+MADE_BY = {"train": "crowd_env.cli.agents.learn", "map": "validation", "bench": "benchmarks"}
 STANDS_FOR_MORE = re.compile(r"\.\.\.|\[|\|")  # "crowd-env run ... --film out.mp4", "[--json]", "FILE.sqlite|.h5"
 
 OF_AN_EXAMPLE = "crowd-env reproduce two-fig1 --width 1.2"  # of a paper that the block above it has made up
@@ -79,7 +79,7 @@ def test_commands_in_sentences_are_understood(page):
                     check_words(application(module), rest)
             case ["python" | "python3", script, *rest] if script.endswith(".py"):
                 assert script == "train.py" and (ROOT / script).exists(), sentence
-                check_words(application("agents.learn"), rest)
+                check_words(application("crowd_env.cli.agents.learn"), rest)
             case ["make", target, *variables]:
                 check_make(words)
                 for one in variables:

@@ -30,9 +30,9 @@ def test_examples_run(name, monkeypatch, tmp_path):
     if name == "own_policy":
         example.main(runs=1)
     elif name == "shipped_policy":
-        from agents import load
-        from agents.evaluation.evaluation import evaluate
-        from agents.tasks import make_task
+        from crowd_env.agents import load
+        from crowd_env.agents.evaluation.evaluation import evaluate
+        from crowd_env.agents.tasks import make_task
 
         task = make_task("competitive-door")
         judged = evaluate(load("competitive-door/ppo"), task.place(8), scheme=task.scheme, runs=1, dt=task.dt)

@@ -11,7 +11,7 @@ from repository import ROOT
 from shown import blocks, called, named
 
 from crowd_env import SCHEMES, ObservationLayout
-from crowd_env.replay.pack import Column, pack
+from crowd_env.rendering.replay.pack import Column, pack
 
 ARCHITECTURE, REPLAY = "docs/architecture.md", "docs/replay.md"
 

@@ -63,7 +63,7 @@ def called(environment, folder, *words):
     return subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_wheel_tells_an_index_what_it_needs(wheel):
     with zipfile.ZipFile(wheel) as file:
         names = file.namelist()
@@ -76,7 +76,7 @@ def test_the_wheel_tells_an_index_what_it_needs(wheel):
     assert "# crowd_env" in text and "<img" not in text and not re.search(LOCAL, text)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_first_commands_of_the_readme_work_where_the_wheel_is_installed(environment, tmp_path):
     """In an empty folder, with the `crowd_env` of the wheel, and `agents` in it; kernels are compiled anew."""
     where = called(environment, tmp_path, "python", "-c", "import crowd_env.agents; print(crowd_env.__file__)")

@@ -7,9 +7,9 @@ import pytest
 from shapely.geometry import box
 
 from crowd_env import ControlRule, CrowdEnv, DoorEvent, Geometry, Population, Route, Scenario, Uniform
-from crowd_env.navigation.extension import carried_along
-from crowd_env.navigation.field import join_fields, travel_time_field
-from crowd_env.navigation.lookup import travel_time_at
+from crowd_env.routing.fields.extension import carried_along
+from crowd_env.routing.fields.field import join_fields, travel_time_field
+from crowd_env.routing.fields.lookup import travel_time_at
 
 EXITS = {"west": [(0, 1), (0, 3)], "east": [(12, 1), (12, 3)]}
 DOORS = {"west door": "west", "east door": "east"}

@@ -9,13 +9,13 @@ from refusals import refuses
 
 import crowd_env
 from crowd_env import MANNERS, CrowdEnv, Headway, make_scenario
+from crowd_env.analysis.results.report import report
 from crowd_env.envs.parallel import env as aec_env
 from crowd_env.envs.rollout import run_episodes
-from crowd_env.results.report import report
 
 
 def sb3(**options):
-    from crowd_env.adapters.sb3 import CrowdVecEnv
+    from crowd_env.envs.adapters.sb3 import CrowdVecEnv
 
     return CrowdVecEnv(CrowdEnv("room-v0", autoreset=True, **options))
 

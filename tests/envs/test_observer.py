@@ -14,7 +14,7 @@ from crowd_env import (
     Scenario,
     make_scenario,
 )
-from crowd_env._kernels.struct_ref import struct_ref
+from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.observation.terms import TERMS
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)

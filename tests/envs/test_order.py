@@ -6,7 +6,7 @@ from crowds import cluttered
 
 from crowd_env import CrowdEnv, ObservationLayout, Population, Scenario, Uniform, make_scenario
 from crowd_env.envs.observation.terms import TERMS, USUAL
-from crowd_env.navigation.lookup import direction_at, travel_time_at
+from crowd_env.routing.fields.lookup import direction_at, travel_time_at
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
 LAYOUT = ObservationLayout(("lead", "ahead", "neighbors"), neighbors=4)

@@ -10,9 +10,9 @@ from shapely.geometry import box
 
 import crowd_env
 from crowd_env import OUTLINES, CrowdEnv, Geometry, Groups, Outline, Population, Scenario, make_scenario
+from crowd_env.analysis.results.report import report
 from crowd_env.envs.parallel import env as aec_env
 from crowd_env.envs.rollout import run_episodes
-from crowd_env.results.report import report
 from crowd_env.scenarios.starts import closest_pair
 
 TORSO = OUTLINES["torso"]
@@ -20,7 +20,7 @@ ROOM = {"side": 6.0, "scheme": "hertz"}
 
 
 def sb3(**options):
-    from crowd_env.adapters.sb3 import CrowdVecEnv
+    from crowd_env.envs.adapters.sb3 import CrowdVecEnv
 
     return CrowdVecEnv(CrowdEnv("room-v0", autoreset=True, **options))
 

@@ -5,10 +5,10 @@ import pytest
 from evacuations import evacuated
 
 from crowd_env import CrowdEnv, EpisodeMetrics, RewardWeights, make_scenario
-from crowd_env._kernels.struct_ref import struct_ref
+from crowd_env.core.arrays.state import make_bodies, make_state
+from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.metrics import flow_slope, summarise
 from crowd_env.envs.reward import REWARDS, RewardFunction, Transition
-from crowd_env.state import make_bodies, make_state
 
 TERMS = tuple(REWARDS)
 

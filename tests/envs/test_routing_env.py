@@ -263,7 +263,7 @@ def test_a_frame_shows_the_hall():
 
 
 def test_stable_baselines3_sees_each_row_as_an_environment():
-    sb3 = pytest.importorskip("crowd_env.adapters.sb3")
+    sb3 = pytest.importorskip("crowd_env.envs.adapters.sb3")
     venv, twin = sb3.VectorVecEnv(RoutingVectorEnv(SMALL, num_envs=2)), RoutingVectorEnv(SMALL, num_envs=2)
     venv.seed(3)
     np.testing.assert_array_equal(venv.reset(), twin.reset(seed=3)[0])
@@ -286,7 +286,7 @@ def test_stable_baselines3_sees_each_row_as_an_environment():
 
 
 def test_a_slot_cut_off_at_the_time_limit_says_so():
-    sb3 = pytest.importorskip("crowd_env.adapters.sb3")
+    sb3 = pytest.importorskip("crowd_env.envs.adapters.sb3")
     venv = sb3.VectorVecEnv(RoutingVectorEnv(SMALL, num_envs=2, time_limit=2.0))
     venv.reset()
     _, _, done, infos = venv.step(np.zeros((2, 8), dtype=int))

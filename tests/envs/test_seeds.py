@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
+import crowd_env.physics.simulation.simulation
 import crowd_env.physics.spatial_order
-import crowd_env.simulation.simulation
 from crowd_env import CrowdEnv, Geometry, Population, Scenario, make_scenario
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.workspace import allocate_workspace
@@ -186,7 +186,9 @@ def test_memory_that_runs_full_in_the_midst_of_a_step_changes_nothing(scheme, dt
 
     def found(per_person):
         monkeypatch.setattr(
-            crowd_env.simulation.simulation, "allocate_workspace", partial(allocate_workspace, per_person=per_person)
+            crowd_env.physics.simulation.simulation,
+            "allocate_workspace",
+            partial(allocate_workspace, per_person=per_person),
         )
         env = CrowdEnv(scene, scheme=scheme, dt=min(dt, SCHEMES[scheme].info.default_dt), frame="world")
         before = len(env.simulation.workspace.neighbors.contact_distance)

@@ -8,7 +8,7 @@ from shapely.geometry import box
 
 import crowd_env.geometry.wall_grid
 from crowd_env import Geometry
-from crowd_env._kernels.jit import kernel
+from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import join_boundaries
 from crowd_env.geometry.wall_grid import is_hidden, make_wall_grid, no_wall_grid, walls_near
 

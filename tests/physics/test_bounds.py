@@ -19,10 +19,10 @@ from crowd_env import (
     make_bodies,
     make_state,
 )
-from crowd_env._kernels.struct_ref import struct_ref
+from crowd_env.core.arrays.state import MAX_SPEED
+from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.physics import SCHEMES
-from crowd_env.state import MAX_SPEED
 
 RADIUS = 0.2
 ROOM = Geometry.from_polygon([(0, 0), (4, 0), (4, 3), (0, 3)], exits={"e": [(4, 1.9), (4, 2.9)]})
@@ -297,7 +297,7 @@ def test_the_printed_law_is_kept_under_its_name_and_ends_in_bounds_or_in_words()
     assert speeds["nsm2"] < 9.0 < speeds["nsm2-printed"] <= MAX_SPEED * (1 + 1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", [name for name in SCHEMES if name != "nsm2-printed"])
 def test_soak(name):
     # 1e7 pedestrian-steps: halls of 500 to 5000 people, 2 to 4 /m2, doors of 0.8 to 4 m.

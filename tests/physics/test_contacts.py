@@ -7,10 +7,10 @@ import pytest
 from crowds import PLANS, every_scheme, half_plane, people, plain, scatter, tight, touches
 from shapely.geometry import box
 
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import NSM1, SCHEMES, Hertz
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
+from crowd_env.physics.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.kernels
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
+from crowd_env.physics.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.kernels
 STIFFNESS = 1.2e5  # N/m

@@ -8,10 +8,10 @@ import shapely
 from crowds import crowd_in, half_plane, plain
 
 from crowd_env import CrowdEnv
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, SCHEMES, make_scheme
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
+from crowd_env.physics.simulation.simulation import Simulation
 
 LIMIT = 300.0  # N
 DRIVEN = [name for name in SCHEMES if name != "nsm1"]

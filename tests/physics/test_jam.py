@@ -13,10 +13,10 @@ from crowds import copied, people, scatter, tight, touches
 from scipy import sparse
 from shapely.geometry import box
 
+from crowd_env.core.arrays.state import make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import NSM1, NSM2, SCHEMES
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_state
+from crowd_env.physics.simulation.simulation import Simulation
 
 DT = 0.01
 SIDE = {20: 5.0, 100: 9.0, 1000: 24.0}
@@ -188,7 +188,7 @@ PROBLEMS = {
         (100, "gauss-seidel"),
         (100, "accelerated"),
         (1000, "accelerated"),
-        pytest.param(1000, "gauss-seidel", marks=pytest.mark.slow),
+        pytest.param(1000, "gauss-seidel", marks=pytest.mark.nightly),
     ],
 )
 @pytest.mark.parametrize("place", ["corner", "door"])

@@ -10,17 +10,17 @@ from scipy.spatial import cKDTree
 from shapely.geometry import box
 
 import crowd_env.physics.spatial_order
-from crowd_env._kernels.struct_ref import struct_ref
+from crowd_env.core.arrays.state import make_bodies, make_state
+from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.lookup import direction_at
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.dem_lanes.partition import SLABS, count_slabs
 from crowd_env.physics.neighbors.lists import invalidate_lists
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.physics.workspace import allocate_workspace
+from crowd_env.routing.fields.lookup import direction_at
 from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import Route
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
 
 
 def crowd(name, count, *, density=None, environments=1, seed=0, **options):
@@ -114,7 +114,7 @@ def test_threads_that_share_a_crowd_stop_together_when_memory_runs_full_or_every
     # Two large crowds and a small place for the list of neighbors: kernels return in the middle of the call.
     expected = crowd("dem", 4200, environments=2)
     monkeypatch.setattr(
-        crowd_env.simulation.simulation, "allocate_workspace", partial(allocate_workspace, per_person=1)
+        crowd_env.physics.simulation.simulation, "allocate_workspace", partial(allocate_workspace, per_person=1)
     )
     shared = crowd("dem", 4200, environments=2, threads=3)
     for simulation in (expected, shared):

@@ -19,10 +19,10 @@ from crowds import (
     tight,
 )
 
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM2, SCHEMES, Hertz, make_scheme
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
+from crowd_env.physics.simulation.simulation import Simulation
 
 # Every scheme as it comes, and one with friction.
 LAWS = {**SCHEMES, "nsm2-rough": NSM2(tangential_dissipation=60.0)}

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from crowds import half_plane, kinetic_energy, plain, tight
 
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics import DEM, NSM1, NSM2
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
+from crowd_env.physics.simulation.simulation import Simulation
 
 RADIUS = 0.3
 MASS = 300 * np.pi * RADIUS**2

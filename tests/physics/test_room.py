@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from crowds import joined
 
+from crowd_env.core.arrays.state import make_state
 from crowd_env.envs.metrics import flow_slope
 from crowd_env.physics import SCHEMES
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.scenarios import make_scenario
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_state
 
 DRAWS = 50
 FLOW = {"dem": 2.80, "nsm1": 4.81, "nsm1-inertial": 2.70, "nsm2": 2.39}  # 1/s

@@ -9,11 +9,11 @@ from crowds import GRAIN_SCHEMES, every_scheme, kinetic_energy, people, scatter,
 from shapely.geometry import box
 
 from crowd_env import Geometry, Population, Scenario
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.physics import NSM1, SCHEMES
 from crowd_env.physics.scheme import IterativeScheme
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
+from crowd_env.physics.simulation.simulation import Simulation
 
 RHO, RADIUS = 0.15, 0.2
 BLOCK = Geometry.from_polygon(box(0, 0, 6, 6), obstacles=[box(2, 2, 4, 4)], jamb_radius=RHO)

@@ -6,12 +6,12 @@ import pytest
 from crowds import people, scatter
 from shapely.geometry import box
 
+from crowd_env.core.arrays.state import make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import NSM1, NSM2, constraints, solvers
 from crowd_env.physics.constraints import Extent, allocate_constraints
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.physics.solvers import Stopping
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_state
 
 DT = 0.01
 

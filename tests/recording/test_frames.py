@@ -8,8 +8,8 @@ import pytest
 from recordings import CASES, two_doors
 
 from crowd_env import CrowdEnv, contact_pressure, make_scenario
+from crowd_env.core.executors import Processes
 from crowd_env.envs.rollout import Together, run_episodes
-from crowd_env.executors import Processes
 from crowd_env.recording import RunRecorder, load, record
 from crowd_env.recording.exits import APRON, places_beyond
 

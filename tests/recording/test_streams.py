@@ -135,7 +135,7 @@ def peak_of(suffix, people, frames, folder):
 
 
 @pytest.mark.parametrize("suffix", WRITTEN)
-@pytest.mark.parametrize("people", [6_000, pytest.param(100_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("people", [6_000, pytest.param(100_000, marks=pytest.mark.nightly)])
 def test_memory_does_not_grow_with_the_run(suffix, people, tmp_path):
     peak_of(suffix, 100, 2, tmp_path)  # libraries are loaded
     short, long = (peak_of(suffix, people, frames, tmp_path) for frames in (3, 12))

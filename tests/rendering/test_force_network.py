@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from crowd_env.analysis.pressure import ContactForces, contact_forces, mean_contact_forces
 from crowd_env.cli.main import app
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.rollout import rollout
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM1, NSM2, Hertz
+from crowd_env.physics.pressure import ContactForces, contact_forces, mean_contact_forces
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.rendering import forces_of_run, write_force_network
 from crowd_env.rendering.forces.moment import LoadRecorder
 from crowd_env.rendering.forces.network import force_network_figure
 from crowd_env.rendering.palette import WALL
 from crowd_env.scenarios import make_scenario
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
 
 pytest.importorskip("matplotlib")
 

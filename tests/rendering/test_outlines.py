@@ -7,13 +7,13 @@ from outlined_crowds import TORSO, bodies_as_shapes, grains
 from shapely.geometry import box
 
 from crowd_env import CrowdEnv, Geometry
-from crowd_env.analysis.pressure import contact_forces
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics.hertz import Hertz
+from crowd_env.physics.pressure import contact_forces
 from crowd_env.rendering.forces.network import force_network_figure
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.live import draw_env, record
 from crowd_env.scenarios import make_scenario
-from crowd_env.state import make_bodies, make_state
 
 ROOM = Geometry.from_polygon(box(0, 0, 4, 3))
 

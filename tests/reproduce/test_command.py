@@ -8,7 +8,7 @@ from reproductions import PNG, call, check_files, reported
 from typer.testing import CliRunner
 
 from crowd_env.cli.reproduce import reproduce
-from crowd_env.files.atomic import written
+from crowd_env.core.files.atomic import written
 from crowd_env.reproduce import FIGURES, Row
 from crowd_env.reproduce.lin2016.run import Run
 
@@ -173,7 +173,7 @@ def test_an_interruption_leaves_old_files_and_no_pieces(tmp_path, results):
         yield ("first",)
         raise KeyboardInterrupt
 
-    from crowd_env.files.csv_table import write_csv
+    from crowd_env.core.files.csv_table import write_csv
 
     with pytest.raises(KeyboardInterrupt):
         write_csv(tmp_path / "table3.csv", ("name",), interrupted())
@@ -217,7 +217,7 @@ def test_a_row_says_how_far_it_is_from_the_paper(paper, here, unit, shown, diffe
     assert (row.shown(), row.difference()) == (shown, difference)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_all_runs_everything(folder):
     object = reported("all --runs 2 --n 8")
     assert object["name"] == "all" and object["options"] == {"n": 8}

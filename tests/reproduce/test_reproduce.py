@@ -264,7 +264,7 @@ def test_progress_adds_up():
         assert sum(counts) == FIGURES[name].steps(settings), name
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_table_5_is_reproduced_to_ten_percent_with_the_defaults(results):
     rows = {row.quantity: row for row in results("table5").rows}
     for scheme in ("dem", "nsm1", "nsm2-printed"):

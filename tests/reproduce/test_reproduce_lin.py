@@ -15,7 +15,7 @@ from evacuations import evacuated
 from lin_runs import invented
 from reproductions import nothing
 
-from crowd_env.executors import Processes
+from crowd_env.core.executors import Processes
 from crowd_env.physics import SCHEMES
 from crowd_env.reproduce import store as store_of_runs
 from crowd_env.reproduce.lin2016.run import Run, Stopped, until_blocked
@@ -252,7 +252,7 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path):
         complete(SMALL[:1], Store(tmp_path / "runs"), progress=nothing)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a signal to a group of processes")
 def test_ctrl_c_ends_with_a_sentence_and_the_work_goes_on(tmp_path):
     words = ["-m", "crowd_env", "reproduce", "lin-fig5", "--runs", "6", "--workers", "2", "--json", "--out"]
@@ -284,7 +284,7 @@ def test_ctrl_c_ends_with_a_sentence_and_the_work_goes_on(tmp_path):
 # ------------------------------------------------------------------------------------------- what the paper shows
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_numbers_of_the_paper(tmp_path):
     """Medians and blocked draws of the preset "calibrated", 5 draws; bounds from samples of other draws."""
     settings, finer, plain = LinSettings(runs=5), LinSettings(runs=8), {"rotation": False}

@@ -130,7 +130,7 @@ def test_both_rest_on_the_same_draws_which_are_those_of_the_run_command(monkeypa
         assert done.unfinished == 0 and done.quantities["people by A"] == pytest.approx([43], abs=6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_table_7_comes_out_in_its_order_of_magnitude(folder):
     rows = {row["quantity"]: row for row in reported("table7 --runs 20")["rows"]}
     for name, (exercise, _) in theatre.PRINTED.items():

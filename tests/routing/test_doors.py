@@ -8,16 +8,16 @@ import pytest
 from crowds import copied, every_scheme, people, scatter
 from shapely.geometry import box
 
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.view import SIGHT
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import DoorEvent, Route
 from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
 
 EXITS = {"west": [(0, 1), (0, 3)], "east": [(10, 1), (10, 3)]}
 REGIONS = {"left": box(0, 0, 5, 4), "right": box(5, 0, 10, 4)}

@@ -15,8 +15,8 @@ from scipy.optimize import minimize_scalar
 from shapely.geometry import LineString, Point, box
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.field import join_fields, travel_time_field
-from crowd_env.navigation.lookup import direction_at, travel_time_at
+from crowd_env.routing.fields.field import join_fields, travel_time_field
+from crowd_env.routing.fields.lookup import direction_at, travel_time_at
 from crowd_env.routing.regions import region_masks
 from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import ControlRule, Route

@@ -12,17 +12,17 @@ from crowds import copied, every_scheme, joined, part, people, scatter
 from repository import ROOT
 from shapely.geometry import Point, box
 
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.navigation.field import join_fields
-from crowd_env.navigation.fundamental_diagram import SLOWEST, FundamentalDiagram, weidmann
-from crowd_env.navigation.lookup import direction_at
 from crowd_env.physics.neighbors.lists import invalidate_lists
+from crowd_env.physics.simulation.simulation import Simulation
+from crowd_env.routing.fields.field import join_fields
+from crowd_env.routing.fields.fundamental_diagram import SLOWEST, FundamentalDiagram, weidmann
+from crowd_env.routing.fields.lookup import direction_at
 from crowd_env.routing.regions import region_masks
 from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import ControlRule, Route
 from crowd_env.routing.speed_map import SpeedZone
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
 
 QUICK = Route("quick", strategy="fastest")
 

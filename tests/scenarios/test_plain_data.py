@@ -9,7 +9,7 @@ import pytest
 
 from crowd_env import CrowdEnv, Geometry, Groups, LogNormal, Normal, Population, Scenario, Uniform, make_scenario
 from crowd_env.geometry.geometry import box
-from crowd_env.navigation.field import OneWay
+from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from crowd_env import CrowdEnv, LogNormal, Normal, Population, Uniform, make_scenario
-from crowd_env.navigation.field import OneWay
+from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios.file.expressions import evaluate, fill_in

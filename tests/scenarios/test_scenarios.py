@@ -36,7 +36,7 @@ def test_everyone_fits_and_gets_out(name):
     assert episode.evacuation_time < 0.8 * place.time_limit
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("scheme", ["dem", "nsm1", "nsm2"])
 @pytest.mark.parametrize("name", FILES)
 def test_everyone_gets_out_under_every_scheme(name, scheme):

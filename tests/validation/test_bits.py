@@ -71,7 +71,7 @@ def test_the_package_has_to_be_that_of_the_tree(tmp_path, program):
         run_both(trees, ["room"], program=program)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_one_constant_of_the_physics_is_seen_in_its_scheme_alone(tmp_path):
     changed = tmp_path / "changed"
     shutil.copytree(ROOT / "crowd_env", changed / "crowd_env", ignore=shutil.ignore_patterns("__pycache__"))

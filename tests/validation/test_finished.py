@@ -5,7 +5,7 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from crowd_env.headway import MANNERS, Headway
+from crowd_env.core.arrays.headway import MANNERS, Headway
 from validation.cases import Case
 from validation.cases.case import row
 from validation.cli import app

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from crowds import plain
 
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics import DEM, SocialForce
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
 from validation.blocked import HEAD, frozen, frozen_note
 from validation.cases.case import Setting
 from validation.cases.frozen import SPEEDS, characteristic_speed, finding, onset

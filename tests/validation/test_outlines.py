@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from crowd_env import OUTLINES, Simulation
-from crowd_env.outline import make_outline, room_of
+from crowd_env.core.arrays.outline import make_outline, room_of
 from validation.cases import CASES, Case, Setting, doors, gate
 from validation.cases.case import row
 from validation.cases.crowds import draw_crowds

@@ -8,11 +8,11 @@ import pytest
 from repository import ROOT
 from typer.testing import CliRunner
 
-from agents import submit
-from agents.evaluation.submission import write_submission
-from agents.tasks import TASKS, Task
-from agents.tasks.floors import free_walk_time
-from crowd_env.files.json_file import read_json
+from crowd_env.agents.evaluation.submission import write_submission
+from crowd_env.agents.tasks import TASKS, Task
+from crowd_env.agents.tasks.floors import free_walk_time
+from crowd_env.cli.agents import submit
+from crowd_env.core.files.json_file import read_json
 from validation import task_pages
 from validation.cli import app
 from validation.pages import GROUPS, TABLES, markdown

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import SCHEMES, Normal, Population, Uniform
+from crowd_env.core.arrays.headway import MANNERS, Headway
+from crowd_env.core.arrays.outline import BodyShape, make_outline, room_of
 from crowd_env.envs.metrics import share_interval
-from crowd_env.headway import MANNERS, Headway
-from crowd_env.outline import BodyShape, make_outline, room_of
 
 # Schemes that are compared by default; what papers print and this package does otherwise is for comparison with them.
 COMPARED = tuple(name for name in SCHEMES if name not in ("nsm2-printed", "hertz-literal"))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run
-from crowd_env.headway import make_manner
+from crowd_env.core.arrays.headway import make_manner
 from crowd_env.rendering.survival import survival_curves
 from validation.cases.case import COMPARED, Row, Setting, number, row, share
 from validation.cases.crowds import Passages, draw_crowds

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from crowd_env import Hertz, Scenario, Uniform, make_scheme
-from crowd_env.headway import make_manner
+from crowd_env.core.arrays.headway import make_manner
 from validation.cases.case import Row, Setting, row
 from validation.cases.crowds import Passages, draw_crowds
 from validation.cases.doors import door

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.core.executors import Processes
 from crowd_env.envs.metrics import share_interval
-from crowd_env.executors import Processes
 from crowd_env.reproduce.lin2016.run import Run
 from crowd_env.reproduce.pool import complete
 from crowd_env.reproduce.store import Store

@@ -13,9 +13,9 @@ import shapely
 from shapely.geometry import box
 
 from crowd_env import CrowdEnv, Geometry, Population, Scenario
+from crowd_env.core.arrays.state import MAX_SPEED
 from crowd_env.envs.crowd import Step
 from crowd_env.envs.rollout import rollout
-from crowd_env.state import MAX_SPEED
 from validation.cases.case import Row, Setting, row
 
 SOURCE = "walls are walls; 12.4 m/s is the fastest that anyone is known to have run (Bolt, Berlin 2009)"

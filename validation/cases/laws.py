@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from crowd_env.headway import make_manner
-from crowd_env.outline import make_outline
+from crowd_env.core.arrays.headway import make_manner
+from crowd_env.core.arrays.outline import make_outline
 from validation.cases import corner, counterflow, doors, ring, row
 from validation.cases.case import Row, Setting, number
 from validation.cases.case import row as row_of

@@ -14,7 +14,7 @@ from ray.rllib.core.columns import Columns
 from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner
 from ray.rllib.env.single_agent_episode import SingleAgentEpisode
 
-from crowd_env.state import Bools
+from crowd_env.core.arrays.state import Bools
 
 from ...training_config import SEEDS, make_env
 

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.cli.console import notes, progress_bar, stops_by
-from crowd_env.executors import RayCluster
+from crowd_env.core.console import notes, progress_bar, stops_by
+from crowd_env.core.executors import RayCluster
 
 from ...evaluation.entries import RULE
 from ...evaluation.evaluation import VALIDATION_SEED, evaluate
-from ...evaluation.trained_run import NETWORK, physics_of
+from ...evaluation.trained_run import physics_of
+from ...networks import NETWORK
 from ...trained import LearnedPolicy
 from ...training_config import facts_of, judged_place, make_env
 from ..rate import FallingRate

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.checks import Range, check_fields, from_data
+from crowd_env.core.arrays.state import Ints
+from crowd_env.core.checks import Range, check_fields, from_data
 from crowd_env.envs.observation.terms import TERMS, USUAL, ObservationTerm
 from crowd_env.envs.observation.view import Columns, Plan, View
 from crowd_env.envs.terms import Layout, observed_terms, own_terms
-from crowd_env.state import Ints
 
 # Up to so many people in an environment all pairs are looked at, above it those of neighboring cells: faster, the same bits.
 ALL_PAIRS = 96

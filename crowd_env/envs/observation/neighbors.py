@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.envs.observation.view import SIGHT, SPEED_SCALE, Cells, Plan, Rows, View
-from crowd_env.navigation.lookup import way_at
 from crowd_env.physics.neighbors.lists import NeighborList, first_cell, sort_into_cells
-from crowd_env.state import Bools, Floats
+from crowd_env.routing.fields.lookup import way_at
 
 DENSITY_RADIUS = 1.0  # m
 DENSITY_SCALE = 8.0  # 1/m2

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from crowd_env._kernels.struct_ref import struct_ref
-from crowd_env._kernels.threads import Workers
+from crowd_env.core.arrays.state import Bools, Ints
+from crowd_env.core.kernels.struct_ref import struct_ref
+from crowd_env.core.kernels.threads import Workers
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.perception import perceive
 from crowd_env.envs.observation.view import RouteAhead, View, Ways
 from crowd_env.physics.neighbors.lists import allocate_neighbors
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import Bools, Ints
+from crowd_env.physics.simulation.simulation import Simulation
 
 _ENOUGH_FOR_THREADS = 1000  # people; calling the threads costs as much as observing two hundred
 

@@ -5,12 +5,12 @@ environment are written before the next one is begun: what is known of twenty pe
 processor.
 """
 
-from crowd_env._kernels.jit import index, inner_kernel, kernel
+from crowd_env.core.arrays.state import Bools, Ints
+from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.envs.observation.neighbors import clipped, neighbor_features
 from crowd_env.envs.observation.view import SIGHT, SLOWEST, SPEED_SCALE, TIME_SCALE, Cells, Columns, Plan, Rows, View
 from crowd_env.envs.observation.ways import way_features
-from crowd_env.navigation.lookup import travel_time_at, way_at
-from crowd_env.state import Bools, Ints
+from crowd_env.routing.fields.lookup import travel_time_at, way_at
 
 KICK_SCALE = 1.0  # m/s   an impulse that changes the own speed by this much is observed as 1
 

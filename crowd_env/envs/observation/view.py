@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.navigation.lookup import FieldArrays
 from crowd_env.physics.neighbors.lists import NeighborList
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.routing.fields.lookup import FieldArrays
 
 Rows = NDArray[np.float32]
 Cells = NDArray[np.int32]

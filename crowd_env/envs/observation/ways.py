@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.envs.observation.neighbors import clipped
 from crowd_env.envs.observation.view import SLOWEST, TIME_SCALE, Plan, Rows, View
-from crowd_env.navigation.lookup import travel_time_at, way_at
-from crowd_env.state import Floats
+from crowd_env.routing.fields.lookup import travel_time_at, way_at
 
 SHOWN_SCALE = 50.0  # people   a sign that shows so many is observed as 1/2
 

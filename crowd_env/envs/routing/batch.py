@@ -10,7 +10,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.checks import POSITIVE, array, number
+from crowd_env.core.arrays.headway import Manner
+from crowd_env.core.arrays.outline import BodyShape
+from crowd_env.core.arrays.state import Bools, Floats, as_grid
+from crowd_env.core.checks import POSITIVE, array, number
 from crowd_env.envs.arguments import NUMBERS, parts_of
 from crowd_env.envs.batch import BatchStep
 from crowd_env.envs.crowd import CrowdEnv
@@ -20,12 +23,9 @@ from crowd_env.envs.routing.layout import RoutingLayout, check_names, make_terms
 from crowd_env.envs.routing.regions import grid_regions, named_regions
 from crowd_env.envs.routing.terms import RoutingView, make_weights
 from crowd_env.envs.terms import RewardTerm
-from crowd_env.headway import Manner
-from crowd_env.navigation.field import NavigationField
-from crowd_env.outline import BodyShape
 from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.routing.fields.field import NavigationField
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Bools, Floats, as_grid
 
 
 class RoutingBatch:

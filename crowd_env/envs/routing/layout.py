@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from crowd_env.checks import check_keys, known, table, texts
+from crowd_env.core.checks import check_keys, known, table, texts
 from crowd_env.envs.routing.terms import TERMS, RoutingTerm
 from crowd_env.envs.terms import Layout, observed_terms
 

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.checks import shown
+from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.checks import shown
 from crowd_env.geometry.geometry import Geometry, box
-from crowd_env.state import Floats, Ints
 
 _LEAST_AREA = 0.1  # m2  cells of a grid with less floor than that are left out
 

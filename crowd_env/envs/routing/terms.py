@@ -7,8 +7,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.envs.terms import RewardTerm, Term, own_terms, weighed_terms
-from crowd_env.state import Bools, Floats, Ints
 
 DENSITY_SCALE = 5.0  # 1/m2
 SPEED_SCALE = 2.0  # m/s

@@ -8,8 +8,8 @@ from typing import Any
 from numba import config, types
 from numba.extending import intrinsic
 
-from crowd_env._kernels.jit import inner_kernel
-from crowd_env.state import Ints
+from crowd_env.core.arrays.state import Ints
+from crowd_env.core.kernels.jit import inner_kernel
 
 _SPINS = 2000  # looks at the counter before a thread lets others run
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.neighbors.lists import NeighborList
-from crowd_env.state import Bools, Floats
 
 FAR_AWAY = 1e9  # m   beyond any crowd: nobody touches anyone there, and to add zero changes nothing
 

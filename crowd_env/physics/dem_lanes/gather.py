@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.dem_lanes.buffers import interleave, move_out
 from crowd_env.physics.dem_lanes.partition import SLABS, first_entry
 from crowd_env.physics.neighbors.update import OK

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env._kernels.jit import inner_kernel, kernel
-from crowd_env.state import Bools, Floats, Indices, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Indices, Ints
+from crowd_env.core.kernels.jit import inner_kernel, kernel
 
 _MANY = 4000  # people from which on a crowd is cut
 SLABS = 16

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.bounds import MARGIN, slide, speed_limit, stop_at_walls
 from crowd_env.physics.dem_lanes.buffers import (
     FAR_AWAY,

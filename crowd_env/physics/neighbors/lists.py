@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
-from crowd_env.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
 
 # Up to this number of people all pairs are tested, which is quicker than to sort them into cells.
 _FEW = 64  # people

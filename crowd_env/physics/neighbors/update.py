@@ -7,10 +7,10 @@ the other, pairs first: a loop over it has no inner loop whose end would be misp
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.neighbors.lists import NeighborList, list_exits, list_pairs, list_walls
 from crowd_env.physics.workspace import Batch
-from crowd_env.state import Bools, Floats
 
 # `Workspace.status`; anything but OK returns to Python.
 OK, FULL, DIVERGED, TOO_FAST = 0, 1, 2, 3

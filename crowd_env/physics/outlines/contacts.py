@@ -10,7 +10,7 @@ On which side of a wall a disc belongs is therefore read from the line between t
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.physics.contacts import contact_of_key
 from crowd_env.physics.narrow_phase import (

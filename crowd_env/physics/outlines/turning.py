@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.driving_force import Influences, asked_of
 from crowd_env.physics.steering import steer
 from crowd_env.physics.step import find_neighbors

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
-from crowd_env.headway import HeadwayParams
+from crowd_env.core.arrays.headway import HeadwayParams
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.neighbors.lists import sort_into_cells
 from crowd_env.physics.workspace import Batch
 

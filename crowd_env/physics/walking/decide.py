@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from crowd_env._kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.headway import HeadwayParams
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.wall_grid import free_path, is_hidden, walls_near
-from crowd_env.headway import HeadwayParams
 from crowd_env.physics.neighbors.lists import first_cell
 from crowd_env.physics.walking.around import FARTHEST, look_around
 from crowd_env.physics.workspace import Batch

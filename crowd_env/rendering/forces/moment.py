@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.analysis.pressure import ContactForces, contact_forces, mean_contact_forces
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.rollout import Episode, rollout
 from crowd_env.physics import ContactScheme
+from crowd_env.physics.pressure import ContactForces, contact_forces, mean_contact_forces
 from crowd_env.scenarios.scenario import Scenario
 
 

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crowd_env.analysis.pressure import ContactForces, contact_forces
+from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.physics.pressure import ContactForces, contact_forces
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
 from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, QUIET, RAMP, Color
 from crowd_env.rendering.plan import Layout, draw_plan
 from crowd_env.rendering.text import Image
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.metrics import share_interval
 from crowd_env.reproduce.lin2016.figures.flow import mean_flows
 from crowd_env.reproduce.lin2016.sample import Sample, raw_runs, result
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.lin2016.speeds import SPEEDS
 from crowd_env.reproduce.result import Result, Row
-from crowd_env.state import Floats
 
 TITLE = "Lin, Ma, Lo, Figure 10: mean flow through the exit, people/s"
 

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.reproduce.lin2016.figures.flow import window_flows
 from crowd_env.reproduce.lin2016.record import Record
 from crowd_env.reproduce.lin2016.sample import Sample, result
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-from crowd_env.state import Floats
 
 TITLE = "Lin, Ma, Lo, Figure 9: flow through the exit in windows of 10 s, people/s"
 

@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.navigation.field import NavigationField
+from crowd_env.core.arrays.state import Floats, make_state
 from crowd_env.physics import Hertz, SocialForce
 from crowd_env.physics.hertz import DampingUnit
+from crowd_env.physics.simulation.arguments import check_step
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.reproduce.lin2016.record import Record, Snapshot
 from crowd_env.reproduce.sound import require_none_escaped
+from crowd_env.routing.fields.field import NavigationField
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.groups import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.simulation.arguments import check_step
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import Floats, make_state
 
 _CHECK_INTERVAL = 1.0  # s, between looks at whether it is over; the result does not depend on it
 

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.metrics import share_interval
 from crowd_env.rendering.canvas import hex_of
 from crowd_env.rendering.palette import QUIET
@@ -14,7 +15,6 @@ from crowd_env.reproduce.lin2016.record import Record
 from crowd_env.reproduce.lin2016.run import Run
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-from crowd_env.state import Floats
 
 Key = TypeVar("Key")
 Cases = Mapping[Key, Mapping[str, Any]]  # the configurations of a figure: arguments of `LinSettings.draws`

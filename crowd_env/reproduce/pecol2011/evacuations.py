@@ -6,14 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.executors import Executor
 from crowd_env.envs.metrics import share_interval
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
-from crowd_env.executors import Executor
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, Estimate, run_slopes
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
 from crowd_env.reproduce.sound import require_none_escaped
-from crowd_env.state import Floats
 
 # Table 5 of the paper, flows in persons/s; it has one NSM1, we have the two that its text describes.
 PRINTED = {"dem": "3.04", "nsm1": "4.65", "nsm1-inertial": "4.65", "nsm2-printed": "2.60"}

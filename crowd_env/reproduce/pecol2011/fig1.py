@@ -4,14 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats, make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.physics import DEM, NSM2, ContactScheme
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.pecol2011.figures.room import meetings
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Progress, RawTable, Result, Row
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import Floats, make_bodies, make_state
 
 TITLE = "Figure 1: two pedestrians meet head-on, for several relaxation times"
 

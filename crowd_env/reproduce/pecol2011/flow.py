@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.metrics import flow_slope, summarise
-from crowd_env.state import Floats
 
 
 class Estimate(NamedTuple):

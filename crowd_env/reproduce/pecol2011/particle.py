@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.physics import ContactScheme
-from crowd_env.simulation.simulation import Simulation
-from crowd_env.state import make_bodies, make_state
+from crowd_env.physics.simulation.simulation import Simulation
 
 RADIUS = 0.3  # m
 START, VELOCITY = (0.6, 0.0), (-2.0, -1.0)  # m, m/s

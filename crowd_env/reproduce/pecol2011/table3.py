@@ -2,13 +2,13 @@
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.physics import DEM
 from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.pecol2011.figures.room import velocity_error
 from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, VELOCITY, particle
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import Progress, RawTable, Result, Row
-from crowd_env.state import Floats
 
 TITLE = "Table 3: velocity after contact as a function of the time step, DEM"
 

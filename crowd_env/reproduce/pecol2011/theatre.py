@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.executors import Executor, all_cores
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.rollout import Episode, RunsInterrupted, run_episodes
-from crowd_env.executors import Executor, all_cores
 from crowd_env.physics import NSM2, SocialForce
 from crowd_env.reproduce.pecol2011.flow import mean_of_runs
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
@@ -18,7 +19,6 @@ from crowd_env.reproduce.result import Halfway, Progress, RawTable, Row
 from crowd_env.reproduce.sound import require_none_escaped
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Floats, Ints
 
 RUNS = 100
 ROUTES = ("A", "B")

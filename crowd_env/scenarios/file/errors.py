@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from crowd_env.checks import shown
+from crowd_env.core.checks import shown
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter

@@ -6,10 +6,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, Field, Tag, TypeAdapter, model_validator
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import Shape
 from crowd_env.scenarios.file.values import Number, Pair, Table, Text, Whole, kind_of, one_of_kinds
-from crowd_env.state import Floats
 
 _CORNERS = 32  # of a circle
 _MOST_COPIES = 100_000  # of a thing in columns and rows

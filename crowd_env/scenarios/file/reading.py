@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crowd_env.files.foreign import read_text
-from crowd_env.outline import room_of
+from crowd_env.core.arrays.outline import room_of
+from crowd_env.core.files.foreign import read_text
 from crowd_env.scenarios.file.errors import at, nearest, validate
 from crowd_env.scenarios.file.expressions import COMMON, fill
 from crowd_env.scenarios.floor_plan import read_starts

@@ -5,10 +5,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, Tag, TypeAdapter, WithJsonSchema, WrapValidator, model_validator
 
-from crowd_env.checks import known
-from crowd_env.headway import MANNERS, Headway
-from crowd_env.navigation.field import OneWay
-from crowd_env.outline import OUTLINES, Outline
+from crowd_env.core.arrays.headway import MANNERS, Headway
+from crowd_env.core.arrays.outline import OUTLINES, Outline
+from crowd_env.core.checks import known
+from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.route_set import Target
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone

@@ -27,7 +27,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from crowd_env.outline import Disc
+from crowd_env.core.arrays.outline import Disc
 from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform
 from crowd_env.scenarios.file.errors import nearest
 from crowd_env.scenarios.file.expressions import LARGEST

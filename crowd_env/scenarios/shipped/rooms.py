@@ -9,7 +9,7 @@ Lin, Ma, Lo, section 3: 15 x 15 m, one exit of 1 m, 100 to 300 people who all wa
 from collections.abc import Mapping
 from typing import Any
 
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, number
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, number
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.groups import People, as_people

@@ -30,14 +30,14 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.checks import NOT_NEGATIVE, POSITIVE, Range, flag, number, refuse, whole
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, flag, number, refuse, whole
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.routing.spec import ControlRule
 from crowd_env.routing.speed_map import SpeedZone
 from crowd_env.scenarios.groups import People, as_people
 from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Floats
 
 REFERENCE = "synthetic plan; people and rules of Pécol, Dal Pont, Erlicher, Argoul 2011, section 4.3 and Table 6"
 

@@ -9,8 +9,8 @@ import pytest
 from outlined_crowds import TORSO, before_a_door, grains
 from shapely.geometry import box
 
+import crowd_env.physics.simulation.simulation
 import crowd_env.physics.spatial_order
-import crowd_env.simulation.simulation
 from crowd_env import Geometry, Hertz, Outline, Simulation, make_bodies, make_state
 from crowd_env.physics.workspace import allocate_workspace
 
@@ -84,7 +84,7 @@ def test_a_step_that_is_done_again_with_more_room_comes_out_alike(count, monkeyp
     rooms = set()
     for per_person in (1, 3, 5, 7):
         few = partial(allocate_workspace, per_person=per_person)
-        monkeypatch.setattr(crowd_env.simulation.simulation, "allocate_workspace", few)
+        monkeypatch.setattr(crowd_env.physics.simulation.simulation, "allocate_workspace", few)
         grown = before_a_door(count, density=9.0)
         rooms.add(len(grown.workspace.neighbors.contact_distance))
         grown.advance(n_substeps=150)
@@ -100,7 +100,7 @@ def test_contacts_that_do_not_fit_lose_no_history(entries, monkeypatch):
     # A heap of people with a soft skin: far more pairs of discs than of bodies.
     def heap(per_person):
         few = partial(allocate_workspace, per_person=per_person)
-        monkeypatch.setattr(crowd_env.simulation.simulation, "allocate_workspace", few)
+        monkeypatch.setattr(crowd_env.physics.simulation.simulation, "allocate_workspace", few)
         rng = np.random.default_rng(0)
         position, angle = rng.uniform(0, 1.0, (12, 2)), rng.uniform(0, 9, 12)
         scheme = Hertz(youngs_modulus=1e4, social=None)

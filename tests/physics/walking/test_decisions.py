@@ -9,7 +9,7 @@ from shapely.geometry import box
 from walking_crowds import NUMBERS, decided, decided_by, drawn_crowd, manner, standing
 
 from crowd_env import Geometry
-from crowd_env.state import make_bodies
+from crowd_env.core.arrays.state import make_bodies
 
 pytestmark = pytest.mark.kernels
 STRAIGHT = manner(strength=0.0)

@@ -11,8 +11,8 @@ import shapely
 from shapely.geometry import box
 
 from crowd_env import Geometry, Simulation
-from crowd_env.headway import Headway
-from crowd_env.state import make_bodies, make_state
+from crowd_env.core.arrays.headway import Headway
+from crowd_env.core.arrays.state import make_bodies, make_state
 
 pytestmark = pytest.mark.kernels
 

@@ -6,8 +6,8 @@ from shapely.geometry import LineString, box
 from walking_crowds import manner, standing, steps
 
 from crowd_env import Geometry, Scenario, Simulation, make_scenario
-from crowd_env.headway import MANNERS
-from crowd_env.state import make_bodies, make_state
+from crowd_env.core.arrays.headway import MANNERS
+from crowd_env.core.arrays.state import make_bodies, make_state
 
 TURNS = 64  # environments in which the same room is drawn anew
 

@@ -10,12 +10,12 @@ import pytest
 from crowds import every_scheme
 from walking_crowds import before_a_door, manner, steps
 
+import crowd_env.physics.simulation.simulation
 import crowd_env.physics.spatial_order
-import crowd_env.simulation.simulation
 from crowd_env import CrowdEnv
+from crowd_env.core.arrays.state import Bodies
 from crowd_env.physics.dem_lanes.partition import SLABS, count_slabs
 from crowd_env.physics.workspace import allocate_workspace
-from crowd_env.state import Bodies
 
 # A short patience: pushes differ within the time that is simulated.  The interval is no multiple of the times of the calls.
 KEEPS = manner(patience=0.1, impatience=0.5, interval=0.04)
@@ -109,7 +109,7 @@ def test_a_checkpoint_of_another_manner_is_refused():
 def test_a_step_that_is_done_again_with_more_room_lets_nobody_decide_twice(name, monkeypatch):
     expected = before_a_door(90, KEEPS, scheme=name, density=6.0, waited=2.0)
     few = partial(allocate_workspace, per_person=1)
-    monkeypatch.setattr(crowd_env.simulation.simulation, "allocate_workspace", few)
+    monkeypatch.setattr(crowd_env.physics.simulation.simulation, "allocate_workspace", few)
     grown = before_a_door(90, KEEPS, scheme=name, density=6.0, waited=2.0)
     room = len(grown.workspace.neighbors.contact_distance)
     for simulation in (expected, grown):

@@ -90,7 +90,7 @@ def test_a_push_travels_under_dem():
     assert laws.pushes_travel(SETTING)[0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("scheme", ["dem", "nsm1-inertial", "nsm2"])
 @pytest.mark.parametrize(
     ("case", "manner"), [("ring", "calm"), ("corner", "calm"), ("doors", "hurried"), ("counterflow", "hurried")]
@@ -100,7 +100,7 @@ def test_a_headway_makes_schemes_true_to_the_experiments(case, scheme, manner):
     assert found.passed, found.figure
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", ["ring", "doors", "corner"])
 def test_without_it_the_experiments_are_missed(case):
     (found,) = CASES[case].run(Setting("dem", "competitive", draws=1))

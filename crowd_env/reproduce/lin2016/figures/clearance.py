@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.rendering.canvas import hex_of, mark, new_figure, quiet_axes, series
 from crowd_env.rendering.palette import INK, QUIET, blend
 from crowd_env.reproduce.lin2016.sample import Sample
-from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.rendering.canvas import hex_of, mark, name_panel, new_figure, quiet_axes, series
 from crowd_env.rendering.palette import INK, QUIET
 from crowd_env.reproduce.lin2016.figures.clearance import BLOCKED
 from crowd_env.reproduce.lin2016.sample import Sample
-from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

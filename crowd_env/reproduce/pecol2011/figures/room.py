@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.rendering.canvas import hex_of, mark, name_panel, new_figure, quiet_axes, series, shade
 from crowd_env.rendering.palette import INK, QUIET
 from crowd_env.reproduce.pecol2011.evacuations import EXPERIMENT, PRINTED, Evacuations
-from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crowd_env.navigation.field import NavigationField
+from crowd_env.core.arrays.state import Floats
 from crowd_env.rendering.canvas import hex_of, mark, new_figure, quiet_axes, series
 from crowd_env.rendering.palette import EXIT, FLOOR, INK, OBSTACLE, QUIET, WALL
 from crowd_env.reproduce.pecol2011.figures.room import PAPER_MARK
 from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED, ROUTES, Egress
+from crowd_env.routing.fields.field import NavigationField
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.state import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,0 +1,104 @@
+"""What a command ran: everything that decides its results, to be kept beside them and compared with another command."""
+
+import hashlib
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from crowd_env.analysis.results.plain import plain
+from crowd_env.core.arrays.headway import plain_manner
+from crowd_env.core.arrays.outline import plain_outline
+from crowd_env.core.files.fingerprint import fingerprint
+from crowd_env.core.files.versions import versions_of
+from crowd_env.core.kernels import jit
+from crowd_env.core.version import __version__
+from crowd_env.physics import ContactScheme
+from crowd_env.scenarios.scenario import Scenario
+
+DECISION_DT = 0.1  # s  that of `CrowdEnv`, unless it is told another
+
+# Parts of a config in which two commands may differ and still go on with each other's runs.
+_FREE = ("runs", "platform", "command", "arguments", "files")
+
+
+def run_config(
+    scenario: Scenario,
+    scheme: ContactScheme,
+    runs: int,
+    *,
+    seed: int,
+    dt: float | None,
+    strategy: str,
+    rules: bool,
+    command: Sequence[str] = (),
+    arguments: Mapping[str, Any] | None = None,
+    files: Sequence[Path] = (),
+) -> dict[str, Any]:
+    """Return all that decides the results of a command, ready for JSON.
+
+    Parameters
+    ----------
+    scenario : with manner and outline of the run.
+    dt : s, physics step; None = the scheme's.
+    command : the words of the command line.
+    arguments : its options by their names, as it was given them.
+    files : what it read.
+
+    Raises
+    ------
+    ValueError
+        If a file cannot be read.
+    """
+    return {
+        "scenario": scenario.name,
+        "population": plain(scenario.population.parts),
+        "time_limit": scenario.time_limit,
+        "blocked_after": plain(scenario.blocked_after),
+        "manner": plain_manner(scenario.manner_of_run()),
+        "outline": plain_outline(scenario.outline_of_run()),
+        "strategy": strategy,
+        "rules": rules,
+        "scheme": {"name": scheme.info.name, **plain(scheme)},
+        "dt": scheme.info.default_dt if dt is None else dt,
+        "decision_dt": DECISION_DT,
+        "seed": seed,
+        "fingerprint": fingerprint(scenario),  # of plan, people, routes and rules: equal for equal ones
+        "version": __version__,
+        "sources": jit.STAMP,
+        "versions": versions_of(),
+        "runs": runs,
+        "platform": platform.platform(),
+        "command": list(command),
+        "arguments": plain(dict(arguments or {})),
+        "files": {str(path.absolute()): _sha256(path) for path in files},
+    }
+
+
+def difference(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """Return in words the first thing in which two configs differ, of those that decide results; "" if in none."""
+    for name in dict.fromkeys((*here, *there)):
+        if name in _FREE:
+            continue
+        if there.get(name) != here.get(name):
+            return _words(name, there.get(name), here.get(name))
+    return ""
+
+
+def _words(name: str, there: Any, here: Any) -> str:
+    if name == "fingerprint":
+        return "the plan, its routes or its rules are others"
+    if isinstance(there, dict) and isinstance(here, dict):
+        key = next(key for key in dict.fromkeys((*here, *there)) if there.get(key) != here.get(key))
+        return _words(f"{name}.{key}", there.get(key), here.get(key))
+    if isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
+        k = next(k for k, pair in enumerate(zip(there, here, strict=True)) if pair[0] != pair[1])
+        return _words(f"{name}[{k}]" if len(here) > 1 else name, there[k], here[k])
+    return f"{name} is {there} there and {here} here"
+
+
+def _sha256(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror or error}") from None

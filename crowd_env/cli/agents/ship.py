@@ -1,0 +1,117 @@
+"""Ship what a training run has learned: ``crowd-env ship runs/NAME --as TASK/POLICY``."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from crowd_env.agents.evaluation.trained_run import RESULTS
+from crowd_env.agents.networks import NETWORK, network_digest
+from crowd_env.agents.pretrained import FOLDER
+from crowd_env.agents.tasks import Task, make_task
+from crowd_env.agents.trained import NUMBERS, load_trained
+from crowd_env.core.console import friendly_errors, notes
+from crowd_env.core.files.atomic import written
+from crowd_env.core.files.json_file import read_json, write_json
+
+_FROM_RESULTS = ("config", "spent", "validation", "confirmation", "learned_minus_rule", "learned_over_rule")
+
+
+def ship(run: Path, name: str, *, replace: bool = False) -> Path:
+    """Copy the network of a run into the folder of shipped policies, with its card; return the path of the network.
+
+    The card holds the task and the digest of the weights, every parameter of the run, what was spent (steps, seconds, CPU
+    seconds), and the figures of the policy on validation draws and, beside all that it was compared with, on held-out draws.
+
+    Parameters
+    ----------
+    run : folder that train.py wrote.
+    name : TASK/POLICY.
+    replace : a shipped policy of that name.
+
+    Raises
+    ------
+    ValueError
+        If the run is not finished, was trained or judged for another task or another version of it, or the name is taken.
+    """
+    task, path = _place(name)
+    if path.exists() and not replace:
+        raise ValueError(f"{name} is shipped already; give --replace, or another name")
+    network = run / NETWORK
+    found = load_trained(network)
+    _check_task(network, found.trained.get("task"), task)
+    results = _results(run / RESULTS)
+    _check_task(run / RESULTS, results["task"], task)
+    digest = network_digest(network)
+    if results["network"] != digest:
+        raise ValueError(
+            f"{run / RESULTS} is about another network than {network}: judge it with train.py --resume {run.name}"
+        )
+    card = {
+        "policy": name,
+        "network": digest,
+        "task": task.identity(),
+        **{key: results[key] for key in _FROM_RESULTS},
+        "held_out": results["rows"],
+    }
+    # The card first: a policy is listed as soon as its network lies there, and then both do.
+    write_json(path.with_suffix(".json"), card)
+    with written(path) as part:
+        part.write_bytes(network.read_bytes())
+    return path
+
+
+def _place(name: str) -> tuple[Task, Path]:
+    """Return the task of a name, and where its network is kept."""
+    task, _, policy = name.partition("/")
+    if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", policy):
+        raise ValueError(f"--as {name}: it must be TASK/POLICY, the policy of small letters, digits and hyphens")
+    return make_task(task), FOLDER / task / f"{policy}{NUMBERS}"
+
+
+def _results(path: Path) -> dict[str, Any]:
+    """Return what a finished run has written about itself."""
+    found = read_json(path)
+    for key in ("task", "network", "rows", *_FROM_RESULTS):
+        if not isinstance(found, dict) or key not in found:
+            raise ValueError(f"{path} lacks {key!r}: it was not written by this version of train.py")
+    return dict(found)
+
+
+def _check_task(path: Path, noted: Any, task: Task) -> None:
+    """Raise ValueError unless a file was made for this very task."""
+    present = task.identity()
+    if noted == present:
+        return
+    if not isinstance(noted, Mapping):
+        raise ValueError(f"{path} was made for no task; train with --task {task.name}")
+    if noted.get("name") != task.name:
+        raise ValueError(f"{path} was made for task {noted.get('name')}, not {task.name}")
+    raise ValueError(
+        f"{path} was made for version {noted.get('version')} of {task.name} (digest {noted.get('digest')}), "
+        f"which is at version {task.version} now (digest {present['digest']}): train again"
+    )
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    run: Annotated[Path, typer.Argument(help="Folder of a run of train.py.", metavar="RUN")],
+    name: Annotated[str, typer.Option("--as", metavar="TASK/POLICY", help="What it is shipped as.")],
+    replace: Annotated[bool, typer.Option("--replace", help="Replace the shipped policy of that name.")] = False,
+) -> None:
+    """Ship the network of a training run, with a card that says how it was trained and what it reaches.
+
+    Example: crowd-env ship runs/competitive-door-hertz-seed0 --as competitive-door/ppo
+    """
+    with friendly_errors():
+        path = ship(run, name, replace=replace)
+        notes.print(f"{path} and {path.with_suffix('.json').name}", markup=False, soft_wrap=True)
+
+
+if __name__ == "__main__":
+    app()

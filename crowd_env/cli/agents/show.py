@@ -1,0 +1,116 @@
+"""Film what a policy has learned beside the rule, on the same people: ``crowd-env show``."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated
+
+import typer
+
+from crowd_env import Scenario
+from crowd_env.agents import POLICIES, PRETRAINED
+from crowd_env.agents.evaluation.entries import RULE, Entry, make_entries
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
+from crowd_env.agents.tasks import TASKS, Task, make_task
+from crowd_env.cli.agents.lists_of_names import ListsOfNames
+from crowd_env.cli.completion import complete_from
+from crowd_env.cli.console import OF_OUTPUT
+from crowd_env.cli.films import FilmFps, FilmSpeed, FilmWidth, check_film_options, film_file, said_of
+from crowd_env.core.checks import Range, whole
+from crowd_env.core.console import friendly_errors, notes, progress_bar
+from crowd_env.envs.rollout import Driver
+
+# Task -> a draw in which people who follow the rule block their way out for good; 0 where none is known.
+DRAWS: Mapping[str, int] = MappingProxyType({"competitive-door": 2})
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command(cls=ListsOfNames)
+def main(
+    task: Annotated[
+        str,
+        typer.Argument(
+            metavar="TASK", autocompletion=complete_from(TASKS), help=f"What people have to do: {', '.join(TASKS)}."
+        ),
+    ] = "competitive-door",
+    policies: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--policies",
+            "--policy",
+            metavar="POLICY ...",
+            autocompletion=complete_from((RULE, *POLICIES, *PRETRAINED)),
+            show_default="rule and what was learned for the task",
+            help="Who are shown, from left to right; the names are those of `crowd-env evaluate`.",
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            help="Which held-out draw of the people.", show_default="one in which the rule blocks the door, or 0"
+        ),
+    ] = None,
+    film: Annotated[
+        Path | None,
+        typer.Option(help="Where: .mp4 or .gif.", show_default="TASK.mp4 here", rich_help_panel=OF_OUTPUT),
+    ] = None,
+    film_width: FilmWidth = None,
+    film_fps: FilmFps = None,
+    film_speed: FilmSpeed = None,
+) -> None:
+    """Film how people walk out of a task: as the rule says, and beside it as a shipped policy does.
+
+    Examples
+    --------
+    crowd-env show competitive-door
+
+    crowd-env show competitive-door --policies rule follow competitive-door/ppo --seed 5 --film door.gif
+    """
+    with friendly_errors():
+        check_film_options(film_width, film_fps, film_speed)
+        chosen = make_task(task)
+        if seed is None:
+            seed = DRAWS.get(task, 0)
+        whole("--seed", seed, Range(0, HELD_OUT_SEED - 1))
+        place = chosen.place()
+        entries = make_entries(policies or _of_task(task), place, chosen)
+        path = film_file("--film", Path(task) if film is None else film, task)
+
+        from crowd_env.agents.evaluation.side_by_side import record_beside, write_beside
+
+        ways = {_title(entry, task): partial(_driver, entry, chosen) for entry in entries}
+        with progress_bar("evacuations", len(ways)) as progress:
+            films = record_beside(ways, place, HELD_OUT_SEED + seed, progress)
+        for one in films:
+            inside = int(one.inside(one.end))
+            told = f"{inside} still inside after" if inside else "all out after"
+            typer.echo(f"{one.title}: {told} {one.end:.1f} s")
+        with progress_bar("film, frames") as progress:
+            write_beside(path, films, width=film_width, fps=film_fps, speed=film_speed, progress=progress)
+        notes.print(said_of(path), markup=False, soft_wrap=True)
+
+
+def _of_task(task: str) -> list[str]:
+    """Return the rule and the first policy that is shipped for a task."""
+    learned = [name for name in PRETRAINED if name.startswith(f"{task}/")]
+    if not learned:
+        notes.print(f"note: no policy is shipped for {task}: the rule alone", markup=False)
+    return [RULE, *learned[:1]]
+
+
+def _title(entry: Entry, task: str) -> str:
+    from crowd_env.agents.evaluation.side_by_side import RULE_AHEAD
+
+    if entry.name == RULE:
+        return RULE_AHEAD
+    return entry.name.replace(f"{task}/", "learned: ")
+
+
+def _driver(entry: Entry, task: Task, place: Scenario) -> Callable[[int], Driver]:
+    return entry.driver(place, task.scheme, 1)
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,87 @@
+"""Judge policies by the protocol of a task, a file for each: ``crowd-env submit --task NAME --policy POLICY ...``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from crowd_env.agents.evaluation.entries import RULE, make_entries
+from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
+from crowd_env.agents.evaluation.robustness import Found, few_runs, judge_trial, make_trials
+from crowd_env.agents.evaluation.same_draws import compare
+from crowd_env.agents.evaluation.submission import REFERENCES, make_submission, write_submission
+from crowd_env.agents.tasks import TASKS, make_task
+from crowd_env.agents.trained import SAMPLED
+from crowd_env.agents.training_config import RUNS
+from crowd_env.cli.agents.lists_of_names import ListsOfNames
+from crowd_env.cli.completion import complete_from
+from crowd_env.core.checks import Range, whole
+from crowd_env.core.console import check_folder, friendly_errors
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command(cls=ListsOfNames)
+def main(
+    task: Annotated[
+        str, typer.Option(metavar="NAME", autocompletion=complete_from(TASKS), help=f"The task: {', '.join(TASKS)}.")
+    ],
+    policy: Annotated[
+        list[str],
+        typer.Option(
+            "--policy",
+            "--policies",
+            metavar="POLICY ...",
+            help="As for agents.evaluate: names, shipped policies (TASK/NAME), or networks (.safetensors).",
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for TASK/POLICY.json.")] = Path("submissions"),
+    folder: Annotated[
+        Path | None, typer.Option(help="Keeps what has been evaluated, so that an interrupted submission goes on.")
+    ] = None,
+    runs: Annotated[
+        int | None,
+        typer.Option(show_default="those of the task", help="Other draws are no submission, but a trial of one."),
+    ] = None,
+    robustness_runs: Annotated[
+        int | None,
+        typer.Option(show_default="a fifth of those of the task", help="Draws of each variation of the task; 0: none."),
+    ] = None,
+    threads: Annotated[int, typer.Option(help="Of the simulation; results do not depend on it.")] = 1,
+) -> None:
+    """Judge policies on the held-out draws of a task and on its variations; write one submission for each.
+
+    A submission holds task, version and digest, the policy with the digest of its network, the seeds, the figures of the policy
+    beside the rule at full and at its best speed on the same draws, every single run, and the versions of everything.
+
+    Example:
+
+    crowd-env submit --task competitive-door --policy follow runs/NAME/best.safetensors --folder runs/submission
+    """
+    with friendly_errors("" if folder is None else "the same command goes on"):
+        chosen = make_task(task)
+        runs = whole("--runs", chosen.runs if runs is None else runs, RUNS)
+        few = min(few_runs(chosen), runs) if robustness_runs is None else robustness_runs
+        few = whole("--robustness-runs", few, Range(0, runs).because("the first of the draws of the task"))
+        whole("--threads", threads)
+        check_folder("--out", out)
+        drawn = [name for name in policy if name.endswith(SAMPLED)]
+        if drawn:
+            raise ValueError(f"--policy {drawn[0]}: a submission is of the most likely actions; leave out {SAMPLED}")
+        place, named = chosen.place(), list(dict.fromkeys((*REFERENCES, *policy)))
+        entries = make_entries(named, place, chosen)
+        trials = make_trials(chosen, list(dict.fromkeys((RULE, *policy)))) if few else []
+        kept = None if folder is None else EvaluationFolder(folder / "all", settings_of(place, runs, 0, chosen))
+        results = compare(entries, place, [chosen.scheme], runs=runs, threads=threads, folder=kept)
+        found: Found = [
+            (one, judge_trial(chosen, one, compare, runs=few, threads=threads, out=folder)) for one in trials
+        ]
+        of_policy = [entry for given, entry in zip(named, entries, strict=True) if given in policy]
+        for entry in of_policy:
+            path = out / task / f"{entry.name.replace('/', '-')}.json"
+            write_submission(path, make_submission(chosen, entry.name, entry.source, results, found))
+            typer.echo(str(path))
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,1 @@
+"""What everything stands on: arrays, kernels, files, executors, and how commands talk."""

@@ -1,0 +1,1 @@
+"""Pedestrians as arrays: bodies and state, their shape, the distance that they keep."""

@@ -1,0 +1,161 @@
+"""Headway: people walk as fast as the room in front of them allows, step aside and overtake; available to every scheme.
+
+    V = clip(min_j V_j, p v_0, v_0)                                     speed; p push, v_0 desired speed
+    V_j = (gap_j - c_j s + c_j t_a max(u_j . e, 0)) / (T + c_j t_a)     T time gap, t_a anticipation, s standing gap
+    c_j = max(e_0 . e_j, 0)                                             how far j goes the same way
+    e ~ e_0 + [c + sum_j a (1 + w max(-e_0 . e_j, 0)) exp(-R_j / D) s_j] (1 - p) n_0          direction
+    R_j = max(gap_j - t_a (u_i - u_j) . n_j, 0)                         the gap to j that is foreseen, t_a ahead
+
+``e_0`` is the way, ``n_0`` its normal, ``u`` a velocity.  Those count for the speed who are in front and whose bodies overlap
+the strip of the own body along the direction of motion.  People who follow each other at one speed V are ``s + T V`` apart, as
+in the collision-free speed model (Tordeux, Chraibi, Seyfried 2016, doi 10.1007/978-3-319-33482-0_29); since they foresee each
+other's motion, those in a queue set out as soon as the one in front does.  Whoever is seen in front makes people step aside by
+``s_j`` = 1 or -1, away from where the other will be, to the right if that is straight ahead, and more so if the other comes
+towards them (anticipation velocity model: Xu, Chraibi, Seyfried 2021, doi 10.1016/j.trc.2021.103464; that people prefer one
+side: Moussaïd et al. 2009, doi 10.1098/rspb.2009.0405).  ``c`` is the side on which someone slower is overtaken, the one of a
+few that gets on fastest, as in the heuristics of Moussaïd, Helbing, Theraulaz 2011 (doi 10.1073/pnas.1016507108); people in a
+queue overtake nobody.  Contact laws take over when bodies meet, as where paper 1's own school has put behavioral rules on
+Frémond's law (Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
+
+Three things are ours.  Of two who have each other in front and do not walk against each other, the one who is further ahead
+goes first.  The push grows while someone has to stand still, so that arches of people who wait for each other
+dissolve.  People whom a wall hides are not seen.
+
+With p = 1 nobody gives way and nobody steps aside: that is the desired velocity of the papers.
+
+The numbers are fitted: times, widths and side steps were chosen under ``dem`` on the gate, the doors, the open corridor, the
+ring and the two kinds of counter-flow of ``python -m validation``, one set for all but the time gap.  docs/walking.md says how.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_choice
+
+
+class HeadwayParams(NamedTuple):
+    """A headway rule as kernels read it; lengths in m, times in s."""
+
+    time_gap: float
+    push: float
+    standing: float
+    width: float
+    strength: float
+    length: float
+    oncoming: float
+    keep_right: float
+    anticipation: float
+    overtaking: float
+    gain: float
+    berth: float
+    patience: float
+    impatience: float
+    sight: float
+    interval: float
+
+
+@dataclass(frozen=True)
+class Headway:
+    """The distance that people keep, and how they step aside.
+
+    Parameters
+    ----------
+    time_gap : s, ``T``: who follows someone at speed V leaves a gap of s + V T.
+    push : ``p``, share of the own desired speed at which one presses on with no gap in front: 0 = never, 1 = always at full
+        speed, as in the papers.
+    standing : m, ``s``: the gap that people leave to those who stand in front of them on the same way.
+    width : of the strip in front that has to be free, as a share of the own and the other's width.
+    strength : ``a``: how far one steps aside for someone ahead, as a share of the way itself.
+    length : m, ``D``: the foreseen gap over which that falls to 1/e.
+    oncoming : ``w``: someone who comes straight towards one counts 1 + w times as much.
+    keep_right : m: someone who comes towards one is passed on the right, if not this far or further on that side already;
+        negative = on the left.
+    anticipation : s, ``t_a``: how far ahead people foresee each other's motion.
+    overtaking : m/s: who is slower than this is queued behind and not overtaken; infinite = nobody is.
+    gain : of speed that overtaking has to bring, as a share of the desired speed.
+    berth : width of the strip that has to be free to overtake, as ``width``.
+    patience : s that people stand still before they begin to push more.
+    impatience : 1/s, by which the push grows from then on, up to 1; it falls back at the same rate when they walk again.
+    sight : m, gap beyond which nobody is noticed.
+    interval : s, between two decisions; in between the desired velocity stays as it is.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range.
+    """
+
+    time_gap: float = 0.5
+    push: float = 0.0
+    standing: float = 0.15
+    width: float = 0.8
+    strength: float = 0.2
+    length: float = 0.2
+    oncoming: float = 8.0
+    keep_right: float = 0.2
+    anticipation: float = 0.4
+    overtaking: float = 0.4
+    gain: float = 0.1
+    berth: float = 1.3
+    patience: float = 5.0
+    impatience: float = 0.02
+    sight: float = 2.0
+    interval: float = 0.05
+
+    def __post_init__(self) -> None:
+        check_fields(
+            "headway",
+            self,
+            time_gap=POSITIVE,
+            push=SHARE,
+            standing=NOT_NEGATIVE,
+            width=Range(0.0, 2.0, above=True),
+            strength=NOT_NEGATIVE,
+            length=POSITIVE,
+            oncoming=NOT_NEGATIVE,
+            keep_right=Range(-1.0, 1.0),
+            anticipation=NOT_NEGATIVE,
+            overtaking=Range(0.0, infinite=True),
+            gain=NOT_NEGATIVE,
+            berth=POSITIVE,
+            patience=NOT_NEGATIVE,
+            impatience=NOT_NEGATIVE,
+            sight=POSITIVE,
+            interval=POSITIVE,
+        )
+
+    def params(self) -> HeadwayParams:
+        """Return the rule as kernels read it."""
+        return HeadwayParams(*(float(getattr(self, name)) for name in HeadwayParams._fields))
+
+
+Manner: TypeAlias = str | Mapping[str, Any] | Headway
+"""How callers say how people walk: a name in `MANNERS`, a table of the parameters of a `Headway`, or one."""
+
+# Name -> how people walk, by description: who behaves so is said before any comparison, and one set of numbers serves all.
+MANNERS: dict[str, Headway | None] = {
+    "competitive": None,  # an emergency: full speed whatever is in front, as in the papers
+    "hurried": Headway(time_gap=0.3),  # gate, concert entrance, lecture hall
+    "calm": Headway(),  # museum, corridor
+}
+
+
+def make_manner(manner: Manner | None) -> Headway | None:
+    """Return the headway rule of a name in `MANNERS`, of plain data such as ``{"time_gap": 0.7}``, or that is given.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a name is unknown.
+    """
+    return from_choice("manner", Headway, manner, MANNERS)
+
+
+def plain_manner(headway: Headway | None) -> str | dict[str, float]:
+    """Return the name of a manner, or if it has none the table of its parameters; ready for JSON, and for `make_manner`."""
+    for name, known_headway in MANNERS.items():
+        if headway == known_headway:
+            return name
+    assert headway is not None  # it has a name
+    return asdict(headway)

@@ -1,0 +1,246 @@
+"""How crowd_env compiles: one decorator, one cache folder.
+
+numba's on-disk cache looks at the file of the kernel itself, not at the files of the kernels it calls or takes constants from:
+after an edit to one of these it would silently run the OLD kernel.  The cache folder therefore carries a stamp: the hash of
+every file that holds kernels or that such a file imports.  Any edit there opens a new folder; folders unused for a month are
+removed.
+
+numba unpickles what lies in the folder, so everyone who can write there can run code here: a folder is used only if
+nobody else can.
+
+With ``NUMBA_DISABLE_JIT=1`` in the environment nothing is compiled: every kernel is the plain Python function that is written
+here, in which a debugger stops and whose lines a coverage report counts.
+"""
+
+import atexit
+import hashlib
+import os
+import re
+import shutil
+import stat
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core import config, event
+from numba.core.event import register, unregister
+
+# numba guards every signed index against being negative, and a loop with such guards does not vectorise: four times slower.
+# Hence ``for i in range(index(begin), index(end))`` wherever begin is not a plain zero.  Plain Python wants plain numbers: to
+# NumPy the sum of a uint64 and an int64 is a float.
+index: Any = int if config.DISABLE_JIT else np.uint64  # type: ignore[attr-defined]
+
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+_KEEP_SECONDS = 30 * 24 * 3600.0
+
+# What a kernel is made of is imported by whole names at the top of a file; what a function imports later is no part of it.
+_HOLDS_KERNELS = re.compile(r"^@(?:inner_|allocating_)?kernel\b", re.MULTILINE)
+_IMPORTED = re.compile(r"^from (crowd_env[\w.]*) import", re.MULTILINE)
+_STAMPED = re.compile(r"kernels-[0-9a-f]{16}")
+_MARKER = "written-by-crowd_env"  # a file in every folder that this package has made: it deletes no other
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+
+def source_stamp(package: Path) -> str:
+    """Return a hash of all sources of a package, and of the numba version."""
+    return _hash_of(package, sorted(package.rglob("*.py")))
+
+
+def kernel_stamp(package: Path = Path(__file__).parents[2]) -> str:
+    """Return a hash of the sources that a kernel is made of, and of the numba version.
+
+    These are the files that hold kernels, and all files of the package that they import, directly or not.
+    """
+    return _hash_of(package, kernel_sources(package))
+
+
+def kernel_sources(package: Path) -> list[Path]:
+    """Return the files of a package that hold kernels and those that they import, directly or not; sorted."""
+    texts = {path: path.read_text(encoding="utf-8") for path in package.rglob("*.py")}
+    found: set[Path] = set()
+    new = {path for path, text in texts.items() if _HOLDS_KERNELS.search(text)}
+    while new:
+        found |= new
+        imported = {module for path in new for module in _IMPORTED.findall(texts[path])}
+        places = {package.parent.joinpath(*module.split(".")) for module in imported}
+        new = {path for place in places for path in (place.with_suffix(".py"), place / "__init__.py") if path in texts}
+        new -= found
+    return sorted(found)
+
+
+def _hash_of(package: Path, files: list[Path]) -> str:
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in files:
+        text = path.read_bytes()
+        digest.update(f"{path.relative_to(package).as_posix()} {len(text)} ".encode())
+        digest.update(text)
+    return digest.hexdigest()[:16]
+
+
+def cache_folder(stamp: str) -> Path | None:
+    """Return the stamped cache folder: in $NUMBA_CACHE_DIR, else in the user's cache, else one for this process alone.
+
+    None if nothing can be written anywhere: kernels are then compiled anew in every process.
+    """
+    root = _root()
+    if root is not None:
+        folder = root / f"kernels-{stamp}"
+        problem = _open(folder)
+        if problem is None:
+            _remove_stale(folder)
+            return folder
+        _say(f"kernels are not kept: {problem}; set NUMBA_CACHE_DIR to a folder that only you can write to")
+    return _folder_of_this_process()
+
+
+def _root() -> Path | None:
+    """Return where stamped folders lie; None where a user has no home."""
+    if own := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(own).absolute()  # numba writes later, perhaps from somewhere else
+    cache = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    if cache.is_absolute():  # others are to be ignored, says the standard
+        return cache / "crowd_env"
+    try:
+        return Path.home() / ".cache" / "crowd_env"
+    except RuntimeError:  # a user id without an account, as in containers
+        return None
+
+
+def _open(folder: Path) -> str | None:
+    """Make the folder unless it is there, for this user alone; returns why it cannot be used, None if it can."""
+    try:
+        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if problem := _shared(folder.parent, others=(0,)):
+            return problem
+        try:
+            folder.mkdir(mode=0o700)
+            (folder / _MARKER).touch()
+        except FileExistsError:
+            pass
+        if problem := _shared(folder):
+            return problem
+        os.utime(folder)
+    except OSError as error:
+        return f"{folder} cannot be written: {error.strerror}"
+    return None if os.access(folder, os.W_OK) else f"{folder} cannot be written"
+
+
+def _shared(folder: Path, others: tuple[int, ...] = ()) -> str | None:
+    """Return why somebody else could put files into a folder, None if nobody could.
+
+    It has to belong to this user, or to one of ``others``: then entries of it are still safe if only their owners may replace
+    them (the sticky bit, as in /tmp).
+    """
+    if not hasattr(os, "getuid"):  # Windows: folders in the user's profile are the user's
+        return None
+    found = folder.stat() if others else folder.lstat()
+    if not stat.S_ISDIR(found.st_mode):
+        return f"{folder} is not a folder"
+    if found.st_uid not in (os.getuid(), *others):
+        return f"{folder} belongs to another user"
+    if found.st_mode & _OTHERS_WRITE and not (others and found.st_mode & stat.S_ISVTX):
+        return f"other users can write to {folder}"
+    return None
+
+
+def _folder_of_this_process() -> Path | None:
+    """Return a new folder with a name that nobody can guess, deleted at the end of the process."""
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="crowd_env-kernels-"))
+    except OSError:
+        return None
+    atexit.register(_leave, folder, os.getpid())
+    return folder
+
+
+def _leave(folder: Path, process: int) -> None:
+    """Delete the folder of this process, unless this is a fork of it."""
+    if process == os.getpid():
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _remove_stale(folder: Path) -> None:
+    """Delete sibling folders that this package has made and that nothing has opened for a month."""
+    for other in folder.parent.glob("kernels-*"):
+        try:
+            ours = other != folder and _STAMPED.fullmatch(other.name) is not None and _shared(other) is None
+            if ours and (other / _MARKER).is_file() and time.time() - other.stat().st_mtime > _KEEP_SECONDS:
+                shutil.rmtree(other, ignore_errors=True)
+        except OSError:  # another process removed it first
+            continue
+
+
+def _say(note: str) -> None:
+    if not os.environ.get("CROWD_ENV_QUIET"):
+        print(f"crowd_env: {note}", file=sys.stderr)
+
+
+STAMP = kernel_stamp()
+CACHE_FOLDER = cache_folder(STAMP)
+
+
+class _Note(event.Listener):
+    """Says once that kernels are being compiled: the silence before a first step would otherwise last half a minute."""
+
+    def on_start(self, event: event.Event) -> None:
+        """Speak up at the first kernel of this package that is not in the cache."""
+        if event.data["dispatcher"].py_func.__module__.startswith("crowd_env."):
+            unregister("numba:compile", self)
+            _say("compiling kernels, once for this version and scheme: about half a minute ...")
+
+    def on_end(self, event: event.Event) -> None:
+        """Say nothing."""
+
+
+if not os.environ.get("CROWD_ENV_QUIET"):
+    register("numba:compile", _Note())
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile ``function`` for one thread, cached in the stamped folder.
+
+    No fast-math: the order of every sum is the order written, so the same build gives the same bits.
+
+    Nothing may be allocated inside (use `allocating_kernel` for that): without numba's reference counting a physics step was
+    measured to run three times as fast.  The global lock is released: ranges of environments run side by side in ordinary
+    threads.  Tuples of arrays are best handed over as a `crowd_env.core.kernels.struct_ref.StructRef`.
+    """
+    return _quiet(_compile(function, {"_nrt": False}))
+
+
+def inner_kernel(function: Callable[..., Any]) -> Any:
+    """Compile ``function`` like `kernel`, for calls from other kernels alone.
+
+    The code that unpacks Python's arguments, which it does without, would be a fifth of all that is compiled for a first step.
+    """
+    return _compile(function, {"_nrt": False, "no_cpython_wrapper": True})
+
+
+def allocating_kernel(function: Callable[..., Any]) -> Any:
+    """Compile ``function`` like `kernel`, but let it allocate and return arrays: for work done once, not at every step."""
+    return _quiet(_compile(function, {}))
+
+
+def _quiet(compiled: Callable[..., Any]) -> Any:
+    """Let plain Python divide by zero and take inf from inf without a warning, as compiled code does.
+
+    A warning of an overflow stays: of floats it is rare, and a number that does not fit its integer type is a mistake.
+    """
+    if not config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return compiled
+    return np.errstate(divide="ignore", invalid="ignore")(compiled)
+
+
+def _compile(function: Callable[..., Any], extra: dict[str, Any]) -> Any:
+    # numba picks the cache folder when the decorator runs; other users of numba in the process keep their own.
+    before = config.CACHE_DIR  # type: ignore[attr-defined]
+    config.CACHE_DIR = str(CACHE_FOLDER)  # type: ignore[attr-defined]
+    try:
+        return numba.njit(**_OPTIONS, **extra, cache=CACHE_FOLDER is not None)(function)
+    finally:
+        config.CACHE_DIR = before  # type: ignore[attr-defined]

@@ -1,0 +1,6 @@
+"""stable-baselines3: batches as its VecEnv, and rollouts that skip pedestrians who have left."""
+
+from crowd_env.envs.adapters.sb3.rollout_buffer import MaskedRolloutBuffer
+from crowd_env.envs.adapters.sb3.vec_env import KEPT_EPISODES, CrowdVecEnv, SlotRewards, Slots, VectorVecEnv
+
+__all__ = ["KEPT_EPISODES", "CrowdVecEnv", "MaskedRolloutBuffer", "SlotRewards", "Slots", "VectorVecEnv"]

@@ -1,0 +1,133 @@
+"""Rollouts of a `CrowdVecEnv` that keep pedestrians who have left out of the loss."""
+
+import warnings
+from collections.abc import Generator
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.type_aliases import RolloutBufferSamples
+
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.envs.adapters.sb3.vec_env import Slots
+
+
+class MaskedRolloutBuffer(RolloutBuffer):
+    """A rollout buffer that hands out only the samples of pedestrians who were inside when they acted.
+
+    The rewards of a `CrowdVecEnv` carry the mask, see `SlotRewards`, whichever environment the model has at the time.
+
+    Having left is worth nothing without a ``team_share`` s; with one it is worth what the critic expects of the others.  Let M
+    be the mean over all N people of an environment of what is still to come.  The n who are inside expect
+    V = (1 - s) own + s M each, the others s M; so the sum of V over those inside is ((1 - s) N + s n) M.
+
+    If only some terms are shared the critic cannot tell their part of V.  Having left is then worth what those who are out are
+    paid in the rest of the rollout, and after its end what they were last paid, for as long again as a rollout lasts.
+
+    Parameters
+    ----------
+    args, kwargs : as for RolloutBuffer.
+    venv : no longer needed; models that were saved by earlier versions name it.
+    """
+
+    def __init__(self, *args: Any, venv: object = None, **kwargs: Any) -> None:
+        if venv is not None:
+            text = "MaskedRolloutBuffer finds its environment by itself: leave out rollout_buffer_kwargs={'venv': ...}"
+            warnings.warn(text, DeprecationWarning, stacklevel=2)
+        super().__init__(*args, **kwargs)
+
+    def reset(self) -> None:
+        """Empty the buffer."""
+        super().reset()
+        self.mask = np.zeros((self.buffer_size, self.n_envs), dtype=np.bool_)
+        self._slots: Slots | None = None  # of the last step
+
+    def add(
+        self,
+        obs: np.ndarray,
+        action: np.ndarray,
+        reward: np.ndarray,
+        episode_start: np.ndarray,
+        value: torch.Tensor,
+        log_prob: torch.Tensor,
+    ) -> None:
+        """Add one step of all slots.
+
+        Raises
+        ------
+        ValueError
+            If the rewards carry no `Slots`.
+        """
+        slots: Slots | None = getattr(reward, "slots", None)
+        if slots is None:
+            raise ValueError(
+                "MaskedRolloutBuffer needs the rewards of a CrowdVecEnv as they are or computed from them; "
+                "the environment is another one, or a wrapper has replaced them by plain arrays"
+            )
+        t = self.pos
+        super().add(obs, action, reward, episode_start, value, log_prob)
+        self.mask[t], self._slots = slots.acted, slots
+        self.values[t] = np.where(
+            slots.acted, self.values[t], _worth_of_having_left(self.values[t], slots.acted, slots)
+        )
+        if slots.team_share > 0.0 and slots.cut_off.any() and not slots.shares_all:
+            ended = np.bincount(slots.environment, weights=slots.cut_off)[slots.environment] > 0
+            self.rewards[t] += np.where(ended & ~slots.cut_off, self.gamma * self._worth_by_rewards(t), 0.0)
+        elif slots.team_share > 0.0 and slots.cut_off.any():
+            # stable-baselines3 has bootstrapped the rows that were cut off.  For pedestrians who had left the episode would go
+            # on as well: what that is worth to them follows from the values of the rows cut off, one observation earlier.
+            later = _worth_of_having_left(self.values[t], slots.cut_off, slots)
+            self.rewards[t] += np.where(slots.cut_off, 0.0, self.gamma * later)
+
+    def compute_returns_and_advantage(self, last_values: torch.Tensor, dones: np.ndarray) -> None:
+        """Compute lambda-returns and advantages; having left is worth what the class says."""
+        assert self._slots is not None, "the buffer is empty"
+        slots = self._slots
+        values, inside = last_values.detach().cpu().numpy().flatten(), slots.inside
+        if slots.team_share > 0.0 and not slots.shares_all:
+            values = np.where(inside, values, self._worth_by_rewards(self.buffer_size - 1)).astype(np.float32)
+            later = np.where(dones, 0.0, values)
+            for t in reversed(range(self.buffer_size)):
+                paid = self.rewards[t] + self.gamma * later
+                self.values[t] = np.where(self.mask[t], self.values[t], paid)
+                later = np.where(self.episode_starts[t], 0.0, self.values[t])
+        else:
+            values = np.where(inside, values, _worth_of_having_left(values, inside, slots)).astype(np.float32)
+        super().compute_returns_and_advantage(torch.as_tensor(values), dones)
+
+    def _worth_by_rewards(self, t: int) -> Floats:
+        """Return the value (P,) of having left, after step ``t``, if those who are out go on being paid as in that step."""
+        assert self._slots is not None
+        room, out = self._slots.environment, ~self.mask[t]
+        paid, count = np.bincount(room, weights=np.where(out, self.rewards[t], 0.0)), np.bincount(room, weights=out)
+        steps = float((self.gamma ** np.arange(self.buffer_size)).sum())
+        return np.asarray(steps * paid / np.maximum(count, 1.0))[room]
+
+    def get(self, batch_size: int | None = None) -> Generator[RolloutBufferSamples, None, None]:
+        """Yield shuffled minibatches of the masked samples; afterwards the buffer's arrays hold these samples alone.
+
+        A last minibatch of fewer than half the size is joined to the one before it: its gradient would be all noise.
+        """
+        assert self.full, "the buffer is not full yet"
+        if not self.generator_ready:
+            valid = np.flatnonzero(self.swap_and_flatten(self.mask)[:, 0])
+            for name in ("observations", "actions", "values", "log_probs", "advantages", "returns"):
+                setattr(self, name, self.swap_and_flatten(getattr(self, name))[valid])
+            self.generator_ready = True
+        order = np.random.permutation(len(self.values))  # noqa: NPY002 - the generator that stable-baselines3 seeds
+        size = batch_size or len(order)
+        count = max(1, int(np.floor(len(order) / size + 0.5)))
+        for part in np.array_split(order, count):
+            yield self._get_samples(part)
+
+
+def _worth_of_having_left(values: np.ndarray, inside: Bools, slots: Slots) -> Floats:
+    """Return the value (P,) of having left each slot's environment, from the values of the pedestrians inside."""
+    if slots.team_share == 0.0:
+        return np.zeros(len(values))
+    room, share = slots.environment, slots.team_share
+    expected = np.bincount(room, weights=np.where(inside, values, 0.0))
+    weight = (1.0 - share) * np.bincount(room) + share * np.bincount(room, weights=inside)
+    mean = np.divide(expected, weight, out=np.zeros_like(expected), where=weight > 0.0)
+    return np.asarray(share * mean)[room]

@@ -1,0 +1,242 @@
+"""Batches as VecEnvs of stable-baselines3: one row a pedestrian (`CrowdVecEnv`), or one row an environment (`VectorVecEnv`)."""
+
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.metrics import EpisodeMetrics
+
+KEPT_EPISODES = 1000  #: metrics of finished environments that are kept until `take_finished` is called
+
+
+class BatchVecEnv(VecEnv):
+    """What is common to batches that stable-baselines3 steps: the row's return and length, seeds, metrics, attributes.
+
+    Parameters
+    ----------
+    env : the batch that attributes and methods are looked up in.
+    rows : number of sub-environments of the VecEnv.
+    observation_space, action_space : of one row.
+
+    Attributes
+    ----------
+    finished_episodes : metrics of the environments that finished since `take_finished` was last called, the last 1000 of them.
+    """
+
+    def __init__(
+        self, env: Any, rows: int, observation_space: gymnasium.spaces.Space, action_space: gymnasium.spaces.Space
+    ) -> None:
+        self.env = env
+        self.render_mode = None
+        self.finished_episodes: deque[EpisodeMetrics] = deque(maxlen=max(KEPT_EPISODES, env.num_envs))
+        self._actions: np.ndarray = np.empty(0)
+        self._return = np.zeros(rows)
+        self._length = np.zeros(rows, dtype=np.int64)
+        super().__init__(rows, observation_space, action_space)
+
+    @abstractmethod
+    def _begin(self, seed: int | None) -> np.ndarray:
+        """Start new episodes in all rows; return observations (rows, D)."""
+
+    def reset(self) -> np.ndarray:
+        """Start new episodes in all rows, from the seed given to `seed` if there was one since the last reset."""
+        observation = self._begin(self._seeds[0])
+        self._reset_seeds()
+        self._reset_options()
+        self._return[:] = 0.0
+        self._length[:] = 0
+        return np.asarray(observation)
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Fix what the next reset draws: environment ``e`` of the batch uses (seed, e)."""
+        self._seeds = [seed] * self.num_envs
+        return self._seeds
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def _close_episodes(
+        self, reward: Floats, done: Bools, truncated: Bools, last_observation: np.ndarray
+    ) -> list[dict[str, Any]]:
+        """Add up the rewards of a step; return the infos of all rows, empty unless the row is ``done``."""
+        self._return += reward
+        self._length += 1
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for i in np.flatnonzero(done):
+            infos[i] = {
+                "terminal_observation": last_observation[i],
+                "TimeLimit.truncated": bool(truncated[i]),
+                "episode": {"r": float(self._return[i]), "l": int(self._length[i])},
+            }
+        self._return[done] = 0.0
+        self._length[done] = 0
+        return infos
+
+    def take_finished(self) -> list[EpisodeMetrics]:
+        """Return the metrics of the environments that finished since the last call."""
+        taken = list(self.finished_episodes)
+        self.finished_episodes.clear()
+        return taken
+
+    def close(self) -> None:
+        """Close the batch, if it can be closed."""
+        close = getattr(self.env, "close", None)
+        if close is not None:
+            close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """Return an attribute of the batch, once for each row in ``indices``."""
+        value = None if attr_name == "render_mode" else getattr(self.env, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of the whole batch; it cannot differ between rows."""
+        setattr(self.env, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the batch once and return its result for each row in ``indices``."""
+        result = getattr(self.env, method_name)(*method_args, **kwargs)
+        return [result for _ in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
+        """Return False for each row in ``indices``: there are no wrappers inside."""
+        return [False for _ in self._get_indices(indices)]
+
+
+class Slots(NamedTuple):
+    """Which rows of a step belong to pedestrians who are inside."""
+
+    acted: Bools  # (P,)  inside when the step began: the rows worth learning from
+    inside: Bools  # (P,)  inside after the step; all of them in an environment that has restarted
+    cut_off: Bools  # (P,)  still inside when the episode ended
+    environment: Ints  # (P,)
+    team_share: float
+    shares_all: bool = True  # the share is taken of the whole reward, not of some terms
+
+
+class SlotRewards(np.ndarray):
+    """Rewards (P,) of a step that carry their `Slots` along; so does every array that is computed from them.
+
+    A rollout buffer receives nothing else from its algorithm, which may have been loaded, or given another environment, since
+    the buffer was made; and other environments may have been stepped in between.
+
+    Attributes
+    ----------
+    slots : the rows of the step; None if they got lost.
+    """
+
+    slots: Slots | None
+
+    def __array_finalize__(self, made_from: Any) -> None:
+        self.slots = getattr(made_from, "slots", None)
+
+    @classmethod
+    def of(cls, reward: Floats, slots: Slots) -> "SlotRewards":
+        """Return rewards as float32 that carry ``slots`` along."""
+        rewards = np.array(reward, dtype=np.float32).view(cls)
+        rewards.slots = slots
+        return rewards
+
+
+class CrowdVecEnv(BatchVecEnv):
+    """A `CrowdEnv` with autoreset as a VecEnv of P = E * N slots, one policy shared by all pedestrians.
+
+    The episode of a slot is that of its environment: ``done`` is true when that ends, ``TimeLimit.truncated`` for pedestrians
+    who are then still inside, so that the value of their last observation is bootstrapped.  A pedestrian who has left before
+    waits with zeros as observation, and with a share of what the others earn as reward, if there is a ``team_share``: leaving
+    is an absorbing state.  `MaskedRolloutBuffer` knows what that state is worth, and keeps it out of the loss.
+
+    The info of a slot, in the step in which its environment finishes, holds ``episode`` (return ``r`` and length ``l`` of the
+    environment's episode), ``steps_inside`` (decision steps until the pedestrian left), ``is_success`` (whether the pedestrian
+    left), ``terminal_observation`` and ``TimeLimit.truncated``; in other steps it is empty.
+
+    Attributes
+    ----------
+    acted : (P,) bool, the pedestrian was inside when the last step began: the rows worth learning from.
+    finished_episodes : metrics of the environments that finished since `take_finished` was last called, the last 1000 of them.
+
+    Parameters
+    ----------
+    env : a batch made with ``autoreset=True``.
+
+    Raises
+    ------
+    ValueError
+        If the batch does not restart by itself.
+    """
+
+    def __init__(self, env: CrowdEnv) -> None:
+        if not env.autoreset:
+            raise ValueError("CrowdVecEnv needs a CrowdEnv made with autoreset=True")
+        self.acted = np.zeros(env.num_people, dtype=np.bool_)
+        self._inside = np.zeros(env.num_people, dtype=np.int64)
+        super().__init__(env, env.num_people, env.single_observation_space, env.single_action_space)
+
+    def _begin(self, seed: int | None) -> np.ndarray:
+        self._inside[:] = 0
+        return self.env.reset(seed)[0]
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Advance by one decision step."""
+        env = self.env
+        self.acted = env.active.copy()
+        step = env.step(self._actions)
+        done = step.info["finished"][env.env_of_person]
+        last_observation = step.info.get("final_observation", step.observation)
+        infos = self._close_episodes(step.reward, done, step.truncated, last_observation)
+        self._inside += self.acted
+        for i in np.flatnonzero(done):
+            infos[i] |= {"is_success": not step.truncated[i], "steps_inside": int(self._inside[i])}
+        self._inside[done] = 0
+        self.finished_episodes.extend(step.info["metrics"].values())
+        weights = env.reward_weights
+        shares = weights.team_share, weights.shares_all
+        slots = Slots(self.acted, env.active.copy(), step.truncated, env.env_of_person, *shares)
+        return step.observation, SlotRewards.of(step.reward, slots), done, infos
+
+
+class VectorVecEnv(BatchVecEnv):
+    """A Gymnasium `VectorEnv` that restarts rows in the step in which they end, as a VecEnv; one sub-environment a row.
+
+    ``infos[row]["terminal_observation"]``, ``["TimeLimit.truncated"]`` (so that the value of the last observation is
+    bootstrapped) and ``["episode"]`` (return ``r``, length ``l``) are set in that step.
+
+    Parameters
+    ----------
+    env : for instance ``gymnasium.make_vec("crowd_env/Routing-v0", num_envs=8)``.
+
+    Raises
+    ------
+    ValueError
+        If the batch does not restart rows in the same step.
+    """
+
+    def __init__(self, env: VectorEnv) -> None:
+        if env.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:
+            raise ValueError("stable-baselines3 needs a VectorEnv with AutoresetMode.SAME_STEP")
+        super().__init__(env, env.num_envs, env.single_observation_space, env.single_action_space)
+
+    def _begin(self, seed: int | None) -> np.ndarray:
+        return np.asarray(self.env.reset(seed=seed)[0])
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Advance all rows by one step."""
+        observation, reward, terminated, truncated, info = self.env.step(self._actions)
+        done = np.logical_or(terminated, truncated)
+        infos = self._close_episodes(reward, done, truncated & ~terminated, info.get("final_obs", observation))
+        metrics = info.get("final_info", {}).get("metrics", {})
+        for e in np.flatnonzero(done) if metrics else ():
+            self.finished_episodes.append(EpisodeMetrics(*(metrics[name][e].item() for name in EpisodeMetrics._fields)))
+        return np.asarray(observation), np.asarray(reward, dtype=np.float32), done, infos

@@ -1,0 +1,158 @@
+"""How hard a crowd presses: on a body, and as a crowd."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from crowd_env.core.arrays.outline import Outline
+from crowd_env.core.arrays.state import Bools, CrowdState, Floats, Ints
+from crowd_env.core.checks import POSITIVE, array, number, require_all
+from crowd_env.core.kernels.jit import kernel
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.physics.neighbors.lists import NeighborList, sort_into_cells
+from crowd_env.physics.simulation.simulation import Simulation
+
+
+class ContactForces(NamedTuple):
+    """Who presses on whom in a crowd of N, and how hard: C contacts."""
+
+    geometry: Geometry
+    time: float  # s
+    position: Floats  # (N, 2)  m
+    radius: Floats  # (N,)    m
+    active: Bools  # (N,)    still inside
+    i: Ints  # (C,)    person
+    j: Ints  # (C,)    other person > i, or -1 - k: wall feature k
+    at: Floats  # (C, 2)  m, the center of j, or where i touches the wall
+    force: Floats  # (C,)    N, normal; > 0 pushes apart
+    angle: Floats | None = None  # (N,)    rad
+    outline: Outline | None = None  # shape of all bodies; None = discs
+
+
+def contact_pressure(impulse: ArrayLike, duration: float, radius: ArrayLike) -> Floats:
+    """Return the contact force on each body per circumference [N/m], ``sum |f_c| / (2 pi r)``.
+
+    It is the two-dimensional pressure inside the disc: the trace of the virial stress ``sum (r n) f / (pi r^2)``, halved.
+
+    Parameters
+    ----------
+    impulse : (..., N) N s, summed magnitudes of the contact impulses during ``duration``, as in ``Results.impulse_magnitude``.
+    duration : s.
+    radius : (N,) m.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit, or the duration or a radius is not positive.
+    """
+    circumference = 2.0 * np.pi * require_all("radius", array("radius", radius, (None,)), POSITIVE)
+    impulse = array("impulse", impulse, (..., len(circumference)))
+    return np.asarray(impulse, dtype=np.float64) / (number("duration", duration, POSITIVE, "s") * circumference)
+
+
+def contact_forces(simulation: Simulation, e: int = 0) -> ContactForces:
+    """Return the contacts of environment ``e`` with their normal forces: the normal impulses of the last step over its length.
+
+    What the discs of two bodies with an outline do to each other, or those of one and a wall, is added up.
+
+    Solvers of impulses leave forces that flicker from step to step; `mean_contact_forces` of many steps is calmer.
+    """
+    people = slice(int(simulation.bodies.env_start[e]), int(simulation.bodies.env_start[e + 1]))
+    position, radius = simulation.state.position[people].copy(), simulation.bodies.radius[people].copy()
+    angle, outline = simulation.state.angle[people].copy(), simulation.outline
+    active, contacts = simulation.state.active[people].copy(), simulation.contacts(e)
+    inside = _both_inside(active, contacts.i, contacts.j)
+    i, j = contacts.i[inside], contacts.j[inside]
+    center, size = position[i], radius[i]
+    if outline is not None and contacts.disc_i is not None:
+        of_all = outline.place_discs(position, radius, angle)
+        center, size = (array[i, contacts.disc_i[inside]] for array in of_all)
+    touch = center - contacts.normal[inside] * (size + contacts.gap[inside])[:, None]
+    forces = ContactForces(
+        geometry=simulation.geometries[simulation.world.geometry_of_env[e]],
+        time=float(simulation.state.time[e]),
+        position=position,
+        radius=radius,
+        active=active,
+        i=i,
+        j=j,
+        at=np.where((j < 0)[:, None], touch, position[np.maximum(j, 0)]),
+        force=contacts.impulse[inside, 0] / simulation.dt,
+        angle=angle,
+        outline=outline,
+    )
+    return forces if outline is None else mean_contact_forces([forces])
+
+
+def mean_contact_forces(samples: Sequence[ContactForces]) -> ContactForces:
+    """Return the time average of the normal forces over ``samples`` of one crowd, people standing as in the last one.
+
+    A contact counts as 0 N in samples in which it does not exist; contacts of people who left meanwhile are left out.
+
+    Raises
+    ------
+    ValueError
+        If there is no sample.
+    """
+    if not samples:
+        raise ValueError("a mean of contact forces needs at least one sample")
+    last = samples[-1]
+    i, j, at, force = (np.concatenate([getattr(s, name) for s in samples]) for name in ("i", "j", "at", "force"))
+    stays = _both_inside(last.active, i, j)
+    i, j, at, force = i[stays], j[stays], at[stays], force[stays]
+    pairs, which = np.unique(np.stack([i, j], axis=1), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    mean, place = np.zeros(len(pairs)), np.zeros((len(pairs), 2))
+    np.add.at(mean, which, force / len(samples))
+    place[which] = at  # of several, the last one
+    i, j = pairs.T.copy()
+    at = np.where((j < 0)[:, None], place, last.position[np.maximum(j, 0)])
+    return last._replace(i=i, j=j, at=at, force=mean)
+
+
+def _both_inside(active: Bools, i: Ints, j: Ints) -> Bools:
+    """Return which contacts (C,) are of people who are still inside, and walls."""
+    return active[i] & ((j < 0) | active[np.maximum(j, 0)])
+
+
+def crowd_pressure(simulation: Simulation, radius: float = 1.0) -> Floats:
+    """Return density times velocity variance around everyone (P,) [1/s^2]; 0 for those who are out.
+
+    Over the people within ``radius`` [m], oneself included.  The "crowd pressure" of Helbing, Johansson, Al-Abideen 2007, who
+    saw turbulence from 0.02 /s^2 on; they weigh by a Gaussian of the distance, here everyone within reach counts the same.
+
+    Raises
+    ------
+    ValueError
+        If the radius is not positive and finite.
+    """
+    radius = number("crowd_pressure: radius", radius, POSITIVE, "m")
+    out = np.zeros(len(simulation.bodies.radius))
+    _density_times_variance(simulation.bodies.env_start, simulation.state, simulation.workspace.neighbors, radius, out)
+    return out
+
+
+@kernel
+def _density_times_variance(env_start: Ints, state: CrowdState, near: NeighborList, radius: float, out: Floats) -> None:
+    position, velocity = state.position, state.velocity
+    for e in range(len(state.time)):
+        begin, end = env_start[e], env_start[e + 1]
+        head, columns, rows = sort_into_cells(e, begin, end, state.active, position, near, radius)
+        for i in range(begin, end):
+            if not state.active[i]:
+                continue
+            column, row = near.cell_of[i] % columns, near.cell_of[i] // columns
+            count, sum_x, sum_y, squares = 0, 0.0, 0.0, 0.0
+            for r in range(max(row - 1, 0), min(row + 2, rows)):
+                first = head + r * columns + max(column - 1, 0)
+                stop = head + r * columns + min(column + 1, columns - 1)
+                for item in range(begin + near.cell_start[first], begin + near.cell_start[stop + 1]):
+                    j = near.cell_item[item]
+                    dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+                    if dx * dx + dy * dy < radius * radius:
+                        u, v = velocity[j, 0], velocity[j, 1]
+                        count, sum_x, sum_y, squares = count + 1, sum_x + u, sum_y + v, squares + u * u + v * v
+            variance = squares / count - (sum_x * sum_x + sum_y * sum_y) / (count * count)
+            out[i] = count / (np.pi * radius * radius) * max(variance, 0.0)

@@ -1,0 +1,135 @@
+"""All that the future of a simulation depends on, copied: to go back to, or to go on from in another process."""
+
+import hashlib
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowd_env.core.arrays.headway import Headway
+from crowd_env.core.arrays.outline import Outline
+from crowd_env.core.arrays.state import Bodies, CrowdState, Ints
+from crowd_env.core.checks import shown
+from crowd_env.physics.contacts import Contacts, of_a_contact, rows_of
+from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
+from crowd_env.physics.scheme import ContactScheme
+from crowd_env.physics.spatial_order import Order, SortedCrowd
+from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, World
+from crowd_env.routing.door_schedule import DoorState
+from crowd_env.routing.replanning import PlannerState
+
+Arrays = dict[str, np.ndarray]
+
+
+class SavedHistory(NamedTuple):
+    """A copy of a `History`."""
+
+    arrays: Arrays  # by name
+    contacts: Ints  # (E,)  how many in each environment
+    of_contacts: Arrays  # by name, those of all environments one behind the other
+
+
+class Checkpoint(NamedTuple):
+    """A moment of a `Simulation`; made by `Simulation.checkpoint`, taken up by `Simulation.restore`.  It can be pickled."""
+
+    made_by: dict[str, Any]  # what a simulation must have in common with the one that it was taken from
+    bodies: Bodies
+    state: CrowdState
+    history: SavedHistory
+    results: Results  # of the last call
+    diagnostics: Diagnostics  # of the episodes so far
+    doors: DoorState
+    route_set: PlannerState
+    order: Order | None  # None = no crowd is large
+    escaped: np.ndarray  # (P,)  who was found outside of the walkable area
+
+
+def copy_arrays(fields: Any) -> Arrays:
+    """Return copies of the arrays of a NamedTuple, by name."""
+    named = zip(fields._fields, fields, strict=True)
+    return {name: array.copy() for name, array in named if isinstance(array, np.ndarray)}
+
+
+def write_arrays(fields: Any, arrays: dict[str, Any]) -> None:
+    """Write them back in place, those of NamedTuples too: whoever holds the arrays sees what they were."""
+    for name, then in arrays.items():
+        if isinstance(then, np.ndarray):
+            getattr(fields, name)[...] = then
+        else:
+            write_arrays(getattr(fields, name), then._asdict())
+
+
+def save_history(history: History, neighbors: NeighborList) -> SavedHistory:
+    """Return a copy of the history."""
+    contacts, rows = history.contacts, _rows_of_all(history.contacts, neighbors)
+    of_contacts = {name: getattr(contacts, name)[rows] for name in of_a_contact(contacts)}
+    return SavedHistory(copy_arrays(history), contacts.number.copy(), of_contacts)
+
+
+def has_room(workspace: Workspace, then: SavedHistory) -> bool:
+    """Whether the contacts of then fit."""
+    return bool((then.contacts <= np.diff(workspace.neighbors.entry_start)).all())
+
+
+def load_history(history: History, workspace: Workspace, then: SavedHistory) -> None:
+    """Write it back in place; the lists of neighbors are made anew at the next step."""
+    write_arrays(history, then.arrays)
+    contacts = history.contacts
+    contacts.number[:] = then.contacts
+    rows = _rows_of_all(contacts, workspace.neighbors)
+    for name, array in then.of_contacts.items():
+        getattr(contacts, name)[rows] = array
+    invalidate_lists(workspace.neighbors)
+
+
+def _rows_of_all(contacts: Contacts, neighbors: NeighborList) -> Ints:
+    """Return where the contacts of all environments are."""
+    rows = [rows_of(e, contacts, neighbors) for e in range(len(contacts.number))]
+    return np.concatenate([np.arange(row.start, row.stop) for row in rows])
+
+
+def require_checkpoint(checkpoint: Any, kind: type, of: str) -> None:
+    """Raise TypeError unless this is a checkpoint of that kind."""
+    if not isinstance(checkpoint, kind):
+        raise TypeError(f"restore takes a checkpoint() of {of}, not {type(checkpoint).__name__}")
+
+
+def made_by(
+    scheme: ContactScheme,
+    manner: Headway | None,
+    max_drive: float | None,
+    outline: Outline | None,
+    dt: float,
+    driving: bool,
+    replan_every: float,
+    bodies: Bodies,
+    world: World,
+) -> dict[str, Any]:
+    """Return what a simulation must have in common with another to take up a checkpoint of it."""
+    return {
+        "scheme": scheme,
+        "manner": manner,
+        "max_drive": max_drive,
+        "outline": outline,
+        "dt": dt,
+        "driving": driving,
+        "replan_every": replan_every,
+        "env_start": bodies.env_start.tolist(),
+        "sorting": SortedCrowd.is_needed(bodies),
+        "place": _fingerprint(world),
+    }
+
+
+def _fingerprint(world: World) -> str:
+    """Return a digest of the places that a batch is in, and of how many ways there are."""
+    digest = hashlib.sha256()
+    for array in (*world.boundary, world.geometry_of_env, world.guidance.goal, world.guidance.following):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def require_same(now: dict[str, Any], then: dict[str, Any]) -> None:
+    """Raise ValueError, naming it, if two simulations differ in what they must have in common."""
+    for name, value in now.items():
+        if value != then[name]:
+            says = "" if name == "place" else f": {shown(then[name])}, here {shown(value)}"
+            raise ValueError(f"the checkpoint is of another simulation: its {name} is another{says}")

@@ -1,0 +1,395 @@
+"""A batch of crowds that walk, touch and leave.  No rewards, no agents: give it commands, advance it, read its arrays."""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from crowd_env.core.arrays.headway import Manner, make_manner
+from crowd_env.core.arrays.outline import NO_OUTLINE, BodyShape, make_outline
+from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state
+from crowd_env.core.checks import known, whole
+from crowd_env.core.kernels.struct_ref import struct_ref
+from crowd_env.geometry.geometry import Geometry, join_boundaries
+from crowd_env.geometry.inside import border_of, mark_outside
+from crowd_env.geometry.wall_grid import make_wall_grid, no_wall_grid
+from crowd_env.physics import ContactScheme, check_outline, make_scheme
+from crowd_env.physics.contacts import rows_of
+from crowd_env.physics.neighbors.lists import invalidate_lists
+from crowd_env.physics.scheme import arrays_of
+from crowd_env.physics.simulation.arguments import (
+    check_command,
+    check_drive,
+    check_routes,
+    check_step,
+    fields_of,
+    motivation_of,
+    routes_of,
+    vectors,
+    which_geometry,
+)
+from crowd_env.physics.simulation.checkpoint import (
+    Checkpoint,
+    has_room,
+    load_history,
+    made_by,
+    require_checkpoint,
+    require_same,
+    save_history,
+    write_arrays,
+)
+from crowd_env.physics.simulation.contact_list import ContactList, list_contacts
+from crowd_env.physics.simulation.restart import begin_history, begin_results, begin_state
+from crowd_env.physics.simulation.stepper import Stepper
+from crowd_env.physics.spatial_order import SortedCrowd
+from crowd_env.physics.workspace import (
+    Batch,
+    Command,
+    World,
+    add_diagnostics,
+    allocate_control,
+    allocate_history,
+    allocate_results,
+    allocate_workspace,
+    by_reference,
+    no_diagnostics,
+    replace_arrays,
+)
+from crowd_env.routing.door_schedule import DoorSchedule
+from crowd_env.routing.fields.field import NavigationField
+from crowd_env.routing.replanning import RoutePlanner
+from crowd_env.routing.route_set import RouteSet
+
+_IN_PLACE = ("world", "state", "bodies", "results", "history", "workspace")  # others hold on to their arrays
+
+
+class Simulation:
+    """A batch of crowds under one contact scheme.
+
+    Parameters
+    ----------
+    geometry : one for all environments, or several together with ``geometry_of_env``.
+    bodies, state : arrays of all environments; the simulation works on them in place.  Their arrays may be written to, they
+        themselves cannot be replaced: to go back to another moment is what `checkpoint` and `restore` are for.
+    scheme : name in ``SCHEMES`` or a scheme with its own parameters.
+    dt : s, physics step; by default the scheme's own, 0.01 or (hertz) 0.001.
+    fields : travel-time field, or all the ways, of each geometry; made here for geometries with exits if not given.
+    replan_every : s, how often the fastest ways are found anew.
+    driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
+    threads : spread environments, or with `dem` the parts of one large crowd, over this many threads; the result does not
+        depend on it.
+    manner : how people walk before they touch: a name in ``MANNERS``, a Headway, or a table of its parameters; by default they
+        walk at full speed whatever is in front of them.
+    max_drive : N, largest driving force of a person, as a push that one can go on exerting; None = as large as the papers
+        make it, m v_d / tau.  See `crowd_env.physics.driving_force`; `nsm1`, which has no such force, refuses it.
+    outline : shape of all bodies: a name in ``OUTLINES``, an Outline, or a table of its parameters; by default they are discs.
+        `hertz` and `hertz-literal`, under which bodies turn, take one.  ``bodies.inertia`` becomes that of the outline, and
+        pedestrians face their way when they begin, unless an angle in ``state`` is set.
+    allow_unstable : accept a ``dt`` above the scheme's stable step, and let everyone go as fast, as far in a step and through
+        whatever the contact law alone allows (to show what happens); else see `crowd_env.physics.bounds`.
+
+    Raises
+    ------
+    ValueError
+        If ``dt`` is not positive or above the stable step, an array has the wrong shape or type or does not fit the others, a
+        position is not finite, a body cannot be, or the scheme refuses the use.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry | Sequence[Geometry],
+        bodies: Bodies,
+        state: CrowdState,
+        *,
+        scheme: str | ContactScheme = "nsm2",
+        dt: float | None = None,
+        fields: Sequence[RouteSet | NavigationField | None] | None = None,
+        geometry_of_env: Ints | None = None,
+        driving: bool = True,
+        threads: int = 1,
+        replan_every: float = 1.0,
+        manner: Manner | None = None,
+        max_drive: float | None = None,
+        outline: BodyShape | None = None,
+        allow_unstable: bool = False,
+    ) -> None:
+        self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
+        check_bodies(bodies)
+        check_state(state, bodies)
+        self.bodies, self.state = bodies, state
+        self.scheme = make_scheme(scheme)
+        self.dt = dt = self.scheme.info.default_dt if dt is None else dt
+        self.driving, self.allow_unstable = driving, allow_unstable
+        self.manner = headway = make_manner(manner)
+        self.threads = whole("threads", threads)
+        self.max_drive = check_drive(max_drive, driving)
+        self.scheme.check(driving, self.max_drive)
+        self.outline = shape = make_outline(outline)
+        check_outline(shape, self.scheme)
+        check_step(self.scheme, bodies, dt, allow_unstable, shape)
+        self.fields = fields_of(self.geometries, fields, bodies)
+        environments = len(state.time)
+        which = which_geometry(geometry_of_env, environments, len(self.geometries))
+        boundary = join_boundaries(self.geometries)
+        keep_distance = headway is not None
+        self.planner = RoutePlanner(self.fields, which, boundary, replan_every, keep_distance=keep_distance)
+        guidance = self.planner.guidance
+        walls = no_wall_grid(len(self.geometries)) if headway is None else make_wall_grid(boundary, headway.sight + 1.0)
+        body = NO_OUTLINE if shape is None else shape.params()
+        self.world = World(boundary, by_reference(self.planner.field), which, guidance, walls, body)
+        self._set_inertia(slice(None))
+        plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
+        closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
+        self._door_schedule = DoorSchedule(self.geometries, closed, events, which)
+        doors = max(len(place.doors) for place in self.geometries)
+        rules = int(np.diff(guidance.rule.start).max(initial=0))
+        uses = arrays_of(self.scheme, headway is not None, shape is not None)
+        self.results = allocate_results(len(bodies.radius), environments)
+        self.workspace = allocate_workspace(bodies, uses=uses, discs=len(body.radius))
+        self.history = allocate_history(bodies, self.workspace.neighbors, rules, doors, uses)
+        routes = (guidance.field_of_route >= 0).sum(axis=1)
+        self._routes_of_person = np.repeat(routes, np.diff(bodies.env_start))
+        check_routes(state.route, self._routes_of_person)
+        self.history.followed[:] = state.route
+        # Overlaps, residuals and solver effort since the start of each environment.
+        self.diagnostics = no_diagnostics(environments)
+        # (P,) who was found outside of the walkable area after any call since the start of the environment: by position
+        # alone, whatever the contacts say.  Nobody should be.
+        self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
+        self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
+        control = allocate_control(len(bodies.radius), driving, not allow_unstable, headway, self.max_drive)
+        batch = Batch(self.world, bodies, state, control, self.results, self.history, self.workspace)
+        self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
+        self._stepper = Stepper(self.scheme, batch, self._sorted, self.threads)
+        self.batch = self._stepper.batch  # what kernels work on
+        for e in range(environments):
+            self.close_doors(e, self._door_schedule.restart(e))
+        self.listeners: list[Callable[[], object]] = []  # called after every physics step; bits stay, speed does not
+        self.times_restored = 0  # whoever keeps books beside the simulation sees that they are of another moment
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse to replace what observers and environments hold on to: they would go on looking at dead arrays."""
+        if name in _IN_PLACE and name in self.__dict__:
+            raise AttributeError(
+                f"{name} cannot be replaced, others hold on to its arrays: write into them, or go back to another moment with "
+                "checkpoint() and restore()"
+            )
+        super().__setattr__(name, value)
+
+    @property
+    def inside(self) -> Ints:
+        """Number of people still inside, per environment (E,)."""
+        return np.add.reduceat(self.state.active.astype(np.int64), self.bodies.env_start[:-1])
+
+    def _set_inertia(self, people: slice) -> None:
+        """Let bodies that have an outline turn as it does."""
+        if self.outline is not None:
+            self.bodies.inertia[people] = self.outline.inertia(self.bodies.mass[people], self.bodies.radius[people])
+
+    def advance(
+        self,
+        command: Floats | None = None,
+        *,
+        relative: Bools | None = None,
+        n_substeps: int = 1,
+        external_force: Floats | None = None,
+        gives_way: Bools | None = None,
+    ) -> None:
+        """Advance every environment by ``n_substeps`` physics steps in one compiled call.
+
+        Parameters
+        ----------
+        command : (P, 2), desired velocity as a multiple of the own desired speed; default (1, 0), straight to the exit.
+        relative : (P,), True where the command turns with the direction of the shortest path (default), False where its
+            axes are those of the world.
+        external_force : (P, 2) N.
+        gives_way : (P,), False for people who walk as they are told, whatever the manner of the others; default True.
+
+        Raises
+        ------
+        ValueError
+            If an array has the wrong shape or holds something that is not finite.
+        FloatingPointError
+            If someone would move further in one step than the own radius, or a position is no longer finite.
+        """
+        asked = check_command(Command(command, relative, external_force, gives_way), len(self.bodies.radius))
+        if n_substeps < 0:
+            raise ValueError(f"n_substeps is {n_substeps}; it must be >= 0")
+        check_routes(self.state.route, self._routes_of_person)
+        self._stepper.begin(asked)
+        target = 0
+        while target < n_substeps:
+            for e, closed in self._door_schedule.update(self.bodies, self.state, self.history.door_open):
+                self.close_doors(e, closed)
+            self.planner.update(self.bodies, self.state)
+            inside = self.inside
+            if self._sorted is not None:
+                self._sorted.update(self.history.contacts, self.workspace.neighbors)
+            tasks = (self._sorted, self.planner, self._door_schedule)
+            waits = [task.steps_until_due(self.state.time, self.dt, inside) for task in tasks if task is not None]
+            waits += [1] if self.listeners else []
+            target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
+            self._stepper.run_until(target, self.dt)
+            for listen in self.listeners:
+                listen()
+        add_diagnostics(self.diagnostics, self.results.diagnostics)
+        state, geometry_of_env = self.state, self.world.geometry_of_env
+        mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, state.position, self.escaped)
+
+    def close_doors(self, e: int, closed: Iterable[str]) -> None:
+        """Close these doors of environment ``e`` and open all others; ways are found accordingly.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown.
+        """
+        names, shut = self.geometries[self.world.geometry_of_env[e]].doors, frozenset(closed)
+        for name in shut:
+            known("door", name, names)
+        stands_open = np.array([name not in shut for name in names], dtype=np.bool_)
+        if not len(names) or (self.history.door_open[e, : len(names)] == stands_open).all():
+            return
+        self.history.door_open[e, : len(names)] = stands_open
+        invalidate_lists(self.workspace.neighbors, e)
+        self.history.directions_known[e] = False
+        self.planner.close(e, shut)
+        replace_arrays(self.world.field, self.planner.field)
+
+    def _people(self, e: int) -> slice:
+        """Return whose slots are those of environment ``e``; ValueError if there is none of that number."""
+        if not 0 <= e < len(self.state.time):
+            raise ValueError(f"there is no environment {e!r}; they are numbered 0 to {len(self.state.time) - 1}")
+        return slice(int(self.bodies.env_start[e]), int(self.bodies.env_start[e + 1]))
+
+    def restart(
+        self, e: int, bodies: Bodies, position: Floats, velocity: Floats | None = None, route: Ints | int = 0
+    ) -> None:
+        """Begin a new episode in environment ``e`` with other people, as many as before; the others are not touched.
+
+        ``route`` is the number of the way that each means to take; `send` changes it later.  Ways that follow the crowd are
+        found at once.
+
+        Raises
+        ------
+        ValueError
+            If the number of people differs, an array has the wrong shape, or a value is not one that it can have.
+        """
+        people = self._people(e)
+        count = people.stop - people.start
+        check_bodies(bodies)
+        if len(bodies.radius) != count:
+            raise ValueError(f"environment {e} holds {count} people, not {len(bodies.radius)}")
+        check_step(self.scheme, bodies, self.dt, self.allow_unstable, self.outline)
+        stand = vectors("position", position, count)
+        walk = None if velocity is None else vectors("velocity", velocity, count)
+        routes = routes_of(route, self._routes_of_person[people])
+        for name in Bodies._fields[:-1]:
+            getattr(self.bodies, name)[people] = getattr(bodies, name)
+        self._set_inertia(people)
+        begin_state(e, people, self.state, stand, walk, routes)
+        begin_history(e, people, self.history, self.workspace, self.bodies, routes)
+        begin_results(e, people, self.results, self.diagnostics)
+        if self._sorted is not None:
+            self._sorted.restart(e)
+        self.planner.restart(e)
+        self.close_doors(e, self._door_schedule.restart(e))
+        self.escaped[people] = False
+        self.planner.update(self.bodies, self.state, only=e)
+
+    def _made_by(self) -> dict[str, Any]:
+        """Return what a simulation must have in common with this one to take up a checkpoint of it."""
+        chosen = self.scheme, self.manner, self.max_drive, self.outline, self.dt, self.driving, self.planner.interval
+        return made_by(*chosen, self.bodies, self.world)
+
+    def checkpoint(self) -> Checkpoint:
+        """Return a copy of all that the future depends on, to `restore` here, or in a simulation made like this one."""
+        return Checkpoint(
+            self._made_by(),
+            Bodies._make(array.copy() for array in self.bodies),
+            self.state.copy(),
+            save_history(self.history, self.workspace.neighbors),
+            self.results.copy(),
+            self.diagnostics.copy(),
+            self._door_schedule.moment(),
+            self.planner.moment(),
+            None if self._sorted is None else self._sorted.order(),
+            self.escaped.copy(),
+        )
+
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Go back to a moment; what follows is bit by bit what followed it then, as far as the same is asked for.
+
+        All arrays of `state`, `bodies`, `results` and `history` are written in place: who holds one sees that moment.
+
+        Raises
+        ------
+        TypeError
+            If it is no checkpoint of a simulation.
+        ValueError
+            If the checkpoint is of a simulation of other people, places, scheme or steps.
+        """
+        require_checkpoint(checkpoint, Checkpoint, "a simulation")
+        require_same(self._made_by(), checkpoint.made_by)
+        while not has_room(self.workspace, checkpoint.history):
+            self._stepper.grow()
+        load_history(self.history, self.workspace, checkpoint.history)
+        for name in ("bodies", "state", "results", "diagnostics"):
+            write_arrays(getattr(self, name), getattr(checkpoint, name)._asdict())
+        self.escaped[:] = checkpoint.escaped
+        self._door_schedule.restore(checkpoint.doors)
+        self.planner.restore(checkpoint.route_set)
+        replace_arrays(self.world.field, self.planner.field)
+        if self._sorted is not None and checkpoint.order is not None:
+            self._sorted.restore(checkpoint.order)
+        self.times_restored += 1
+
+    def send(self, e: int, route: Ints | int) -> None:
+        """Let everyone in environment ``e`` take another way: one number for all, or one each.
+
+        Raises
+        ------
+        ValueError
+            If there is no such way.
+        """
+        people = self._people(e)
+        wanted = routes_of(route, self._routes_of_person[people])
+        self.state.route[people] = wanted
+        self.history.followed[people] = wanted
+        self.history.directions_known[e] = False
+
+    def set_motivation(
+        self, e: int, *, time_gap: Floats | float | None = None, push: Floats | float | None = None
+    ) -> None:
+        """Let the people in environment ``e`` keep another distance from now on, until the environment restarts.
+
+        It counts from everyone's next decision on, at most `Headway.interval` later.
+
+        Parameters
+        ----------
+        time_gap : s, one number for all or one each (N,); nan = that of the manner; None = as before.
+        push : share of the desired speed at which one presses on with no gap in front, as ``time_gap``.
+
+        Raises
+        ------
+        ValueError
+            If there is no such environment, a value is none that it can have, or people keep no distance at all.
+        """
+        people = self._people(e)
+        if self.manner is None:
+            raise ValueError(
+                "people walk at full speed here, whatever is in front: a motivation needs a manner of the simulation"
+            )
+        count = people.stop - people.start
+        given = {name: value for name, value in (("time_gap", time_gap), ("push", push)) if value is not None}
+        wanted = {name: motivation_of(name, value, count) for name, value in given.items()}
+        for name, values in wanted.items():
+            getattr(self.bodies, name)[people] = values
+        if self._sorted is not None:
+            self._sorted.gather_bodies(people)
+
+    def contacts(self, e: int = 0) -> ContactList:
+        """Return a copy of the contacts of environment ``e``."""
+        first, rows = self._people(e).start, rows_of(e, self.history.contacts, self.workspace.neighbors)
+        converged = bool(self.diagnostics.unconverged[e] == 0)
+        return list_contacts(self.history.contacts, rows, first, self._sorted, converged)

@@ -1,0 +1,90 @@
+"""How a batch is stepped: on several threads, in the order of space, and with more memory when lists are full."""
+
+import itertools
+
+import numpy as np
+
+from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
+from crowd_env.core.kernels.threads import Workers
+from crowd_env.physics.neighbors.update import DIVERGED, FULL, OK, TOO_FAST
+from crowd_env.physics.scheme import ContactScheme, arrays_of
+from crowd_env.physics.simulation.limits import why_stopped
+from crowd_env.physics.spatial_order import SortedCrowd
+from crowd_env.physics.workspace import Batch, Command, grow, set_command
+
+
+class Stepper:
+    """Advances a batch of crowds under one contact scheme.
+
+    Parameters
+    ----------
+    scheme : the contact scheme.
+    batch : as others see it, everyone in the own slot.
+    order : working copies of it in the order of space, if any crowd is large.
+    threads : how many share the work.
+
+    Attributes
+    ----------
+    batch : what kernels work on, always the same reference.
+    """
+
+    def __init__(self, scheme: ContactScheme, batch: Batch, order: SortedCrowd | None, threads: int) -> None:
+        self._scheme, self._in_slots, self._order = scheme, batch, order
+        self.batch: StructRef = struct_ref(batch if order is None else order.batch)
+        self._parts = _share_out(scheme, batch, threads)
+        self._workers = Workers()
+        self._asked = Command(None, None, None, None)
+
+    def begin(self, asked: Command) -> None:
+        """Begin a call: nothing has gone on in it yet, and this is what is asked for."""
+        results, workspace = self._in_slots.results, self._in_slots.workspace
+        workspace.status[:] = OK
+        for sums in (*results[:-1], *results.diagnostics, workspace.substep, workspace.partition.barrier):
+            sums[:] = 0
+        self._asked = asked
+        if self._order is None:
+            set_command(self._in_slots.control, asked)
+
+    def run_until(self, n_substeps: int, dt: float) -> None:
+        """Advance every environment to step ``n_substeps`` of this call.
+
+        Raises
+        ------
+        FloatingPointError
+            If someone would move further in one step than the own radius, or a position is no longer finite.
+        """
+        status = self._in_slots.workspace.status
+        while True:
+            if self._order is not None:
+                self._order.gather(self._asked)
+            try:  # the kernels hold no lock
+                self._workers.run(lambda *part: self._scheme.advance(self.batch, dt, n_substeps, *part), self._parts)
+            finally:  # after Ctrl-C too, people stand where they have come to
+                if self._order is not None:
+                    self._order.scatter()
+            stopped = np.flatnonzero((status == DIVERGED) | (status == TOO_FAST))
+            if len(stopped):
+                e, who = int(stopped[0]), (self._in_slots.bodies, self._in_slots.state)
+                raise FloatingPointError(why_stopped(self._scheme.info.name, e, int(status[e]), *who, dt))
+            if not (status == FULL).any():
+                return
+            self.grow()  # the environments that were full go on where they were
+
+    def grow(self) -> None:
+        """Make more room for neighbors; what others hold on to stays."""
+        with_outline = len(self._in_slots.world.outline.radius) > 0
+        uses = arrays_of(self._scheme, with_outline=with_outline)
+        grow(self._in_slots.history, self._in_slots.workspace, self._in_slots.bodies, uses)
+
+
+def _share_out(scheme: ContactScheme, batch: Batch, threads: int) -> list[tuple[int, int, int, int]]:
+    """Return what each thread does: its environments, its number, and with how many threads it shares them.
+
+    Either ranges of environments side by side, which share no memory; or, where a crowd is large and the scheme knows how, all
+    threads go through all environments together.
+    """
+    count, largest = len(batch.state.time), int(np.diff(batch.bodies.env_start).max())
+    if threads > 1 and scheme.slabs(largest, batch.control.driving) > 1:
+        return [(0, count, thread, threads) for thread in range(threads)]
+    edges = np.linspace(0, count, min(threads, count) + 1).astype(int).tolist()
+    return [(first, stop, 0, 1) for first, stop in itertools.pairwise(edges)]

@@ -1,0 +1,166 @@
+"""The folders of ``crowd-env run --out``, read for a report: what was run, what came out, and what is wrong with it."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from crowd_env.analysis.results.folder import CONFIG
+from crowd_env.analysis.results.report import report
+from crowd_env.analysis.results.tables import RUNS, read_tables
+from crowd_env.core.arrays.outline import room_of
+from crowd_env.core.files.fingerprint import fingerprint
+from crowd_env.core.files.json_file import read_json
+from crowd_env.core.version import __version__
+from crowd_env.envs.rollout import Episode
+from crowd_env.physics import ContactScheme
+from crowd_env.scenarios.scenario import Scenario
+
+# Returns the place and the contact scheme that a config names.
+PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme]]
+
+# What tells runs apart, in the order in which it is looked for.
+_TELLING = ("scenario", "strategy", "scheme", "manner", "outline", "rules", "people", "seed")
+
+
+class Runs(NamedTuple):
+    """The finished runs of one folder."""
+
+    name: str  # in the report
+    folder: Path
+    config: dict[str, Any]
+    scenario: Scenario
+    scheme: ContactScheme
+    episodes: list[Episode]
+    figures: dict[str, Any]  # of `crowd_env.analysis.results.report.report`
+
+    @property
+    def draw(self) -> str:
+        """A text that is equal for folders whose runs of one seed begin with the same people in the same places."""
+        return fingerprint(self.scenario.geometry, self.scenario.population, room_of(self.scenario.outline_of_run()))
+
+
+def load_runs(folders: Sequence[Path], place_of: PlaceOf) -> list[Runs]:
+    """Return the runs of folders, each with a name that tells it from the others.
+
+    Raises
+    ------
+    ValueError
+        If a folder is not one of ``crowd-env run --out``, holds no finished run, or its plan is not there any more as it was,
+        or if one is given twice.
+    """
+    where = [folder.resolve() for folder in folders]
+    twice = next((folder for k, folder in enumerate(folders) if where[k] in where[:k]), None)
+    if twice is not None:
+        raise ValueError(f"{twice} is given twice; a report compares different folders")
+    found = [_load(folder, place_of) for folder in folders]
+    return [runs._replace(name=name) for runs, name in zip(found, _names(found), strict=True)]
+
+
+def remarks_on(runs: Sequence[Runs]) -> list[str]:
+    """Return a sentence each on what a reader must know of the runs before any figure."""
+    said = []
+    for one in runs:
+        finished, asked = len(one.episodes), one.config["runs"]
+        if finished < asked:
+            said.append(
+                f"{one.name}: {finished} of {asked} runs were finished when this page was made; the figures are of these, and "
+                "lean to short evacuations."
+            )
+        left = one.figures["unfinished_runs"]
+        if left:
+            said.append(
+                f"{one.name}: in {left} of {finished} runs people were left inside, {one.figures['unfinished']} in all: mean "
+                "exit times, flows and shares of the exits are of those who got out, and times so found are too short."
+            )
+        if one.config["version"] != __version__:
+            said.append(
+                f"{one.name}: the runs were made by version {one.config['version']}, this page by {__version__}."
+            )
+        if one.figures["escaped"]:
+            said.append(f"{one.name}: people were found outside of the plan: its figures are void.")
+        if one.figures["unconverged_steps"]:
+            said.append(
+                f"{one.name}: the contact solver ended above its tolerance in {one.figures['unconverged_steps']} steps."
+            )
+    if len({one.config["sources"] for one in runs}) > 1:
+        said.append("The folders were computed by different versions of the simulator; differences may come from that.")
+    return said
+
+
+def _load(folder: Path, place_of: PlaceOf) -> Runs:
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: there is no such folder; name folders that crowd-env run --out has written")
+    if not (folder / CONFIG).exists():
+        raise ValueError(f"{folder} has no {CONFIG}; name folders that crowd-env run --out has written")
+    config = read_json(folder / CONFIG)
+    needed = ("arguments", "fingerprint", "runs", "version", "sources", "dt", "scheme", "strategy", "seed", "rules")
+    missing = [name for name in needed if not isinstance(config, dict) or name not in config]
+    if missing:
+        raise ValueError(f"{folder / CONFIG} is not the config of crowd-env run: {missing[0]!r} is missing")
+    try:
+        scenario, scheme = place_of(config)
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{folder}: the place of these runs cannot be read again: {error}") from None
+    if fingerprint(scenario) != config["fingerprint"]:
+        other = config["version"] != __version__
+        why = f"they were made by version {config['version']}" if other else "its file has changed since"
+        raise ValueError(f"{folder}: {scenario.name} is not what these runs were made of: {why}; run them again")
+    episodes = read_tables(folder, scenario)
+    if not episodes:
+        raise ValueError(f"{folder / RUNS} holds no finished run; the command that began it goes on with it")
+    figures = report(scenario, scheme, episodes, dt=config["dt"], strategy=config["strategy"])
+    return Runs("", folder, config, scenario, scheme, episodes, figures)
+
+
+def _names(runs: Sequence[Runs]) -> list[str]:
+    """Return what tells folders apart in words; where nothing does, their names."""
+    if len(runs) == 1:
+        return [str(runs[0].config["strategy"])]
+    names = [""] * len(runs)
+    for what in _TELLING:
+        told = [_told(one, what) for one in runs]
+        if len(set(told)) > 1 and len(set(names)) < len(runs):
+            names = [", ".join(filter(None, pair)) for pair in zip(names, told, strict=True)]
+    for told in ([_last(one.folder) for one in runs], [str(one.folder) for one in runs]):
+        if len(set(names)) < len(names):
+            names = [
+                name if names.count(name) == 1 else ", ".join(filter(None, (name, more)))
+                for name, more in zip(names, told, strict=True)
+            ]
+    return names
+
+
+def _last(folder: Path) -> str:
+    return folder.name or folder.absolute().name
+
+
+def _told(runs: Runs, name: str) -> str:
+    match name:
+        case "scheme":
+            return str(runs.config["scheme"]["name"])
+        case "rules":
+            return "with rules" if runs.config["rules"] else "without rules"
+        case "people":
+            return f"{runs.figures['people']} people"
+        case "seed":
+            return f"seed {runs.config['seed']}"
+        case _:
+            value = runs.config[name]
+            return value if isinstance(value, str) else described(value)
+
+
+def described(value: Any) -> str:
+    """Return a plain value of a config in words, such as "uniform, low 1.2, high 2"."""
+    if isinstance(value, Mapping):
+        return ", ".join(_pair(key, one) for key, one in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(described(one) for one in _some(value))
+    return f"{value:g}" if isinstance(value, float) else "none" if value is None else str(value)
+
+
+def _pair(key: str, value: Any) -> str:
+    return described(value) if key in ("distribution", "name") else f"{key.replace('_', ' ')} {described(value)}"
+
+
+def _some(values: Sequence[Any]) -> Iterable[Any]:
+    return values if len(values) <= 6 else [*values[:5], f"and {len(values) - 5} more"]

@@ -1,0 +1,146 @@
+"""The fastest way through a crowd: a coarse travel-time field, marched anew with the speed that the crowd leaves.
+
+People who keep a distance are slowed as the density says.  Those who keep none are slowed by queues alone: a front of them
+takes as long as its queue takes at the narrowest place ahead (`crowd_env.routing.fields.fronts`), nobody gets past a queue by
+walking around those who stand in it, and so they leave the shortest way only where another door or exit is faster.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import skfmm
+
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.routing.fields import grid
+from crowd_env.routing.fields.directions import cell_kinds, descend
+from crowd_env.routing.fields.domain import SOURCE
+from crowd_env.routing.fields.extension import fill_from_nearest
+from crowd_env.routing.fields.field import NavigationField
+from crowd_env.routing.fields.fronts import Fronts
+from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram, weidmann
+
+SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
+_SMOOTHING = 0.5  # m, half width of the window that density is averaged over, twice
+
+
+class CongestionField:
+    """Makes travel-time fields to the same exits again and again, on every few nodes of a fine one.
+
+    Parameters
+    ----------
+    fine : field on the full grid, to the exits (or the region) in question.
+    walls : (W, 2, 2) m, those that stand.
+    speed : speed (...) at points (..., 2) [m], relative to plain floor.
+    exits : (X, 2, 2) m, rows as in the field; None if it leads to a region.
+    """
+
+    def __init__(
+        self, fine: NavigationField, walls: Floats, speed: Callable[[Floats], Floats], exits: Floats | None
+    ) -> None:
+        stride = max(1, int(min(SPACING, 0.8 * fine.radius) / fine.spacing + 1e-9))
+        self.spacing = stride * fine.spacing
+        self.origin = fine.origin
+        walkable = ~np.isnan(fine.travel_time)
+        self._inside = walkable[::stride, ::stride]
+        self._free = self._inside if fine.free is None else _any_near(fine.free, stride) & self._inside
+        self._first = _least_near(np.where(walkable, fine.travel_time, np.inf), stride)
+        shape = self._inside.shape
+        self._speed = speed(grid.node_points(self.origin, self.spacing, shape))
+        blocked = grid.blocked_lines(walls, shape, self.origin, self.spacing)
+        # Within a meter of a door the straight line to it is the way, whatever the crowd.
+        near_door = (fine.direct >= 0) & (fine.travel_time < 1.0)
+        direct = np.where(near_door, fine.direct, -1)[::stride, ::stride]
+        self._direct, self._blocked = fine.direct[::stride, ::stride], blocked
+        self._template = replace(
+            fine,
+            travel_time=np.where(self._inside, 0.0, np.nan),
+            direction=np.zeros((*shape, 2)),
+            direct=direct,
+            cell=cell_kinds(np.where(self._inside, 0.0, np.nan), direct, blocked),
+            spacing=self.spacing,
+            through=None,
+            free=None,
+        )
+        width = np.full(shape, np.inf)  # a region is no bottleneck
+        if exits is not None:
+            row = fine.direct[::stride, ::stride]
+            known = row >= 0
+            width[known] = np.maximum(np.hypot(*(exits[:, 1] - exits[:, 0]).T) - 2.0 * fine.radius, 0.0)[row[known]]
+        self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, width)
+        self._shortest = fine.direction[::stride, ::stride]
+        level = self._first - SOURCE * self.spacing
+        self._level = np.ma.MaskedArray(np.where(np.isfinite(level), level, 1e3), ~self._free)
+
+    def density(self, position: Floats) -> Floats:
+        """Return the density [1/m2] of people at ``position`` (K, 2) on the nodes (rows, cols), over about a meter."""
+        count = np.zeros(self._inside.shape)
+        np.add.at(count, grid.nearest_nodes(position, self.origin, self.spacing, count.shape), 1.0)
+        floor = self._inside.astype(np.float64)
+        half = max(1, round(_SMOOTHING / self.spacing))
+        for _ in range(2):
+            count, floor = _box_mean(count, half), _box_mean(floor, half)
+        return np.asarray(np.divide(count, floor * self.spacing**2, out=np.zeros_like(count), where=floor > 1e-6))
+
+    def _crowded(self, position: Floats, people: FundamentalDiagram) -> tuple[Floats, Bools]:
+        """Return the speed (rows, cols) relative to plain floor, and where people keep to the shortest way."""
+        if not people.keeps_distance:
+            fronts, node = self._fronts, grid.nearest_nodes(position, self.origin, self.spacing, self._inside.shape)
+            queue, front = fronts.queue(node, people), fronts.front
+            return self._speed / self._mean_around(queue[front]), fronts.keeps_on(queue)[front]
+        return self._speed * weidmann(self.density(position)), np.zeros_like(self._inside)
+
+    def _mean_around(self, values: Floats) -> Floats:
+        """Return the mean (rows, cols) of ``values`` over the floor around every node; 1 outside."""
+        half, floor = max(1, round(_SMOOTHING / self.spacing)), self._inside.astype(np.float64)
+        total, floor = _box_mean(values * floor, half), _box_mean(floor, half)
+        return np.divide(total, floor, out=np.ones_like(total), where=floor > 1e-6)
+
+    def march(self, position: Floats | None = None, people: FundamentalDiagram | None = None) -> NavigationField:
+        """Return the field for ``people`` at ``position`` (K, 2) [m], or for an empty place."""
+        speed, keeps_on = self._speed, np.zeros_like(self._inside)
+        if position is not None and people is not None and len(position):
+            speed, keeps_on = self._crowded(position, people)
+        seeds = self._free & (self._first < SOURCE * self.spacing)
+        time = np.where(seeds, self._first / speed, np.nan)
+        if (self._free & ~seeds).any():
+            marched = skfmm.travel_time(self._level, speed, dx=self.spacing, order=1)
+            far = self._free & ~seeds & ~np.ma.getmaskarray(marched)
+            start = SOURCE * self.spacing / float(np.median(speed[seeds])) if seeds.any() else 0.0
+            time[far] = np.ma.getdata(marched)[far] + start
+        known = ~np.isnan(time)
+        direction = descend(time, self.spacing)
+        direction[keeps_on & known] = self._shortest[keeps_on & known]
+        fill_from_nearest(time, direction, self._inside, known, self.spacing)
+        if not keeps_on.any():
+            return replace(self._template, travel_time=time, direction=direction)
+        direct = np.where(keeps_on, self._direct, self._template.direct)
+        cell = cell_kinds(self._template.travel_time, direct, self._blocked)
+        return replace(self._template, travel_time=time, direction=direction, direct=direct, cell=cell)
+
+
+def _any_near(fine: Bools, stride: int) -> Bools:
+    """Return for every stride-th node whether any node around it is true."""
+    return np.asarray(_least_near(np.where(fine, 0.0, 1.0), stride) == 0.0)
+
+
+def _least_near(fine: Floats, stride: int) -> Floats:
+    """Return for every stride-th node the least value among those nearer to it than to the next."""
+    half = stride // 2
+    padded = np.pad(fine, half, constant_values=np.inf)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * half + 1, 2 * half + 1))
+    return np.asarray(windows[::stride, ::stride].min(axis=(2, 3)))
+
+
+def _box_mean(values: Floats, half: int) -> Floats:
+    """Return the mean over a square window of 2 ``half`` + 1 nodes; outside of the grid there is nothing."""
+    width = 2 * half + 1
+    for axis in (0, 1):
+        pad = [(0, 0), (0, 0)]
+        pad[axis] = (half + 1, half)
+        total = np.cumsum(np.pad(values, pad), axis=axis)
+        size = values.shape[axis]
+        upper = np.take(total, np.arange(width, width + size), axis=axis)
+        lower = np.take(total, np.arange(size), axis=axis)
+        values = (upper - lower) / width
+    return values

@@ -1,0 +1,296 @@
+"""What a travel-time field is made for, and the dilation of the walls at which everyone reaches an exit."""
+
+import warnings
+from collections.abc import Collection, Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.checks import known as require_known
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.routing.fields import grid
+
+_SPACING = 0.05  # m
+_NODES = 4e5  # a big plan gets a coarser grid than _SPACING above this
+_FINEST = 0.01  # m; narrow passages are looked for down to this spacing ...
+_FINE_NODES = 1.6e6  # ... and up to this many nodes ...
+_SLACK = 0.75  # spacings; ... and half as wide as this too narrow, so that four neighbors connect in any direction
+_MAX_NODES = 3e7
+_MOST_DILATION = 0.4  # m, half a door: in the largest places
+_SMALL_BODY = 0.1  # m; the grid of smaller ones is not made coarser: their passages would not be seen
+SOURCE = 1.5  # spacings; nodes this near to an exit start the march
+_TOUCH = 1e-7  # m
+
+
+class Grid(NamedTuple):
+    """The walkable nodes at one spacing, and how far each is from the walls."""
+
+    origin: Floats  # (2,)  m
+    spacing: float  # m
+    inside: Bools  # (rows, cols)
+    clearance: Floats  # (rows, cols)  m   capped above every radius in question
+
+    def points(self) -> Floats:
+        """Return where the nodes lie (rows, cols, 2) [m]."""
+        return grid.node_points(self.origin, self.spacing, self.inside.shape)
+
+
+class Plan(NamedTuple):
+    """What a field is made for; exits that are not used are walls."""
+
+    geometry: Geometry
+    walls: Floats  # (W, 2, 2)  m
+    two_sided: Bools  # (W,)
+    exits: Floats  # (X, 2, 2)  m   those used
+    rows: Ints  # (X,)  their rows in Geometry.exits
+    names: list[str]  # (X,)
+    widest: dict[str, float]  # m   the widest segment of each exit
+    radius: float  # m
+    min_radius: float  # m
+    partial: bool = False  # doors are closed: not everybody need reach an exit
+    goal: str | None = None  # region where the way leads instead of to exits
+
+
+def make_plan(
+    geometry: Geometry,
+    radius: float,
+    exits: Iterable[str] | None,
+    min_radius: float,
+    goal: str | None = None,
+    closed: Collection[str] = (),
+) -> Plan:
+    """Return the plan of a field that leads to the ``exits`` (names; None = all), or into the region ``goal``.
+
+    Doors that are ``closed`` are walls; an exit behind one is no exit.
+
+    Raises
+    ------
+    ValueError
+        If a radius is impossible, a region is unknown, or an exit is unknown or narrower than the smallest body.
+    """
+    if not 0 < min_radius <= radius < np.inf:
+        raise ValueError(f"radius {radius:g} m and min_radius {min_radius:g} m must satisfy 0 < min_radius <= radius")
+    if goal is None:
+        wanted = _open_exits(geometry, exits, closed)
+    else:
+        wanted = []
+        require_known("region", goal, geometry.regions)
+    use = np.isin(geometry.exit_names, wanted)
+    segments, names = geometry.exits[use], [name for name in geometry.exit_names if name in wanted]
+    widths = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
+    widest = {name: max(float(w) for w, n in zip(widths, names, strict=True) if n == name) for name in wanted}
+    for name, width in widest.items():
+        if width < 2 * min_radius - _TOUCH:
+            raise ValueError(
+                f"exit {name!r} is {width:.2f} m wide, narrower than the smallest body ({2 * min_radius:.2f} m)"
+            )
+    fixed, sides = geometry.walls_when(closed)
+    walls = np.concatenate([fixed, geometry.exits[~use]])
+    two_sided = np.concatenate([sides, np.zeros(int((~use).sum()), dtype=bool)])
+    rows = np.flatnonzero(use)
+    return Plan(geometry, walls, two_sided, segments, rows, names, widest, radius, min_radius, bool(closed), goal)
+
+
+def _open_exits(geometry: Geometry, exits: Iterable[str] | None, closed: Collection[str]) -> list[str]:
+    """Return the names of the ``exits`` (None = all) that no ``closed`` door shuts."""
+    known = list(dict.fromkeys(geometry.exit_names))
+    if not known:
+        raise ValueError("the geometry has no exit to lead to")
+    wanted = known if exits is None else [exits] if isinstance(exits, str) else list(exits)
+    unknown = [name for name in wanted if name not in known]
+    if unknown or not wanted:
+        raise ValueError(f"exits {unknown or wanted} are not among those of the geometry; choose from {known}")
+    shut = {e for name, e in zip(geometry.doors, geometry.exits_of_door, strict=True) if name in closed}
+    wanted = [name for name in wanted if name not in shut]
+    if not wanted:
+        raise ValueError(f"all exits that the way may lead to are closed: {', '.join(sorted(filter(None, shut)))}")
+    return wanted
+
+
+def _nodes(geometry: Geometry, spacing: float) -> tuple[int, int]:
+    x0, y0, x1, y1 = geometry.bounds
+    rows, cols = (max(int(np.ceil(length / spacing - 1e-9)) + 1, 2) for length in (y1 - y0, x1 - x0))
+    return rows, cols
+
+
+def _finest(geometry: Geometry, wanted: float) -> float:
+    """Return the smallest distance between nodes [m], not below ``wanted``, with which the box of a place holds few enough."""
+    while np.prod([float(n) for n in _nodes(geometry, wanted)]) > _MAX_NODES:
+        x0, y0, x1, y1 = geometry.bounds
+        wanted = max(1.001 * wanted, float(np.sqrt((x1 - x0) * (y1 - y0) / _MAX_NODES)))
+    return wanted
+
+
+def require_grid(geometry: Geometry, min_radius: float) -> None:
+    """Raise ValueError, before anything is allocated, if a place is too large for a grid that shows ways for bodies so small.
+
+    Nodes lie no further apart than half of what the walls are dilated by, so that no way leads across a thin wall.  In a
+    place so large that this would be too many nodes, walls are dilated by more than a body, but never by more than lets
+    people through a door of 0.8 m.
+    """
+    x0, y0, x1, y1 = geometry.bounds
+    spacing = _finest(geometry, min_radius / 2)
+    if 2 * spacing > max(_MOST_DILATION, min_radius):
+        raise ValueError(
+            f"a plan of {x1 - x0:.0f} m x {y1 - y0:.0f} m needs more than {_MAX_NODES:.0e} nodes; check that its "
+            "coordinates are in meters, or take a part of it"
+        )
+    if spacing > min_radius / 2 and min_radius < _SMALL_BODY:
+        raise ValueError(
+            f"bodies of radius {min_radius:g} m in a plan of {x1 - x0:.1f} m x {y1 - y0:.1f} m need more than "
+            f"{_MAX_NODES:.0e} nodes; take larger bodies or a smaller plan"
+        )
+
+
+def choose_spacing(plan: Plan, spacing: float | None) -> float:
+    """Return the distance between nodes [m]: ``spacing`` if it is given and fine enough, else what suits the plan.
+
+    Raises
+    ------
+    ValueError
+        If it is coarser than half the smallest body, or the plan needs too many nodes.
+
+    Warns
+    -----
+    UserWarning
+        If the plan is so large that ways keep further from walls than a body needs.
+    """
+    x0, y0, x1, y1 = plan.geometry.bounds
+    largest = plan.min_radius / 2
+    require_grid(plan.geometry, plan.min_radius)
+    if spacing is None:
+        spacing = min(max(_SPACING, float(np.sqrt((x1 - x0) * (y1 - y0) / _NODES))), largest)
+    elif not 0 < spacing <= largest * (1 + 1e-9):
+        raise ValueError(
+            f"spacing is {spacing:g} m; it must be positive and at most half the smallest radius, {largest:g} m"
+        )
+    finest = _finest(plan.geometry, spacing)
+    if finest > largest * (1 + 1e-9):
+        warnings.warn(
+            f"the plan is {x1 - x0:.0f} m x {y1 - y0:.0f} m: ways are looked for on a grid of {finest:.3f} m, and only through "
+            f"passages wider than {4 * finest:.2f} m",
+            stacklevel=3,
+        )
+    return finest
+
+
+def _make_grid(plan: Plan, spacing: float) -> Grid:
+    geometry = plan.geometry
+    shape, origin = _nodes(geometry, spacing), np.array(geometry.bounds[:2])
+
+    def distance(segments: Floats, cap: float) -> Floats:
+        return grid.capped_distance(segments, shape, origin, spacing, cap)
+
+    inside = geometry.contains(grid.node_points(origin, spacing, shape))
+    border = np.concatenate([geometry.walls[~geometry.two_sided], geometry.exits])
+    inside |= distance(border, 2 * _TOUCH) < _TOUCH  # nodes on the border, whichever way they were rounded
+    inside &= distance(plan.walls[plan.two_sided], 2 * _TOUCH) > _TOUCH  # a node on a thin wall has no side
+    return Grid(origin, spacing, inside, distance(plan.walls, plan.radius + 2 * spacing))
+
+
+def _attempts(plan: Plan, spacing: float) -> Iterator[tuple[float, float, float]]:
+    """Yield (body radius, dilation, spacing) in the order of preference: the full radius, finer grids, smaller radii."""
+    least = max(plan.min_radius, 2 * spacing)  # nodes on both sides of a thin wall must be no neighbors
+    most = max(plan.radius, least)
+    finer = [spacing]
+    while finer[-1] / 2 >= _FINEST - 1e-9 and np.prod([1.0 * n for n in _nodes(plan.geometry, finer[-1] / 2)]) < min(
+        _FINE_NODES, _MAX_NODES
+    ):
+        finer.append(finer[-1] / 2)
+    fits = min(plan.widest.values(), default=np.inf) / 2 + _TOUCH
+    for body in np.linspace(most, least, 5 if least < most else 1).tolist():
+        if body > fits:
+            continue
+        last = body in (most, least)
+        yield from ((body, body, h) for h in (finer if last else finer[:2]))
+        if last:  # a passage exactly as wide as the body holds no chain of nodes, unless one lies on its axis: allow it
+            yield body, body - _SLACK * finer[-1], finer[-1]
+
+
+def dilate(plan: Plan, spacing: float) -> tuple[Grid, float, Bools]:
+    """Return the grid, the dilation [m] at which all of the area reaches an exit, and the nodes that do.
+
+    Raises
+    ------
+    ValueError
+        If at the smallest radius an exit, or a part of the area larger than a body, is still closed off.
+    """
+    nodes: Grid | None = None
+    narrowest = min(plan.widest, key=plan.widest.__getitem__, default="")
+    problem = f"exit {narrowest!r} is too narrow"  # if nothing can be tried
+    for body, radius, h in _attempts(plan, spacing):
+        if nodes is None or nodes.spacing != h:
+            nodes = _make_grid(plan, h)
+        free = nodes.inside & (nodes.clearance >= radius - _TOUCH)
+        seeds = free & in_goal(plan, nodes)
+        closed = set(plan.widest)
+        for segment, name in zip(plan.exits, plan.names, strict=True):
+            near = free & (source_distance(segment[None], nodes, radius) < SOURCE * h)
+            seeds |= near
+            if near.any():
+                closed.discard(name)
+        label = grid.connected_parts(free, seeds)
+        smallest = max(plan.min_radius, 2 * spacing)
+        lost = _lost_part(label, nodes, smallest)
+        if lost is not None and plan.partial:
+            warnings.warn(
+                f"as the doors stand, no exit can be reached from ({lost[0]:.2f}, {lost[1]:.2f}): people wait there",
+                stacklevel=3,
+            )
+            lost = None
+        if not closed and lost is None:
+            if body < plan.radius:
+                warnings.warn(
+                    f"the way out is too narrow for a body of radius {plan.radius:g} m: the field is made for "
+                    f"{body:.3g} m, larger people will squeeze",
+                    stacklevel=3,
+                )
+            return nodes, radius, label == 1
+        if closed:
+            problem = f"the way to exit {sorted(closed)[0]!r} is blocked right in front of it"
+        else:
+            what = "no exit can" if plan.goal is None else "the region that the way leads to cannot"
+            problem = f"{what} be reached from ({lost[0]:.2f}, {lost[1]:.2f})"  # type: ignore[index]
+    smallest = max(plan.min_radius, 2 * spacing)
+    raise ValueError(f"{problem} for a body of diameter {2 * smallest:.2f} m; widen the passage or open an exit there")
+
+
+def in_goal(plan: Plan, nodes: Grid) -> Bools:
+    """Return (rows, cols) which nodes lie in the region that the way leads to."""
+    if plan.goal is None:
+        return np.zeros_like(nodes.inside)
+    return plan.geometry.contains(nodes.points(), plan.goal)
+
+
+def _lost_part(label: Ints, nodes: Grid, min_radius: float) -> tuple[float, float] | None:
+    """Return the most open place [m] of the largest part that reaches no exit; None if it is smaller than a body."""
+    sizes = np.bincount(label.ravel())
+    sizes[:2] = 0
+    largest = int(np.argmax(sizes))
+    if sizes[largest] * nodes.spacing**2 < np.pi * min_radius**2:
+        return None
+    i, j = np.unravel_index(np.argmax(np.where(label == largest, nodes.clearance, -1.0)), label.shape)
+    return float(nodes.origin[0] + j * nodes.spacing), float(nodes.origin[1] + i * nodes.spacing)
+
+
+def source_distance(exits: Floats, nodes: Grid, radius: float, cap: float | None = None) -> Floats:
+    """Return the distance [m] of every node to the nearest exit, each shrunk by ``radius`` at both ends (or ``cap``)."""
+    along = exits[:, 1] - exits[:, 0]
+    width = np.hypot(*along.T)[:, None]
+    cut = along / width * np.minimum(radius, width / 2)
+    shrunk = np.stack([exits[:, 0] + cut, exits[:, 1] - cut], axis=1)
+    cap = 2 * SOURCE * nodes.spacing if cap is None else cap
+    return grid.capped_distance(shrunk, nodes.inside.shape, nodes.origin, nodes.spacing, cap)
+
+
+def require_reached(plan: Plan, nodes: Grid, unknown: Bools) -> None:
+    """Refuse a place that the smallest body stands in but that the extension did not reach."""
+    if plan.partial:
+        return
+    least = max(plan.min_radius, 2 * nodes.spacing)
+    stands = unknown & nodes.inside & (nodes.clearance >= least - _TOUCH)
+    label = grid.connected_parts(stands, np.zeros_like(stands))
+    lost = _lost_part(label, nodes, least)
+    if lost is not None:
+        raise ValueError(f"no exit can be reached from ({lost[0]:.2f}, {lost[1]:.2f}); open an exit there")

@@ -1,0 +1,280 @@
+"""The way out: travel-time fields by fast marching, made for the center of a disc that keeps off the walls.
+
+The walls are dilated by a body radius, so that the shortest path never leads into a concave corner or a gap that is too
+narrow; scikit-fmm solves ``|grad T| = 1`` on what is left.  People may still stand closer to a wall than that (they are
+pushed, or are smaller): there the field is extended along straight lines to the dilated area.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from crowd_env.core.arrays.state import Bools, Floats, Ints, row_starts
+from crowd_env.core.checks import check_fields, shown
+from crowd_env.geometry.geometry import Boundary, Geometry
+from crowd_env.routing.fields import grid
+from crowd_env.routing.fields.directions import cell_kinds, descend, go_straight
+from crowd_env.routing.fields.domain import (
+    SOURCE,
+    Grid,
+    Plan,
+    choose_spacing,
+    dilate,
+    in_goal,
+    make_plan,
+    require_reached,
+    source_distance,
+)
+from crowd_env.routing.fields.extension import extend_once, fill_from_nearest
+from crowd_env.routing.fields.lookup import FieldArrays
+from crowd_env.routing.fields.marching import gate, lead_through, march, march_through
+
+
+@dataclass(frozen=True)
+class OneWay:
+    """A door that people mean to pass one way only; a crowd may still push somebody back through it.
+
+    Parameters
+    ----------
+    door : name of the door.
+    to : "left" or "right": the side where people come out, seen from the first towards the last point of the door's line.
+    """
+
+    door: str
+    to: Literal["left", "right"]
+
+    def __post_init__(self) -> None:
+        check_fields(f"one-way door {shown(self.door)}", self)
+
+    def lines(self, geometry: Geometry) -> list[Floats]:
+        """Return the lines (2, 2) [m] of its leaves, each passed from right to left.
+
+        Raises
+        ------
+        ValueError
+            If the door is unknown, or leads out of the area.
+        """
+        if self.door not in geometry.doors:
+            raise ValueError(f"unknown one-way door {self.door!r}; known: {', '.join(geometry.doors) or 'none'}")
+        number = geometry.doors.index(self.door)
+        if geometry.exits_of_door[number] is not None:
+            raise ValueError(f"one-way door {self.door!r} closes an exit; those are passed outwards anyway")
+        leaves = geometry.walls[geometry.door_of_wall == number]
+        return [leaf if self.to == "left" else leaf[::-1] for leaf in leaves]
+
+
+@dataclass(frozen=True, eq=False)
+class NavigationField:
+    """The way out from every node of a grid; node [i, j] lies at ``origin + spacing * (j, i)``.
+
+    Attributes
+    ----------
+    travel_time
+        (rows, cols) travel time at 1 m/s on plain floor [s], there the length of the path of the center [m]; nan outside.
+    direction
+        (rows, cols, 2) unit vector along the shortest path; 0 outside.
+    direct
+        (rows, cols) row of ``Geometry.exits`` that is reached in a straight line; -1 = none.
+    cell
+        (rows, cols) how to look up in the cell right of and above the node: row of the exit that all its corners are
+        direct to, or the codes `BLEND`, `ALONE` of `crowd_env.routing.fields.lookup`.
+    origin
+        (2,) place of node [0, 0] [m].
+    spacing
+        Distance between nodes [m].
+    radius
+        Radius of the disc that the field is made for [m].
+    margin
+        Distance kept from the ends of an exit one aims at [m]; nan = the own radius.
+    through
+        (rows, cols) bit k: the way from the node leads through region k of the geometry; None = not known.
+    free
+        (rows, cols) whether the center of the disc can be there; None = not known.
+    """
+
+    travel_time: Floats
+    direction: Floats
+    direct: Ints
+    cell: Ints
+    origin: Floats
+    spacing: float
+    radius: float
+    margin: float = float("nan")
+    through: Ints | None = None
+    free: Bools | None = None
+
+    def nodes(self) -> Floats:
+        """Return where the nodes lie (rows, cols, 2) [m]."""
+        return grid.node_points(self.origin, self.spacing, self.travel_time.shape)
+
+    def travel_time_near(self, position: Floats) -> Floats:
+        """Return the travel time [s] (...) at the node nearest to each ``position`` (..., 2) [m]."""
+        return np.asarray(
+            self.travel_time[grid.nearest_nodes(position, self.origin, self.spacing, self.travel_time.shape)]
+        )
+
+
+_NO_CODES = np.empty((0, 0), dtype=np.int64)
+_NO_FIELD = NavigationField(
+    np.empty((0, 0)), np.empty((0, 0, 2)), _NO_CODES, _NO_CODES, origin=np.zeros(2), spacing=1.0, radius=np.nan
+)
+
+
+def travel_time_field(
+    geometry: Geometry,
+    radius: float,
+    *,
+    exits: Iterable[str] | None = None,
+    spacing: float | None = None,
+    min_radius: float | None = None,
+    goal: str | None = None,
+    speed: Callable[[Floats], Floats] | None = None,
+    closed: Collection[str] = (),
+    one_way: Sequence[OneWay] = (),
+) -> NavigationField:
+    """Return the field that leads discs to the nearest of the exits, or into a region.
+
+    Parameters
+    ----------
+    geometry
+        The place.
+    radius
+        Radius of the body [m] by which the walls are dilated.
+    exits
+        Names of the exits to lead to; all by default.  The others count as walls.
+    spacing
+        Distance between the nodes of the grid [m]; by default 0.05 m, more for big plans, at most ``min_radius / 2``.
+        It is halved (down to 0.01 m) where a passage would be missed otherwise.
+    min_radius
+        Radius of the smallest body [m], ``radius`` by default.  Where only smaller bodies get through, the field is made
+        for the largest radius that does, with a warning.
+    goal
+        Name of the region to lead to instead of exits; all exits then count as walls.
+    closed
+        Names of the doors that are closed.
+    one_way
+        Doors that nobody passes the other way.
+    speed
+        Walking speed (...) at points (..., 2) [m], relative to that on plain floor; > 0.  The way is the quickest one then.
+
+    Raises
+    ------
+    ValueError
+        If a region or exit is unknown, an exit is too narrow for the smallest body, or a part of the area reaches no exit.
+    """
+    plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal, closed)
+    nodes, used, reached = dilate(plan, choose_spacing(plan, spacing))
+    local_speed = None if speed is None else speed(nodes.points())
+    lines = [line for door in one_way if door.door not in closed for line in door.lines(geometry)]
+    return _solve(plan, nodes, used, reached, local_speed, lines)
+
+
+def straight_field(field: NavigationField, geometry: Geometry, margin: float) -> NavigationField:
+    """Return ``field`` with everyone aiming straight at the nearest exit, whatever stands between.
+
+    The rule of crowd models without path planning, for comparison: it leads into walls and corners.
+
+    Parameters
+    ----------
+    margin
+        Distance kept from the ends of the exit [m]: nan = the own radius, 0 = the whole width, inf = its middle.
+    """
+    return replace(field, cell=geometry.nearest_exit(field.nodes()), margin=margin)
+
+
+def join_fields(
+    fields: Sequence[NavigationField | None], boundary: Boundary, geometry_of_field: Sequence[int] | None = None
+) -> FieldArrays:
+    """Return fields one behind the other, each on a geometry of ``boundary``; None = no field.
+
+    Parameters
+    ----------
+    geometry_of_field
+        Row of the geometry of each field; by default there is one field a geometry.
+
+    Raises
+    ------
+    ValueError
+        If there is not one entry per geometry.
+    """
+    count = len(boundary.exit_start) - 1
+    if geometry_of_field is None and len(fields) != count:
+        raise ValueError(f"{len(fields)} fields for {count} geometries; give one (or None) for each")
+    place = np.arange(count) if geometry_of_field is None else np.asarray(geometry_of_field)
+    every = [_NO_FIELD if field is None else field for field in fields]
+    made = [(field, boundary.exit_start[g]) for g, field in zip(place, every, strict=True)]
+    shapes = [field.travel_time.shape for field in every]
+    return FieldArrays(
+        geometry=place.astype(np.int64),
+        node_start=row_starts([rows * cols for rows, cols in shapes]),
+        shape=np.array(shapes, dtype=np.int64),
+        origin=np.array([field.origin for field in every], dtype=np.float64),
+        spacing=np.array([field.spacing for field in every], dtype=np.float64),
+        travel_time=np.concatenate([field.travel_time.ravel() for field in every]),
+        direction=np.concatenate([field.direction.reshape(-1, 2) for field in every]),
+        direct=np.concatenate([rows_in_batch(field.direct, first) for field, first in made]),
+        # Looked up by everyone a hundred times a second: as little to fetch from memory as can be.
+        cell=np.concatenate([rows_in_batch(field.cell, first) for field, first in made]).astype(np.int16),
+        margin=np.array([field.margin for field in every], dtype=np.float64),
+        through=np.concatenate([np.zeros_like(f.direct) if f.through is None else f.through for f in every], axis=None),
+    )
+
+
+def rows_in_batch(exits: Ints, first: int) -> Ints:
+    """Return rows of exits of one geometry as rows of the batch, flat; negative codes stay."""
+    return np.where(exits >= 0, exits + first, exits).ravel()
+
+
+def _solve(
+    plan: Plan, nodes: Grid, radius: float, reached: Bools, speed: Floats | None, one_way: Sequence[Floats] = ()
+) -> NavigationField:
+    """March through the free nodes, extend to all walkable ones, and find directions and straight lines."""
+    h = nodes.spacing
+    # Half a spacing of fringe, so that the ragged edge of the nodes lies at the radius on average, not beyond it.
+    free = grid.with_fringe(reached, nodes.inside & (nodes.clearance >= radius - h / 2))
+    local_speed = np.ones(reached.shape) if speed is None else np.asarray(speed, dtype=np.float64)
+    time, level = _sources(plan, nodes, radius, free, local_speed)
+    start = SOURCE * h if plan.goal is None else 0.0
+    gates = [gate(line, free, nodes.points(), h) for line in one_way]
+    if gates:
+        time = march_through(time, level, free, local_speed, h, start, gates)
+    else:
+        time = march(time, level, free, local_speed, h, start)
+    direction = descend(time, h)
+    lead_through(time, direction, gates)
+    band, reach = radius, radius + SOURCE * h
+    near = np.empty(len(plan.walls), dtype=np.int64)
+    while extend_once(
+        time, direction, nodes.inside, plan.walls, plan.two_sided, nodes.origin, h, reach, band,
+        time.copy(), direction.copy(), near,
+    ):  # fmt: skip
+        band = 0.0  # further passes fill gaps that are narrower than the disc: straight to the better end
+    require_reached(plan, nodes, np.isnan(time))
+    fill_from_nearest(time, direction, nodes.inside, ~np.isnan(time), h)
+    # Where the floor is not the same all the way, a straight line is taken only if it takes no longer than on plain floor.
+    detour = np.inf if speed is None else 0.02
+    # No straight line may lead back through a one-way door.
+    walls, direct = np.concatenate([plan.walls, *(line[None] for line in one_way)]), np.full(time.shape, -1, np.int64)
+    go_straight(time, direction, walls, plan.exits, plan.rows, nodes.origin, h, radius, detour, direct)
+    return NavigationField(
+        travel_time=time,
+        direction=direction,
+        direct=direct,
+        cell=cell_kinds(time, direct, grid.blocked_lines(plan.walls, time.shape, nodes.origin, h)),
+        origin=nodes.origin,
+        spacing=h,
+        radius=radius,
+        free=free,
+    )
+
+
+def _sources(plan: Plan, nodes: Grid, radius: float, free: Bools, speed: Floats) -> tuple[Floats, Floats]:
+    """Return the travel times [s] of the nodes that start the march (nan elsewhere), and the level set it starts from."""
+    h = nodes.spacing
+    if plan.goal is None:
+        distance = source_distance(plan.exits, nodes, radius, cap=4 * SOURCE * h)
+        return np.where(free & (distance < SOURCE * h), distance / speed, np.nan), distance - SOURCE * h
+    inside = in_goal(plan, nodes)
+    return np.where(free & inside, 0.0, np.nan), np.where(inside, -0.5, 0.5) * h

@@ -1,0 +1,151 @@
+"""The fronts in which a crowd comes to a way out, and how long it queues there.
+
+A front is a connected piece of floor that is equally far from the way out, `DEPTH` deep.  All who are as far as that and have
+to pass the same opening wait for each other there, whichever branch they come by; nobody gets past the others by walking
+around them.  Where ways part for good, a queue on one of them makes the other the faster one.
+"""
+
+from heapq import heapify, heappop, heappush
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram
+from crowd_env.routing.fields.grid import RIGHT, UP, connected_parts
+
+DEPTH = 0.5  # m on plain floor
+_BESIDE = 3  # nodes between a wall and where the middle of a body has room
+
+
+class Fronts:
+    """The fronts of a place; front 0 is where nobody walks.
+
+    Parameters
+    ----------
+    time : (rows, cols) travel time at 1 m/s to the way out [s], inf where nobody walks.
+    free : (rows, cols) where the middle of a body has room.
+    speed : (rows, cols) relative to plain floor.
+    blocked : (rows, cols) lines between nodes that walls cross, see `crowd_env.routing.fields.grid.blocked_lines`.
+    spacing : m, between nodes.
+    width : (rows, cols) m, that the middle of a body has of the exit that is seen; inf where none is.
+
+    Attributes
+    ----------
+    front : (rows, cols) number of the front that a node lies in, or is next to.
+    """
+
+    def __init__(
+        self, time: Floats, free: Bools, speed: Floats, blocked: NDArray[np.uint8], spacing: float, width: Floats
+    ) -> None:
+        self._depth = max(DEPTH, 2.5 * spacing)  # s at 1 m/s
+        known = np.isfinite(time) & free  # others may lie on walls, with floor on both sides
+        level = np.where(known, np.where(known, time, 0.0) / self._depth, -1.0).astype(np.int64)
+        open_right, open_up = blocked[:, :-1] & RIGHT == 0, blocked[:-1] & UP == 0
+        right, up = open_right & known[:, :-1] & known[:, 1:], open_up & known[:-1] & known[1:]
+        front = _parts_of_levels(level, right, up)
+        count = int(front.max(initial=0)) + 1
+        level_of = np.full(count, -1)
+        level_of[front] = level
+        size = np.maximum(np.bincount(front.ravel(), minlength=count), 1)
+        share = np.bincount(front.ravel(), speed.ravel(), count) / size
+        self._length = self._depth * np.maximum(share, 1e-6)  # m; slow ground takes longer, and lets fewer pass
+        self._width = size * spacing**2 / self._length * share
+        seen = np.full(count, np.inf)
+        np.minimum.at(seen, front.ravel(), width.ravel())
+        self._first = np.flatnonzero(level_of == 0)
+        self._width[self._first] = np.minimum(self._width, seen)[self._first]
+        self._width = np.maximum(self._width, 1e-6)
+        pairs = np.concatenate(
+            [np.stack([front[:, :-1][right], front[:, 1:][right]]), np.stack([front[:-1][up], front[1:][up]])], axis=1
+        )
+        pairs = np.unique(pairs[:, pairs[0] != pairs[1]], axis=1)
+        self._beside: list[set[int]] = [set() for _ in range(count)]
+        for one, other in pairs.T.tolist():
+            self._beside[one].add(other)
+            self._beside[other].add(one)
+        self._ahead = [[p for p in near if level_of[p] < level_of[n]] for n, near in enumerate(self._beside)]
+        self._by_level, self._level = np.argsort(level_of, kind="stable").tolist(), level_of
+        self._steps = [self._step(list(fronts)) for _, fronts in groupby(self._by_level, level_of.__getitem__)]
+        self._steps = [step for step in self._steps if len(step[0])]
+        self.front = _spread(front, open_right, open_up)
+
+    def _step(self, fronts: list[int]) -> tuple[Ints, Ints, Floats, Ints]:
+        """Return the pairs of these fronts and those ahead of them: behind, ahead, share, first.
+
+        Of the people in ``behind`` (N,) the ``share`` (N, 1) comes through ``ahead`` (N,), by its width beside that of others;
+        ``first`` are the first pairs of each front.
+        """
+        fronts = [n for n in fronts if self._ahead[n]]
+        behind = np.array([n for n in fronts for _ in self._ahead[n]], dtype=np.int64)
+        ahead = np.array([p for n in fronts for p in self._ahead[n]], dtype=np.int64)
+        total = np.bincount(behind, self._width[ahead], len(self._ahead))
+        first = np.flatnonzero(np.diff(behind, prepend=-1))
+        return behind, ahead, (self._width[ahead] / total[behind])[:, None], first
+
+    def queue(self, node: tuple[Ints, Ints], people: FundamentalDiagram) -> Floats:
+        """Return how many times as long as for somebody alone (K,) each front takes, with people at these nodes."""
+        inside = np.bincount(self.front[node], minlength=len(self._level))
+        inside[0] = 0
+        passing = np.zeros(
+            (len(inside), int(self._level.max()) + 1)
+        )  # people of each level who come through each front
+        passing[np.arange(len(inside)), self._level] = inside
+        for behind, ahead, share, _ in reversed(self._steps):
+            np.add.at(passing, ahead, passing[behind] * share)
+        waiting = passing / people.flow(self._width)[:, None]  # s
+        for behind, ahead, _, first in self._steps:
+            waiting[behind[first]] = np.maximum(waiting[behind[first]], np.minimum.reduceat(waiting[ahead], first))
+        longest = waiting[np.arange(len(inside)), self._level]
+        longest[0] = 0.0
+        return np.asarray(np.maximum(longest * people.desired_speed / self._depth, 1.0))
+
+    def keeps_on(self, queue: Floats) -> Bools:
+        """Return in which fronts (K,) the shortest way is the fastest, and stays so all the way out."""
+        time, then = np.full(len(queue), np.inf), np.full(len(queue), -1)
+        heap = [(0.5 * queue[n], n, -1) for n in self._first.tolist()]
+        heapify(heap)
+        while heap:
+            at, n, on = heappop(heap)
+            if time[n] <= at:
+                continue
+            time[n], then[n] = at, on
+            for other in self._beside[n]:
+                later = at + 0.5 * (queue[n] + queue[other])
+                if later < time[other]:
+                    heappush(heap, (later, other, n))
+        keeps = np.zeros(len(queue), dtype=np.bool_)
+        for n in self._by_level:
+            ahead = self._ahead[n]
+            keeps[n] = (then[n] in ahead and all(keeps[p] for p in ahead)) if ahead else then[n] < 0
+        return keeps
+
+
+def _spread(front: Ints, right: Bools, up: Bools) -> Ints:
+    """Return the fronts (rows, cols) with the nodes beside them, up to `_BESIDE`, where people may be pressed against walls."""
+    front = front.copy()
+    for _ in range(_BESIDE):
+        before = front.copy()
+        for here, there, between in (
+            (np.s_[:, :-1], np.s_[:, 1:], right),
+            (np.s_[:, 1:], np.s_[:, :-1], right),
+            (np.s_[:-1], np.s_[1:], up),
+            (np.s_[1:], np.s_[:-1], up),
+        ):
+            front[here] = np.where((front[here] == 0) & between, before[there], front[here])
+    return front
+
+
+def _parts_of_levels(level: Ints, right: Bools, up: Bools) -> Ints:
+    """Return a number per node (rows, cols) of the connected part of its ``level`` (-1 = none: part 0).
+
+    ``right`` (rows, cols - 1) and ``up`` (rows - 1, cols) say between which neighbors one can walk.
+    """
+    rows, cols = level.shape
+    linked = np.zeros((2 * rows - 1, 2 * cols - 1), dtype=np.bool_)
+    linked[::2, ::2] = level >= 0
+    linked[::2, 1::2] = right & (level[:, :-1] == level[:, 1:])
+    linked[1::2, ::2] = up & (level[:-1] == level[1:])
+    part = connected_parts(linked, np.zeros_like(linked))[::2, ::2]
+    return np.asarray(np.where(part > 0, part - 1, 0))

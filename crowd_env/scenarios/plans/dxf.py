@@ -1,0 +1,276 @@
+"""Floor plans in DXF drawings, with the layers that JuPedSim reads; ezdxf is loaded when one is read."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import counted
+from crowd_env.core.files.foreign import foreign_kind
+from crowd_env.scenarios.plans.floor_plan import Drawing
+from crowd_env.scenarios.plans.lines import GAP, open_line, outlines
+from crowd_env.scenarios.plans.roles import LAYERS, role_of_layer
+from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
+
+if TYPE_CHECKING:
+    from ezdxf.document import Drawing as Document
+
+_MOST = 50_000  # entities of exploded blocks, which come at about ten thousand a second
+_DEEPEST = 16  # blocks in blocks
+_COARSE = 0.005  # m; curves become straight lines that are no further from them
+_SHOWN = 6  # layers in a message
+# Kinds of entities that draw nothing that could be a wall.
+_NO_LINES = ("TEXT", "MTEXT", "ATTDEF", "ATTRIB", "POINT", "DIMENSION", "LEADER", "MULTILEADER", "VIEWPORT", "IMAGE")
+
+
+def read_dxf(path: Path, meters: float | None) -> Drawing:
+    """Read the closed lines, hatches and blocks of a drawing, layer by layer.
+
+    Parameters
+    ----------
+    meters : how many meters a unit of the drawing is, if the user has said it; what the drawing says of it is only told.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If ezdxf is not installed.
+    ValueError
+        If the file is damaged or too large, or there is no layer of a walkable area.
+    """
+    document = _open(path)
+    drawing = Drawing()
+    drawing.unit, drawing.meters = _unit(document)
+    layers = _layers_with_a_role(document, drawing.notes)
+    walkable = [curve for layer in layers.values() if layer.role == "walkable" for curve in layer.curves]
+    if not walkable:
+        raise ValueError(
+            f"none of its visible layers says where people walk; name them {LAYERS}; its layers: {_layers(document)}"
+        )
+    meters = meters or _taken_for(drawing, walkable, layers.values())
+    for drawn in layers.values():
+        _add_layer(drawing, drawn, meters)
+    return drawing
+
+
+def _open(path: Path) -> "Document":
+    try:
+        from ezdxf.filemanagement import readfile
+        from ezdxf.lldxf.const import DXFError
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            "reading a DXF drawing needs ezdxf, which is not installed: pip install ezdxf", name="ezdxf"
+        ) from None
+    try:
+        with path.open("rb") as file:
+            size = path.stat().st_size
+            head = file.read(4096)
+            file.seek(max(0, size - 200))
+            tail = file.read()
+    except OSError as error:
+        raise ValueError(f"cannot read the floor plan {path}: {error.strerror or error}") from None
+    if foreign_kind(head) != "a DXF drawing":
+        raise ValueError(
+            f"it is {foreign_kind(head) or 'no DXF drawing'}; a floor plan in this file must be a DXF drawing"
+        )
+    if b"EOF" not in tail:
+        raise ValueError("the DXF drawing ends in the middle: it is not whole; save it anew")
+    try:
+        return readfile(path)
+    except (DXFError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+        raise ValueError(f"the DXF drawing is damaged ({error}); open it in a CAD program and save it anew") from None
+
+
+def _unit(document: "Document") -> tuple[str | None, float | None]:
+    """Return the unit that the header names, and how many meters it is if it is one that plans have."""
+    names = {1: "inches", 2: "feet", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yards", 14: "decimeters"}
+    name = names.get(int(document.header.get("$INSUNITS", 0)))
+    unit = {"inches": "in", "feet": "ft", "mm": "mm", "cm": "cm", "m": "m"}.get(name or "")
+    return name, None if unit is None else unit_in_meters(unit)
+
+
+def _layers(document: "Document") -> str:
+    names = [layer.dxf.name for layer in document.layers if layer.dxf.name.lower() != "defpoints"]
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN]) + more
+
+
+class _Layer(NamedTuple):
+    """What is drawn on a layer that has a role; a hatch is a list of curves."""
+
+    layer: str  # as it is written first
+    role: str
+    name: str  # that the layer gives, "" if none
+    curves: list[Any]
+
+
+def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _Layer]:
+    """Return name in small letters -> visible layer that has a role; what is left out is noted."""
+    from ezdxf import path as paths
+
+    hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
+    found: dict[str, _Layer] = {}
+    others: Counter[str] = Counter()
+    unread: Counter[str] = Counter()
+    for layer, entity in _Exploding(document).entities():
+        kind = entity.dxftype()
+        if kind in _NO_LINES:
+            continue
+        role = role_of_layer(layer)
+        unseen = layer.lower() in hidden or entity.dxf.get("invisible", 0)
+        if kind == "INSERT" or role is None or unseen:
+            others[layer + (" (hidden)" if unseen else "")] += 1
+            continue
+        try:
+            if kind in ("HATCH", "MPOLYGON"):
+                curves: list[Any] = [list(paths.from_hatch(entity))]
+            elif kind in ("SOLID", "TRACE", "3DFACE"):
+                curves = [paths.from_vertices(entity.wcs_vertices(), close=True)]
+            else:
+                curves = [paths.make_path(entity)]
+        except (TypeError, ValueError, ZeroDivisionError):
+            unread[f"{kind} on {layer}"] += 1
+            continue
+        found.setdefault(layer.lower(), _Layer(layer, *role, [])).curves.extend(curves)
+    if others:
+        names = [name for name, _ in others.most_common(_SHOWN)]
+        more = f" and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
+        things = counted(sum(others.values()), "thing", "things")
+        notes.append(f"left out: {things} on layers of other names, {', '.join(names)}{more}")
+    if unread:
+        notes.append(
+            f"left out, being no line or area: {', '.join(f'{n} {kind}' for kind, n in unread.most_common(_SHOWN))}"
+        )
+    return found
+
+
+class _Exploding:
+    """The entities of a drawing with its blocks exploded.
+
+    Blocks that hold nothing of a layer with a role are not, nor those that are invisible or placed on a frozen layer: nothing
+    of them is seen, whatever layers it is on.
+    """
+
+    def __init__(self, document: "Document") -> None:
+        self._document = document
+        self._frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
+        self._layers: dict[str, frozenset[str]] = {}  # of all that a block holds
+        self._count = 0
+
+    def entities(self) -> Iterator[tuple[str, Any]]:
+        """Yield every entity with its layer; layer 0 within a block is the layer of the block.
+
+        Raises
+        ------
+        ValueError
+            If there are too many in blocks.
+        """
+        yield from self._exploded(self._document.modelspace(), "0", 0)
+
+    def _exploded(self, entities: Any, outer: str, depth: int) -> Iterator[tuple[str, Any]]:
+        for entity in entities:
+            self._count += depth > 0
+            if self._count > _MOST:
+                raise ValueError(
+                    f"the DXF drawing holds more than {_MOST} things in its blocks; keep only the layers {LAYERS}"
+                )
+            layer = entity.dxf.get("layer", "0")
+            layer = outer if layer == "0" else layer
+            if entity.dxftype() != "INSERT" or depth > _DEEPEST or not self._opens(entity, layer):
+                yield layer, entity
+                continue
+            for insert in entity.multi_insert() if entity.mcount > 1 else (entity,):
+                yield from self._exploded(insert.virtual_entities(), layer, depth + 1)
+
+    def _opens(self, insert: Any, layer: str) -> bool:
+        if layer.lower() in self._frozen or insert.dxf.get("invisible", 0):
+            return False
+        within = self._layers_of(insert.dxf.get("name", ""), 0)
+        return any(role_of_layer(layer if name == "0" else name) is not None for name in within)
+
+    def _layers_of(self, block: str, depth: int) -> frozenset[str]:
+        """Return the layers of all that a block holds, blocks within it included."""
+        if block not in self._layers:
+            self._layers[block] = frozenset()  # a block that holds itself adds nothing
+            layers = set()
+            for entity in self._document.blocks.get(block) or ():
+                layers.add(entity.dxf.get("layer", "0"))
+                if entity.dxftype() == "INSERT" and depth <= _DEEPEST:
+                    layers |= self._layers_of(entity.dxf.get("name", ""), depth + 1)
+            self._layers[block] = frozenset(layers)
+        return self._layers[block]
+
+
+def _taken_for(drawing: Drawing, walkable: Sequence[Any], layers: Iterable[_Layer]) -> float:
+    """Return how many meters a unit will be taken for: gaps that are closed and how finely curves are drawn depend on it."""
+    from ezdxf.path import bbox
+
+    box = bbox(_flat(walkable))
+    exits = [curve for layer in layers if layer.role == "exit" for curve in layer.curves if not isinstance(curve, list)]
+    widest = max((float(curve.start.distance(curve.end)) for curve in exits), default=0.0)
+    try:
+        bounds = (box.extmin.x, box.extmin.y, box.extmax.x, box.extmax.y)
+        return judge_unit(bounds, widest, drawing.unit, drawing.meters)[0]
+    except ValueError:  # said where the whole plan is judged
+        return 1.0
+
+
+def _flat(curves: Sequence[Any]) -> list[Any]:
+    return [one for curve in curves for one in (curve if isinstance(curve, list) else [curve])]
+
+
+def _straight(curve: Any, meters: float) -> Floats:
+    """Return the points (K, 2) of a curve, in units of the drawing."""
+    return np.array([(point.x, point.y) for point in curve.flattening(_COARSE / meters)]).reshape(-1, 2)
+
+
+def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
+    """Add what is drawn on a layer.
+
+    Raises
+    ------
+    ValueError
+        If a walkable area is not closed, or something is not finite.
+    """
+    layer, role, name, curves = drawn
+    hatches = [[_straight(ring, meters) for ring in curve] for curve in curves if isinstance(curve, list)]
+    lines = [_straight(curve, meters) for curve in curves if not isinstance(curve, list)]
+    if not all(np.isfinite(line).all() for line in (*lines, *(ring for rings in hatches for ring in rings))):
+        raise ValueError(f"layer {layer} has a coordinate that is not finite")
+    found = outlines([line for line in lines if len(line) > 1], GAP / meters)
+    if found.closed_gap > 0.0:
+        gap = 1000.0 * meters * found.closed_gap
+        drawing.notes.append(f"layer {layer}: gaps between the ends of lines are closed, the widest {gap:.2g} mm")
+    areas: list[BaseGeometry] = [*found.areas, *(_hatched(rings) for rings in hatches)]
+    if role == "exit" and all(area.is_valid for area in areas):  # an outline and its hatch are one exit
+        areas = list(shapely.get_parts(shapely.union_all(areas)))
+    for area in areas:
+        drawing.add(role, name, area)
+    if not found.open:
+        return
+    longest = max(found.open, key=lambda line: line.length)
+    match role:
+        case "exit" | "obstacle":
+            for line in found.open:
+                drawing.add(role, name, line)
+        case _ if not areas:
+            raise ValueError(
+                f"layer {layer} encloses nothing: a line is not closed, {open_line(longest, meters)}; close it"
+            )
+        case _:
+            what = counted(len(found.open), "line that encloses nothing", "lines that enclose nothing")
+            drawing.notes.append(f"layer {layer}: left out {what}; of the longest {open_line(longest, meters)}")
+
+
+def _hatched(rings: Sequence[Floats]) -> BaseGeometry:
+    """Return the area of a hatch: what lies in an odd number of its rings."""
+    area: BaseGeometry = Polygon()
+    for ring in rings:
+        if len(ring) > 3:
+            area = shapely.symmetric_difference(area, shapely.make_valid(Polygon(ring)))
+    return area

@@ -1,0 +1,90 @@
+"""What a reader finds in a file of a floor plan, in the file's units, and what becomes of it: a plan in meters."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from crowd_env.geometry.parsing import Area
+
+
+@dataclass
+class Drawing:
+    """What is drawn in a file, in its own units and as it was found: nothing is checked, united or cut yet.
+
+    Attributes
+    ----------
+    walkable : areas that people walk on.
+    obstacles : areas that they do not.
+    exits : name -> lines on the edge of the walkable area, or areas that people walk into.
+    regions : name -> area.
+    starts : name of a region in which people start -> how many of them, None if the file does not say.
+    unit : that the file says it is in: a word for people, if it says one.
+    meters : how many meters that unit is, if it is known.
+    notes : what the reader dropped or read in another way than it may be meant.
+    """
+
+    walkable: list[BaseGeometry] = field(default_factory=list)
+    obstacles: list[BaseGeometry] = field(default_factory=list)
+    exits: dict[str, BaseGeometry] = field(default_factory=dict)
+    regions: dict[str, BaseGeometry] = field(default_factory=dict)
+    starts: dict[str, int | None] = field(default_factory=dict)
+    unit: str | None = None
+    meters: float | None = None
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, role: str, name: str, shape: BaseGeometry, people: int | None = None) -> None:
+        """Add a shape in a role of `crowd_env.scenarios.plans.roles`: of one name make one exit or region, others
+        are numbered.
+        """
+        match role:
+            case "walkable":
+                self.walkable.append(shape)
+            case "obstacle":
+                self.obstacles.append(shape)
+            case "exit":
+                _join(self.exits, name or _numbered("exit", self.exits), shape)
+            case "start" | "region":
+                name = name or _numbered(role, self.regions)
+                _join(self.regions, name, shape)
+                if role == "start":
+                    self.starts[name] = people
+
+    def shapes(self) -> list[BaseGeometry]:
+        """Return all shapes."""
+        return [*self.walkable, *self.obstacles, *self.exits.values(), *self.regions.values()]
+
+
+@dataclass(frozen=True, eq=False)
+class FloorPlan:
+    """A floor plan as it was understood; what is repaired when walls are made of it is another matter, see `Geometry`.
+
+    Attributes
+    ----------
+    path : of the file.
+    walkable : what people may walk on [m]; obstacles are cut out.
+    exits : name -> line on the edge of the walkable area, or area that people walk into [m].
+    regions : name -> area [m].
+    starts : name of a region in which people start -> how many of them, None if the file does not say.
+    notes : a sentence each on what was dropped, or read in another way than it may be meant.
+    """
+
+    path: Path
+    walkable: Area
+    exits: Mapping[str, BaseGeometry]
+    regions: Mapping[str, Area] = field(default_factory=dict)
+    starts: Mapping[str, int | None] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def _join(shapes: dict[str, BaseGeometry], name: str, shape: BaseGeometry) -> None:
+    shapes[name] = shapely.union_all([shapes[name], shape]) if name in shapes else shape
+
+
+def _numbered(word: str, taken: Mapping[str, object]) -> str:
+    number = 0
+    while f"{word}-{number}" in taken:
+        number += 1
+    return f"{word}-{number}"

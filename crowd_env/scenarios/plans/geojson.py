@@ -1,0 +1,127 @@
+"""Floor plans in GeoJSON (RFC 7946): what each feature is, its properties or its name say."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry import shape as shape_of
+
+from crowd_env.core.checks import counted
+from crowd_env.scenarios.plans.floor_plan import Drawing
+from crowd_env.scenarios.plans.json_text import read_json_text
+from crowd_env.scenarios.plans.roles import WORDS, role_of_layer, role_of_word
+
+_KEYS = ("role", "kind", "type", "layer", "class", "category", "usage", "function", "name")
+_NAMES = ("name", "id", "label", "title")
+_GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
+_DEGREES = re.compile(r"\b(4326|4258|CRS84)\b")
+_MERCATOR = re.compile(r"\b(3857|3785|900913)\b")
+
+
+def is_geojson(content: Any) -> bool:
+    """Return whether this is the content of a GeoJSON file."""
+    return isinstance(content, dict) and content.get("type") in ("FeatureCollection", "Feature", *_GEOMETRIES)
+
+
+def read_geojson(path: Path, meters: float | None) -> Drawing:
+    """Read features; polygons that say nothing of what they are may be walked on if no other does."""
+    content = read_json_text(path)
+    if not is_geojson(content):
+        raise ValueError("it is JSON, but not GeoJSON: it must be a FeatureCollection, a Feature or a geometry")
+    crs = str(content.get("crs", ""))
+    if _MERCATOR.search(crs):
+        raise ValueError(
+            "its coordinates are those of Web Mercator (crs), in which lengths are stretched, by 1.5 in Central Europe; "
+            "project it to meters on the ground first, such as UTM"
+        )
+    if _DEGREES.search(crs):
+        raise ValueError("its coordinates are degrees (crs); project it to meters first")
+    drawing = Drawing()
+    unmarked: list[tuple[str, Any]] = []
+    for number, feature in enumerate(_features(content)):
+        properties = feature.get("properties")
+        table: Mapping[str, Any] = properties if isinstance(properties, Mapping) else {}
+        shape = _shape(feature.get("geometry"), number)
+        if shape is None:
+            continue
+        role, name = _role(table)
+        name = name or _name({**feature, **table})
+        if role is None:
+            unmarked.append((name, shape))
+        else:
+            drawing.add(role, name if role != "exit" or name not in drawing.exits else "", shape)
+    _add_unmarked(drawing, unmarked)
+    return drawing
+
+
+def _features(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    match content["type"]:
+        case "FeatureCollection":
+            features = content.get("features")
+            if not isinstance(features, list) or not all(isinstance(one, Mapping) for one in features):
+                raise ValueError("'features' of its FeatureCollection must be a list of features")
+            if not features:
+                raise ValueError("its FeatureCollection has no features: there is nothing to walk on")
+            return features
+        case "Feature":
+            return [content]
+    return [{"geometry": content}]
+
+
+def _shape(geometry: Any, number: int) -> Any:
+    if geometry is None:
+        return None
+    try:
+        shape = shapely.force_2d(shape_of(geometry))
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError, shapely.errors.ShapelyError) as error:
+        raise ValueError(f"the geometry of features[{number}] is wrong: {error}") from None
+    if not np.isfinite(shapely.get_coordinates(shape)).all():
+        raise ValueError(f"the geometry of features[{number}] has a coordinate that is not finite")
+    return None if shape.is_empty else shape
+
+
+def _role(table: Mapping[str, Any]) -> tuple[str | None, str]:
+    """Return the role that properties say, and the name that a layer gives: jps-exits-north."""
+    for key in _KEYS:
+        for own, word in table.items():
+            if own.lower() == key and isinstance(word, str):
+                role = role_of_word(word)
+                if role is not None:
+                    return role, ""
+                layer = role_of_layer(word)
+                if layer is not None:
+                    return layer
+    return None, ""
+
+
+def _name(table: Mapping[str, Any]) -> str:
+    for key in _NAMES:
+        for own, word in table.items():
+            if (
+                own.lower() == key
+                and isinstance(word, str | int)
+                and str(word).strip()
+                and role_of_word(str(word)) is None
+            ):
+                return str(word).strip()
+    return ""
+
+
+def _add_unmarked(drawing: Drawing, unmarked: list[tuple[str, Any]]) -> None:
+    polygons = [
+        shape for _, shape in unmarked if "Polygon" in shape.geom_type or shape.geom_type == "GeometryCollection"
+    ]
+    if not drawing.walkable:
+        drawing.walkable += polygons
+        left = len(unmarked) - len(polygons)
+    else:
+        left = len(unmarked)
+    if left:
+        words = ", ".join((*WORDS, "obstacle", "exit"))
+        drawing.notes.append(
+            f"left out: {counted(left, 'feature', 'features')} without a word of what it is; a property 'kind' may be one of "
+            f"{', '.join(dict.fromkeys(words.split(', ')))}"
+        )

@@ -1,0 +1,101 @@
+"""Areas from the lines of a drawing: closed ones, and ends that were meant to meet."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from crowd_env.core.arrays.state import Floats
+from crowd_env.geometry.parsing import place
+
+GAP = 0.01  # m; ends nearer to each other, or to another line, were meant to meet
+_PAST = 1e-4  # share of the gap by which an end is moved beyond the line that it was meant to meet, so that they cross
+
+
+class Outlines(NamedTuple):
+    """What lines enclose, and what is left of them."""
+
+    areas: list[Polygon]
+    open: list[LineString]
+    closed_gap: float  # the largest gap that was closed, in units of the lines; 0 = none
+
+
+def outlines(lines: Sequence[Floats], gap: float) -> Outlines:
+    """Return the areas that lines (K, 2) each enclose, one by one or together, if gaps up to ``gap`` are closed.
+
+    An area inside another is returned beside it, not cut out of it.
+    """
+    areas, chains, widest = [], [], 0.0
+    for line in lines:
+        line = line[np.r_[True, np.hypot(*np.diff(line, axis=0).T) > 0]]
+        apart = float(np.hypot(*(line[-1] - line[0])))
+        if len(line) > 3 and apart <= gap:
+            widest = max(widest, apart)
+            areas.append(Polygon(line if apart > 0 else line[:-1]))
+        elif len(line) > 1:
+            chains.append(line)
+    if not chains:
+        return Outlines(areas, [], widest)
+    met, moved = _meeting(chains, gap)
+    faces, cuts, dangles, _ = shapely.polygonize_full([shapely.union_all(met)])
+    left = shapely.line_merge(shapely.union_all([*shapely.get_parts(cuts), *shapely.get_parts(dangles)]))
+    rest = [part for part in shapely.get_parts(left) if part.length > gap]
+    areas += [Polygon(face.exterior) for face in shapely.get_parts(faces)]
+    return Outlines(areas, rest, max(widest, moved))
+
+
+def _meeting(chains: Sequence[Floats], gap: float) -> tuple[list[LineString], float]:
+    """Return the lines with ends moved onto each other, or over another line, and how far the furthest was moved."""
+    ends = np.array([chain[k] for chain in chains for k in (0, -1)])
+    _, first, of, count = np.unique(
+        np.round(ends / (_PAST * gap)), axis=0, return_index=True, return_inverse=True, return_counts=True
+    )
+    of = of.ravel()
+    targets = ends[first[of]]  # ends that meet already
+    lines = shapely.STRtree([LineString(chain) for chain in chains])
+    loose = np.flatnonzero(count[of] == 1)
+    waiting = {int(k): partner for k, partner in zip(loose, _nearest_pairs(ends[loose], gap), strict=True)}
+    for number, partner in waiting.items():
+        own, last = divmod(number, 2)
+        if partner is not None and int(loose[partner]) // 2 != own:
+            other_end = int(loose[partner])
+            targets[number] = ends[min(number, other_end)]
+            continue
+        near = lines.query(shapely.Point(ends[number]), predicate="dwithin", distance=gap)
+        other = next((int(k) for k in near if k != own), None)
+        if other is not None:
+            targets[number] = _beyond(ends[number], chains[own][-2 if last else 1], lines.geometries[other], gap)
+    met = [np.concatenate([targets[None, 2 * k], c[1:-1], targets[None, 2 * k + 1]]) for k, c in enumerate(chains)]
+    moved = float(np.hypot(*(targets - ends).T).max())
+    return [LineString(c) for c in met if np.ptp(c, axis=0).any()], moved if moved > 1e-3 * gap else 0.0
+
+
+def _nearest_pairs(points: Floats, gap: float) -> list[int | None]:
+    """Return for each of ``points`` (K, 2) the one that it is paired with: each other's nearest within ``gap``, or None."""
+    if len(points) < 2:
+        return [None] * len(points)
+    at = shapely.points(points)
+    i, j = shapely.STRtree(at).query(at, predicate="dwithin", distance=gap)
+    i, j = i[i != j], j[i != j]
+    away = np.hypot(*(points[i] - points[j]).T)
+    nearest: list[int | None] = [None] * len(points)
+    for k in np.argsort(-away, kind="stable"):  # the nearest is written last
+        nearest[int(i[k])] = int(j[k])
+    return [near if near is not None and nearest[near] == k else None for k, near in enumerate(nearest)]
+
+
+def _beyond(end: Floats, inward: Floats, other: LineString, gap: float) -> Floats:
+    """Return a place a hair beyond ``other`` for an end (2,), so that the lines cross and do not only nearly touch."""
+    onto = shapely.get_coordinates(shapely.shortest_line(shapely.Point(end), other))[1]
+    step = onto - end if np.hypot(*(onto - end)) > _PAST * gap else end - inward
+    return np.asarray(onto + (_PAST * gap / float(np.hypot(*step))) * step)
+
+
+def open_line(line: BaseGeometry, meters: float) -> str:
+    """Return, for a message, where a line that encloses nothing is open."""
+    points = shapely.get_coordinates(line)
+    apart = meters * float(np.hypot(*(points[-1] - points[0])))
+    return f"its ends {place(points[0])} and {place(points[-1])} are {apart:.3g} m apart"

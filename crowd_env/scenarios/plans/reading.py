@@ -1,0 +1,206 @@
+"""One reader a kind of file, and what all plans go through: unit, slivers, obstacles."""
+
+import json
+import os
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from crowd_env.core.checks import path as path_of
+from crowd_env.core.files.foreign import foreign_kind
+from crowd_env.geometry.parsing import parse_exit, read_area
+from crowd_env.scenarios.plans.dxf import read_dxf
+from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan
+from crowd_env.scenarios.plans.geojson import is_geojson, read_geojson
+from crowd_env.scenarios.plans.tidying import regions_in, simplified, tidied, without_obstacles
+from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
+from crowd_env.scenarios.plans.vadere import is_vadere, read_vadere
+from crowd_env.scenarios.plans.wkt import read_jupedsim_sqlite, read_wkt
+
+Reader = Callable[[Path, float | None], Drawing]
+"""Takes a file, and how many meters a unit of it is if the user has said it."""
+
+# Suffix -> what reads such a file.
+READERS: dict[str, Reader] = {
+    ".wkt": read_wkt,
+    ".geojson": read_geojson,
+    ".dxf": read_dxf,
+    ".sqlite": read_jupedsim_sqlite,
+    ".scenario": read_vadere,
+}
+# What a file of another suffix is -> what reads it.
+_BY_CONTENT: dict[str, Reader] = {
+    "GeoJSON": read_geojson,
+    "a DXF drawing": read_dxf,
+    "an SQLite database": read_jupedsim_sqlite,
+}
+# What is asked of the content of a .json file -> what reads it; all others are scenario files of crowd_env.
+_JSON: tuple[tuple[Callable[[object], bool], Reader], ...] = ((is_vadere, read_vadere), (is_geojson, read_geojson))
+
+_SHOWN = 4  # names in a note
+_LARGEST = 60_000_000  # bytes; a plan of a million corners has 40 million of them
+
+PLANS = "WKT (.wkt), GeoJSON, DXF, JuPedSim (.sqlite) or Vadere (.scenario)"
+
+
+def is_plan(path: Path) -> bool:
+    """Return whether a path is that of a floor plan, or of what may be one: a file that is no scenario file of crowd_env."""
+    suffix = path.suffix.lower()
+    if suffix in READERS:
+        return True
+    if suffix == ".toml":
+        return False
+    return _json_reader(path) is not None if suffix == ".json" else os.path.exists(path)
+
+
+def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None = None) -> FloorPlan:
+    """Return the floor plan in a file.
+
+    Parameters
+    ----------
+    path : .wkt, .geojson, .dxf, .sqlite (JuPedSim), .scenario (Vadere) or .json (Vadere, GeoJSON).
+    exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into; they take the place
+        of those in the file.
+    unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that cannot be and the file says
+        another.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read or used as a plan; the message names it.
+    ModuleNotFoundError
+        If the library that reads such files is not installed.
+    """
+    path = path_of("the file of the floor plan", path)
+    meters = None if unit is None else unit_in_meters(unit)
+    try:
+        _require_size(path)
+        drawing = _reader(path)(path, meters)
+        if exits:
+            if drawing.exits:
+                drawing.notes.append(
+                    f"the exits of the file are left out for those that are given: {_listed(drawing.exits)}"
+                )
+            drawing.exits = {f"exit-{number}": parse_exit(text) for number, text in enumerate(exits)}
+        return _plan(path, drawing, meters)
+    except ValueError as error:
+        message = str(error)
+        raise ValueError(message if str(path) in message else f"{path}: {message}") from None
+    except shapely.errors.ShapelyError as error:
+        raise ValueError(f"{path}: its shapes cannot be cut and united: {error}") from None
+
+
+def _reader(path: Path) -> Reader:
+    """Return what reads a file: its suffix decides, else what it holds.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix in READERS:
+        return READERS[suffix]
+    if suffix == ".json":
+        return _json_reader(path) or read_geojson
+    try:
+        with path.open("rb") as file:
+            kind = foreign_kind(file.read(4096))
+    except OSError as error:
+        raise ValueError(f"cannot read the floor plan {path}: {error.strerror or error}") from None
+    if kind == "JSON":
+        return _json_reader(path) or read_geojson
+    if kind is None:
+        return read_wkt
+    if kind not in _BY_CONTENT:
+        raise ValueError(
+            f"{path} is {kind}; a floor plan is read from well-known text, {PLANS}, or from a scenario file (.toml, .json)"
+        )
+    return _BY_CONTENT[kind]
+
+
+def _require_size(path: Path) -> None:
+    """Raise ValueError if a file is so large that reading it would take minutes."""
+    size = os.path.getsize(path) if os.path.isfile(path) else 0
+    if size > _LARGEST:
+        raise ValueError(
+            f"the file has {size / 1e6:.0f} MB; at most {_LARGEST / 1e6:.0f} are read: keep the outline of the floor, its "
+            "obstacles and exits, and leave out the rest of the drawing"
+        )
+
+
+def _json_reader(path: Path) -> Reader | None:
+    """Return what reads the plan in a JSON file; None = it holds none that is known, or cannot be read."""
+    try:
+        _require_size(path)
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return next((reader for is_kind, reader in _JSON if is_kind(content)), None)
+
+
+def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
+    """Return what is drawn as a plan in meters."""
+    notes = list(drawing.notes)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UserWarning)
+        if meters is None:
+            meters, note = _judged(drawing)
+            notes += [note] if note else []
+        walkable = read_area(_collected(simplified(_scaled(drawing.walkable, meters), notes), notes), "walkable area")
+        walkable = without_obstacles(walkable, simplified(_scaled(drawing.obstacles, meters), notes), notes)
+        regions = regions_in(walkable, _named(drawing.regions, meters), notes)
+    notes += [str(warning.message) for warning in said if issubclass(warning.category, UserWarning)]
+    exits = _named(drawing.exits, meters)
+    own = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit
+    starts = {own[name]: people for name, people in drawing.starts.items() if name in regions}
+    regions = {own[name]: shape for name, shape in regions.items()}
+    return FloorPlan(path, walkable, exits, regions, starts, tuple(notes))
+
+
+def _judged(drawing: Drawing) -> tuple[float, str]:
+    """Return how many meters a unit of the drawing is, and a note about it."""
+    points = shapely.get_coordinates(drawing.walkable)
+    if not len(points) or not np.isfinite(points).all() or not shapely.area(drawing.walkable).sum() > 0:
+        return 1.0, ""  # reading the shapes gives the better message
+    lines = [shape.length for shape in drawing.exits.values() if "Line" in shape.geom_type]
+    bounds = (*points.min(axis=0), *points.max(axis=0))
+    return judge_unit(bounds, max(lines, default=0.0), drawing.unit, drawing.meters)
+
+
+def _scaled(shapes: Iterable[BaseGeometry], meters: float) -> list[BaseGeometry]:
+    flat = [shapely.force_2d(shape) for shape in shapes]
+    return flat if meters == 1.0 else [shapely.transform(shape, lambda points: meters * points) for shape in flat]
+
+
+def _named(shapes: Mapping[str, BaseGeometry], meters: float) -> dict[str, BaseGeometry]:
+    return dict(zip(shapes, _scaled(shapes.values(), meters), strict=True))
+
+
+def _collected(shapes: list[BaseGeometry], notes: list[str]) -> BaseGeometry:
+    """Return the walkable parts as one shape, without slivers if there is anything else."""
+    parts = tidied(shapes, "walkable area", notes)
+    if _nested([part for part in parts if part.geom_type == "Polygon" and part.is_valid]):
+        notes.append(
+            "walkable area: an outline lies within another one, and is walkable too; draw as an obstacle what is a hole"
+        )
+    if not any(part.geom_type == "Polygon" for part in parts):
+        parts = shapes  # reading them gives the better message
+    return parts[0] if len(parts) == 1 else shapely.GeometryCollection(parts)
+
+
+def _nested(areas: Sequence[BaseGeometry]) -> bool:
+    """Return whether an area lies within another one, away from its outline."""
+    if len(areas) < 2:
+        return False
+    outer, inner = shapely.STRtree(areas).query(areas, predicate="contains_properly")
+    return bool((outer != inner).any())
+
+
+def _listed(names: Iterable[str]) -> str:
+    names = list(names)
+    return ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")

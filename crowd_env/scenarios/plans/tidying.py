@@ -1,0 +1,168 @@
+"""What drawings have beside plans: slivers, corners drawn twice, obstacles and regions that lie elsewhere."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from crowd_env.core.checks import counted
+from crowd_env.geometry.parsing import Area, place, read_area
+
+_THIN = 0.01  # m; what is narrower than this nobody walks on
+_WALL = 0.02  # m; the thickness of an obstacle that is drawn as a line
+_NOTHING = 1e-6  # m^2; an obstacle smaller than this is none
+_SAME = 1e-9  # share of the area
+_TIDIED = {
+    "left out": ("sliver", "slivers"),
+    "mended": ("outline that runs along itself", "outlines that run along themselves"),
+}
+_SHOWN = 4  # names in a note
+_MANY = 5_000  # corners; more of them are drawn finer than people can tell ...
+_AWAY = 0.005  # m; ... and those that lie nearer than this to the line of their neighbors are left out
+_MOST = 20_000  # corners; the ways out take seconds to find for every ten thousand, and more in large plans
+
+
+def tidied(shapes: Sequence[BaseGeometry], what: str, notes: list[str], thinnest: float = _THIN) -> list[BaseGeometry]:
+    """Return the parts of ``shapes`` [m] without slivers; outlines that only touch themselves are made valid.
+
+    What else is wrong with them stays for those who read them.
+    """
+    parts = [one for shape in shapes for one in _flat(shape)]
+    kept, slivers, mended = [], [], []
+    for part in parts:
+        if part.geom_type != "Polygon" or part.is_empty or not np.isfinite(shapely.get_coordinates(part)).all():
+            kept.append(part)
+        elif _is_sliver(part, thinnest):
+            slivers.append(part)
+        elif part.is_valid:
+            kept.append(part)
+        else:
+            valid = _mended(part)
+            kept += [part] if valid is None else valid
+            mended += [] if valid is None else [part]
+    for found, said in ((slivers, "left out"), (mended, "mended")):
+        if found:
+            one, many = _TIDIED[said]
+            at = place(shapely.get_coordinates(found[0])[0])
+            notes.append(f"{what}: {said} {counted(len(found), one, many)}, such as at {at}")
+    return kept
+
+
+def simplified(shapes: Sequence[BaseGeometry], notes: list[str]) -> list[BaseGeometry]:
+    """Return the shapes [m] with fewer corners if they have very many.
+
+    Raises
+    ------
+    ValueError
+        If they still have too many.
+    """
+    before = int(shapely.get_num_coordinates(shapes).sum())
+    if before <= _MANY:
+        return list(shapes)
+    fewer = [_simplified(shape) for shape in shapes]
+    after = int(shapely.get_num_coordinates(fewer).sum())
+    if after > _MOST:
+        raise ValueError(
+            f"the plan has {before} corners, and {after} where those are left out that move no wall by {1000 * _AWAY:g} mm; "
+            f"at most {_MOST} are read: simplify it, in QGIS by Vector > Geometry Tools > Simplify, in Python by "
+            "shapely.simplify(plan, 0.05)"
+        )
+    if after < before:
+        notes.append(f"the plan has {before} corners: simplified to {after}, by which no wall moves by more than 5 mm")
+    return fewer
+
+
+def _simplified(shape: BaseGeometry) -> BaseGeometry:
+    if not np.isfinite(shapely.get_coordinates(shape)).all():
+        return shape  # reading it gives the better message
+    quick = shapely.simplify(shape, _AWAY, preserve_topology=False)
+    return quick if shapely.is_valid(quick) and not quick.is_empty else shapely.simplify(shape, _AWAY)
+
+
+def without_obstacles(walkable: Area, obstacles: Sequence[BaseGeometry], notes: list[str]) -> Area:
+    """Return ``walkable`` [m] without the obstacles; those that lie elsewhere are noted.
+
+    Raises
+    ------
+    ValueError
+        If an obstacle crosses itself, or nothing is left to walk on.
+    """
+    parts = _walls(tidied(obstacles, "obstacles", notes, thinnest=0.0), notes)
+    holes = [read_area(part, f"obstacle {k}") for k, part in enumerate(parts) if _is_area(part)]
+    if not holes:
+        return walkable
+    outside = [hole for hole, meets in zip(holes, shapely.intersects(walkable, holes), strict=True) if not meets]
+    if outside:
+        at = place(shapely.get_coordinates(outside[0])[0])
+        lost = counted(len(outside), "obstacle", "obstacles")
+        notes.append(f"left out: {lost} outside of the walkable area, such as at {at}")
+    rest = shapely.get_parts(shapely.difference(walkable, shapely.union_all(holes)))
+    polygons = [part for part in rest if part.geom_type == "Polygon" and not _is_sliver(part, _THIN)]
+    if not polygons:
+        raise ValueError("the obstacles leave no walkable area")
+    if len(polygons) < len(rest):
+        lost = counted(len(rest) - len(polygons), "sliver", "slivers")
+        notes.append(f"left out: {lost} between obstacles and walls")
+    return polygons[0] if len(polygons) == 1 else MultiPolygon(polygons)
+
+
+def _walls(parts: Sequence[BaseGeometry], notes: list[str]) -> list[BaseGeometry]:
+    """Return the parts of obstacles [m] with walls in place of lines, and without points."""
+    lines = [part for part in parts if part.length > 0.0 and part.geom_type in ("LineString", "LinearRing")]
+    areas = [part for part in parts if part.geom_type == "Polygon"]
+    if lines:
+        notes.append(f"obstacles: {counted(len(lines), 'line', 'lines')} taken as walls {_WALL:g} m thick")
+    points = len(parts) - len(lines) - len(areas)
+    if points:
+        notes.append(f"left out: {points} {'obstacle that is a point' if points == 1 else 'obstacles that are points'}")
+    return [*areas, *(shapely.buffer(line, 0.5 * _WALL, cap_style="square", join_style="mitre") for line in lines)]
+
+
+def regions_in(walkable: Area, regions: Mapping[str, BaseGeometry], notes: list[str]) -> dict[str, Area]:
+    """Return the regions that lie in ``walkable`` [m], at least with a piece; the others are noted.
+
+    Raises
+    ------
+    ValueError
+        If a region crosses itself or is not finite.
+    """
+    found: dict[str, Area] = {}
+    lost = []
+    for name, shape in regions.items():
+        parts = [part for part in tidied([shape], f"region {name!r}", notes) if _is_area(part)]
+        area = read_area(shapely.GeometryCollection(parts), f"region {name!r}") if parts else None
+        if area is None or shapely.intersection(area, walkable).area <= _NOTHING:
+            lost.append(name)
+        else:
+            found[name] = area
+    if lost:
+        found_none = counted(len(lost), "region", "regions")
+        notes.append(f"left out: {found_none} with nothing of the walkable area, {', '.join(lost[:_SHOWN])}")
+    return found
+
+
+def _is_sliver(part: Polygon, thinnest: float) -> bool:
+    """Return whether a polygon is narrower than ``thinnest`` [m] all along, or encloses nothing."""
+    around = part.exterior.length
+    area = abs(part.area) if part.is_valid else shapely.make_valid(part).area
+    return bool(area <= _NOTHING or 2.0 * area < thinnest * around)
+
+
+def _is_area(part: BaseGeometry) -> bool:
+    return part.geom_type == "Polygon" and not part.is_empty and not (part.is_valid and part.area <= _NOTHING)
+
+
+def _mended(part: Polygon) -> list[Polygon] | None:
+    """Return a polygon whose outline touches or runs back along itself as valid ones; None = it crosses itself."""
+    valid = [one for one in _flat(shapely.make_valid(part)) if one.geom_type == "Polygon"]
+    total = sum(one.area for one in valid)
+    return valid if abs(total - part.area) <= _SAME * total else None
+
+
+def _flat(shape: BaseGeometry) -> list[BaseGeometry]:
+    """Return the parts of a shape, and their parts."""
+    if shape.geom_type != "GeometryCollection" and not shape.geom_type.startswith("Multi"):
+        return [shape]
+    return [one for part in shapely.get_parts(shape) for one in _flat(part)]

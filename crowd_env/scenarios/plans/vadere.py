@@ -1,0 +1,126 @@
+"""Scenarios of Vadere (JSON): what is within the bounds and no obstacle is walkable, targets are exits, sources are starts."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import shapely
+from shapely.geometry import Point, Polygon, box
+
+from crowd_env.core.checks import FINITE, NOT_NEGATIVE, POSITIVE, number
+from crowd_env.scenarios.plans.floor_plan import Drawing
+from crowd_env.scenarios.plans.json_text import read_json_text
+
+_LEFT_OUT = ("stairs", "targetChangers", "absorbingAreas", "teleporter")  # what changes how people walk, beside targets
+
+
+def is_vadere(content: Any) -> bool:
+    """Return whether this is the content of a scenario file of Vadere."""
+    scenario = content.get("scenario") if isinstance(content, dict) else None
+    return isinstance(scenario, dict) and "topography" in scenario
+
+
+def read_vadere(path: Path, meters: float | None) -> Drawing:
+    """Read the topography of a scenario, releases 1 to 4; targets that nobody leaves by are regions."""
+    content = read_json_text(path)
+    if not is_vadere(content):
+        raise ValueError("it is JSON, but not a scenario of Vadere: it has no 'topography' in 'scenario'")
+    places = content["scenario"]["topography"]
+    try:
+        drawing = Drawing(unit="m", meters=1.0)
+        _add_bounds(drawing, places["attributes"])
+        obstacles, targets, sources = (
+            [_plain(one) for one in places.get(kind, ())] for kind in ("obstacles", "targets", "sources")
+        )
+        drawing.obstacles = [_shape(one, f"obstacle {_id(one)}") for one in obstacles]
+        for target in targets:
+            role = "exit" if _absorbs(target) else "region"
+            drawing.add(role, f"target-{_id(target)}", _shape(target, f"target {_id(target)}"))
+        for source in sources:
+            drawing.add("start", f"source-{_id(source)}", _shape(source, f"source {_id(source)}"), _people(source))
+        if any(not _leave_by_all(source, targets) for source in sources):
+            drawing.notes.append("left out: to which targets the people of a source walk; they choose among all exits")
+        if not all(map(_at_once, sources)):
+            drawing.notes.append(
+                "left out: that people of a source come one after the other; they stand there at the start"
+            )
+    except (AttributeError, KeyError, TypeError) as error:
+        raise ValueError(f"its topography lacks or has in another form than Vadere's: {error}") from None
+    for what in _LEFT_OUT:
+        if places.get(what):
+            drawing.notes.append(f"left out: {what} of the scenario")
+    if places.get("dynamicElements"):
+        drawing.notes.append("left out: people who stand in the scenario (dynamicElements); --starts takes positions")
+    return drawing
+
+
+def _add_bounds(drawing: Drawing, attributes: Mapping[str, Any]) -> None:
+    """Add the bounds; the frame along them is a wall unless the scenario says otherwise."""
+    bounds = {key: number(f"bounds.{key}", attributes["bounds"][key]) for key in ("x", "y", "width", "height")}
+    frame = number("boundingBoxWidth", attributes.get("boundingBoxWidth", 0.5), NOT_NEGATIVE)
+    frame = frame if attributes.get("bounded", True) else 0.0
+    x, y = bounds["x"] + frame, bounds["y"] + frame
+    width, height = bounds["width"] - 2 * frame, bounds["height"] - 2 * frame
+    if not (width > 0 and height > 0):
+        raise ValueError("its bounds leave no place inside their frame")
+    drawing.walkable.append(box(x, y, x + width, y + height))
+
+
+def _plain(thing: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is said of a thing, of itself or in a table of its attributes."""
+    return {**thing.get("attributes", {}), **thing}
+
+
+def _shape(thing: Mapping[str, Any], what: str) -> Any:
+    shape = thing["shape"]
+    match shape["type"]:
+        case "RECTANGLE":
+            x, y = number(f"{what}: x", shape["x"]), number(f"{what}: y", shape["y"])
+            width, height = number(f"{what}: width", shape["width"]), number(f"{what}: height", shape["height"])
+            return box(x, y, x + width, y + height)
+        case "POLYGON":
+            points = [
+                tuple(number(f"{what}: {key}", point[key], FINITE) for key in ("x", "y")) for point in shape["points"]
+            ]
+            if len(points) < 3:
+                raise ValueError(f"{what} has {len(points)} corners; a polygon needs at least 3")
+            return Polygon(points)
+        case "CIRCLE":
+            center = shape["center"]
+            at = Point(number(f"{what}: x", center["x"]), number(f"{what}: y", center["y"]))
+            return shapely.buffer(at, number(f"{what}: radius", shape["radius"], POSITIVE))
+    raise ValueError(f"{what} has the shape {shape['type']!r}; known: RECTANGLE, POLYGON, CIRCLE")
+
+
+def _id(thing: Mapping[str, Any]) -> Any:
+    return thing.get("id", "?")
+
+
+def _absorbs(target: Mapping[str, Any]) -> bool:
+    absorber = target.get("absorber")
+    if isinstance(absorber, Mapping):
+        return bool(absorber.get("enabled", True))
+    return bool(target.get("absorbing", True))
+
+
+def _leave_by_all(source: Mapping[str, Any], targets: Iterable[Mapping[str, Any]]) -> bool:
+    """Return whether people of a source may walk to every target that people leave by, as far as the file says."""
+    chosen = source.get("targetIds")
+    return not chosen or {_id(target) for target in targets if _absorbs(target)} <= set(chosen)
+
+
+def _at_once(source: Mapping[str, Any]) -> bool:
+    spawner = source.get("spawner", {})
+    begin = spawner.get("constraintsTimeStart", source.get("startTime"))
+    return bool(begin == spawner.get("constraintsTimeEnd", source.get("endTime")))
+
+
+def _people(source: Mapping[str, Any]) -> int | None:
+    """Return how many people a source lets in, if the file says a number in all."""
+    spawner, once = source.get("spawner", {}), _at_once(source)
+    most = spawner.get("constraintsElementsMax", source.get("maxSpawnNumberTotal"))
+    each = spawner.get("eventElementCount", source.get("spawnNumber"))
+    for count in (most, each if once else None):
+        if isinstance(count, int) and not isinstance(count, bool) and count > 0:
+            return count
+    return None

@@ -1,0 +1,227 @@
+"""The folder of results: what stands in it is what was run, and an interrupted command goes on with it."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from repository import ROOT
+
+from crowd_env import Groups, Population, make_scenario
+from crowd_env.analysis.exit_times import read_exits
+from crowd_env.analysis.results.config import difference, run_config
+from crowd_env.analysis.results.egress import egress
+from crowd_env.analysis.results.folder import ResultsFolder
+from crowd_env.analysis.results.report import report, time_of_share
+from crowd_env.analysis.results.tables import read_tables, write_curve, write_tables
+from crowd_env.analysis.results.tally import Tally
+from crowd_env.core.executors import Processes
+from crowd_env.core.files.csv_table import read_table, write_csv
+from crowd_env.envs.rollout import run_episodes
+from crowd_env.physics import make_scheme
+
+NAN = float("nan")
+
+
+def hall():
+    """Return a hall with two exits and two groups, of which one is too slow to get out in time."""
+    people = Groups((Population(4, name="quick"), Population(3, name="slow", desired_speed=0.05)))
+    return make_scenario("two-exit-hall-v0", population=people, time_limit=20.0)
+
+
+def config(place, runs=3, scheme="dem", **changed):
+    options = {"seed": 2, "dt": None, "strategy": "nearest", "rules": True, **changed}
+    return run_config(place, make_scheme(scheme), runs, **options)
+
+
+@pytest.fixture(scope="module")
+def place():
+    return hall()
+
+
+@pytest.fixture(scope="module")
+def episodes(place):
+    return run_episodes(place, 3, scheme="dem", seed=2, strategy="nearest")
+
+
+def same(found, expected):
+    """Return whether runs are the same to the last bit."""
+    for one, other in zip(found, expected, strict=True):
+        assert (one.run, one.seed, one.time_limit, one.end) == (other.run, other.seed, other.time_limit, other.end)
+        np.testing.assert_array_equal(one.metrics, other.metrics)
+        np.testing.assert_array_equal(one.exit_time, other.exit_time)
+        np.testing.assert_array_equal(one.exit_index, other.exit_index)
+        np.testing.assert_array_equal(one.radius, other.radius)
+        np.testing.assert_array_equal(one.desired_speed, other.desired_speed)
+    return True
+
+
+def test_tables_are_read_back_to_the_last_bit(place, episodes, tmp_path):
+    assert read_tables(tmp_path, place) == []
+    write_tables(tmp_path, place, episodes)
+    assert same(read_tables(tmp_path, place), episodes)
+
+
+def test_the_exits_are_those_that_clogging_reads(place, episodes, tmp_path):
+    write_tables(tmp_path, place, episodes)
+    for run, episode in zip(read_exits(tmp_path / "exits.csv"), episodes, strict=True):
+        np.testing.assert_array_equal(run.time, np.sort(episode.exit_time[np.isfinite(episode.exit_time)]))
+        assert run.until == episode.end and set(run.exit) <= {"west", "east"}
+
+
+def test_a_row_a_person_tells_who_it_was(place, episodes, tmp_path):
+    write_tables(tmp_path, place, episodes)
+    rows = [row.cells for row in read_table(tmp_path / "exits.csv", "x", ("run",), "s", "a row").rows]
+    out, stayed = ([row for row in rows if row["out"] == told] for told in "10")
+    assert {row["group"] for row in out} == {"quick"} and not any(row["until"] for row in out)
+    assert [(row["run"], row["person"], row["group"]) for row in stayed] == [
+        (str(run), str(k), "slow") for run in range(3) for k in (4, 5, 6)
+    ]
+    assert {(row["time"], row["exit"], row["until"]) for row in stayed} == {("", "", str(episodes[0].end))}
+    for row in rows:
+        body = place.population.draw(np.random.default_rng(2 + int(row["run"])), place.geometry)[0]
+        k = int(row["person"])
+        assert (float(row["radius"]), float(row["desired_speed"])) == (body.radius[k], body.desired_speed[k])
+
+
+def test_tables_of_older_versions_are_read(place, episodes, tmp_path):
+    write_tables(tmp_path, place, episodes)
+    with (tmp_path / "exits.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    stayed = {row["run"]: [row["run"], row.pop("until"), "", "0", *4 * [""]] for row in rows if row["out"] == "0"}
+    out = [list(row.values())[:8] for row in rows if row["out"] == "1"]
+    columns = ("run", "time", "exit", "out", "person", "radius", "desired_speed", "group")
+    write_csv(tmp_path / "exits.csv", columns, [*out, *stayed.values()])
+    for found, expected in zip(read_tables(tmp_path, place), episodes, strict=True):
+        inside = np.isnan(expected.exit_time)
+        np.testing.assert_array_equal(found.exit_time, expected.exit_time)
+        np.testing.assert_array_equal(found.radius, np.where(inside, NAN, expected.radius))
+    assert [run.until for run in read_exits(tmp_path / "exits.csv")] == [episode.end for episode in episodes]
+    found = read_tables(tmp_path, place)
+    write_tables(tmp_path, place, found)  # as a folder that is gone on with
+    assert same(read_tables(tmp_path, place), found)
+
+
+def test_n_of_t_counts_those_inside_and_a_run_that_has_ended_stays_as_it_was(tmp_path):
+    curve = egress([np.array([0.2, 1.0]), np.array([0.7, NAN])])
+    np.testing.assert_allclose(curve.time, np.arange(11) / 10)
+    np.testing.assert_array_equal(curve.mean, [2, 2, 1.5, 1.5, 1.5, 1.5, 1.5, 1, 1, 1, 0.5])
+    np.testing.assert_array_equal(curve.quantiles[-1], np.quantile([0, 1], [0.05, 0.25, 0.5, 0.75, 0.95]))
+    assert len(egress([np.array([5000.0])]).time) <= 1001 and egress([np.array([NAN])]).mean.tolist() == [1]
+
+
+def test_the_curve_begins_with_everyone(episodes, tmp_path):
+    rows = read_table(write_curve(tmp_path, episodes), "x", ("time",), "s", "a row").rows
+    assert rows[0].cells["time"] == "0" and {rows[0].cells[name] for name in rows[0].cells if name != "time"} == {"7"}
+    assert float(rows[-1].cells["inside_mean"]) == 3.0  # the slow ones
+
+
+def test_the_time_of_a_share_of_the_people():
+    times = np.arange(1.0, 21.0)
+    assert (time_of_share(times, 0.95), time_of_share(times, 1.0), time_of_share(times[:1], 0.95)) == (19.0, 20.0, 1.0)
+    assert np.isnan(time_of_share(np.array([1.0, NAN]), 0.95))
+
+
+def test_the_report_tells_who_took_which_exit(place, episodes):
+    told = report(place, "dem", episodes, strategy="nearest")
+    counted = {name: told["exits"][name]["people"] for name in ("west", "east")}
+    assert sum(counted.values()) == 12 and all(counted.values())
+    assert sum(told["exits"][name]["share"]["mean"] for name in counted) == pytest.approx(1.0)
+    assert told["t95"]["mean"] is None and 0 < told["mean_exit_time"]["mean"] < 20.0
+    assert (told["seed"], told["dt"], told["strategy"], told["time_limit"]) == (2, 0.01, "nearest", 20.0)
+    json.dumps(told, allow_nan=False)
+
+
+def test_every_column_is_explained(place, episodes, tmp_path):
+    text = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
+    paths = [*write_tables(tmp_path, place, episodes), write_curve(tmp_path, episodes)]
+    columns = {name for path in paths for name in path.read_text().splitlines()[0].split(",")}
+    missing = {name for name in columns if f"`{name}`" not in text}
+    assert missing == {"inside_q25", "inside_q50", "inside_q75"}  # between the first and the last, which are named
+
+
+# ---------------------------------------------------------------------------------------------------------- the tally
+
+
+@pytest.mark.parametrize("executor", [None, Processes(2)])
+def test_a_tally_comes_to_what_the_runs_do(place, executor):
+    with Tally(4) as tally:
+        assert tally.sofar() == (0.0, 0)
+        episodes = run_episodes(place, 4, scheme="dem", only=[0, 1, 3], executor=executor, watch=tally)
+        out = sum(int(np.isfinite(episode.exit_time).sum()) for episode in episodes)
+        assert tally.sofar() == (pytest.approx(sum(episode.end for episode in episodes)), out)
+        before = tally.sofar()
+        tally.take(episodes[0])  # its row is there already
+        assert tally.sofar() == before
+
+
+def test_a_tally_tells_of_a_run_under_way(place, monkeypatch):
+    monkeypatch.setattr("crowd_env.analysis.results.tally._EVERY", 0.0)
+    seen = []
+
+    class Seen(Tally):
+        def look(self, runs, env, over):
+            super().look(runs, env, over)
+            seen.append((*self.sofar(), self.decisions))
+
+    with Seen(1) as tally:
+        (episode,) = run_episodes(place, 1, scheme="dem", watch=tally)
+    seconds, out, decisions = zip(*seen, strict=True)
+    assert seconds[0] == 0.0 and seconds[-1] == episode.end and list(seconds) == sorted(seconds)
+    assert out[0] == 0 and list(out) == sorted(out) and len(set(out)) > 2
+    assert list(decisions) == list(range(-1, len(seen) - 1))
+
+
+# --------------------------------------------------------------------------------------------------------- the folder
+
+
+def test_a_folder_goes_on_with_the_runs_it_has(place, episodes, tmp_path):
+    first = ResultsFolder(tmp_path / "out", place, config(place))
+    assert first.finished == [] and not (tmp_path / "out").exists()
+    first.keep(episodes[:1])
+    again = ResultsFolder(tmp_path / "out", place, config(place))
+    assert same(again.finished, episodes[:1])
+    again.keep(episodes[1:])
+    paths = again.finish(episodes, {"runs": 3})
+    assert {path.name for path in paths} == {path.name for path in (tmp_path / "out").iterdir()}
+    assert same(ResultsFolder(tmp_path / "out", place, config(place, runs=5)).finished, episodes)
+    with pytest.raises(ValueError, match="holds 3 runs already"):
+        ResultsFolder(tmp_path / "out", place, config(place, runs=2))
+
+
+def test_a_folder_of_something_else_is_refused_and_left_alone(place, episodes, tmp_path):
+    ResultsFolder(tmp_path, place, config(place)).keep(episodes)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    other = replace(place, time_limit=30.0)
+    for changed, words in (
+        (config(place, seed=3), "seed is 2 there and 3 here"),
+        (config(place, scheme="nsm2"), "scheme.name is dem there and nsm2 here"),
+        (config(place, dt=0.005), "dt is 0.01 there and 0.005 here"),
+        (config(other), "time_limit is 20.0 there and 30.0 here"),
+    ):
+        with pytest.raises(ValueError, match=f"holds runs of another command: .*{words}"):
+            ResultsFolder(tmp_path, place, changed)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    (tmp_path / "config.json").unlink()
+    with pytest.raises(ValueError, match=r"holds runs.csv without config.json"):
+        ResultsFolder(tmp_path, place, config(place))
+
+
+def test_configs_differ_in_what_decides_results_alone(place):
+    here = json.loads(json.dumps(config(place), allow_nan=False))
+    assert here == config(place)
+    assert difference(here, config(hall())) == ""
+    assert difference(here, {**here, "runs": 7, "command": ["x"], "platform": "y"}) == ""
+    thinner = replace(place, population=Groups((Population(4, name="quick", radius=0.2), place.population.parts[1])))
+    assert difference(here, config(thinner)) == "population[0].radius.high is 0.25 there and 0.2 here"
+    other = replace(place, geometry=make_scenario("room-v0").geometry, target="nearest")
+    assert difference(here, config(other)) == "the plan, its routes or its rules are others"
+
+
+def test_a_damaged_table_is_named(place, episodes, tmp_path):
+    write_tables(tmp_path, place, episodes)
+    lines = (tmp_path / "exits.csv").read_text().splitlines()
+    (tmp_path / "exits.csv").write_text("\n".join(lines[:2] + lines[3:]))
+    with pytest.raises(ValueError, match=r"exits.csv: run 0 has 3 exits; 7 people without 3 were expected"):
+        read_tables(tmp_path, place)

@@ -1,0 +1,255 @@
+"""How kernels are compiled: the note on a cold start, silence on a warm one, and a cache folder that is nobody else's."""
+
+import os
+import re
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+from repository import ROOT
+
+from crowd_env.core.kernels import jit
+
+STAMP = "0123456789abcdef"
+PROGRAM = """
+import numpy as np
+from crowd_env.scenarios.starts import closest_pair
+position, radius = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0]]), np.array([0.1, 0.2, 0.3])
+assert closest_pair(position, radius)[:2] == (1, 2)
+"""
+
+
+def run(cache, program=PROGRAM, **environment):
+    settings = {name: value for name, value in os.environ.items() if name != "CROWD_ENV_QUIET"}
+    settings |= {"NUMBA_CACHE_DIR": str(cache), **environment}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=settings, cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return done.stdout, done.stderr
+
+
+@pytest.fixture
+def clean(tmp_path, monkeypatch):
+    """Run with no wish about the cache, a home and a temporary folder of its own."""
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "CROWD_ENV_QUIET"):
+        monkeypatch.delenv(name, raising=False)
+    for name in ("home", "temporary"):
+        (tmp_path / name).mkdir()
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    return tmp_path
+
+
+def mode(folder):
+    return stat.S_IMODE(folder.stat().st_mode)
+
+
+def of_the_process(folder, root):
+    """Whether this is a folder for one process: under a name that nobody can guess, and closed to others."""
+    return folder.parent == root / "temporary" and STAMP not in folder.name and mode(folder) == 0o700
+
+
+def test_a_cold_start_says_once_that_it_compiles_and_a_warm_one_says_nothing(tmp_path):
+    out, note = run(tmp_path)
+    assert (
+        out == "" and note.startswith("crowd_env: compiling kernels, once for this version") and note.count("\n") == 1
+    )
+    assert run(tmp_path) == ("", "")
+
+
+def test_the_note_can_be_silenced(tmp_path):
+    assert run(tmp_path, CROWD_ENV_QUIET="1") == ("", "")
+
+
+# ------------------------------------------------------------------------------------------------- what is deleted
+
+
+def aged(folder, marker=True):
+    folder.mkdir(parents=True)
+    (folder / "thesis").touch()
+    if marker:
+        (folder / jit._MARKER).touch()
+    long_ago = time.time() - 40 * 24 * 3600
+    os.utime(folder, (long_ago, long_ago))
+    return folder
+
+
+def test_only_folders_that_the_package_made_are_deleted(clean, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(clean / "work"))
+    stale = aged(clean / "work" / "kernels-fedcba9876543210")
+    others = [
+        aged(clean / "work" / "kernels-cuda"),
+        aged(clean / "work" / "kernels-cuda-marked"),
+        aged(clean / "work" / "kernels-0000000000000000", marker=False),
+        aged(clean / "elsewhere"),
+    ]
+    link = clean / "work" / "kernels-1111111111111111"
+    link.symlink_to(others[-1])
+    assert jit.cache_folder(STAMP) == clean / "work" / f"kernels-{STAMP}"
+    assert not stale.exists()
+    assert link.is_symlink() and all((one / "thesis").exists() for one in others)
+
+
+def test_import_deletes_no_folder_of_the_user(tmp_path):
+    folder = aged(tmp_path / "kernels-cuda", marker=False)
+    run(tmp_path, "import crowd_env.core.kernels.jit")
+    assert folder.exists()
+    assert [one.name for one in tmp_path.glob("kernels-*") if re.fullmatch("kernels-[0-9a-f]{16}", one.name)]
+
+
+def test_what_was_used_lately_stays(clean):
+    young = aged(clean / "home" / ".cache" / "crowd_env" / "kernels-fedcba9876543210")
+    os.utime(young)
+    jit.cache_folder(STAMP)
+    assert young.exists()
+
+
+def test_a_folder_that_was_there_gets_no_marker(clean, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(clean))
+    (clean / f"kernels-{STAMP}").mkdir(mode=0o700)
+    assert jit.cache_folder(STAMP) == clean / f"kernels-{STAMP}"
+    assert not list((clean / f"kernels-{STAMP}").iterdir())
+
+
+# ------------------------------------------------------------------------------------------- whose the folder is
+
+
+def test_the_folder_is_closed_to_others_whatever_the_umask(clean):
+    before = os.umask(0)
+    try:
+        folder = jit.cache_folder(STAMP)
+    finally:
+        os.umask(before)
+    assert folder == clean / "home" / ".cache" / "crowd_env" / f"kernels-{STAMP}"
+    assert mode(folder) == mode(folder.parent) == 0o700
+
+
+@pytest.mark.parametrize("open_to", [0o770, 0o707, 0o777])
+@pytest.mark.parametrize("wish", [False, True], ids=["own cache", "NUMBA_CACHE_DIR"])
+def test_a_folder_that_others_can_write_to_is_refused(clean, monkeypatch, capsys, open_to, wish):
+    if wish:
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(clean / "home" / ".cache" / "crowd_env"))
+    folder = clean / "home" / ".cache" / "crowd_env" / f"kernels-{STAMP}"
+    folder.mkdir(parents=True)
+    folder.chmod(open_to)
+    assert of_the_process(jit.cache_folder(STAMP), clean)
+    note = capsys.readouterr().err
+    assert f"other users can write to {folder}" in note and "NUMBA_CACHE_DIR" in note and note.count("\n") == 1
+
+
+@pytest.mark.parametrize("whose", ["kernels", "root"])
+def test_a_folder_of_another_user_is_refused(clean, monkeypatch, capsys, whose):
+    if not hasattr(os, "getuid"):
+        pytest.skip("no user ids here")
+    root = clean / "home" / ".cache" / "crowd_env"
+    folder = root / f"kernels-{STAMP}"
+    folder.mkdir(parents=True, mode=0o700)
+    theirs = folder if whose == "kernels" else root
+    seen = jit.Path.stat
+
+    def owned(path, **options):
+        found = seen(path, **options)
+        return os.stat_result((*found[:4], 4321, *found[5:])) if path == theirs else found
+
+    monkeypatch.setattr(jit.Path, "stat", owned)
+    used = jit.cache_folder(STAMP)
+    monkeypatch.undo()
+    assert of_the_process(used, clean)
+    assert f"{theirs} belongs to another user" in capsys.readouterr().err
+
+
+def test_a_link_in_the_place_of_the_folder_is_refused(clean, capsys):
+    root = clean / "home" / ".cache" / "crowd_env"
+    root.mkdir(parents=True)
+    (clean / "trap").mkdir(mode=0o700)
+    (root / f"kernels-{STAMP}").symlink_to(clean / "trap")
+    assert of_the_process(jit.cache_folder(STAMP), clean)
+    assert "is not a folder" in capsys.readouterr().err
+
+
+def test_a_shared_root_will_do_only_if_entries_are_safe_there(clean, monkeypatch):
+    shared = clean / "shared"
+    shared.mkdir()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(shared))
+    shared.chmod(0o777)
+    assert of_the_process(jit.cache_folder(STAMP), clean)
+    shared.chmod(0o1777)
+    folder = jit.cache_folder(STAMP)
+    assert folder == shared / f"kernels-{STAMP}" and mode(folder) == 0o700
+
+
+# ----------------------------------------------------------------------------------------- where there is no place
+
+
+def homeless(*_):
+    raise RuntimeError("Could not determine home directory.")
+
+
+def test_no_home_is_no_error(clean, monkeypatch, capsys):
+    monkeypatch.setattr(jit.Path, "home", homeless)
+    assert of_the_process(jit.cache_folder(STAMP), clean)
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    assert of_the_process(jit.cache_folder(STAMP), clean)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(clean / "cache"))
+    assert jit.cache_folder(STAMP) == clean / "cache" / "crowd_env" / f"kernels-{STAMP}"
+    assert capsys.readouterr().err == ""
+
+
+def test_the_home_is_not_asked_for_where_a_folder_is_given(clean, monkeypatch):
+    monkeypatch.setattr(jit.Path, "home", homeless)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(clean / "given"))
+    assert jit.cache_folder(STAMP) == clean / "given" / f"kernels-{STAMP}"
+
+
+def test_a_given_folder_stays_where_it_is_when_the_process_moves(clean, monkeypatch):
+    monkeypatch.chdir(clean)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "given")
+    assert jit.cache_folder(STAMP) == clean / "given" / f"kernels-{STAMP}"
+
+
+def test_a_root_that_is_a_file_is_no_error(clean, monkeypatch, capsys):
+    (clean / "file").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(clean / "file"))
+    assert of_the_process(jit.cache_folder(STAMP), clean)
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_where_nothing_can_be_written_kernels_are_compiled_in_memory(tmp_path):
+    (tmp_path / "file").touch()
+    gone = f"import tempfile; tempfile.tempdir = {str(tmp_path / 'gone')!r}\n"
+    report = "\nfrom crowd_env.core.kernels import jit; print(jit.CACHE_FOLDER)"
+    out, _ = run(tmp_path / "file", gone + PROGRAM + report)
+    assert out == "None\n"
+
+
+def test_the_folder_of_a_process_is_gone_after_it(tmp_path):
+    (tmp_path / "file").touch()
+    out, _ = run(tmp_path / "file", PROGRAM + "\nfrom crowd_env.core.kernels import jit; print(jit.CACHE_FOLDER)")
+    assert "crowd_env-kernels-" in out and not Path(out.strip()).exists()
+
+
+# -------------------------------------------------------------------------------------------------------- the stamp
+
+
+def test_the_stamp_changes_with_what_kernels_are_made_of_and_with_nothing_else(tmp_path):
+    package = tmp_path / "crowd_env"
+    shutil.copytree(ROOT / "crowd_env", package, ignore=shutil.ignore_patterns("__pycache__", "agents"))
+    stamp = jit.kernel_stamp(package)
+    assert stamp == jit.STAMP and re.fullmatch("[0-9a-f]{16}", stamp)
+    sources = {path.relative_to(package).as_posix() for path in jit.kernel_sources(package)}
+    # Kernels read constants of view.py, which holds none itself.
+    assert {"physics/hertz.py", "envs/observation/view.py", "core/kernels/jit.py"} <= sources
+    assert not [file for file in sources if file.startswith(("cli/", "rendering/", "recording/", "reproduce/"))]
+    wrong = []
+    for path in sorted(package.rglob("*.py")):
+        text = path.read_bytes()
+        path.write_bytes(text + b"\nSIGHT = 4.0\n")
+        if (jit.kernel_stamp(package) != stamp) != (path.relative_to(package).as_posix() in sources):
+            wrong.append(path)
+        path.write_bytes(text)
+    assert not wrong and jit.kernel_stamp(package) == stamp

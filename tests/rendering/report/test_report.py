@@ -1,0 +1,211 @@
+"""`crowd-env report` makes one page of folders of runs, escapes every name, and says what may not be concluded."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reported_pages import Parsed, command
+from repository import ROOT
+
+from crowd_env.analysis.results.measurements import CELL, grid_over
+from crowd_env.cli.report import place_of
+from crowd_env.rendering.report.differences import differences
+from crowd_env.rendering.report.limits import limits_of, validation_map
+from crowd_env.rendering.report.maps import _worst, measure
+from crowd_env.rendering.report.runs import load_runs
+
+EVIL = "<script>alert(1)</script>"
+PLAN = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of three folders of runs: two strategies on the same draws, and another place."""
+    home = tmp_path_factory.mktemp("reported")
+    hall = ("run", "two-exit-hall-v0", "--n", 8, "--runs", 3, "--manner", "hurried")
+    for words in (
+        (*hall, "--strategy", "nearest", "--out", home / "nearest"),
+        (*hall, "--strategy", "shortest", "--out", home / "shortest"),
+        ("run", "room-v0", "--n", 4, "--runs", 2, "--scheme", "dem", "--out", home / "room"),
+    ):
+        code, _, said = command(*words)
+        assert code == 0, said
+    return home
+
+
+@pytest.fixture(scope="module")
+def page(folders: Path) -> Path:
+    path = folders / "report.html"
+    code, _, said = command("report", folders / "nearest", folders / "shortest", "-o", path)
+    assert code == 0 and f"report: {path} (" in said
+    return path
+
+
+def test_the_page_needs_nothing_else_and_shows_every_section(page: Path) -> None:
+    found = Parsed(page)
+    assert "script" not in found.tags and "link" not in found.tags
+    assert found.sources and all(source.startswith("data:image/png;base64,") for source in found.sources)
+    for heading in (
+        "The plan",
+        "Population",
+        "Assumptions",
+        "Results",
+        "Egress",
+        "Exits",
+        "crowded",
+        "Limits",
+        "Versions",
+    ):
+        assert heading in found.text
+    assert "Do not size a building with it." in found.text
+    assert "crowd-env run --config" in found.text
+
+
+def test_the_figures_are_those_of_the_folders(folders: Path) -> None:
+    words = ("report", folders / "nearest", folders / "shortest", "-o", folders / "figures.html", "--json")
+    code, out, _ = command(*words, "--no-maps")
+    assert code == 0
+    found = json.loads(out)
+    assert found["maps"] == []
+    for one in found["runs"]:
+        summary = json.loads((folders / one["name"] / "summary.json").read_text("utf-8"))
+        assert {key: one[key] for key in summary} == summary
+    (gap,) = found["differences"]
+    first, other = (one["evacuation_time"]["mean"] for one in found["runs"])
+    assert gap["evacuation_time"]["mean"] == pytest.approx(other - first)
+    assert gap["evacuation_time"]["pairs"] == gap["shared_seeds"] == 3
+
+
+def test_pairs_have_a_shorter_interval_only_where_the_draws_are_the_same(folders: Path) -> None:
+    nearest, shortest, room = load_runs([folders / name for name in ("nearest", "shortest", "room")], place_of)
+    same, other = differences([nearest, shortest, room])
+    times = [np.array([one.metrics.mean_exit_time for one in runs.episodes]) for runs in (shortest, nearest)]
+    gap = times[0] - times[1]
+    assert same["mean_exit_time"]["mean"] == pytest.approx(gap.mean())
+    assert same["mean_exit_time"]["sd"] == pytest.approx(gap.std(ddof=1))
+    assert "cannot be paired" in other["why_not"] and "t95" not in other
+    later = shortest._replace(episodes=[one._replace(seed=one.seed + 100) for one in shortest.episodes])
+    assert "no seed is in both" in differences([nearest, later])[0]["why_not"]
+    fatter = shortest._replace(episodes=[one._replace(radius=one.radius + 0.01) for one in shortest.episodes])
+    assert "other people" in differences([nearest, fatter])[0]["why_not"]
+
+
+def test_the_maps_are_of_the_same_runs_made_again(folders: Path) -> None:
+    (nearest,) = load_runs([folders / "nearest"], place_of)
+    found = measure(nearest, 2)
+    assert found.runs == 2 and found.same
+    assert found.density.shape == found.pressure.shape == found.grid.shape
+    assert found.densest[0].value <= found.density.max()
+    values = [place.value for place in found.densest]
+    assert values == sorted(values, reverse=True)
+    changed = nearest._replace(episodes=[one._replace(exit_time=one.exit_time + 1e-12) for one in nearest.episodes])
+    assert not measure(changed, 1).same
+
+
+def test_worst_places_are_peaks_and_not_the_slopes_beside_them(folders: Path) -> None:
+    (nearest,) = load_runs([folders / "nearest"], place_of)
+    geometry = nearest.scenario.geometry
+    grid = grid_over(geometry)
+    rows, columns = np.indices(grid.shape)
+    x, y = (low + CELL * (at + 0.5) for low, at in zip(grid.origin, (columns, rows), strict=True))
+    cones = [height - 0.5 * np.hypot(x - 4.0, y - at) for height, at in ((3.0, 3.0), (2.0, 9.0))]
+    one, other = _worst(geometry, grid, np.maximum(np.maximum(*cones), 0.0))
+    assert np.hypot(one.x - 4.0, one.y - 3.0) < CELL and np.hypot(other.x - 4.0, other.y - 9.0) < CELL
+    assert one.exit == "west" and one.distance == pytest.approx(5.0, abs=CELL)  # to (0, 6)
+
+
+def test_no_name_becomes_markup(tmp_path: Path) -> None:
+    home = tmp_path / EVIL.replace("/", "")
+    home.mkdir()
+    plan = home / "$x_<img src=x>.wkt"
+    plan.write_text(PLAN, "utf-8")
+    runs = ("run", plan, "--exit", "6,1,6,2.2", "--n", 3, "--runs", 1)
+    assert command(*runs, "--out", home / "<b>one")[0] == 0
+    assert command(*runs, "--out", home / "_$two")[0] == 0
+    page = tmp_path / "report.html"
+    code, _, said = command("report", home / "<b>one", home / "_$two", "-o", page, "--title", EVIL, "--no-maps")
+    assert code == 0, said
+    found = Parsed(page)
+    assert not {"script", "b"} & set(found.tags)
+    assert all(source.startswith("data:") for source in found.sources)
+    assert EVIL in found.text and "<b>one" in found.text
+
+
+def test_an_unfinished_folder_and_another_version_are_said(folders: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "some"
+    copy.mkdir()
+    for name in ("runs.csv", "exits.csv", "config.json"):
+        (copy / name).write_text((folders / "nearest" / name).read_text("utf-8"), "utf-8")
+    config = json.loads((copy / "config.json").read_text("utf-8"))
+    (copy / "config.json").write_text(json.dumps({**config, "runs": 50, "version": "0.0.9"}), "utf-8")
+    code, _, said = command("report", copy, "-o", tmp_path / "report.html", "--no-maps")
+    assert code == 0
+    assert "3 of 50 runs were finished" in said and "by version 0.0.9" in said
+    assert "3 of 50 runs were finished" in Parsed(tmp_path / "report.html").text
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        (None, "has no config.json"),
+        ({"fingerprint": "0"}, "its file has changed since"),
+        ({"fingerprint": "0", "version": "0.0.1"}, "made by version 0.0.1"),
+        ({"arguments": {"scenario": "no-such-place"}}, "cannot be read again"),
+    ],
+)
+def test_what_is_no_folder_of_runs_is_refused_before_a_page_is_written(
+    folders: Path, tmp_path: Path, changed: dict[str, object] | None, says: str
+) -> None:
+    copy = tmp_path / "some"
+    copy.mkdir()
+    if changed is not None:
+        config = json.loads((folders / "nearest" / "config.json").read_text("utf-8"))
+        (copy / "config.json").write_text(json.dumps(config | changed), "utf-8")
+    code, _, said = command("report", copy, "-o", tmp_path / "report.html")
+    assert code == 2 and says in said
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_the_limits_are_those_of_the_validation_map() -> None:
+    text = (ROOT / "docs" / "validation.md").read_text("utf-8")
+    part = text.split("<!-- table: map -->", 1)[1].split("<!-- end -->", 1)[0]
+    lines = [line for line in part.splitlines() if line.startswith("|")]
+    table = [[cell.strip(" `*") for cell in line.strip("|").split("|")] for line in lines]
+    schemes = table[0][2:]
+    there = {
+        (row[0], row[1], scheme): "reported" if cell == "–" else cell
+        for row in table[2:]
+        for scheme, cell in zip(schemes, row[2:], strict=True)
+    }
+    content = validation_map()
+    here = {
+        (case["case"], manner, scheme): outcome
+        for case in content["cases"]
+        for manner, of_scheme in case["results"].items()
+        for scheme, outcome in of_scheme.items()
+    }
+    assert here == there
+    criteria = dict(re.findall(r"^\* `([^`]+)`(?:, \d+ draws)?: (.*)$", part, re.MULTILINE))
+    assert {case["case"]: case["criterion"] for case in content["cases"]} == criteria
+    assert content["not_supported"] == re.findall(r"^\* Not supported, (.*)$", part, re.MULTILINE)
+
+
+def test_a_scheme_without_a_row_says_so(folders: Path) -> None:
+    (room,) = load_runs([folders / "room"], place_of)
+    found = limits_of(room)  # dem, competitive
+    assert {row[0] for row in found.rows} == {"clogging", "row"}
+    assert "1 of 2 judged cases are met; not met: clogging." in found.summary
+    assert "21 have no row of dem, competitive" in found.summary
+    printed = room._replace(config={**room.config, "scheme": {**room.config["scheme"], "name": "nsm2-printed"}})
+    assert "no row of nsm2-printed, competitive" in limits_of(printed).summary
+    slower = room._replace(config={**room.config, "dt": 0.005})
+    assert "0.005 s" in " ".join(limits_of(slower).notes)
+
+
+def test_people_who_keep_no_distance_are_told_of(folders: Path) -> None:
+    (room,) = load_runs([folders / "room"], place_of)
+    assert "full speed whatever is in front" in " ".join(limits_of(room).notes)
+    calm = room._replace(config={**room.config, "manner": "calm"})
+    assert "full speed" not in " ".join(limits_of(calm).notes)

@@ -1,0 +1,71 @@
+"""Queues at openings: who waits for whom, and where the shortest way stays the fastest."""
+
+import numpy as np
+import pytest
+from shapely.geometry import box
+
+from crowd_env import make_scenario
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.routing.fields import grid
+from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram
+from crowd_env.routing.route_set import RoutePlan
+from crowd_env.routing.spec import Route
+
+RADIUS = 0.2
+PEOPLE = FundamentalDiagram(RADIUS, 1.4)
+QUICK = Route("quick", strategy="fastest")
+
+
+def congestion_of(geometry):
+    return RoutePlan(geometry, RADIUS, routes=[QUICK]).build().routes[1].congestion
+
+
+def queues(congestion, position, at):
+    """Return how many times as long as alone it takes where the points ``at`` lie, with people at ``position``."""
+    fronts, shape = congestion._fronts, congestion.density(np.zeros((0, 2))).shape
+    nodes = [
+        grid.nearest_nodes(np.asarray(points, dtype=np.float64), congestion.origin, congestion.spacing, shape)
+        for points in (position, at)
+    ]
+    return fronts.queue(nodes[0], PEOPLE)[fronts.front[nodes[1]]]
+
+
+def test_branches_that_merge_wait_for_each_other():
+    # Two corridors that meet before one door, like an aisle on either side of the seats.
+    forked = Geometry.from_polygon(
+        [box(0, 0, 4, 2), box(0, 4, 4, 6), box(4, 0, 6, 6)], exits=[[(6, 2.4), (6, 3.6)]], obstacles=[]
+    )
+    congestion = congestion_of(forked)
+    here, there = [[2.0, 1.0]] * 10, [[2.0, 5.0]] * 10
+    alone, both = queues(congestion, here, [here[0]])[0], queues(congestion, here + there, [here[0]])[0]
+    assert both == pytest.approx(2 * alone) and alone > 1.0
+    assert queues(congestion, there, [[3.0, 1.0]])[0] == 1.0  # who is nearer to the door does not wait for them
+
+
+def test_a_pillar_before_a_door_lets_no_more_people_through_it():
+    def waiting(obstacles):
+        room = Geometry.from_polygon(box(0, 0, 8, 6), exits=[[(8, 2.6), (8, 3.4)]], obstacles=obstacles)
+        return queues(congestion_of(room), [[2.0, 3.0]] * 30, [[2.0, 3.0]])[0]
+
+    assert waiting([box(5.5, 2.5, 6.5, 3.5)]) == pytest.approx(waiting([]), rel=0.01)
+
+
+def test_a_queue_is_one_door_wide():
+    room = Geometry.from_polygon(box(0, 0, 8, 6), exits=[[(8, 2.4), (8, 3.6)]])
+    congestion = congestion_of(room)
+    (found,) = queues(congestion, [[2.0, 3.0]] * 30, [[2.0, 3.0]])
+    seconds = 30 / PEOPLE.flow(np.array([1.2 - 2 * RADIUS]))[0]
+    assert found == pytest.approx(seconds * 1.4 / congestion._fronts._depth)
+
+
+@pytest.mark.parametrize("name", ["classroom-v0", "l-corridor-v0", "floor-v0"])
+def test_without_people_the_shortest_way_is_the_fastest_everywhere(name):
+    fronts = make_scenario(name).route_set("fastest").routes[1].congestion._fronts
+    assert fronts.keeps_on(np.ones(len(fronts._beside))).all()
+
+
+def test_fronts_do_not_reach_through_walls():
+    """Walls of the theatre, 0.2 m thick, run along lines of nodes; beyond them the exit is nearer by many meters."""
+    fronts = make_scenario("theatre-v0").route_set("fastest").routes[1].congestion._fronts
+    jumps = [abs(fronts._level[n] - fronts._level[p]) for n, near in enumerate(fronts._beside) for p in near]
+    assert max(jumps) <= 5  # at the edge of stairs; through a wall it was 30

@@ -1,0 +1,211 @@
+"""GeoJSON, JuPedSim's SQLite and Vadere's scenarios: what is told apart by content, and what becomes of it."""
+
+import json
+import sqlite3
+
+import pytest
+import shapely
+from plan_files import EAST, ROOM, room_drawing
+
+from crowd_env import CrowdEnv, make_scenario, scenario_from_wkt
+from crowd_env.scenarios.plans.reading import is_plan, read_plan
+from crowd_env.scenarios.population import Population
+
+
+def feature(shape, **properties):
+    return {"type": "Feature", "properties": properties, "geometry": shapely.geometry.mapping(shape)}
+
+
+def geojson(path, *features, **others):
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": list(features), **others}))
+    return path
+
+
+EXIT = shapely.LineString([(8, 2), (8, 3.2)])
+ROOM_AND_EXIT = (feature(ROOM, kind="walkable"), feature(EXIT, kind="exit", name="east"))
+
+
+def vadere(path, *, absorbs=None, sources=(), **topography):
+    target = {
+        "id": 3,
+        "shape": {"type": "RECTANGLE", "x": 7.5, "y": 2.5, "width": 1.0, "height": 1.0},
+        **(absorbs or {}),
+    }
+    places = {
+        "attributes": {"bounds": {"x": 0, "y": 0, "width": 9, "height": 7}, "boundingBoxWidth": 0.5, "bounded": True},
+        "obstacles": [
+            {
+                "id": 1,
+                "shape": {"type": "POLYGON", "points": [{"x": x, "y": y} for x, y in ((2, 2), (3, 2), (3, 3), (2, 3))]},
+            },
+            {"id": 2, "shape": {"type": "RECTANGLE", "x": 4, "y": 4, "width": 1, "height": 2.5}},
+        ],
+        "targets": [target],
+        "sources": list(sources),
+        **topography,
+    }
+    path.write_text(
+        json.dumps({"name": "a room", "release": "2.1", "scenario": {"mainModel": "OSM", "topography": places}})
+    )
+    return path
+
+
+def source(number, x, people=None, **others):
+    table = {"id": number, "shape": {"type": "RECTANGLE", "x": x, "y": 0.6, "width": 1.5, "height": 1.2}, **others}
+    return table if people is None else table | {"spawnNumber": people, "startTime": 0.0, "endTime": 0.0}
+
+
+def recording(path, texts, version):
+    """Write the tables of JuPedSim's format of a version that the geometry is in."""
+    with sqlite3.connect(path) as base:
+        base.execute("CREATE TABLE metadata(key TEXT NOT NULL UNIQUE, value TEXT NOT NULL)")
+        base.execute("INSERT INTO metadata VALUES('version', ?)", (version,))
+        if version == 1:
+            base.execute("CREATE TABLE geometry(wkt TEXT NOT NULL)")
+            base.executemany("INSERT INTO geometry VALUES(?)", [(text,) for text in texts])
+        else:
+            base.execute("CREATE TABLE geometry(hash INTEGER NOT NULL, wkt TEXT NOT NULL)")
+            base.executemany("INSERT INTO geometry VALUES(?, ?)", [(-k, text) for k, text in enumerate(texts)])
+            base.execute("CREATE TABLE frame_data(frame INTEGER NOT NULL, geometry_hash INTEGER NOT NULL)")
+            frames = [
+                (k, -(len(texts) - 1 - k)) for k in range(len(texts))
+            ]  # the last of the table is the first in time
+            base.executemany("INSERT INTO frame_data VALUES(?, ?)", frames)
+    base.close()
+    return path
+
+
+def test_features_say_what_they_are(tmp_path):
+    path = geojson(
+        tmp_path / "plan.geojson",
+        *ROOM_AND_EXIT,
+        feature(shapely.box(3, 3, 4, 4), type="column"),
+        feature(shapely.box(1, 1, 2, 2), layer="jps-distributions-desk"),
+        feature(shapely.box(0, 4, 0.2, 5), kind="exit"),
+        feature(shapely.box(5, 4, 6, 5), role="zone", name="slow"),
+        feature(shapely.Point(1, 1), name="a lamp"),
+    )
+    plan = read_plan(path)
+    assert plan.walkable.area == pytest.approx(47.0)
+    assert list(plan.exits) == ["east", "exit-0"] and plan.exits["east"].length == pytest.approx(1.2)
+    assert list(plan.regions) == ["desk", "slow"] and plan.starts == {"desk": None}
+    assert len(plan.notes) == 1 and plan.notes[0].startswith("left out: 1 feature without a word")
+
+
+def test_a_bare_geometry_is_walkable(tmp_path):
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(shapely.geometry.mapping(ROOM)))
+    assert read_plan(path, [EAST]).walkable.equals(ROOM)
+    assert make_scenario(path, exits=[EAST]).exits == ("exit-0",)
+
+
+def test_degrees_are_refused(tmp_path):
+    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
+    with pytest.raises(ValueError, match="degrees"):
+        read_plan(geojson(tmp_path / "plan.geojson", *ROOM_AND_EXIT, crs=crs))
+    small = shapely.affinity.scale(ROOM, 1e-5, 1e-5)
+    with pytest.raises(ValueError, match="km or degrees"):
+        read_plan(geojson(tmp_path / "plan.geojson", feature(small)), ["0,0,0,1"])
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_the_geometry_of_a_recording_of_jupedsim(version, tmp_path):
+    path = recording(tmp_path / "run.sqlite", [f"GEOMETRYCOLLECTION ({ROOM.wkt})"], version)
+    assert read_plan(path, [EAST]).walkable.equals(ROOM)
+    assert make_scenario(path, exits=[EAST]).geometry.area == 48.0
+    with pytest.raises(ValueError, match="at least one exit, for example --exit"):
+        make_scenario(path)
+
+
+def test_of_a_geometry_that_changes_the_first_in_time_is_read(tmp_path):
+    path = recording(tmp_path / "run.sqlite", [shapely.box(0, 0, 3, 3).wkt, ROOM.wkt], 2)
+    plan = read_plan(path, [EAST])
+    assert plan.walkable.equals(ROOM)
+    assert plan.notes == ("the geometry of the recording changes; this is the one that it begins with",)
+
+
+def test_a_scenario_of_vadere(tmp_path):
+    plan = read_plan(vadere(tmp_path / "room.scenario", sources=[source(1, 1.0, 4), source(2, 5.0, 2)]))
+    assert plan.walkable.bounds == (0.5, 0.5, 8.5, 6.5)
+    assert plan.walkable.area == pytest.approx(48.0 - 1.0 - 2.5)
+    assert list(plan.exits) == ["target-3"] and plan.starts == {"source-1": 4, "source-2": 2}
+    place = make_scenario(plan.path)
+    assert [(part.count, part.start_region) for part in place.population.parts] == [(4, "source-1"), (2, "source-2")]
+    assert make_scenario(plan.path, count=9).population.count == 9
+
+
+@pytest.mark.parametrize("absorbs", [{"absorbing": False}, {"absorber": {"enabled": False}}])
+def test_targets_that_nobody_leaves_by_are_no_exits(absorbs, tmp_path):
+    plan = read_plan(vadere(tmp_path / "room.scenario", absorbs=absorbs))
+    assert not plan.exits and list(plan.regions) == ["target-3"]
+
+
+def test_sources_that_let_in_more_than_there_is_room_for_are_told(tmp_path):
+    spawner = {"spawner": {"constraintsElementsMax": 5000, "constraintsTimeStart": 0.0, "constraintsTimeEnd": 600.0}}
+    path = vadere(tmp_path / "room.scenario", sources=[source(1, 1.0, **spawner)])
+    said = pytest.warns(UserWarning, match="the file says 5000 people; 5 start in the start areas of the plan")
+    with pytest.warns(UserWarning, match="one after the other"), said:
+        place = make_scenario(path)
+    assert place.population.count == 5
+
+
+@pytest.mark.parametrize("name", ["room.json", "room.scenario"])
+def test_a_json_file_is_told_by_what_it_holds(name, tmp_path):
+    assert make_scenario(vadere(tmp_path / name)).title == f"floor plan {name}"
+
+
+def test_files_without_a_suffix_that_is_known_are_told_by_their_content(tmp_path):
+    (tmp_path / "a.txt").write_text(ROOM.wkt)
+    recording(tmp_path / "b.db", [ROOM.wkt], 1)
+    geojson(tmp_path / "c", *ROOM_AND_EXIT)
+    room_drawing(tmp_path / "d.plan")
+    for name in ("a.txt", "b.db", "c", "d.plan"):
+        assert is_plan(tmp_path / name)
+        assert read_plan(tmp_path / name, [EAST]).walkable.area == pytest.approx(48.0)
+
+
+def test_names_and_scenario_files_are_no_plans(tmp_path):
+    (tmp_path / "a.json").write_text('{"geometry": {}}')
+    (tmp_path / "b.json").write_text("{")
+    assert not any(is_plan(tmp_path / name) for name in ("a.json", "b.json", "c.json", "d.toml", "room-v0"))
+
+
+def test_python_takes_what_the_command_line_takes(tmp_path):
+    path = room_drawing(tmp_path / "room.dxf", 0, 100.0)
+    env = CrowdEnv(str(path), unit="cm", count=4, scheme="dem")
+    env.reset(seed=0)
+    assert env.num_people == 4 and env.scenarios[0].geometry.area == pytest.approx(48.0)
+    others = ["0,100,0,220"]
+    with pytest.warns(UserWarning, match="left out for those that are given"):
+        place = make_scenario(path, unit="cm", exits=others, population={"count": 7, "radius": 0.2})
+    assert place.population.count == 7 and place.geometry.exits[0, 0, 0] == 0.0
+    with pytest.warns(UserWarning, match="left out for those that are given"):
+        assert scenario_from_wkt(path, others, Population(7), unit="cm").exits == ("exit-0",)
+    with pytest.raises(ValueError, match=r"has no option 'side'; known: exits, unit, count, population, time_limit"):
+        make_scenario(path, side=3.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "note"),
+    [
+        ({"targetIds": [3]}, ""),
+        ({"targetIds": []}, ""),
+        ({"targetIds": [4]}, "to which targets the people of a source walk"),
+        ({"endTime": 60.0}, "one after the other"),
+    ],
+)
+def test_what_a_source_says_of_its_people_and_is_not_modeled_is_told(changes, note, tmp_path):
+    plan = read_plan(vadere(tmp_path / "room.scenario", sources=[source(1, 1.0, 4) | changes]))
+    assert len(plan.notes) == bool(note) and note in " ".join(plan.notes)
+
+
+def test_attributes_of_a_thing_may_lie_in_a_table_of_their_own(tmp_path):
+    path = vadere(tmp_path / "room.scenario", sources=[source(1, 1.0, 4)], absorbs={"absorbing": False})
+    content = json.loads(path.read_text())
+    places = content["scenario"]["topography"]
+    for kind in ("obstacles", "targets", "sources"):
+        places[kind] = [{"attributes": one} for one in places[kind]]
+    (tmp_path / "nested.scenario").write_text(json.dumps(content))
+    flat, nested = (read_plan(one) for one in (path, tmp_path / "nested.scenario"))
+    assert not flat.exits and list(nested.regions) == list(flat.regions) == ["target-3", "source-1"]
+    assert nested.starts == flat.starts == {"source-1": 4} and nested.walkable.equals(flat.walkable)

@@ -1,0 +1,66 @@
+"""Plans of the kinds that others draw: each makes a scenario in which somebody gets out, and a note says what was mended."""
+
+import warnings
+
+import numpy as np
+import pytest
+import shapely
+from plan_files import EAST, ODD, ROOM, far
+
+from crowd_env import make_scenario
+from crowd_env.envs.rollout import run_episodes
+from crowd_env.scenarios.plans.reading import read_plan
+
+
+def written(tmp_path, text, name="plan.wkt"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_it_is_understood_and_people_get_out(name, tmp_path):
+    odd = ODD[name]
+    path = written(tmp_path, odd.text)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        place = make_scenario(path, exits=[odd.exit] if odd.exit else [], count=3, time_limit=60.0)
+    assert place.geometry.area == pytest.approx(odd.area, abs=0.02 if odd.area < 100 else 0.1)
+    notes = " / ".join(str(one.message) for one in said)
+    assert bool(notes) == bool(odd.note), notes
+    for word in odd.note.split():
+        assert word in notes
+    (episode,) = run_episodes(place, 1, scheme="dem", seed=0)
+    assert np.isfinite(episode.exit_time).all()
+
+
+def test_coordinates_far_away_lose_nothing(tmp_path):
+    near = make_scenario(written(tmp_path, ROOM.wkt, "near.wkt"), exits=[EAST])
+    away = make_scenario(written(tmp_path, far(ROOM).wkt, "far.wkt"), exits=["5652115,4471225,5652115,4471226.2"])
+    assert away.geometry.area == pytest.approx(near.geometry.area, abs=1e-6)
+    width = [shapely.length(shapely.linestrings(place.geometry.exits)).sum() for place in (near, away)]
+    assert width[1] == pytest.approx(width[0], abs=1e-6)
+
+
+def test_simplifying_moves_no_wall_by_more_than_is_said(tmp_path):
+    fine = shapely.from_wkt(ODD["40000 corners"].text)
+    plan = read_plan(written(tmp_path, fine.wkt))
+    assert shapely.get_num_coordinates(plan.walkable) < 1000
+    assert shapely.hausdorff_distance(plan.walkable, fine) <= 0.005 + 1e-9
+    assert any("simplified" in note for note in plan.notes)
+
+
+def test_given_exits_take_the_place_of_those_in_the_file(tmp_path):
+    path = written(tmp_path, ODD["JuPedSim's converter"].text)
+    assert list(read_plan(path).exits) == ["exit-0"]
+    plan = read_plan(path, [EAST, "0,1,0,2"])
+    assert [shape.geom_type for shape in plan.exits.values()] == ["LineString", "LineString"]
+    assert any("left out for those that are given" in note for note in plan.notes)
+
+
+def test_people_start_in_the_start_areas_of_the_file(tmp_path):
+    path = written(tmp_path, ODD["JuPedSim's converter"].text)
+    with pytest.warns(UserWarning, match="1 area to start in"):
+        place = make_scenario(path, count=8)
+    (part,) = place.population.parts
+    assert (part.count, part.start_region) == (8, "start-0")
