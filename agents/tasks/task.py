@@ -76,7 +76,7 @@ class Task:
         """
         count = self.people if people is None else whole("--people", people)
         try:
-            population = make_scenario(self.scenario, **self.options).population.changed(count=count)
+            population = make_scenario(self.scenario, **self.options).population.changed(people=count)
             scenario = make_scenario(self.scenario, **self.options, population=population)
         except ValueError as error:
             raise ValueError(f"task {self.name} cannot have {count} people: {error}") from None
