@@ -124,4 +124,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
     names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
-    return {"": type(value).__name__} | {name: _plain(getattr(value, name)) for name in names}
+    kind = type(value).__name__
+    said = {"people": "count"} if kind == "Population" else {}  # the word of the first tasks: their digests stand in files
+    return {"": kind} | {said.get(name, name): _plain(getattr(value, name)) for name in names}
