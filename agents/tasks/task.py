@@ -125,5 +125,5 @@ def _plain(value: Any) -> Any:
         return [_plain(one) for one in value]
     names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
     kind = type(value).__name__
-    said = {"people": "count"} if kind == "Population" else {}  # the word of the first tasks: their digests stand in files
+    said = {"people": "count"} if kind == "Population" else {}  # as digests in files have it
     return {"": kind} | {said.get(name, name): _plain(getattr(value, name)) for name in names}
