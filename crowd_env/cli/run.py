@@ -200,7 +200,7 @@ def run(
         for output in possible:
             output.check()
         outputs = [output for output in possible if output.path is not None]
-        people: dict[str, Any] = {"count": n, "radius": radius, "speed": speed, "starts": starts}
+        people: dict[str, Any] = {"people": n, "radius": radius, "speed": speed, "starts": starts}
         found = read_place(scenario, exits=exit, unit=unit, time_limit=time_limit, **people)
         place = with_manner(found, manner, outline)
         contact = make_scheme(scheme, social)
