@@ -123,7 +123,7 @@ def test_the_digest_is_of_everything_that_decides_a_result():
                 {"response_time": Uniform(0.0, 9.0)},
             )
         ),
-        replace(SMALL, population=Groups((people.changed(count=7, name="a"), people.changed(count=7, name="b")))),
+        replace(SMALL, population=Groups((people.changed(people=7, name="a"), people.changed(people=7, name="b")))),
         replace(SMALL, geometry=replace(place, exits=place.exits + 0.5)),
         replace(SMALL, geometry=replace(place, exit_names=("east", "west"))),
         replace(SMALL, geometry=replace(place, two_sided=~place.two_sided)),
@@ -176,7 +176,9 @@ def test_what_other_code_or_another_scheme_computed_is_computed_anew(kept, monke
 def test_the_stamp_of_the_code_is_of_all_its_sources(tmp_path, monkeypatch):
     before = source_stamp()
     copied = tmp_path / "crowd_env"
-    shutil.copytree(Path(crowd_env.__file__).parent, copied, ignore=shutil.ignore_patterns("__pycache__", "agents"))
+    shutil.copytree(
+        Path(crowd_env.__file__).parent, copied, symlinks=True, ignore=shutil.ignore_patterns("__pycache__")
+    )
     monkeypatch.setattr(crowd_env, "__file__", str(copied / "__init__.py"))
     assert source_stamp.__wrapped__() == before
     for name in ("physics/nsm2.py", "envs/reward.py", "envs/metrics.py"):

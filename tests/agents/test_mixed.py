@@ -68,7 +68,7 @@ def test_a_kept_result_says_who_has_learned(tmp_path):
     folder, result = EvaluationFolder(tmp_path, settings_of(SMALL, 3, 0, learned_share=0.5)), mixed("follow", 0.5)
     folder.keep_result(entry, "nsm2", result)
     assert folder.load_result(entry, "nsm2").row() == result.row()
-    with pytest.raises(ValueError, match="learned_share is 0.5 there"):
+    with pytest.raises(ValueError, match=r"learned_share is 0\.5 there"):
         EvaluationFolder(tmp_path, settings_of(SMALL, 3, 0, learned_share=0.25))
 
 

@@ -38,7 +38,7 @@ def _groups(scenario: Scenario) -> np.ndarray:
     """Return the name of the group of each person (N,), or its number if groups have none; "" if there is one alone."""
     parts = scenario.population.parts
     names = [part.name or (str(k + 1) if len(parts) > 1 else "") for k, part in enumerate(parts)]
-    return np.repeat(names, [part.count for part in parts])
+    return np.repeat(names, [part.people for part in parts])
 
 
 def _run(episode: Episode) -> list[object]:
