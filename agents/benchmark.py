@@ -12,9 +12,9 @@ import numpy as np
 
 from crowd_env import Scenario
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.files.claim import claimed
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import json_number, read_json, write_json
+from crowd_env.core.files.store import claimed
 from crowd_env.envs.metrics import share_interval
 
 from . import make_policy

@@ -55,7 +55,7 @@ def task_figures(
         "task": task,
         "policy": row["policy"],
         "scheme": row["scheme"],
-        "people": place.population.count,
+        "people": place.population.people,
         "runs": row["runs"],
         "blocked": row["blocked_runs"],
         "unfinished": row["unfinished_runs"],

@@ -122,7 +122,9 @@ def read_submission(path: Path) -> dict[str, Any]:
         if policy in PRETRAINED and network_digest(PRETRAINED[policy]) != digest:
             raise ValueError(f"{path} names the shipped policy {policy}, but holds the digest of another network")
         named = dict.fromkeys((*REFERENCES, policy))
-        rows, few, runs = [], [], []
+        rows: list[dict[str, Any]] = []
+        few: list[dict[str, Any]] = []
+        runs: list[dict[str, Any]] = []
         least = min(len(one["runs"]) for trial in content["trials"] for one in trial["of"].values())
         by_name = {one["variation"]: one for one in beside["trials"]}
         for trial in content["trials"]:
@@ -237,7 +239,7 @@ def _figures(
         known = {name: runs[name][k] for name in ("flow", "max_speed", "contact_impulse", "max_overlap")}
         counts = {name: int(runs[name][k]) for name in ("unfinished", "escaped")}
         known |= {"evacuation_time": cleared[k], "blocked_since": since[k]}
-        episodes.append(EpisodeMetrics(**(unknown | known | counts)))  # type: ignore[arg-type]
+        episodes.append(EpisodeMetrics(**(unknown | known | counts)))
     crushed = runs["crushed"]
     return {
         "policy": policy,
@@ -249,7 +251,7 @@ def _figures(
         "contact_impulse": named(runs["contact_impulse"]),
         "max_overlap": float(runs["max_overlap"].max()),
         "max_pressure": {**named(runs["max_pressure"]), "max": float(runs["max_pressure"].max())},
-        "crushed_share": named(crushed / place.population.count),
+        "crushed_share": named(crushed / place.population.people),
         "crushed_time": named(np.where(crushed > 0, runs["crushed_time"] / np.maximum(crushed, 1), np.nan)),
         **{name: value for name, value in kept.items() if name != "runs"},
     }

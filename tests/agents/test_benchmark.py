@@ -1,4 +1,4 @@
-"""The comparison of algorithms over seeds: its statistics against those of another library, and the command from start to end."""
+"""The comparison of algorithms over seeds: its statistics against those of another library, and the command."""
 
 import json
 from dataclasses import asdict
