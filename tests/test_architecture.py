@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 
-import pytest
+from cases import looped
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
@@ -56,7 +56,7 @@ def only_in_extras() -> set[str]:
     return {OTHERWISE_IMPORTED.get(name, name.replace("-", "_")) for name in names}
 
 
-@pytest.mark.parametrize(
+@looped(
     ("program", "asked"),
     [
         ("import crowd_env", {}),

@@ -3,7 +3,7 @@
 import importlib
 import re
 
-import pytest
+from cases import looped
 from repository import ROOT
 
 DOCS = ROOT / "docs"
@@ -39,7 +39,7 @@ def test_every_page_is_in_the_site():
     assert sorted(reached) == PAGES
 
 
-@pytest.mark.parametrize(
+@looped(
     "module",
     [
         "crowd_env",

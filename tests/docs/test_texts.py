@@ -6,7 +6,7 @@ import gzip
 import re
 
 import numpy as np
-import pytest
+from cases import looped
 from repository import ROOT
 from shown import blocks, called, named
 
@@ -56,7 +56,7 @@ def test_the_drawing_of_a_step_names_files_and_stages_that_exist():
     assert f"observation (P, {ObservationLayout().size}) float32" in drawing
 
 
-@pytest.mark.parametrize("order", [0, 1, 2])
+@looped("order", [0, 1, 2])
 def test_columns_of_a_page_are_read_as_the_three_lines_say(order):
     (described,) = texts(REPLAY)
     assert [line.split(" = ")[0].strip() for line in described.splitlines()[:2]] == ["w", "d"]

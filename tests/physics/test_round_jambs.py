@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from crowds import GRAIN_SCHEMES, every_scheme, kinetic_energy, people, scatter, tight
 from shapely.geometry import box
 
@@ -52,7 +53,7 @@ def stand(geometry, position, name):
 
 @pytest.mark.kernels
 @every_scheme
-@pytest.mark.parametrize("plan", PLANS)
+@looped("plan", PLANS)
 def test_a_disc_that_rolls_around_touches_the_arc_once_and_where_it_is(name, plan):
     solid = exact(plan)
     path = solid.buffer(RADIUS - 0.01, FINE).boundary.segmentize(0.01)
@@ -72,8 +73,8 @@ def test_a_disc_that_rolls_around_touches_the_arc_once_and_where_it_is(name, pla
 
 
 @every_scheme
-@pytest.mark.parametrize("plan", ["block", "wedge", "door"])
-@pytest.mark.parametrize("force", [3e4, 1e7])
+@looped("plan", ["block", "wedge", "door"])
+@looped("force", [3e4, 1e7])
 def test_nobody_is_pressed_into_an_arc(name, plan, force):
     geometry, rng = PLANS[plan], np.random.default_rng(0)
     center = geometry.arcs.center[-1]
