@@ -40,7 +40,7 @@ def test_the_drawing_of_the_rooms_names_rooms_and_all_schemes():
     assert re.findall(r"[a-z0-9-]+", last) == list(SCHEMES)
     rooms = {path.stem for path in (ROOT / "crowd_env").rglob("*") if path.suffix in ("", ".py")}
     drawn = set(re.findall(r"[a-z]+(?=[ ─►]|$)", drawing.partition("CONTACTS")[0])) - {"direction"}
-    assert {"scenario", "navigation", "neighbors"} <= drawn
+    assert {"scenario", "routing", "neighbors"} <= drawn
     assert drawn <= rooms | {"metrics", "reward"}
 
 
@@ -52,7 +52,7 @@ def test_the_drawing_of_a_step_names_files_and_stages_that_exist():
         assert list((ROOT / "crowd_env").rglob(file.replace("<scheme>", "*"))), file
     stages = [name for name in re.findall(r"^ {14}([a-z_]+)(?:, [a-z]+)?  ", drawing, re.MULTILINE) if name != "the"]
     assert len(stages) >= 5
-    assert set(stages) <= functions("physics") | functions("simulation") | functions("_kernels")
+    assert set(stages) <= functions("physics") | functions("core")
     assert f"observation (P, {ObservationLayout().size}) float32" in drawing
 
 
