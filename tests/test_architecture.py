@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 
+import pytest
 from cases import looped
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -16,6 +17,8 @@ else:
     import tomli as tomllib  # pytest brings it
 
 from repository import ROOT
+
+pytestmark = pytest.mark.more
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 SOURCES = sorted(path for folder in ("crowd_env", "agents") for path in (ROOT / folder).rglob("*.py"))

@@ -16,6 +16,8 @@ from repository import ROOT
 import crowd_env
 from crowd_env.cli.main import app
 
+pytestmark = pytest.mark.more
+
 CEILINGS = {
     "rooms": 18,
     "floors": 11,

@@ -3,8 +3,11 @@
 import importlib
 import re
 
+import pytest
 from cases import looped
 from repository import ROOT
+
+pytestmark = pytest.mark.more
 
 DOCS = ROOT / "docs"
 PAGES = sorted(

@@ -5,6 +5,7 @@ import shlex
 from importlib import import_module
 from importlib.util import find_spec
 
+import pytest
 import typer
 from cases import looped
 from installations import check_make, check_pip
@@ -12,6 +13,8 @@ from repository import ROOT
 from shown import PAGES, blocks_of, named
 
 from crowd_env.cli.main import app
+
+pytestmark = pytest.mark.more
 
 # Programs that are called as `python -m NAME` -> the module with its command line.
 COMMAND_LINES = {

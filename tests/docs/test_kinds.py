@@ -2,9 +2,12 @@
 
 import re
 
+import pytest
 from cases import looped
 from repository import ROOT
 from shown import PAGES, blocks, blocks_of, called, commands_of, named
+
+pytestmark = pytest.mark.more
 
 # Kind of block -> the test that would be red if one of them were wrong.
 TRIED = {

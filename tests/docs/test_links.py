@@ -2,9 +2,12 @@
 
 import re
 
+import pytest
 from cases import looped
 from repository import ROOT
 from shown import PAGES, named
+
+pytestmark = pytest.mark.more
 
 
 @looped("page", PAGES, ids=named)

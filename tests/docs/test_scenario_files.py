@@ -1,10 +1,13 @@
 """Scenario files that the pages show are read, take the options that they declare, and hold the people that they name."""
 
+import pytest
 from cases import looped
 from installations import tomllib
 from shown import blocks, called
 
 from crowd_env import CrowdEnv, make_scenario
+
+pytestmark = pytest.mark.more
 
 
 @looped("block", blocks("toml"), ids=called)

@@ -6,12 +6,15 @@ import gzip
 import re
 
 import numpy as np
+import pytest
 from cases import looped
 from repository import ROOT
 from shown import blocks, called, named
 
 from crowd_env import SCHEMES, ObservationLayout
 from crowd_env.rendering.replay.pack import Column, pack
+
+pytestmark = pytest.mark.more
 
 ARCHITECTURE, REPLAY = "docs/architecture.md", "docs/replay.md"
 

@@ -188,7 +188,7 @@ PROBLEMS = {
         (20, "accelerated"),
         (100, "gauss-seidel"),
         (100, "accelerated"),
-        (1000, "accelerated"),
+        pytest.param(1000, "accelerated", marks=pytest.mark.more),
         pytest.param(1000, "gauss-seidel", marks=pytest.mark.nightly),
     ],
 )

@@ -59,8 +59,8 @@ def test_a_disc_that_rolls_around_touches_the_arc_once_and_where_it_is(name, pla
     path = solid.buffer(RADIUS - 0.01, FINE).boundary.segmentize(0.01)
     position = shapely.get_coordinates(path)
     room = box(0.5, 0.5, 5.05, 4.7)  # away from the outer walls, and before the exit
-    position = position[shapely.contains_xy(room, *position.T)][::3]
-    assert len(position) > 40
+    position = position[shapely.contains_xy(room, *position.T)][::12]
+    assert len(position) > 10
     for at, contacts in zip(position, stand(PLANS[plan], position, name), strict=True):
         nearest = shapely.get_coordinates(shapely.shortest_line(solid, shapely.Point(at)))[0]
         normal = (at - nearest) / np.hypot(*(at - nearest))

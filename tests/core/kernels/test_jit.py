@@ -11,10 +11,11 @@ import time
 from pathlib import Path
 
 import pytest
-from cases import looped
 from repository import ROOT
 
 from crowd_env.core.kernels import jit
+
+pytestmark = pytest.mark.more
 
 STAMP = "0123456789abcdef"
 PROGRAM = """
@@ -130,8 +131,8 @@ def test_the_folder_is_closed_to_others_whatever_the_umask(clean):
     assert mode(folder) == mode(folder.parent) == 0o700
 
 
-@looped("open_to", [0o770, 0o707, 0o777])
-@looped("wish", [False, True], ids=["own cache", "NUMBA_CACHE_DIR"])
+@pytest.mark.parametrize("open_to", [0o770, 0o707, 0o777])
+@pytest.mark.parametrize("wish", [False, True], ids=["own cache", "NUMBA_CACHE_DIR"])
 def test_a_folder_that_others_can_write_to_is_refused(clean, monkeypatch, capsys, open_to, wish):
     if wish:
         monkeypatch.setenv("NUMBA_CACHE_DIR", str(clean / "home" / ".cache" / "crowd_env"))
@@ -143,7 +144,7 @@ def test_a_folder_that_others_can_write_to_is_refused(clean, monkeypatch, capsys
     assert f"other users can write to {folder}" in note and "NUMBA_CACHE_DIR" in note and note.count("\n") == 1
 
 
-@looped("whose", ["kernels", "root"])
+@pytest.mark.parametrize("whose", ["kernels", "root"])
 def test_a_folder_of_another_user_is_refused(clean, monkeypatch, capsys, whose):
     if not hasattr(os, "getuid"):
         pytest.skip("no user ids here")

@@ -46,15 +46,21 @@ def meet(simulation, limit=5000):
     raise AssertionError("they have not met, or not parted")
 
 
+def _touch(position, angle, outline, scheme):
+    simulation = grains(position, angle, outline, scheme=scheme, dt=1e-9)
+    simulation.advance()
+    return len(simulation.contacts().gap) > 0
+
+
 def impact(angle, offset, outline=DUMBBELL, scheme=HARD, dt=1e-6):
     """Return two bodies about to run into each other, the second turned by ``angle`` and ``offset`` to the side [m]."""
     apart = 0.17 * outline.shape.reach * 2
     velocity = [[1.5, 0.3], [-0.5, 0.0]]
-    for gap in np.arange(apart, 0.0, -1e-4):  # as near as they can be
-        simulation = grains([[0, 0], [gap, offset]], [0.1, angle], outline, velocity=velocity, scheme=scheme, dt=1e-9)
-        simulation.advance()
-        if len(simulation.contacts().gap):
-            break
+    gap = apart  # then as near as they can be
+    for step in (1e-2, 1e-3, 1e-4):
+        while not _touch([[0, 0], [gap, offset]], [0.1, angle], outline, scheme):
+            gap -= step
+        gap += 0.0 if step == 1e-4 else step
     start = [[0, 0], [gap + 2e-4, offset]]
     return grains(start, [0.1, angle], outline, velocity=velocity, scheme=scheme, dt=dt)
 
