@@ -1,38 +1,33 @@
-"""The scenarios that ship with crowd_env, by name; most are files in ``data``, written like anyone else's."""
+"""The scenarios that ship with crowd_env, by name, and those of files."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from crowd_env.core.checks import refuse
-from crowd_env.scenarios.file.reading import SUFFIXES, ScenarioFile
+from crowd_env.scenarios.file import SUFFIXES, read_scenario
 from crowd_env.scenarios.floor_plan import scenario_from_plan
 from crowd_env.scenarios.plans.reading import PLANS, is_plan
-from crowd_env.scenarios.scenario import Scenario
-from crowd_env.scenarios.shipped.rooms import lin_room, room
+from crowd_env.scenarios.scenario import COMMON, Scenario, changed_place
+from crowd_env.scenarios.shipped import places
 from crowd_env.scenarios.shipped.theatre import theatre
 
-
-def _data(name: str) -> ScenarioFile:
-    return ScenarioFile(Path(__file__).with_name("data") / f"{name}.toml")
-
-
-# Name -> what makes the scenario: a function whose keyword arguments are the scenario's options, or a file.
+# Name -> what makes the scenario: a function whose keyword arguments are the scenario's options.
 SCENARIOS: dict[str, Callable[..., Scenario]] = {
-    "room-v0": room,
-    "lin-room-v0": lin_room,
+    "room-v0": places.room,
+    "lin-room-v0": places.lin_room,
     "theatre-v0": theatre,
-    "two-exit-hall-v0": _data("two-exit-hall-v0"),
-    "bottleneck-v0": _data("bottleneck-v0"),
-    "pillar-v0": _data("pillar-v0"),
-    "l-corridor-v0": _data("l-corridor-v0"),
-    "t-junction-v0": _data("t-junction-v0"),
-    "counter-flow-v0": _data("counter-flow-v0"),
-    "crossing-v0": _data("crossing-v0"),
-    "classroom-v0": _data("classroom-v0"),
-    "supermarket-v0": _data("supermarket-v0"),
-    "stadium-sector-v0": _data("stadium-sector-v0"),
-    "floor-v0": _data("floor-v0"),
+    "two-exit-hall-v0": places.two_exit_hall,
+    "bottleneck-v0": places.bottleneck,
+    "pillar-v0": places.pillar,
+    "l-corridor-v0": places.l_corridor,
+    "t-junction-v0": places.t_junction,
+    "counter-flow-v0": places.counter_flow,
+    "crossing-v0": places.crossing,
+    "classroom-v0": places.classroom,
+    "supermarket-v0": places.supermarket,
+    "stadium-sector-v0": places.stadium_sector,
+    "floor-v0": places.floor,
 }
 
 
@@ -56,12 +51,14 @@ def make_scenario(scenario: str | Path | Scenario, **options: Any) -> Scenario:
     if not isinstance(scenario, str | Path):
         refuse("scenario", scenario, "the name of a scenario, its file or a Scenario")
     kind = kind_of_place(scenario)
-    if kind == "file":
-        return ScenarioFile(Path(scenario))(**options)
-    known = tuple(scenario_from_plan.__kwdefaults__ or ()) if kind == "plan" else tuple(options_of(str(scenario)))
-    unknown = [option for option in options if option not in known]
+    known = (
+        COMMON if kind == "file" else scenario_from_plan.__kwdefaults__ if kind == "plan" else options_of(str(scenario))
+    )
+    unknown = [option for option in options if option not in (known or ())]
     if unknown:
-        raise ValueError(f"{scenario} has no option {unknown[0]!r}; known: {', '.join(known)}")
+        raise ValueError(f"{scenario} has no option {unknown[0]!r}; known: {', '.join(known or ())}")
+    if kind == "file":
+        return changed_place(read_scenario(Path(scenario)), options)
     return scenario_from_plan(scenario, **options) if kind == "plan" else SCENARIOS[str(scenario)](**options)
 
 
@@ -86,15 +83,5 @@ def kind_of_place(scenario: str | Path) -> Literal["name", "file", "plan"]:
 
 
 def options_of(name: str) -> Mapping[str, Any]:
-    """Return name -> default of the options of a scenario that ships with crowd_env; None = as its file says."""
-    make = SCENARIOS[name]
-    return make.options if isinstance(make, ScenarioFile) else getattr(make, "__kwdefaults__", None) or {}
-
-
-def about(name: str) -> tuple[str, str]:
-    """Return title and reference of a scenario that ships with crowd_env."""
-    make = SCENARIOS[name]
-    if isinstance(make, ScenarioFile):
-        return make.about()
-    scenario = make()
-    return scenario.title, scenario.reference
+    """Return name -> default of the options of a scenario that ships with crowd_env; None = as the place says."""
+    return getattr(SCENARIOS[name], "__kwdefaults__", None) or {}

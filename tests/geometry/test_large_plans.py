@@ -6,7 +6,7 @@ import shapely
 from evacuations import evacuated
 
 from crowd_env import Geometry, Population, Scenario, Uniform
-from crowd_env.geometry.depth import solid_depth
+from crowd_env.geometry.boundary import solid_depth
 from crowd_env.routing.fields import domain as navigation_plan
 from crowd_env.routing.fields.field import travel_time_field
 from crowd_env.scenarios.starts import closest_pair
