@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 from evaluations import call, hall, run
-from repository import ROOT
 
 from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.agents import POLICIES, DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, Zipper

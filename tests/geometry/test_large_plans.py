@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from evacuations import evacuated
 
 from crowd_env import Geometry, Population, Scenario, Uniform
@@ -103,7 +104,7 @@ def test_the_depth_of_walls_looks_only_at_what_is_near(monkeypatch):
     assert np.all(depth[round_ones] <= 0.2) and np.all(depth[~round_ones] == 0.25)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("area", "expected"),
     [
         (HALL, 0.25),

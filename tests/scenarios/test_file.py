@@ -194,14 +194,14 @@ MISTAKES = {
         ('target = "paht"', r"my\.toml: scenario 'my': unknown target 'paht'; known: path, nearest, centre, width"),
         ('closed_doors = ["gate"]', r"my\.toml: unknown door 'gate'"),
         ('title = "{width} m"', r"my\.toml: '\{width\} m': a file holds data alone; write a Python function"),
-        ("options = { width = 1 }", r"my\.toml: options: a file holds data alone; write a Python function"),
+        ("options = { width = 1 }", r"my\.toml: 'options': a file holds data alone; write a Python function"),
         ("time_limit = 1e16", r"my\.toml: it holds a number beyond 1e\+15"),
     ],
     "geometry": [
         ("wals = []", r"my\.toml: geometry: unknown key 'wals'; known: walkable"),
         (
             "obstacles = [{ circle = [3, 3, -1] }]",
-            r"geometry\.obstacles\[0\]: the radius of the circle is -1 m; it must be > 0",
+            r"geometry\.obstacles\[0\]: the radius of the circle is -1\.0 m; it must be > 0",
         ),
         ('obstacles = ["POLYGON ((0 0, 1 1"]', r"geometry: obstacle 0 is not well-known text"),
         ("obstacles = [{ box = [5.5, 1, 5.9, 4] }]", r"my\.toml: the way to exit 'door' is blocked"),
@@ -212,7 +212,7 @@ MISTAKES = {
         ("far = { box = [9, 9, 10, 10] }", r"geometry: region 'far' around .* outside of the walkable"),
         ("far = { bxo = [9, 9, 10, 10] }", r"geometry\.regions\.far: unknown key 'bxo'; known: box, circle"),
         ("far = { box = [1, 1, 0, 2] }", r"geometry\.regions\.far: box is \[1, 1, 0, 2\]; it must be"),
-        ("far = { box = [1, 1, 2, 2], rows = 2 }", r"my\.toml: rows: a file holds data alone; write a Python"),
+        ("far = { box = [1, 1, 2, 2], rows = 2 }", r"my\.toml: 'rows': a file holds data alone; write a Python"),
         ("far = { box = [1, 1, 2] }", r"geometry\.regions\.far: it must be a box = \["),
     ],
     "people": [
@@ -285,7 +285,7 @@ OTHERS = [
 ]
 
 
-@pytest.mark.parametrize(
+@looped(
     ("text", "message"),
     [(small(**{part: text}), message) for part, rows in MISTAKES.items() for text, message in rows] + OTHERS,
 )
