@@ -46,14 +46,14 @@ def make_room(size: float, width: float, radius: float = 0.25, spacing: float = 
     off = np.stack([offset(node, *ends) for ends in wall])
     near = np.linalg.norm(off, axis=-1)  # (5, rows, cols) m  to each wall
     free = near.min(axis=0) > radius - spacing / 2
-    # The march begins in the part of the door where a center can pass.  People walk downhill.
+    # The march begins in the part of the door where a center can pass.  The way leads downhill.
     cut = (door[1] - door[0]) * min(0.5, radius / width)
     target = node - offset(node, door[0] + cut, door[1] - cut)
     beeline, start = np.linalg.norm(target - node, axis=-1), 1.5 * spacing
     marched = skfmm.travel_time(np.ma.MaskedArray(beeline - start, ~free), np.ones(free.shape), dx=spacing, order=2)
     length = np.where(free & (beeline < start), beeline, np.ma.filled(marched, np.nan) + start)
     direction = unit(-np.stack([slope(length), slope(length.T).T], axis=-1))
-    # Nearer to a wall than a body: on as from the nearest node of the march, but turned away from the wall.
+    # Nearer to a wall, the way goes on as from the nearest node of the march, but turned away from the wall (a choice).
     away = (np.maximum(1 - near / radius, 0)[..., None] * unit(off)).sum(axis=0)
     known, marched = np.argwhere(~np.isnan(length)), length[~np.isnan(length)]
     for i, j in np.argwhere(np.isnan(length)):
@@ -61,7 +61,7 @@ def make_room(size: float, width: float, radius: float = 0.25, spacing: float = 
         length[i, j] = (marched + spacing * steps)[is_near].min()
         along, turn = direction[tuple(known[steps.argmin()])], away[i, j]
         direction[i, j] = unit(along + (2 - min(along @ turn, 0) / max(turn @ turn, 1e-18)) * turn)
-    # The way is straight where the line to the door passes the jambs a radius away, or gets away from their walls at once.
+    # It is straight where the line to the door passes the jambs a radius away, or gets away from their walls at once.
     is_straight, first = np.ones_like(free), np.minimum(0.05 * radius, beeline)
     ahead = node + first[..., None] * unit(target - node)
     for k, jamb in ((0, door[1]), (4, door[0])):
@@ -153,7 +153,7 @@ def ways(room, crowd):
 # ------------------------------------------------------------------------------------------------- two laws of contact
 @njit
 def find_contacts(room, crowd, reach):
-    """Return who is nearer to whom than ``reach`` [m]: (i, j, gap D of eq 2, unit vector from j to i); a wall is j = -1."""
+    """Return all who are less than ``reach`` [m] apart: i, j, gap D (eq 2), unit vector n from j to i; a wall is j = -1."""
     contacts = [(0, 0, 0.0, 0.0, 0.0)][:0]  # empty, but the compiler knows what is in it
     for i in np.flatnonzero(crowd.inside):
         x, y, r = crowd.q[i, 0], crowd.q[i, 1], crowd.radius[i]
@@ -194,8 +194,8 @@ def no_overlap(crowd, wish, contacts, tolerance):
 
     u(n+1) = argmin sum of m |u - v e|^2 / 2   such that   D + h n . (u_i - u_j) >= 0 for every contact      eq 6
 
-    So everyone walks as they wish, or as near to that as nobody overlaps.  There is no inertia.  One contact after the other
-    pushes as hard as it must, and never pulls, until none changes by more than the tolerance [m/s] (Gauss-Seidel).
+    All walk as they wish, or as near to that as lets nobody overlap; there is no inertia.  One contact after the other pushes
+    as hard as it must, and never pulls, until none changes by more than the tolerance [m/s] (projected Gauss-Seidel).
     """
     crowd.u[:] = wish
     pushed, worst = np.zeros(len(contacts)), np.inf  # N s
@@ -215,10 +215,10 @@ def no_overlap(crowd, wish, contacts, tolerance):
 @njit
 def push(crowd, i, j, nx, ny, impulse):
     """Push i and j apart with an impulse [N s]; a wall does not move."""
-    for k, way in ((i, 1.0), (j, -1.0)):
+    for k, sign in ((i, 1.0), (j, -1.0)):
         if k >= 0:
-            crowd.u[k, 0] += way * impulse * nx / crowd.mass[k]
-            crowd.u[k, 1] += way * impulse * ny / crowd.mass[k]
+            crowd.u[k, 0] += sign * impulse * nx / crowd.mass[k]
+            crowd.u[k, 1] += sign * impulse * ny / crowd.mass[k]
             crowd.impulse[k] += impulse
 
 
@@ -232,8 +232,8 @@ def step(room, crowd, share, law, tolerance=1e-3):
         soft_discs(crowd, wish, find_contacts(room, crowd, 0.0))
     else:
         no_overlap(crowd, wish, find_contacts(room, crowd, 0.2), tolerance)  # also those who could meet in this step
-    # Positions: q(n+1) = q(n) + h u(n+1), eq 3.  Who passes the door is out.  (In larger crowds the package also holds
-    # centers inside of walls, which are no harder than people.)
+    # Positions: q(n+1) = q(n) + h u(n+1), eq 3.  Those who pass the door are out.  (Walls are as soft as people: in larger
+    # crowds the package also keeps centers from being pressed through them.)
     for i in np.flatnonzero(crowd.inside):
         before, size = crowd.q[i, 0], room.door[0, 0]
         crowd.q[i] += H * crowd.u[i]
@@ -276,8 +276,8 @@ def look(room, crowd, seen):
 def decide(room, crowd, share, law, to_go, seen):
     """Advance a crowd by one decision; write what everyone sees into ``seen``, and return the time to go and the reward (N,).
 
-    The reward is half of the time to go that is saved, less the time that it took [s], less the impulse that was felt per mass
-    [m/s].  The last is what makes people slow down: without it, pushing costs those who push nothing.
+    The reward is half of the time to go that was saved [s], less the time spent [s], less the impulse felt over the own mass
+    [m/s].  The last makes people slow down: without it, pushing costs nothing.
     """
     began, crowd.impulse[:] = crowd.clock[0], 0.0
     for _ in range(DECISION):
@@ -295,7 +295,7 @@ def learn(room: Room, people: int, seed: int, rollouts: int = 150, rooms: int = 
     """Return what all people decide by: from what they see to one of the ``SPEEDS`` each.
 
     Proximal policy optimization (Schulman et al. 2017): try for a while, then make likelier what turned out better than
-    expected, but none by more than a fifth at once.
+    expected (GAE, Schulman et al. 2016), nothing by more than a fifth at once.
     """
     import torch
     from torch import nn
@@ -317,7 +317,7 @@ def learn(room: Room, people: int, seed: int, rollouts: int = 150, rooms: int = 
     chance, reward, advantage = np.zeros((3, *shape), np.float32)
     for rollout in range(rollouts):
         adam.param_groups[0]["lr"] = rate * (1 - rollout / rollouts)
-        # Rooms that are empty, or blocked for a minute, are filled again.
+        # Rooms that are empty, or where a minute is over, are filled again.
         crowds = [c if c.inside.any() and c.clock[0] < 60 else draw_crowd(room, people, rng) for c in crowds]
         to_go = [look(room, c, seen[0, e]) for e, c in enumerate(crowds)]
         inside[0] = [c.inside for c in crowds]
