@@ -54,7 +54,7 @@ def test_other_numbers_of_people_have_seats_too():
         assert len(set(taken_seats(count))) == count == make_scenario("theatre-v0", people=count).population.people
     assert max(np.diff(taken_seats(150))) == 2 and min(taken_seats(150)) < SEATS_A_ROW  # over all rows
     for count in (0, 175):
-        with pytest.raises(ValueError, match=rf"count is {count}; it must be 1 to 174: the number of seats"):
+        with pytest.raises(ValueError, match=rf"people is {count}; it must be 1 to 174: the number of seats"):
             make_scenario("theatre-v0", people=count)
 
 
