@@ -13,6 +13,7 @@ from crowd_env.core.arrays.headway import plain_manner
 from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.checks import POSITIVE, Range, known, number, whole
 from crowd_env.core.files.json_file import read_json
+from crowd_env.envs.settings import arguments_of
 
 from . import POLICIES, make_policy
 from .evaluation.entries import RULE
@@ -57,7 +58,7 @@ def default_config(
         "task": None,
         "scenario": scenario,
         "options": options,
-        "people": place.population.count,
+        "people": place.population.people,
         "strategy": "shortest",
         "scheme": scheme,
         "seed": seed,
@@ -106,7 +107,7 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
         **config,
         "task": task,
         "options": {**judged.options, **preset.options},
-        "people": place.population.count,
+        "people": place.population.people,
         "strategy": judged.rule,
         "dt": given.get("dt", preset.dt if scheme == judged.scheme else config["dt"]),
         "decision_dt": judged.decision_dt,
@@ -192,8 +193,7 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
         place_of(config),
         num_envs=config["envs"] if envs is None else envs,
         autoreset=True,
-        threads=threads,
-        **{name: config[name] for name in options},
+        **arguments_of({"threads": threads, **{name: config[name] for name in options}}),
     )
 
 
@@ -231,7 +231,7 @@ def check_config(config: Mapping[str, Any]) -> None:
     whole("seed", config["seed"], SEEDS)
     check_budget(minutes=config["minutes"], steps=config["steps"], envs=config["envs"])
     number("--dt", config["dt"], LEAST_DT, "s")
-    check_envs(config["envs"], place_of(config).population.count)
+    check_envs(config["envs"], place_of(config).population.people)
     env = make_env(config, envs=1)
     if config["start"] != RULE:
         rule = start_of(config)

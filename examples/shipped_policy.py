@@ -14,7 +14,7 @@ def main(people: int = 100, seed: int = 1_000_000) -> float:
     """Return when the last one of so many people is out of the competitive door [s]."""
     task, policy = make_task("competitive-door"), agents.load("competitive-door/ppo")
     options = {**task.env_options(task.scheme), **policy.env_options}
-    env = crowd_env.parallel_env(task.place(people), scheme=task.scheme, **options)
+    env = crowd_env.parallel_env(task.place(people), physics=task.scheme, **options)
     rng, layout = np.random.default_rng(seed), options["observation"]
     observations, infos = env.reset(seed=seed)
     while env.agents:

@@ -39,7 +39,7 @@ def evaluate_controller(
     ValueError
         If an option is unknown, out of range, or does not fit the others.
     """
-    one = RoutingBatch(scenario, **options)
+    one = RoutingBatch.of_settings(scenario, **options)
     simulation, sample_dt = one.env.simulation, sample_step(one.interval, one.env.simulation.dt)
     driver: Callable[[int], Driver]
     if isinstance(controller, str):

@@ -14,6 +14,7 @@ from crowd_env.core.files.fingerprint import fingerprint
 from ..evaluation.evaluation import HELD_OUT_SEED
 
 Decides = Literal["walking", "routing"]
+_STORED = {"people": "count"}  # field of a population -> what it was called when the first tasks were frozen
 _WORDS = ("name", "title", "reference")  # of a scenario, which change no evacuation
 
 
@@ -76,7 +77,7 @@ class Task:
         """
         count = self.people if people is None else whole("--people", people)
         try:
-            population = make_scenario(self.scenario, **self.options).population.changed(count=count)
+            population = make_scenario(self.scenario, **self.options).population.changed(people=count)
             scenario = make_scenario(self.scenario, **self.options, population=population)
         except ValueError as error:
             raise ValueError(f"task {self.name} cannot have {count} people: {error}") from None
@@ -124,4 +125,4 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
     names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
-    return {"": type(value).__name__} | {name: _plain(getattr(value, name)) for name in names}
+    return {"": type(value).__name__} | {_STORED.get(name, name): _plain(getattr(value, name)) for name in names}

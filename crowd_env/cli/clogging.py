@@ -131,7 +131,7 @@ def _recorded(paths: Sequence[Path]) -> dict[str, list[RunExits]]:
 def _name(place: Scenario, scheme: ContactScheme) -> str:
     speed = place.population.desired_speed
     range = f"{speed.low:g}" if speed.low == speed.high else f"{speed.low:g} to {speed.high:g}"
-    return f"{run_title(place, scheme.info.name)}, {counted(place.population.count, 'person', 'people')}, {range} m/s"
+    return f"{run_title(place, scheme.info.name)}, {counted(place.population.people, 'person', 'people')}, {range} m/s"
 
 
 def _write(

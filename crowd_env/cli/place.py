@@ -129,7 +129,7 @@ def people_options(
     people: dict[str, Any] = {} if recorded is None else {"starts": recorded, "start_region": None}
     number = count if recorded is None else len(recorded)
     if number is not None:
-        people["count"] = number
+        people["people"] = number
     if radius is not None:
         people["radius"] = _range(radius, "--radius")
     if speed is not None:

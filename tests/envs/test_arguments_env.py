@@ -17,12 +17,14 @@ from crowd_env import (
     CrowdVectorEnv,
     Geometry,
     ObservationLayout,
+    Physics,
     Population,
     RewardWeights,
     Scenario,
     SocialForce,
     contact_pressure,
     crowd_pressure,
+    make_scenario,
     make_scheme,
     make_vec,
     parallel_env,
@@ -36,7 +38,7 @@ def of(name, make=CrowdEnv, **others):
 
 @pytest.fixture(scope="module")
 def env():
-    made = CrowdEnv("room-v0", num_envs=2, count=3, scheme="dem")
+    made = CrowdEnv("room-v0", num_envs=2, people=3, physics="dem")
     made.reset([0, 1])
     return made
 
@@ -45,31 +47,31 @@ CONSTRUCTOR = [
     *rows("CrowdEnv.scenario", of("scenario"), (None, 7, 1.5, True, Scenario, {"a": 1}, [7], [None], b"x")),
     ("CrowdEnv of no scenario", lambda: CrowdEnv([]), ("no scenario",)),
     ("CrowdEnv unknown scenario", lambda: CrowdEnv("nowhere"), ("'nowhere'", "room-v0")),
-    ("CrowdEnv unknown option", lambda: CrowdEnv(sides=3.0), ("'sides'", "side")),
-    ("CrowdEnv option of a Scenario", lambda: CrowdEnv(crowd_env.make_scenario("room-v0"), side=3.0), ("side", "name")),
+    ("CrowdEnv unknown option", lambda: CrowdEnv(make_scenario("room-v0", sides=3.0)), ("'sides'", "side")),
+    ("CrowdEnv option of a Scenario", lambda: CrowdEnv(make_scenario(crowd_env.make_scenario("room-v0"), side=3.0)), ("side", "name")),
     *numeric("CrowdEnv.num_envs", of("num_envs"), "count"),
     *rows("CrowdEnv.num_envs", of("num_envs"), (10**9, 500_001)),
     *numeric("CrowdEnv.threads", of("threads"), "count"),
     *rows("CrowdEnv.threads", of("threads"), (10**6,)),
     *numeric("CrowdEnv.dt", of("dt"), "positive", or_none=True),
     *numeric("CrowdEnv.decision_dt", of("decision_dt"), "positive"),
-    ("CrowdEnv.decision_dt and dt", lambda: CrowdEnv(decision_dt=0.1, dt=0.03), ("decision_dt", "whole number", "0.03")),
-    ("CrowdEnv.dt tiny", lambda: CrowdEnv(decision_dt=1e300, dt=1e-300), ("decision_dt", "whole number")),
+    ("CrowdEnv.decision_dt and dt", lambda: CrowdEnv(decision_dt=0.1, physics=Physics(dt=0.03)), ("decision_dt", "whole number", "0.03")),
+    ("CrowdEnv.dt tiny", lambda: CrowdEnv(decision_dt=1e300, physics=Physics(dt=1e-300)), ("decision_dt", "whole number")),
     ("CrowdEnv.decision_dt short", lambda: CrowdEnv(decision_dt=0.004), ("decision_dt", "whole number")),
-    ("CrowdEnv.dt unstable", lambda: CrowdEnv(dt=1.0, decision_dt=1.0), ("dt = 1 s", "stable")),
-    ("CrowdEnv.dt unstable for dem", lambda: CrowdEnv(dt=0.1, scheme="dem"), ("dem", "stable step")),
-    ("CrowdEnv.door_width", lambda: CrowdEnv(door_width=0.3), ("0.30 m", "narrower", "0.40 m")),
+    ("CrowdEnv.dt unstable", lambda: CrowdEnv(physics=Physics(dt=1.0), decision_dt=1.0), ("dt = 1 s", "stable")),
+    ("CrowdEnv.dt unstable for dem", lambda: CrowdEnv(physics=Physics("dem", dt=0.1)), ("dem", "stable step")),
+    ("CrowdEnv.door_width", lambda: CrowdEnv(make_scenario("room-v0", door_width=0.3)), ("0.30 m", "narrower", "0.40 m")),
     *numeric("CrowdEnv.time_limit", of("time_limit"), "positive", or_none=True),
     *rows("CrowdEnv.frame", of("frame"), (*NO_CHOICE, None)),
-    ("CrowdEnv.frame unknown", lambda: CrowdEnv(frame="polar"), ("'polar'", "path", "world")),
+    ("CrowdEnv.frame unknown", lambda: CrowdEnv(action={"name": "continuous", "frame": "polar"}), ("'polar'", "path", "world")),
     *rows("CrowdEnv.action", of("action"), (*NO_CHOICE, None)),
     *rows("CrowdEnv.strategy", of("strategy"), (*NO_CHOICE, None)),
     *rows("CrowdEnv.autoreset", of("autoreset"), NO_FLAG),
     *rows("CrowdEnv.rules", of("rules"), NO_FLAG),
     *rows("CrowdEnv.scheme", of("scheme"), (None, 3, NSM2, ["nsm2"], b"nsm2", ...)),
-    ("CrowdEnv.scheme unknown", lambda: CrowdEnv(scheme="nsm3"), ("'nsm3'", "nsm2")),
-    ("CrowdEnv.scheme key", lambda: CrowdEnv(scheme={"name": "nsm2", "tolerence": 1}), ("'tolerence'", "tolerance")),
-    ("CrowdEnv.scheme social", lambda: CrowdEnv(scheme=NSM2(social="lim")), ("social", "'lim'", "lin", "helbing")),
+    ("CrowdEnv.scheme unknown", lambda: CrowdEnv(physics="nsm3"), ("'nsm3'", "nsm2")),
+    ("CrowdEnv.scheme key", lambda: CrowdEnv(physics={"name": "nsm2", "tolerence": 1}), ("'tolerence'", "tolerance")),
+    ("CrowdEnv.scheme social", lambda: CrowdEnv(physics=NSM2(social="lim")), ("social", "'lim'", "lin", "helbing")),
     *rows("CrowdEnv.observation", of("observation"), ("velocity", ["velocity"], 3, True, ObservationLayout, RewardWeights())),
     ("CrowdEnv.observation key", lambda: CrowdEnv(observation={"term": ["push"]}), ("observation", "'term'", "terms")),
     ("CrowdEnv.observation terms", lambda: CrowdEnv(observation={"terms": "push"}), ("observation", "terms", "('push',)")),
@@ -80,10 +82,10 @@ CONSTRUCTOR = [
     ("CrowdEnv.reward key", lambda: CrowdEnv(reward={"weights": {"time": 1.0}, "share": 1}), ("reward", "'share'", "weights")),
     ("CrowdEnv.reward weight", lambda: CrowdEnv(reward={"time": "1"}), ("'time'", "'1'")),
     *rows("CrowdEnv.population", of("population"), (20, "20", Population, [Population])),
-    ("CrowdEnv.population key", lambda: CrowdEnv(population={"number": 3}), ("population", "'number'", "count")),
-    ("CrowdEnv.population lacks", lambda: CrowdEnv(population={"radius": 0.2}), ("population", "'count' is missing")),
-    ("CrowdEnv.count", lambda: CrowdEnv(count=10**9), ("count", "1000000000")),
-    ("CrowdEnv.count too many", lambda: CrowdEnv(count=1000), ("1000 people do not fit",)),
+    ("CrowdEnv.population key", lambda: CrowdEnv(make_scenario("room-v0", population={"number": 3})), ("population", "'number'", "count")),
+    ("CrowdEnv.population lacks", lambda: CrowdEnv(make_scenario("room-v0", population={"radius": 0.2})), ("population", "'people' is missing")),
+    ("CrowdEnv.count", lambda: CrowdEnv(people=10**9), ("count", "1000000000")),
+    ("CrowdEnv.count too many", lambda: CrowdEnv(people=1000), ("1000 people do not fit",)),
     *rows("CrowdEnv.count", of("count"), (2.5, "20", None, True, NAN, 0, -1)),
 ]  # fmt: skip
 
@@ -157,7 +159,7 @@ def test_actions_that_are_none_are_refused(env, said, action):
     ],
 )
 def test_discrete_actions_that_are_none_are_refused(action, said):
-    discrete = CrowdEnv("room-v0", num_envs=2, count=3, scheme="dem", action="discrete")
+    discrete = CrowdEnv("room-v0", num_envs=2, people=3, physics="dem", action="discrete")
     discrete.reset([0, 1])
     refuses(lambda: discrete.step(action), ("action", said))
     assert not discrete.simulation.state.time.any()
@@ -196,7 +198,7 @@ def test_who_is_active_is_an_array_of_ones_own(env):
     before = env.active
     before[0] = False
     assert env.active.all()
-    one = CrowdEnv("room-v0", count=2, side=2.0, scheme="dem")
+    one = CrowdEnv(make_scenario("room-v0", side=2.0), people=2, physics="dem")
     one.reset(seed=0)
     inside = one.active
     while not one.finished.all():
@@ -255,11 +257,10 @@ def test_plans_that_are_none_are_refused(call, words):
 
 def test_plain_data_configure_an_environment():
     plain = CrowdEnv(
-        "room-v0",
-        scheme={"name": "nsm2", "tolerance": 1e-3, "social": "lin"},
+        make_scenario("room-v0", population={"people": 4, "radius": (0.2, 0.22), "mass": 70}),
+        physics={"name": "nsm2", "tolerance": 1e-3, "social": "lin"},
         observation={"terms": ["velocity", "walls"], "rays": 4},
         reward={"time": 1},
-        population={"count": 4, "radius": (0.2, 0.22), "mass": 70},
         num_envs=np.int64(2),
     )
     assert plain.simulation.scheme == NSM2(tolerance=1e-3, social=SocialForce())
@@ -283,7 +284,7 @@ TEXT = """{
     "scheme": {"name": "nsm2", "tolerance": 1e-3, "social": "lin"},
     "observation": {"terms": ["velocity", "walls"], "rays": 4},
     "reward": {"weights": {"time": 1, "contact": 0.05}, "team_share": 0.5},
-    "population": {"count": 4, "radius": [0.2, 0.22], "mass": 70},
+    "population": {"people": 4, "radius": [0.2, 0.22], "mass": 70},
     "action": "discrete", "frame": "world", "time_limit": 3, "strategy": "nearest"
 }"""
 
@@ -292,15 +293,13 @@ TEXT = """{
 def test_a_json_text_configures_every_interface_as_objects_do(name):
     inner = MAKERS[name](**json.loads(TEXT)).unwrapped.env
     objects = CrowdEnv(
-        "room-v0",
-        scheme=NSM2(tolerance=1e-3, social=SocialForce()),
+        make_scenario("room-v0", population=Population(4, radius=(0.2, 0.22), mass=70.0)),
+        physics=NSM2(tolerance=1e-3, social=SocialForce()),
         observation=ObservationLayout(("velocity", "walls"), rays=4),
         reward=RewardWeights({"time": 1.0, "contact": 0.05}, 0.5),
-        population=Population(4, radius=(0.2, 0.22), mass=70.0),
-        action=ACTIONS["discrete"],
-        frame="world",
+        action={"name": ACTIONS["discrete"], "frame": "world"},
         time_limit=3.0,
-        strategy="nearest",
+        routing="nearest",
     )
     assert inner.layout == objects.layout and inner.reward_weights == objects.reward_weights
     assert inner.simulation.scheme == objects.simulation.scheme and inner.action_kind is objects.action_kind
@@ -328,7 +327,7 @@ def test_a_json_text_configures_every_interface_as_objects_do(name):
         ('{"scheme": {"name": "nsm2", "tolerance": "1e-3"}}', ("tolerance", "'1e-3'")),
         ('{"action": {"name": "discreet"}}', ("action kind", "known: continuous, discrete")),
         ('{"action": {"name": "speeds", "speeds": [0, 0.5]}}', ("speeds", "rule")),
-        ('{"population": {"radius": 0.2}}', ("population", "'count' is missing")),
+        ('{"population": {"radius": 0.2}}', ("population", "'people' is missing")),
     ],
 )
 def test_each_mistake_in_a_json_text_is_one_sentence(name, text, words):

@@ -10,7 +10,7 @@ from crowd_env import CrowdEnv
 
 
 def test_environments_that_were_never_reset_are_not_simulated_and_pay_and_end_nothing():
-    env = CrowdEnv("room-v0", num_envs=3, scheme="dem", autoreset=True, time_limit=6.0)
+    env = CrowdEnv("room-v0", num_envs=3, physics="dem", autoreset=True, time_limit=6.0)
     observation, _ = env.reset([1, 2, 3], mask=[False, True, False])
     others = np.ones(60, dtype=bool)
     others[env.people(1)] = False
@@ -30,7 +30,7 @@ def test_environments_that_were_never_reset_are_not_simulated_and_pay_and_end_no
 
 
 def test_an_environment_reset_later_is_what_it_would_have_been_at_first():
-    late, fresh = (CrowdEnv("room-v0", num_envs=2, scheme="dem") for _ in range(2))
+    late, fresh = (CrowdEnv("room-v0", num_envs=2, physics="dem") for _ in range(2))
     late.reset([1, 2], mask=[True, False])
     for _ in range(5):
         late.step(None)
@@ -53,7 +53,7 @@ def test_nobody_is_inside_before_the_first_reset():
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_copies_of_an_environment_that_has_not_begun_draw_crowds_of_their_own(copied):
     """Wrappers that copy one environment many times, as SuperSuit's do, would otherwise step the same room many times over."""
-    env = CrowdEnv(count=4)
+    env = CrowdEnv(people=4)
     one, other = (each.reset()[0] for each in (env, copied(env)))
     assert not np.array_equal(one, other)
     again, same = (each.reset()[0] for each in (env, copied(env)))  # once begun, a copy goes on as the environment does

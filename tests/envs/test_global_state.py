@@ -7,7 +7,7 @@ from crowd_env import Geometry, Normal, Population, Scenario, Uniform, make_scen
 from crowd_env.geometry.geometry import box
 from crowd_env.routing.spec import DoorEvent
 
-SMALL = {"count": 8, "time_limit": 6.0}
+SMALL = {"people": 8, "time_limit": 6.0}
 LINES = {"west": [(0, 1.5), (0, 2.5)], "east": [(8, 1.5), (8, 3.5)]}
 
 
@@ -29,7 +29,7 @@ def corridor(origin=(0.0, 0.0), *, doors=None, **options):
 
 
 def test_the_state_of_two_people_by_hand():
-    env = parallel_env(corridor(), strategy="nearest")
+    env = parallel_env(corridor(), routing="nearest")
     layout = env.state_layout
     assert (layout.people, layout.exits, layout.size) == (2, 2, 2 * 13 + 2 * 5 + 1)
     env.reset(seed=0)
@@ -57,7 +57,7 @@ def test_the_state_of_two_people_by_hand():
 
 
 def test_people_who_are_out_leave_the_exit_they_took_and_nothing_else():
-    env = parallel_env(corridor(), strategy="east")
+    env = parallel_env(corridor(), routing="east")
     env.reset(seed=0)
     layout = env.state_layout
     np.testing.assert_array_equal(layout.split(env.state()).people[:, layout["exit"]], [[0, 1], [0, 1]])
@@ -104,7 +104,7 @@ def test_places_are_told_from_the_corner_of_the_plan_so_that_float32_can_hold_th
 @pytest.mark.parametrize("name", ["room-v0", "two-exit-hall-v0", "counter-flow-v0"])
 def test_the_state_is_everybody_where_the_exits_are_and_the_time_left(name):
     scenario = make_scenario(name)
-    scenario = scenario if name == "counter-flow-v0" else make_scenario(name, count=8)
+    scenario = scenario if name == "counter-flow-v0" else make_scenario(name, people=8)
     env = parallel_env(scenario, time_limit=6.0)
     env.reset(seed=2)
     layout, bodies, crowd = env.state_layout, env.env.simulation.bodies, env.env.simulation.state
@@ -128,10 +128,10 @@ def test_the_state_is_everybody_where_the_exits_are_and_the_time_left(name):
 
 def test_its_size_depends_on_people_and_exits_alone():
     sizes = {
-        parallel_env("room-v0", strategy=strategy, **options).state_space.shape
+        parallel_env("room-v0", routing=strategy, **options).state_space.shape
         for options in (
-            {"count": 5},
-            {"count": 5, "side": 9.0},
+            {"people": 5},
+            {"people": 5, "side": 9.0},
             {"population": Population(5, mass=Normal(70, 5, 50, 90))},
         )
         for strategy in ("shortest", "nearest", "comfortable")

@@ -8,7 +8,7 @@ import pytest
 from refusals import refuses
 
 import crowd_env
-from crowd_env import MANNERS, CrowdEnv, Headway, make_scenario
+from crowd_env import MANNERS, CrowdEnv, Headway, Walking, make_scenario
 from crowd_env.analysis.results.report import report
 from crowd_env.envs.parallel import env as aec_env
 from crowd_env.envs.rollout import run_episodes
@@ -27,8 +27,8 @@ DOORS = {
     "Gymnasium": lambda **options: gymnasium.make("crowd_env/room-v0", **options).unwrapped.env,
     "vector": lambda **options: gymnasium.make_vec("crowd_env/room-v0", num_envs=2, **options).env,
     "make_vec": lambda **options: crowd_env.make_vec("room-v0", num_envs=2, **options).env,
-    "routing": lambda **options: gymnasium.make("crowd_env/Routing-v0", count=20, **options).unwrapped.env,
-    "routing vector": lambda **options: gymnasium.make_vec("crowd_env/Routing-v0", count=20, **options).env,
+    "routing": lambda **options: gymnasium.make("crowd_env/Routing-v0", people=20, **options).unwrapped.env,
+    "routing vector": lambda **options: gymnasium.make_vec("crowd_env/Routing-v0", people=20, **options).env,
     "stable-baselines3": lambda **options: sb3(**options).env,
 }
 through_every_door = pytest.mark.parametrize("make", DOORS.values(), ids=DOORS)
@@ -52,23 +52,25 @@ def test_every_door_takes_a_manner(make):
 
 def test_without_a_manner_nothing_changes_whatever_people_are_driven_by():
     usual = walked(CrowdEnv("room-v0"))
-    assert np.array_equal(usual, walked(CrowdEnv("room-v0", manner="competitive")))
-    assert np.array_equal(usual, walked(CrowdEnv("room-v0", population={"count": 20, "push": (0, 1), "time_gap": 2})))
-    assert not np.array_equal(usual, walked(CrowdEnv("room-v0", manner="calm")))
+    assert np.array_equal(usual, walked(CrowdEnv("room-v0", walking="competitive")))
+    assert np.array_equal(
+        usual, walked(CrowdEnv(make_scenario("room-v0", population={"people": 20, "push": (0, 1), "time_gap": 2})))
+    )
+    assert not np.array_equal(usual, walked(CrowdEnv("room-v0", walking="calm")))
 
 
 def test_the_manner_is_that_of_the_scenario_unless_the_run_says_another():
     calm = replace(make_scenario("room-v0"), manner="calm")
-    assert np.array_equal(walked(CrowdEnv(calm)), walked(CrowdEnv("room-v0", manner="calm")))
-    assert np.array_equal(walked(CrowdEnv(calm, manner="competitive")), walked(CrowdEnv("room-v0")))
+    assert np.array_equal(walked(CrowdEnv(calm)), walked(CrowdEnv("room-v0", walking="calm")))
+    assert np.array_equal(walked(CrowdEnv(calm, walking="competitive")), walked(CrowdEnv("room-v0")))
     refuses(
         lambda: CrowdEnv([calm, "room-v0"], num_envs=2), ("one batch", "calm in room", "competitive in room", "manner=")
     )
-    assert CrowdEnv([calm, "room-v0"], num_envs=2, manner="hurried").simulation.manner == MANNERS["hurried"]
+    assert CrowdEnv([calm, "room-v0"], num_envs=2, walking="hurried").simulation.manner == MANNERS["hurried"]
 
 
 def test_a_rollout_and_its_report_know_the_manner():
-    place = make_scenario("room-v0", count=8)
+    place = make_scenario("room-v0", people=8)
     usual, calm = (run_episodes(place, 2, manner=manner) for manner in (None, "calm"))
     assert min(one.end for one in calm) > max(one.end for one in usual)
     assert report(place, "nsm2", usual)["manner"] == "competitive"
@@ -80,11 +82,13 @@ def test_a_rollout_and_its_report_know_the_manner():
 def test_a_manner_for_the_ruled_leaves_those_who_act_alone(frame):
     ruled = np.arange(20) < 10
     for manner_for in ("everyone", "ruled"):
-        env = CrowdEnv("room-v0", manner="calm", manner_for=manner_for, frame=frame)
+        env = CrowdEnv(
+            "room-v0", walking=Walking("calm", acts_on=manner_for), action={"name": "continuous", "frame": frame}
+        )
         env.reset(seed=0)
         most, least = np.zeros(20), np.full(20, np.inf)
         for _ in range(20):
-            env.step(np.tile([1.0, 0.0], (20, 1)), rule=ruled)
+            env.step(np.tile([1.0, 0.0], (20, 1)), scripted=ruled)
             wanted = np.hypot(*env.simulation.history.walking_velocity.T) / env.simulation.bodies.desired_speed
             most, least = np.maximum(most, wanted), np.minimum(least, np.where(env.active, wanted, np.inf))
         assert (least[ruled] < 0.9).any() and (most <= 1.0 + 1e-12).all()
@@ -95,16 +99,24 @@ def test_a_manner_for_the_ruled_leaves_those_who_act_alone(frame):
 
 
 def test_a_manner_for_nobody_known_is_refused():
-    refuses(lambda: CrowdEnv("room-v0", manner_for="learned"), ("unknown manner_for 'learned'", "everyone, ruled"))
+    refuses(
+        lambda: CrowdEnv("room-v0", walking=Walking(acts_on="learned")),
+        ("unknown manner_for 'learned'", "everyone, ruled"),
+    )
 
 
 def test_every_restart_draws_pushes_anew():
-    env = CrowdEnv("room-v0", num_envs=2, manner="calm", population={"count": 20, "push": (0.0, 0.5)}, autoreset=True)
+    env = CrowdEnv(
+        make_scenario("room-v0", population={"people": 20, "push": (0.0, 0.5)}),
+        num_envs=2,
+        walking="calm",
+        autoreset=True,
+    )
     env.reset(seed=0)
     first = env.simulation.bodies.push.copy()
     env.reset(mask=np.array([True, False]))
     assert (env.simulation.bodies.push[:20] != first[:20]).all()
     assert np.array_equal(env.simulation.bodies.push[20:], first[20:])
-    alone = CrowdEnv("room-v0", manner="calm", population={"count": 20, "push": (0.0, 0.5)})
+    alone = CrowdEnv(make_scenario("room-v0", population={"people": 20, "push": (0.0, 0.5)}), walking="calm")
     alone.reset(seed=0)
     assert np.array_equal(alone.simulation.bodies.push, first[:20])

@@ -16,7 +16,13 @@ FULL = ObservationLayout(tuple(TERMS), neighbors=7, rays=12, routes=1)
 
 def crowds(frame="path", layout=FULL, scheme="nsm2"):
     """Yield a batch of two different places at many moments, with what everyone has just perceived."""
-    env = CrowdEnv([make_scenario("room-v0"), CLUTTERED], num_envs=3, frame=frame, observation=layout, scheme=scheme)
+    env = CrowdEnv(
+        [make_scenario("room-v0"), CLUTTERED],
+        num_envs=3,
+        action={"name": "continuous", "frame": frame},
+        observation=layout,
+        physics=scheme,
+    )
     observation, _ = env.reset(seed=1)
     rng = np.random.default_rng(1)
     for k in range(45):
@@ -77,7 +83,7 @@ def way_out_of_the_room(start, radius):
 
 
 def test_direction_and_travel_time_are_those_of_the_shortest_path():
-    env = CrowdEnv("room-v0", num_envs=10, population=Population(10, radius=Uniform(0.25, 0.25)))
+    env = CrowdEnv(make_scenario("room-v0", population=Population(10, radius=Uniform(0.25, 0.25))), num_envs=10)
     observation, _ = env.reset(seed=3)
     state, bodies = env.simulation.state, env.simulation.bodies
     free = state.position[:, 0] < 4.7  # nearer to the wall the path leads away from it first
@@ -90,7 +96,7 @@ def test_direction_and_travel_time_are_those_of_the_shortest_path():
 
 @pytest.mark.parametrize("scheme", ["dem", "nsm1-inertial", "nsm2"])
 def test_push_and_crush_are_the_impulses_of_the_contacts(scheme):
-    env = CrowdEnv([make_scenario("room-v0"), CLUTTERED], num_envs=3, scheme=scheme, decision_dt=0.01)
+    env = CrowdEnv([make_scenario("room-v0"), CLUTTERED], num_envs=3, physics=scheme, decision_dt=0.01)
     observation, _ = env.reset(seed=1)
     simulation, pushed = env.simulation, 0
     for k in range(250):
@@ -236,7 +242,9 @@ def test_neighbors_at_equal_gaps_come_in_the_order_of_their_slots():
     starts = starts[np.random.default_rng(0).permutation(len(starts))]
     people = Population(len(starts), radius=Uniform(0.2, 0.2), starts=starts)
     layout = ObservationLayout(terms=("neighbors",), neighbors=2)
-    env = CrowdEnv("room-v0", population=people, frame="world", observation=layout)
+    env = CrowdEnv(
+        make_scenario("room-v0", population=people), action={"name": "continuous", "frame": "world"}, observation=layout
+    )
     observation, _ = env.reset(seed=0)
     for i in range(len(starts)):
         offset = starts - starts[i]
@@ -269,7 +277,12 @@ def test_a_turned_room_is_perceived_as_turned(frame):
         geometry = Geometry.from_polygon(turn(square), exits=[turn(door)], obstacles=[turn(block)])
         people = Population(30, radius=Uniform(0.2, 0.2), starts=turn(starts))
         layout = ObservationLayout(tuple(TERMS))
-        env = CrowdEnv(Scenario("turned", geometry, people, 60.0), scheme="dem", frame=frame, observation=layout)
+        env = CrowdEnv(
+            Scenario("turned", geometry, people, 60.0),
+            physics="dem",
+            action={"name": "continuous", "frame": frame},
+            observation=layout,
+        )
         shows.append([env.reset(seed=0)[0], *(env.step(None).observation for _ in range(9))])
     terms = {name: [np.array(show)[:, :, layout[name]].astype(float) for show in shows] for name in layout.terms}
     steps = terms["velocity"][0].shape[:2]
@@ -311,7 +324,7 @@ def test_columns_follow_the_order_of_the_terms_without_gaps():
 
 
 def test_who_is_out_perceives_nothing_and_is_not_perceived():
-    env = CrowdEnv("room-v0", count=2, observation=ObservationLayout(neighbors=1))
+    env = CrowdEnv("room-v0", people=2, observation=ObservationLayout(neighbors=1))
     env.reset(seed=0)
     while env.active.all():
         env.step(None)

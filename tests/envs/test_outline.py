@@ -9,7 +9,7 @@ from refusals import refuses
 from shapely.geometry import box
 
 import crowd_env
-from crowd_env import OUTLINES, CrowdEnv, Geometry, Groups, Outline, Population, Scenario, make_scenario
+from crowd_env import OUTLINES, CrowdEnv, Geometry, Groups, Outline, Physics, Population, Scenario, make_scenario
 from crowd_env.analysis.results.report import report
 from crowd_env.envs.parallel import env as aec_env
 from crowd_env.envs.rollout import run_episodes
@@ -32,8 +32,8 @@ DOORS = {
     "Gymnasium": lambda **options: gymnasium.make("crowd_env/room-v0", **options).unwrapped.env,
     "vector": lambda **options: gymnasium.make_vec("crowd_env/room-v0", num_envs=2, **options).env,
     "make_vec": lambda **options: crowd_env.make_vec("room-v0", num_envs=2, **options).env,
-    "routing": lambda **options: gymnasium.make("crowd_env/Routing-v0", count=20, **options).unwrapped.env,
-    "routing vector": lambda **options: gymnasium.make_vec("crowd_env/Routing-v0", count=20, **options).env,
+    "routing": lambda **options: gymnasium.make("crowd_env/Routing-v0", people=20, **options).unwrapped.env,
+    "routing vector": lambda **options: gymnasium.make_vec("crowd_env/Routing-v0", people=20, **options).env,
     "stable-baselines3": lambda **options: sb3(**options).env,
 }
 
@@ -58,19 +58,19 @@ def walked(env, steps=10):
 def test_the_outline_is_that_of_the_scenario_unless_the_run_says_another():
     room = make_scenario("room-v0", side=6.0)
     torsos = replace(room, outline="torso")
-    named = walked(CrowdEnv(room, scheme="hertz", outline="torso"))
-    assert np.array_equal(walked(CrowdEnv(torsos, scheme="hertz")), named)
-    usual = walked(CrowdEnv(room, scheme="hertz"))
-    assert np.array_equal(walked(CrowdEnv(torsos, scheme="hertz", outline="disc")), usual)
+    named = walked(CrowdEnv(room, physics=Physics("hertz", outline="torso")))
+    assert np.array_equal(walked(CrowdEnv(torsos, physics="hertz")), named)
+    usual = walked(CrowdEnv(room, physics="hertz"))
+    assert np.array_equal(walked(CrowdEnv(torsos, physics=Physics("hertz", outline="disc"))), usual)
     assert not np.array_equal(usual, named)
     refuses(lambda: CrowdEnv(torsos), ("nsm2 does not turn bodies", "'torso'"))
     refuses(
-        lambda: CrowdEnv([torsos, room], num_envs=2, scheme="hertz"), ("one batch", "torso in room", "disc in room")
+        lambda: CrowdEnv([torsos, room], num_envs=2, physics="hertz"), ("one batch", "torso in room", "disc in room")
     )
 
 
 def test_a_rollout_and_its_report_know_the_outline():
-    place = make_scenario("room-v0", count=8, side=5.0)
+    place = make_scenario("room-v0", people=8, side=5.0)
     episodes = run_episodes(place, 2, scheme="hertz", outline="torso")
     assert report(place, "hertz", episodes)["outline"] == "disc"
     assert report(place, "hertz", episodes, outline="torso")["outline"] == "torso"
@@ -84,7 +84,7 @@ def test_people_are_placed_with_room_to_turn():
     place = Geometry.from_polygon(box(0, 0, 8, 6), exits=[[(8, 2), (8, 4)]], regions={"left": box(0, 0, 4, 6)})
     for people in (Population(35), groups):
         scenario = Scenario("hall", place, people, 60.0, outline="torso")
-        env = CrowdEnv(scenario, scheme="hertz")
+        env = CrowdEnv(scenario, physics="hertz")
         env.reset(seed=1)
         position = env.simulation.state.position
         wide = TORSO.shape.reach * env.simulation.bodies.radius
@@ -101,7 +101,7 @@ def test_too_many_people_with_shoulders_are_refused_before_any_is_drawn():
 
 
 def test_a_new_episode_has_the_inertia_of_the_outline_and_faces_the_way():
-    env = CrowdEnv("room-v0", num_envs=2, outline="torso", side=6.0, scheme="hertz")
+    env = CrowdEnv(make_scenario("room-v0", side=6.0), num_envs=2, physics=Physics("hertz", outline="torso"))
     for seed in (0, 1):
         env.reset(seed=seed)
         bodies = env.simulation.bodies

@@ -63,7 +63,7 @@ def test_progress_sums_to_the_travel_time_from_the_start_whatever_the_way(policy
 
 
 def test_the_first_travel_time_is_the_length_of_the_way_over_the_own_speed():
-    env = CrowdEnv("room-v0", frame="world")
+    env = CrowdEnv("room-v0", action={"name": "continuous", "frame": "world"})
     observation, _ = env.reset(seed=0)
     seen = observation[:, env.layout["travel_time"]][:, 0].astype(float)
     time = 5.0 * seen / (1.0 - seen)
@@ -93,7 +93,7 @@ def test_heads_of_queues_are_charged_for_the_time_until_the_last_is_out(policy, 
 
 
 def test_the_head_is_nearest_by_its_route_and_every_route_has_one():
-    env = CrowdEnv("two-exit-hall-v0", strategy="nearest", num_envs=2)
+    env = CrowdEnv("two-exit-hall-v0", routing="nearest", num_envs=2)
     env.reset(seed=0)
     rng, routes = np.random.default_rng(0), set()
     for _ in range(20):
@@ -175,7 +175,7 @@ def test_sharing_moves_reward_within_the_room_and_makes_none():
 def test_time_is_shared_with_those_who_have_left():
     """The return of everyone who shares all is minus the mean exit time, whoever is out first."""
     for share in (0.0, 0.25, 1.0):
-        env, _, steps = episodes(rule, RewardWeights({"time": 1.0}, share), num_envs=2, count=5, time_limit=30.0)
+        env, _, steps = episodes(rule, RewardWeights({"time": 1.0}, share), num_envs=2, people=5, time_limit=30.0)
         exit_time = env.simulation.state.exit_time
         paid = sum(step.reward for _, step, _ in steps)
         mean = exit_time.reshape(2, 5).mean(axis=1)[env.env_of_person]

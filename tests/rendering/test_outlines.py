@@ -6,7 +6,7 @@ import shapely
 from outlined_crowds import TORSO, bodies_as_shapes, grains
 from shapely.geometry import box
 
-from crowd_env import CrowdEnv, Geometry
+from crowd_env import CrowdEnv, Geometry, Physics, make_scenario
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics.hertz import Hertz
 from crowd_env.physics.pressure import contact_forces
@@ -47,7 +47,7 @@ def test_a_dot_shows_where_a_body_faces_and_discs_are_drawn_as_before():
 
 
 def test_environments_and_recordings_show_shoulders():
-    env = CrowdEnv("room-v0", scheme="hertz", outline="torso", side=6.0)
+    env = CrowdEnv(make_scenario("room-v0", side=6.0), physics=Physics("hertz", outline="torso"))
     env.reset(seed=0)
     for _ in range(8):
         env.step(None)
@@ -58,7 +58,7 @@ def test_environments_and_recordings_show_shoulders():
     discs = renderer.frame(state.position, radius, velocity=state.velocity, **shown)
     differs = [(frame != other).any(axis=-1).mean() for other in (expected, discs)]
     assert differs[0] < 0.3 * differs[1]
-    place = make_scenario("room-v0", side=6.0, count=5)
+    place = make_scenario("room-v0", side=6.0, people=5)
     film = record(place, seed=1, scheme="hertz", outline="torso")
     assert film.outline == TORSO and film.angle.shape == film.position.shape[:2]
     np.testing.assert_array_equal(film.angle[0], film.angle[1])

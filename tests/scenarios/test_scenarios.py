@@ -9,7 +9,7 @@ from commands import call, figures
 from crowds import clear
 from evacuations import evacuated
 
-from crowd_env import SCENARIOS, make_scenario
+from crowd_env import SCENARIOS, Routing, make_scenario
 from crowd_env.cli.place import read_place
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import about, options_of
@@ -54,14 +54,14 @@ def test_the_ends_of_every_option_make_a_scenario(name):
     for option, declared in make.declared().items():
         for end in (declared.low, declared.high):
             if np.isfinite(end):
-                make_scenario(name, **{option: end, "count": 4})
+                make_scenario(name, **{option: end, "people": 4})
 
 
 @pytest.mark.parametrize("width", [0.7, 1.0, 2.5, 5.0])
 def test_a_bottleneck_of_any_width(width):
-    place = make_scenario("bottleneck-v0", width=width, count=20)
+    place = make_scenario("bottleneck-v0", width=width, people=20)
     assert np.hypot(*(place.geometry.exits[0, 1] - place.geometry.exits[0, 0])) == pytest.approx(width)
-    assert place.geometry.area == pytest.approx(70 + 2.8 * width) and place.population.count == 20
+    assert place.geometry.area == pytest.approx(70 + 2.8 * width) and place.population.people == 20
     assert f"of {width:g} m" in place.title
 
 
@@ -81,31 +81,31 @@ def test_counter_flow_and_crossing_go_where_they_mean_to():
 
 def test_the_rule_of_the_floor_sends_people_east():
     def eastwards(rules):
-        env = evacuated("floor-v0", rules=rules, num_envs=4)
+        env = evacuated("floor-v0", routing=Routing(signs=rules), num_envs=4)
         return (np.array(env.scenarios[0].geometry.exit_names)[env.simulation.state.exit_index] == "east").sum()
 
     assert eastwards(True) > eastwards(False)
 
 
 def test_seats_are_drawn_when_there_are_fewer_people():
-    place = make_scenario("classroom-v0", count=10)
+    place = make_scenario("classroom-v0", people=10)
     _, position = place.population.draw(np.random.default_rng(0), place.geometry)
     seats = {tuple(seat) for seat in place.population.starts.round(6)}
     assert len(position) == 10 and {tuple(p) for p in position.round(6)} < seats
     with pytest.raises(ValueError, match=r"starts must have the shape \(99, 2\), not \(24, 2\)"):
-        make_scenario("classroom-v0", count=99)
+        make_scenario("classroom-v0", people=99)
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_unknown_options_list_the_known_ones(name):
     with pytest.raises(ValueError, match=rf"{name} has no option 'color'; known: .*count"):
         make_scenario(name, color=3)
-    assert {"count", "time_limit", "population"} <= set(options_of(name))
+    assert {"people", "time_limit", "population"} <= set(options_of(name))
     assert about(name) == (make_scenario(name).title, make_scenario(name).reference)
 
 
 def test_names_are_registered():
-    env = gymnasium.make("crowd_env/counter-flow-v0", width=3.0)
+    env = gymnasium.make("crowd_env/counter-flow-v0", scenario=make_scenario("counter-flow-v0", width=3.0))
     env.reset(seed=0)
     env.close()
 
@@ -130,7 +130,7 @@ def test_run_takes_a_strategy_and_leaves_out_rules():
 
 def test_run_keeps_seats_and_shares_people_out(tmp_path):
     seated = read_place("classroom-v0", count=6, speed="1.5").population
-    assert (seated.count, len(seated.starts), seated.desired_speed.high) == (6, 24, 1.5)
+    assert (seated.people, len(seated.starts), seated.desired_speed.high) == (6, 24, 1.5)
     assert figures("run counter-flow-v0 --runs 1 --n 8 --radius 0.2")["people"] == 8
     (tmp_path / "starts.csv").write_text("x,y\n15,6\n16,6\n")
     elsewhere = read_place("two-exit-hall-v0", starts=tmp_path / "starts.csv").population
@@ -141,7 +141,7 @@ def test_run_keeps_seats_and_shares_people_out(tmp_path):
 def test_two_equal_exits_share_a_crowd_that_starts_beside_one_of_them(scheme):
     share, last = {}, {}
     for strategy in ("nearest", "fastest"):
-        env = evacuated("two-exit-hall-v0", num_envs=4, scheme=scheme, strategy=strategy, seed=[0, 1, 2, 3])
+        env = evacuated("two-exit-hall-v0", num_envs=4, physics=scheme, routing=strategy, seed=[0, 1, 2, 3])
         share[strategy] = (env.simulation.state.exit_index == 0).mean()
         last[strategy] = np.mean([env.metrics(e).evacuation_time for e in range(4)])
     assert 0.4 < share["fastest"] < 0.6 < 0.95 < share["nearest"]

@@ -53,7 +53,7 @@ def report(
         "dt": chosen.info.default_dt if dt is None else dt,
         "time_limit": episodes[0].time_limit,
         "version": __version__,
-        "people": scenario.population.count,
+        "people": scenario.population.people,
         "population": plain(scenario.population.parts),
         **figures_of(metrics),
         "mean_exit_time": named(column(metrics, "mean_exit_time")),

@@ -207,7 +207,7 @@ def main(
     if as_json:
         typer.echo(json.dumps(figures, allow_nan=False))
     else:
-        title = run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each")
+        title = run_title(place, people=f"{place.population.people} people", runs=f"{runs} runs each")
         if learned_share is not None:
             title += f", {100 * learned_share:g} % learned"
         _show(results, title, place, chosen)

@@ -98,7 +98,7 @@ def main(
         with friendly_errors(lambda: _left_behind(folder, {**again, "outline": outline, "schemes": scheme})):
             whole("--runs", runs, RUNS)
             check_libraries()
-            of_place = {**plan_options(scenario, exit, unit), **({} if people is None else {"count": people})}
+            of_place = {**plan_options(scenario, exit, unit), **({} if people is None else {"people": people})}
             place = make_scenario(scenario, **of_place)
             options |= {"manner": plain_manner(place.manner_of_run(manner)), **of_place}
             options["outline"] = plain_outline(place.outline_of_run(outline))
@@ -136,7 +136,7 @@ def _check(options: dict[str, Any], seed: int, split: float, **budget: float) ->
     columns, rows = options["grid"]
     if columns * rows > _MOST_CELLS:
         raise ValueError(f"--grid is {columns} {rows}; it must have at most {_MOST_CELLS} cells")
-    batch = RoutingBatch(**options)
+    batch = RoutingBatch.of_settings(**options)
     if len(batch.layout.routes) < 2:
         raise ValueError(f"scenario {batch.scenario.name!r} has one way out: there is nothing to choose")
     check_envs(int(budget["envs"]), batch.env.num_people)

@@ -148,7 +148,7 @@ def test_what_no_kernel_could_read_is_named(field, value, word):
     "copied", [copy.deepcopy, lambda thing: pickle.loads(pickle.dumps(thing))], ids=["copy", "pickle"]
 )
 def test_a_copy_refers_to_arrays_of_its_own(copied):
-    env = CrowdEnv("room-v0", scheme="dem")
+    env = CrowdEnv("room-v0", physics="dem")
     env.reset(seed=0)
     env.step(None)
     other = copied(env)
