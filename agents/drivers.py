@@ -9,7 +9,7 @@ import numpy as np
 from crowd_env import CrowdEnv, Scenario, Step
 from crowd_env.core.arrays.state import Bools
 from crowd_env.envs.rollout import Driver, run_episodes
-from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.envs.settings import arguments_of
 
 from .controllers import Controller
@@ -141,7 +141,7 @@ class ControllerDriver(Driver):
 
     def __init__(self, controller: Controller, scenario: str | Scenario, **options: Any) -> None:
         self.controller = controller
-        self.batch = RoutingBatch.of_settings(scenario, **options)
+        self.batch = RoutingBatch(**routing_arguments(scenario, **options))
         super().__init__(self.batch.env)
 
     def reset(self, seeds: list[int]) -> None:

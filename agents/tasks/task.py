@@ -14,7 +14,6 @@ from crowd_env.core.files.fingerprint import fingerprint
 from ..evaluation.evaluation import HELD_OUT_SEED
 
 Decides = Literal["walking", "routing"]
-_STORED = {"people": "count"}  # field of a population -> what it was called when the first tasks were frozen
 _WORDS = ("name", "title", "reference")  # of a scenario, which change no evacuation
 
 
@@ -125,4 +124,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
     names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
-    return {"": type(value).__name__} | {_STORED.get(name, name): _plain(getattr(value, name)) for name in names}
+    kind = type(value).__name__
+    said = {"people": "count"} if kind == "Population" else {}  # as digests in files have it
+    return {"": kind} | {said.get(name, name): _plain(getattr(value, name)) for name in names}

@@ -8,6 +8,7 @@ import numpy as np
 
 from crowd_env.analysis.gaps import Gap
 from crowd_env.analysis.passages import Passage, narrowest_passages
+from crowd_env.analysis.results.report import exit_widths
 from crowd_env.analysis.terrain import Terrain, survey
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.geometry import Geometry
@@ -110,9 +111,7 @@ def check_plan(
     regions = tuple(dict.fromkeys(part.start_region for part in people.parts if part.starts is None))
     start_area = geometry.area if None in regions or not regions else sum(geometry.area_of(r) for r in regions)
     middle = 0.5 * room * (least + people.radius.high)
-    widths: dict[str, float] = {}
-    for exit_name, (a, b) in zip(geometry.exit_names, geometry.exits, strict=True):
-        widths[exit_name] = widths.get(exit_name, 0.0) + float(np.hypot(*(b - a)))
+    widths = exit_widths(geometry)
     lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
     remarks += _of_exits(widths, passages, people)

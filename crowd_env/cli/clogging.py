@@ -89,7 +89,7 @@ def clog(
         episodes: list[Episode] = []
         stopped: RunsInterrupted | None = None
         if scenario is not None or not sets:
-            found_place = read_place(scenario or "lin-room-v0", exits=exit, unit=unit, count=n, speed=speed)
+            found_place = read_place(scenario or "lin-room-v0", exits=exit, unit=unit, people=n, speed=speed)
             place = with_manner(found_place, manner, outline)
             contact = make_scheme(scheme)
             name = _name(place, contact)

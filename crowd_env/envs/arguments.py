@@ -22,7 +22,7 @@ MOST_PEOPLE_IN_BATCH = 10_000_000
 NUMBERS = "biuf"  # kinds of dtype that an action may have
 
 
-def scenarios_of(scenario: Place | Sequence[Place], people: int | None = None) -> list[Scenario]:
+def scenarios_of(scenario: Any, people: int | None = None) -> list[Scenario]:
     """Return the scenarios of a batch, one alone as a list of one, with so many ``people`` each if that is given.
 
     Raises
@@ -32,7 +32,7 @@ def scenarios_of(scenario: Place | Sequence[Place], people: int | None = None) -
     """
     if isinstance(scenario, str | Path | Scenario | Mapping):
         scenario = [scenario]
-    elif not isinstance(scenario, Iterable):
+    elif not isinstance(scenario, Iterable) or isinstance(scenario, bytes):
         refuse("scenario", scenario, "the name of a scenario, its file, a Scenario, a table, or a list of them")
     options = {} if people is None else {"people": people}
     scenarios = [make_scenario(one, **options) for one in scenario]

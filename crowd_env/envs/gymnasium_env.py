@@ -75,7 +75,8 @@ class CrowdGymEnv(SingleEnv):
     """One room, one controller for all N people.
 
     Observation (N, D) and action (N, 2) (or N choices of 9) are the rows of `CrowdEnv`; the reward is the mean over the N
-    people.  Without an action (None) everyone walks along the route at full speed.  Terminated when everyone is out, truncated at the time limit.
+    people.  Without an action (None) everyone is scripted.
+    Terminated when everyone is out, truncated at the time limit.
 
     The info of a step holds the terms of the reward, unweighted, as ``reward/<name>`` (N,); ``active`` (N,), true for people
     inside; ``diagnostics``, a dictionary of overlaps and of the solver's residual and iterations; and in the last step of an

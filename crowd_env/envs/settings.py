@@ -90,7 +90,7 @@ class Physics:
 
     Parameters
     ----------
-    scheme : contact scheme: a name in ``SCHEMES``, a scheme, or a table ``{"name": "nsm2", "tolerance": 1e-3, "social": "lin"}``.
+    scheme : contact scheme: a name in ``SCHEMES``, a scheme, or a table such as ``{"name": "nsm2", "social": "lin"}``.
     dt : s, physics step; by default that of the scheme.
     outline : shape of all bodies: a name in ``OUTLINES``, an `Outline`, or a table of its parameters.  By default the scenario
         decides, and if it says nothing bodies are discs.  Only schemes that turn bodies take another: `hertz`, `hertz-literal`.

@@ -129,7 +129,7 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
         usual = max(min(PEOPLE, sum(room.values())), len(areas))
         if people is None and (said or usual < PEOPLE):
             wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
-            warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --n decides", stacklevel=2)
+            warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
     parts = [Population(**{**fields, "people": share, "start_region": name}) for name, share in shares.items()]
     crowd: People = parts[0] if len(parts) == 1 else Groups(tuple(parts))
     return crowd.changed(people=usual if people is None else people)

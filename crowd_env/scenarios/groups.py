@@ -37,8 +37,8 @@ class Groups:
 
     Examples
     --------
-    >>> crowd = Groups((Population(30, start_region="west", route="east"), Population(30, start_region="east", route="west")))
-    >>> crowd.people
+    >>> people = Groups((Population(30, start_region="west", route="east"), Population(30, start_region="east", route="west")))
+    >>> people.people
     60
     """
 
@@ -61,7 +61,7 @@ class Groups:
         twice = [name for k, name in enumerate(names) if name in names[:k]]
         if twice:
             raise ValueError(f"two groups have the name {twice[0]!r}")
-        check_people("groups: people of all", self.people)
+        check_people("groups: people in all", self.people)
         for name in DRAWN:
             laws = [getattr(part, name) for part in self.parts]
             object.__setattr__(self, name, Bounds(min(law.low for law in laws), max(law.high for law in laws)))
@@ -88,16 +88,16 @@ class Groups:
         shared = {name: value for name, value in options.items() if name in common}
         return Groups(tuple(part.changed(people=n, **shared) for part, n in zip(self.parts, counts, strict=True)))
 
-    def _shares(self, count: int) -> list[int]:
+    def _shares(self, people: int) -> list[int]:
         """Share people out by the largest remainders, at least one a group."""
-        if count < len(self.parts):
-            people = f"{count} {'person' if count == 1 else 'people'}"
-            raise ValueError(f"{people} for {len(self.parts)} groups; each needs at least 1")
-        exact = np.array([part.people for part in self.parts]) * (count / self.people)
+        if people < len(self.parts):
+            whom = f"{people} {'person' if people == 1 else 'people'}"
+            raise ValueError(f"{whom} for {len(self.parts)} groups; each needs at least 1")
+        exact = np.array([part.people for part in self.parts]) * (people / self.people)
         shares = np.maximum(np.floor(exact + 1e-9), 1).astype(int)
-        while shares.sum() < count:
+        while shares.sum() < people:
             shares[np.argmax(exact - shares)] += 1
-        while shares.sum() > count:  # small groups took what they need
+        while shares.sum() > people:  # small groups took what they need
             shares[np.argmax(np.where(shares > 1, shares - exact, -np.inf))] -= 1
         return [int(n) for n in shares]
 

@@ -22,7 +22,12 @@ from crowd_env import ObservationLayout  # the import registers the environments
 LAYOUT = ObservationLayout(
     terms=("ahead",)
 )  # of the next one who is nearer the door: closeness, speed; how many there are
-ROOM = {"people": 30, "door_width": 0.6, "time_limit": 40.0, "observation": LAYOUT}
+ROOM = {
+    "scenario": {"name": "room-v0", "door_width": 0.6},
+    "people": 30,
+    "time_limit": 40.0,
+    "observation": LAYOUT,
+}
 Batch = Enum("Batch", {name: name for name in ("native", "sync", "async")})
 
 
@@ -38,7 +43,7 @@ def make_rooms(batch: Batch, rooms: int) -> VectorEnv:
             num_envs=rooms,
             vectorization_mode=batch.value,
             **ROOM,
-            scenario=make_scenario("room-v0", vector_kwargs=options),
+            vector_kwargs=options,
         )
     return RecordEpisodeStatistics(made)
 

@@ -315,6 +315,6 @@ def test_what_is_mended_is_said(line, words, folder, monkeypatch):
 
 @pytest.mark.parametrize("line", QUIET)
 def test_what_people_have_is_understood(line, folder, monkeypatch):
-    people = "" if "--starts" in line or "--n" in line else " --n 3"
+    count = "" if "--starts" in line or "--n" in line else " --n 3"
     result = call(f"{line} --runs 1{count} --json", folder, monkeypatch)
     assert result.exit_code == 0 and result.stderr == "", result.output

@@ -79,11 +79,11 @@ def test_a_rollout_and_its_report_know_the_manner():
 
 
 @pytest.mark.parametrize("frame", ["path", "world"])
-def test_a_manner_for_the_ruled_leaves_those_who_act_alone(frame):
+def test_a_manner_that_acts_on_the_scripted_leaves_those_who_act_alone(frame):
     ruled = np.arange(20) < 10
-    for manner_for in ("everyone", "ruled"):
+    for acts_on in ("everyone", "scripted"):
         env = CrowdEnv(
-            "room-v0", walking=Walking("calm", acts_on=manner_for), action={"name": "continuous", "frame": frame}
+            "room-v0", walking=Walking("calm", acts_on=acts_on), action={"name": "continuous", "frame": frame}
         )
         env.reset(seed=0)
         most, least = np.zeros(20), np.full(20, np.inf)
@@ -92,16 +92,16 @@ def test_a_manner_for_the_ruled_leaves_those_who_act_alone(frame):
             wanted = np.hypot(*env.simulation.history.walking_velocity.T) / env.simulation.bodies.desired_speed
             most, least = np.maximum(most, wanted), np.minimum(least, np.where(env.active, wanted, np.inf))
         assert (least[ruled] < 0.9).any() and (most <= 1.0 + 1e-12).all()
-        if manner_for == "ruled":
+        if acts_on == "scripted":
             np.testing.assert_allclose(least[~ruled], 1.0)
         else:
             assert (least[~ruled] < 0.9).any()
 
 
-def test_a_manner_for_nobody_known_is_refused():
+def test_a_manner_that_acts_on_nobody_known_is_refused():
     refuses(
         lambda: CrowdEnv("room-v0", walking=Walking(acts_on="learned")),
-        ("unknown manner_for 'learned'", "everyone, ruled"),
+        ("unknown acts_on 'learned'", "everyone, scripted"),
     )
 
 

@@ -235,7 +235,7 @@ def test_the_module_offers_what_pettingzoo_modules_do():
     assert module_or_function is crowd_env.parallel_env
     turns = env(people=2, time_limit=0.5)
     turns.reset(seed=0)
-    people = 0
+    count = 0
     for _ in turns.agent_iter():
         _, _, termination, truncation, _ = turns.last()
         turns.step(None if termination or truncation else np.array([1.0, 0.0]))

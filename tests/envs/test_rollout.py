@@ -11,7 +11,7 @@ from crowd_env.envs.rollout import Driver, RunsInterrupted, Together, rollout, r
 from crowd_env.rendering.live import FilmRecorder, record
 
 
-def room(people=3, **options):
+def room(count=3, **options):
     return make_scenario("room-v0", people=count, **options)
 
 

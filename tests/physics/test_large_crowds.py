@@ -233,7 +233,7 @@ def test_who_looks_only_now_and_then_still_goes_the_way_out(name):
 
 @pytest.mark.parametrize("name", ["dem", "nsm2"])
 def test_whoever_is_given_another_route_turns_at_once(name):
-    side, people = 28.0, 1100
+    side, count = 28.0, 1100
     rng = np.random.default_rng(0)
     exits = {"east": [(side, 12), (side, 16)], "west": [(0, 16), (0, 12)]}
     place = Geometry.from_polygon(box(0, 0, side, side), exits=exits)

@@ -62,7 +62,7 @@ def test_who_leaves_has_two_rows_beyond_the_exit_line_in_the_frames_after(case):
 def test_everybody_crosses_the_line_between_two_frames():
     """Whoever looks at frames alone sees the straight way from the row before cross the exit line, wherever they come from."""
     rng = np.random.default_rng(0)
-    people = 2000
+    count = 2000
     ends = rng.uniform(-5, 5, (count, 2, 2))
     ends[:, 1] = ends[:, 0] + rng.uniform(0.3, 3, (count, 1)) * np.stack(
         [np.cos(a := rng.uniform(0, 7, count)), np.sin(a)], 1

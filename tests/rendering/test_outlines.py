@@ -13,7 +13,6 @@ from crowd_env.physics.pressure import contact_forces
 from crowd_env.rendering.forces.network import force_network_figure
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.live import draw_env, record
-from crowd_env.scenarios import make_scenario
 
 ROOM = Geometry.from_polygon(box(0, 0, 4, 3))
 

@@ -161,7 +161,7 @@ def test_a_mistake_in_a_table_of_people_is_one_sentence(options, message):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Groups([WEST, {"raduis": 1}]), "groups[1]: unknown key 'raduis'; known: count, radius"),
+        (lambda: Groups([WEST, {"raduis": 1}]), "groups[1]: unknown key 'raduis'; known: people, radius"),
         (lambda: Groups([WEST, {"radius": 0.2}]), "groups[1]: key 'people' is missing"),
         (lambda: Scenario("hall", HALL, [WEST, WEST], 60.0), "population: two groups have the name 'west'"),
         (

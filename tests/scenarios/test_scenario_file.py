@@ -24,7 +24,7 @@ closed_doors = ["gate"]
 
 [options]
 length = { default = 12.0, low = 10.0, high = 20.0, about = "m" }
-people = 6
+actors = 6
 
 [geometry]
 walkable = [{ box = [0, 0, "{length}", 8] }, "POLYGON ((0 8, 2 8, 2 9, 0 9, 0 8))"]
@@ -49,7 +49,7 @@ mass = 80
 
 [[groups]]
 name = "actors"
-people = "{people}"
+people = "{actors}"
 start_region = "stage"
 route = "behind"
 desired_speed = { distribution = "normal", mean = 1.3, sd = 0.2, low = 0.8, high = 1.8 }
@@ -164,7 +164,7 @@ def test_toml_and_json_are_the_same(write):
 
 def test_a_file_runs_and_its_options_reach_it(write):
     name = write(FULL)
-    env = CrowdEnv(make_scenario(name, length=11.0), people=10)
+    env = CrowdEnv(make_scenario(name, length=11.0, actors=10))
     assert env.num_people == 13 and env.scenarios[0].geometry.bounds[2] == 11.0
     env.reset(0)
     while not env.finished.all():
@@ -187,13 +187,13 @@ def test_starts_of_a_file_beside_it(write):
     [
         ("{width}", 2.0),
         ("{(width - 1) / 4 * 2 + -width}", -1.5),
-        ("{7 // count}", 2),
+        ("{7 // actors}", 2),
         ("to {width / 4} m", "to 0.5 m"),
         ("plain", "plain"),
     ],
 )
 def test_braces_hold_arithmetic(text, value):
-    assert fill_in(text, {"width": 2.0, "people": 3}) == value
+    assert fill_in(text, {"width": 2.0, "actors": 3}) == value
 
 
 @pytest.mark.parametrize("expression", [
@@ -233,11 +233,11 @@ MISTAKES = {
         ("far = { box = [1, 1, 2, 2], rows = 2 }", r"also needs the 'step'"),
     ],
     "people": [
-        ("", r"my\.toml: population: needs a 'people', or 'starts'"),
+        ("", r"my\.toml: population: needs 'people', or 'starts'"),
         ("people = 5.5", r"population\.people: is 5\.5; it must be a whole number"),
         ("people = true", r"population\.people: is true or false \(True\); it must be a number"),
         ('people = "five"', r"population\.people: is a text \('five'\); it must be a number"),
-        ("people = 0", r"^my\.toml: population: count is 0; it must be at least 1$"),
+        ("people = 0", r"^my\.toml: population: people is 0; it must be at least 1$"),
         ("people = 900", r"my\.toml: 900 people do not fit"),
         ("starts = [[1, 1], [1.2, 1]]", r"my\.toml: starts 0 and 1 overlap by 0\.300 m"),
         ("starts = [[1, 1], [7, 1]]", r"my\.toml: start 1 at \(7, 1\) is outside"),
@@ -247,7 +247,7 @@ MISTAKES = {
     ],
     "more": [
         ("raduis = 0.2", r"unknown key 'raduis' in population; did you mean 'radius'\?"),
-        ("xyz = 0.2", r"unknown key 'xyz' in population; known: count, radius, mass"),
+        ("xyz = 0.2", r"unknown key 'xyz' in population; known: people, radius, mass"),
         ("radius = [0.3, 0.2]", r"population\.radius: uniform distribution from 0\.3 to 0\.2"),
         ("radius = [0.3]", r"population\.radius: has 1 values; it must have 2"),
         ("radius = nan", r"population\.radius: is nan; it must be finite"),
@@ -335,7 +335,7 @@ def test_json_says_line_and_column_and_refuses_doubles(write):
         ({"lenght": 12.0}, "my has no option 'lenght'; did you mean 'length'"),
         ({"length": 50.0}, "my: length is 50; it must be 10 to 20"),
         ({"length": "12"}, r"my: length: is a text \('12'\); it must be a number"),
-        ({"people": 2.5}, r"my: people: is 2\.5; it must be a whole number"),
+        ({"actors": 2.5}, r"my: actors: is 2\.5; it must be a whole number"),
         ({"people": 1}, r"my\.toml: 1 person for 2 groups; each needs at least 1"),
         ({"time_limit": 0.0}, "time_limit is 0.0"),
     ],

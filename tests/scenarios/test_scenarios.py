@@ -74,7 +74,7 @@ def test_wider_bottlenecks_let_more_through():
 def test_counter_flow_and_crossing_go_where_they_mean_to():
     for name, ends in (("counter-flow-v0", ("east", "west")), ("crossing-v0", ("east", "north"))):
         env = evacuated(name)
-        first = env.scenarios[0].population.parts[0].count
+        first = env.scenarios[0].population.parts[0].people
         by = np.array(env.scenarios[0].geometry.exit_names)[env.simulation.state.exit_index]
         assert (by[:first] == ends[0]).all() and (by[first:] == ends[1]).all()
 
@@ -98,7 +98,7 @@ def test_seats_are_drawn_when_there_are_fewer_people():
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_unknown_options_list_the_known_ones(name):
-    with pytest.raises(ValueError, match=rf"{name} has no option 'color'; known: .*count"):
+    with pytest.raises(ValueError, match=rf"{name} has no option 'color'; known: .*people"):
         make_scenario(name, color=3)
     assert {"people", "time_limit", "population"} <= set(options_of(name))
     assert about(name) == (make_scenario(name).title, make_scenario(name).reference)
@@ -129,7 +129,7 @@ def test_run_takes_a_strategy_and_leaves_out_rules():
 
 
 def test_run_keeps_seats_and_shares_people_out(tmp_path):
-    seated = read_place("classroom-v0", count=6, speed="1.5").population
+    seated = read_place("classroom-v0", people=6, speed="1.5").population
     assert (seated.people, len(seated.starts), seated.desired_speed.high) == (6, 24, 1.5)
     assert figures("run counter-flow-v0 --runs 1 --n 8 --radius 0.2")["people"] == 8
     (tmp_path / "starts.csv").write_text("x,y\n15,6\n16,6\n")

@@ -104,20 +104,6 @@ class RoutingBatch:
         self._door = np.array([list(geometry.doors).index(name) for name in doors], dtype=np.int64)
         self._decided = np.zeros(num_envs)  # s  time of the last decision
 
-    @classmethod
-    def of_settings(cls, scenario: Place, **settings: Any) -> "RoutingBatch":
-        """Return the batch of flat settings, as the files of controllers hold them, see `arguments_of`.
-
-        ``rules`` are the signs; what no batch knows is an option of the scenario.
-        """
-        words = {"rules": "signs", "count": "people"}
-        known = inspect.signature(cls).parameters
-        given = arguments_of({words.get(name, name): value for name, value in settings.items()})
-        options = {name: given.pop(name) for name in list(given) if name not in known}
-        if options:
-            scenario = {"name": scenario, **options}
-        return cls(scenario, **given)
-
     @property
     def observation_space(self) -> gymnasium.spaces.Box:
         """Space of one evacuation's observation."""
@@ -258,3 +244,15 @@ def _distance(field: NavigationField, position: Floats) -> Floats:
     rows, columns = field.travel_time.shape
     j, i = np.rint((position - field.origin) / field.spacing).astype(np.int64).T
     return field.travel_time[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
+
+
+def routing_arguments(scenario: Place = "two-exit-hall-v0", **settings: Any) -> dict[str, Any]:
+    """Return the arguments of a `RoutingBatch` for flat settings, as the files of controllers hold them.
+
+    ``rules`` are the signs; what no batch knows is an option of the scenario.  All else is as in `arguments_of`.
+    """
+    words = {"rules": "signs", "count": "people"}
+    known = inspect.signature(RoutingBatch).parameters
+    given = arguments_of({words.get(name, name): value for name, value in settings.items()})
+    options = {name: given.pop(name) for name in list(given) if name not in known}
+    return {"scenario": {"name": scenario, **options} if options else scenario, **given}

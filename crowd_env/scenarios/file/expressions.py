@@ -29,7 +29,7 @@ def fill(content: Any, options: Mapping[str, float], path: str = "") -> Any:
     Raises
     ------
     ValueError
-        If braces are wrong; the message begins with the path of the text, such as ``groups[1].count``.
+        If braces are wrong; the message begins with the path of the text, such as ``groups[1].people``.
     """
     match content:
         case str():

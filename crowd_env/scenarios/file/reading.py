@@ -84,13 +84,13 @@ class ScenarioFile:
                 raise ValueError(f"{self.path.stem} has no option {name!r}; {nearest(name, [*declared, *COMMON])}")
         numbers = {name: self._number(name, one, options.get(name)) for name, one in declared.items()}
         common = {name: value for name, value in options.items() if name in COMMON and value is not None}
-        number = common.pop("people", None)
+        people = common.pop("people", None)
         with at(str(self.path)):
             scenario = self._make(self._table(content, numbers))
-            people = common.get("population", scenario.population)
-            if number is not None and "population" not in common:
-                people = people.changed(people=number)
-            scenario = replace(scenario, **{**common, "population": people})
+            crowd = common.get("population", scenario.population)
+            if people is not None and "population" not in common:
+                crowd = crowd.changed(people=people)
+            scenario = replace(scenario, **{**common, "population": crowd})
             _check(scenario)
         return scenario
 

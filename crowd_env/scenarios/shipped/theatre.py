@@ -114,7 +114,7 @@ def seats() -> Floats:
     return np.column_stack([_FRONT + row * _PITCH + 0.5 * (_PITCH - _DEPTH), _AISLE + (number + 0.5) * _SEAT])
 
 
-def taken_seats(count: int) -> list[int]:
+def taken_seats(people: int) -> list[int]:
     """Return which seats are taken: evenly spread behind the empty rows or, if there are too few, over all rows.
 
     Raises
@@ -123,11 +123,11 @@ def taken_seats(count: int) -> list[int]:
         If there are more people than seats.
     """
     everything = len(seats())
-    count = whole("theatre: people", count, Range(1, everything).because("the number of seats"))
+    people = whole("theatre: people", people, Range(1, everything).because("the number of seats"))
     first = EMPTY_ROWS * SEATS_A_ROW
-    first = first if count <= everything - first else 0
+    first = first if people <= everything - first else 0
     there = everything - first
-    return [first + n for n in range(there) if (n + 1) * count // there > n * count // there]
+    return [first + n for n in range(there) if (n + 1) * people // there > n * people // there]
 
 
 def plan() -> Geometry:

@@ -181,7 +181,7 @@ def test_python_takes_what_the_command_line_takes(tmp_path):
     assert place.population.people == 7 and place.geometry.exits[0, 0, 0] == 0.0
     with pytest.warns(UserWarning, match="left out for those that are given"):
         assert scenario_from_wkt(path, others, Population(7), unit="cm").exits == ("exit-0",)
-    with pytest.raises(ValueError, match=r"has no option 'side'; known: exits, unit, count, population, time_limit"):
+    with pytest.raises(ValueError, match=r"has no option 'side'; known: exits, unit, people, population, time_limit"):
         make_scenario(path, side=3.0)
 
 
