@@ -143,6 +143,13 @@ def test_an_argument_that_there_is_not_is_answered_by_how_it_is_said(name, word)
         assert repr(name) in str(caught.value) and word in str(caught.value).partition("has no argument")[2]
 
 
+@looped("make", (CrowdGymEnv, CrowdParallelEnv, RoutingEnv))
+def test_one_environment_has_nothing_of_a_batch(make):
+    for name, words in {"num_envs": "make_vec", "autoreset": "autoreset_mode"}.items():
+        with pytest.raises(TypeError, match=f"has no argument '{name}'; say .*{words}"):
+            make(**{name: 2})
+
+
 def test_every_face_shows_the_same_arguments():
     of_batch = {name: one for name, one in inspect.signature(CrowdEnv).parameters.items()}
     assert len(of_batch) == 12

@@ -60,14 +60,14 @@ def lone_walker(start=(2.5, 2.5), **options):
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_an_episode_is_the_same_to_the_last_byte_for_the_same_seed_and_another_for_another(scheme):
-    assert alone(3, scheme=scheme) == alone(3, scheme=scheme)
-    assert alone(3, scheme=scheme) != alone(4, scheme=scheme)
+    assert alone(3, physics=scheme) == alone(3, physics=scheme)
+    assert alone(3, physics=scheme) != alone(4, physics=scheme)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_an_environment_is_the_same_alone_and_anywhere_in_a_batch(scheme):
     seeds = [7, 3, 11, 0, 3]
-    by_itself = {seed: alone(seed, scheme=scheme) for seed in set(seeds)}
+    by_itself = {seed: alone(seed, physics=scheme) for seed in set(seeds)}
     assert play(CrowdEnv("room-v0", num_envs=5, physics=scheme, **SMALL), seeds) == [by_itself[s] for s in seeds]
     assert play(CrowdEnv("room-v0", num_envs=2, physics=scheme, **SMALL), seeds[1:3]) == [by_itself[s] for s in (3, 11)]
 

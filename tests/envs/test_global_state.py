@@ -128,7 +128,7 @@ def test_the_state_is_everybody_where_the_exits_are_and_the_time_left(name):
 
 def test_its_size_depends_on_people_and_exits_alone():
     sizes = {
-        parallel_env("room-v0", routing=strategy, **options).state_space.shape
+        parallel_env({"name": "room-v0", **options}, routing=strategy).state_space.shape
         for options in (
             {"people": 5},
             {"people": 5, "side": 9.0},

@@ -126,7 +126,12 @@ def test_push_and_crush_are_the_impulses_of_the_contacts(scheme):
 def test_momentum_changes_by_what_is_pushed_and_what_is_driven(scheme):
     """m (u' - u) = push + dt m (v_d e - u) / tau: nothing else acts."""
     layout = ObservationLayout(terms=("push", "velocity"))
-    options = {"scheme": scheme, "decision_dt": 0.01, "frame": "world", "observation": layout}
+    options = {
+        "physics": scheme,
+        "decision_dt": 0.01,
+        "action": {"name": "continuous", "frame": "world"},
+        "observation": layout,
+    }
     env = CrowdEnv("room-v0", num_envs=2, **options)
     env.reset(seed=1)
     state, bodies = env.simulation.state, env.simulation.bodies

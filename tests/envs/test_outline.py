@@ -16,7 +16,6 @@ from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios.starts import closest_pair
 
 TORSO = OUTLINES["torso"]
-ROOM = {"side": 6.0, "scheme": "hertz"}
 
 
 def sb3(**options):
@@ -40,12 +39,12 @@ DOORS = {
 
 @pytest.mark.parametrize("make", DOORS.values(), ids=DOORS)
 def test_every_door_takes_an_outline(make):
-    assert make(scheme="hertz").simulation.outline is None
-    assert make(scheme="hertz", outline="torso").simulation.outline == TORSO
+    assert make(physics="hertz").simulation.outline is None
+    assert make(physics=Physics("hertz", outline="torso")).simulation.outline == TORSO
     two = {"discs": [[0, 0.1, 0.1], [0, -0.1, 0.1]]}
-    assert make(scheme="hertz", outline=two).simulation.outline == Outline(two["discs"])
-    refuses(lambda: make(outline="square"), ("unknown outline 'square'", *OUTLINES))
-    refuses(lambda: make(scheme="nsm2", outline="torso"), ("nsm2 does not turn bodies", "'torso'", "hertz"))
+    assert make(physics=Physics("hertz", outline=two)).simulation.outline == Outline(two["discs"])
+    refuses(lambda: make(physics=Physics(outline="square")), ("unknown outline 'square'", *OUTLINES))
+    refuses(lambda: make(physics=Physics("nsm2", outline="torso")), ("nsm2 does not turn bodies", "'torso'", "hertz"))
 
 
 def walked(env, steps=10):

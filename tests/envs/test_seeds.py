@@ -60,7 +60,8 @@ def room(count, side=6.0, **options):
 def test_small_and_large_crowds_beside_each_other_are_what_each_is_alone_and_fresh(scheme, threads, forty_are_many):
     make = partial(CrowdEnv, physics=scheme, action={"name": "continuous", "frame": "world"})
     places = [room(60), room(12), room(45), room(60)]
-    batch, steps = make(places, num_envs=4, threads=threads), 7  # beyond the second time that people are sorted
+    batch = make(places, num_envs=4, physics=Physics(scheme, threads=threads))
+    steps = 7  # beyond the second time that people are sorted
     expected = [play(make(place), [k + 1], steps)[0] for k, place in enumerate(places)]
     assert play(batch, [1, 2, 3, 4], steps) == expected
     for episode in range(8):
@@ -71,7 +72,7 @@ def test_small_and_large_crowds_beside_each_other_are_what_each_is_alone_and_fre
 @pytest.mark.parametrize("scheme", ["dem", "nsm2"])
 def test_the_tenth_episode_of_a_batch_that_restarts_by_itself_is_that_of_a_fresh_environment(scheme, forty_are_many):
     places = [room(60), room(12), make_scenario("two-exit-hall-v0", people=50)]
-    options = {"scheme": scheme, "time_limit": 0.2, "strategy": "fastest"}
+    options = {"physics": scheme, "time_limit": 0.2, "routing": "fastest"}
     batch = CrowdEnv(places, num_envs=3, autoreset=True, **options)
     batch.reset([1, 2, 3])
     for _ in range(18):
@@ -116,7 +117,7 @@ def test_bodies_that_are_changed_by_hand_count_at_once_beside_a_large_crowd_too(
 
 def test_a_crowd_that_threads_share_is_the_same_in_its_second_episode():
     make = partial(CrowdEnv, make_scenario("room-v0", side=48.0), people=4050, physics="dem")
-    used = make(threads=2)
+    used = make(physics=Physics("dem", threads=2))
     play(used, [8], 2)
     assert play(used, [1], 3) == play(make(), [1], 3)
 
@@ -146,7 +147,7 @@ def test_the_first_observation_and_reward_are_by_the_ways_of_the_crowd_that_is_t
 
 
 def test_the_first_observation_after_a_restart_by_itself_is_by_the_ways_of_the_new_crowd():
-    options = {"strategy": "fastest", "scheme": "dem", "time_limit": 0.9}
+    options = {"routing": "fastest", "physics": "dem", "time_limit": 0.9}
     by_itself = CrowdEnv("two-exit-hall-v0", num_envs=2, autoreset=True, **options)
     fresh = CrowdEnv("two-exit-hall-v0", num_envs=2, **options)
     by_itself.reset([1, 2])

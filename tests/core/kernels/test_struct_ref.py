@@ -186,7 +186,7 @@ def test_kernels_of_references_come_from_the_cache_in_another_process(tmp_path):
         "import numpy as np\n"
         "from crowd_env import CrowdEnv\n"
         "from crowd_env.physics import dem\n"
-        "env = CrowdEnv('room-v0', scheme='dem'); env.reset(seed=0); env.step(None)\n"
+        "env = CrowdEnv('room-v0', physics='dem'); env.reset(seed=0); env.step(None)\n"
         "print(sum(dem._advance_range.stats.cache_hits.values()), sum(dem._advance_range.stats.cache_misses.values()))\n"
     )
     runs = [

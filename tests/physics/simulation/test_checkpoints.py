@@ -10,7 +10,7 @@ from shapely.geometry import box
 
 import crowd_env.physics.simulation.simulation
 import crowd_env.physics.spatial_order
-from crowd_env import CrowdEnv, Geometry, Population, Scenario, make_scenario
+from crowd_env import CrowdEnv, Geometry, Physics, Population, Scenario, make_scenario
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics import DEM, SCHEMES, SOCIAL_FORCES, make_scheme
 from crowd_env.physics.simulation.simulation import Simulation
@@ -199,18 +199,18 @@ def test_nothing_can_be_replaced_behind_the_back_of_those_who_look(name):
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ({"scheme": "nsm1"}, "scheme"),
-        ({"dt": 0.005}, "dt"),
+        ({"physics": "nsm1"}, "scheme"),
+        ({"physics": Physics("dem", dt=0.005)}, "dt"),
         ({"num_envs": 2}, "env_start"),
         ({"people": 19}, "env_start"),
-        ({"side": 7.0}, "place"),
+        ({"scenario": {"name": "room-v0", "side": 7.0}}, "place"),
     ],
 )
 def test_a_checkpoint_of_another_environment_is_refused_before_anything_changes(change, what):
-    options = {"scheme": "dem", "num_envs": 1}
-    other = CrowdEnv("room-v0", **{**options, **change})
+    options = {"scenario": "room-v0", "physics": "dem", "num_envs": 1}
+    other = CrowdEnv(**{**options, **change})
     other.reset([1] * other.num_envs)
-    here = CrowdEnv("room-v0", **options)
+    here = CrowdEnv(**options)
     here.reset([0])
     before = here.simulation.state.copy()
     with pytest.raises(ValueError, match=f"^the checkpoint is of another simulation: its {what} is another"):
