@@ -34,7 +34,11 @@ def crowds(frame="path", layout=FULL, scheme="nsm2"):
 
 def axes(env, observation):
     """Return the first axis (P, 2) of everyone's frame."""
-    return observation[:, env.layout["direction"]] if env.frame == "path" else np.tile([1.0, 0.0], (env.num_people, 1))
+    return (
+        observation[:, env.layout["direction"]]
+        if env.action_kind.frame == "path"
+        else np.tile([1.0, 0.0], (env.num_people, 1))
+    )
 
 
 def turned(vectors, axis):

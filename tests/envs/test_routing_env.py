@@ -54,7 +54,7 @@ def test_the_first_observation_of_five_people_by_hand():
     observation, info = env.reset(seed=0)
     assert info["inside"] == 5
     expected = {
-        "people": [3 / 5, 2 / 5],
+        "count": [3 / 5, 2 / 5],
         "density": [3 / 16 / 5, 2 / 16 / 5],  # 16 m2 each, 5 /m2 is 1
         "speed": [0, 0],
         "flow": [0, 0],
@@ -82,7 +82,7 @@ def test_what_is_observed_after_two_seconds_by_hand():
     assert info["inside"] == 2
     speed = np.hypot(*state.velocity.T)
     expected = {
-        "people": [1 / 5, 1 / 5],
+        "count": [1 / 5, 1 / 5],
         "speed": [speed[2] / 2.0, speed[3] / 2.0],
         "flow": [2 / 2.0 / 1.0 / 5.0, 1 / 2.0 / 2.0 / 5.0],  # 2 people in 2 s by 1 m, 1 by 2 m
         "queue": [1 / 5, 1 / 5],

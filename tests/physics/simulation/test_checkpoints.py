@@ -107,7 +107,7 @@ def test_a_crowd_of_more_than_a_thousand_too():
 
 
 def test_the_episodes_that_follow_too():
-    options = {"num_envs": 2, "time_limit": 1.0, "autoreset": True, "scheme": "dem"}
+    options = {"num_envs": 2, "time_limit": 1.0, "autoreset": True, "physics": "dem"}
     goes_on(lambda: CrowdEnv("two-exit-hall-v0", routing="fastest", **options), before=5, after=15)
 
 
