@@ -59,8 +59,8 @@ def make_scenario(scenario: str | Path | Mapping[str, Any] | Scenario, **options
     if not isinstance(scenario, str | Path):
         refuse("scenario", scenario, "the name of a scenario, its file or a Scenario")
     kind = kind_of_place(scenario)
-    of_kind = {"file": COMMON, "plan": scenario_from_plan.__kwdefaults__}
-    known = tuple(of_kind[kind] if kind in of_kind else options_of(str(scenario)))
+    of_kind = {"file": COMMON, "plan": scenario_from_plan.__kwdefaults__ or ()}
+    known = [*(of_kind[kind] if kind in of_kind else options_of(str(scenario)))]
     unknown = [option for option in options if option not in known]
     if unknown:
         near = get_close_matches(unknown[0], known, n=1)

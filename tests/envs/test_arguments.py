@@ -153,8 +153,8 @@ SCENARIO = [
     ("make_scenario option", lambda: make_scenario("room-v0", sides=3), ("'sides'", "side")),
     *numeric("room.side", of(make_scenario, "side", "room-v0"), "positive"),
     *numeric("room.door_width", of(make_scenario, "door_width", "room-v0"), "bounded"),
-    *numeric("room.people", of(make_scenario, "people", "room-v0"), "count"),
-    *numeric("room.time_limit", of(make_scenario, "time_limit", "room-v0"), "positive"),
+    *numeric("room.people", of(make_scenario, "people", "room-v0"), "count", or_none=True),
+    *numeric("room.time_limit", of(make_scenario, "time_limit", "room-v0"), "positive", or_none=True),
     *rows("room.population", of(make_scenario, "population", "room-v0"), ("20", 20, Population)),
     *[row for name in ("side", "door_width", "desired_speed")
       for row in rows(f"lin-room.{name}", of(make_scenario, name, "lin-room-v0"), (NAN, -1.0, "1", None, True))],
