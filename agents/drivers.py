@@ -9,7 +9,8 @@ import numpy as np
 from crowd_env import CrowdEnv, Scenario, Step
 from crowd_env.core.arrays.state import Bools
 from crowd_env.envs.rollout import Driver, run_episodes
-from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
+from crowd_env.envs.settings import arguments_of
 from crowd_env.physics import make_scheme
 
 from .controllers import Controller
@@ -90,8 +91,9 @@ class PolicyBatches:
 
     def __call__(self, num_envs: int) -> Driver:
         """Return a batch of so many evacuations."""
-        mixed = {} if self.learned_share is None else {"manner_for": "ruled"}
-        env = CrowdEnv(self.scenario, num_envs=num_envs, **{**self.options, **mixed, **self.policy.env_options})
+        mixed = {} if self.learned_share is None else {"acts_on": "scripted"}
+        arguments = arguments_of({**self.options, **mixed, **self.policy.env_options})
+        env = CrowdEnv(self.scenario, num_envs=num_envs, **arguments)
         return PolicyDriver(self.policy, env, 1.0 if self.learned_share is None else self.learned_share)
 
 
@@ -144,7 +146,9 @@ class ControllerDriver(Driver):
         dt = options.get("dt") or make_scheme(options["scheme"]).info.default_dt
         interval = controller.options.get("interval", INTERVAL)
         sample_dt = SAMPLE if _divides(SAMPLE, interval) and _divides(dt, SAMPLE) else interval
-        self.batch = RoutingBatch(scenario, sample_dt=sample_dt, **{**options, **controller.options})
+        self.batch = RoutingBatch(
+            **routing_arguments(scenario, sample_dt=sample_dt, **{**options, **controller.options})
+        )
         super().__init__(self.batch.env)
 
     def reset(self, seeds: list[int]) -> None:

@@ -4,6 +4,7 @@
 import copy
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, cast
 
@@ -19,7 +20,7 @@ from .networks import Network, read_network, write_network
 
 PICKLE, NUMBERS = ".zip", ".safetensors"
 # Options of `RoutingBatch` that belong to a controller; the others say where it was trained.
-_OF_CONTROLLER = ("interval", "regions", "grid", "routes", "doors", "observation", "reward", "rules")
+_OF_CONTROLLER = ("interval", "regions", "grid", "routes", "doors", "observation", "reward", "rules", "signs")
 TRUSTED = ":trusted"  # behind the name of a file of stable-baselines3: its maker is trusted
 SAMPLED = ":sampled"  # behind the name of a policy: it draws its actions
 Kind = TypeVar("Kind", bound="_Learned")
@@ -142,7 +143,7 @@ class LearnedPolicy(_Learned):
             "kind": "policy",
             "observation": options["observation"].as_table(),
             "action": {
-                "kind": plain_action(options["action"]),
+                "kind": plain_action(replace(make_action(options["action"]), frame="path")),
                 "frame": options["frame"],
                 **({} if self.spread is None else {"spread": list(self.spread)}),
             },

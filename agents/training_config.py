@@ -13,7 +13,9 @@ from crowd_env.core.arrays.headway import plain_manner
 from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.checks import POSITIVE, Range, known, number, whole
 from crowd_env.core.files.json_file import read_json
+from crowd_env.envs.routing.batch import routing_arguments
 from crowd_env.envs.routing.env import RoutingVectorEnv
+from crowd_env.envs.settings import arguments_of
 
 from . import POLICIES, make_policy
 from .evaluation.entries import RULE
@@ -207,7 +209,8 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
     num_envs = config["envs"] if envs is None else envs
     if config["routing"] is not None:
         physics = {name: config[name] for name in ("scheme", "dt", "manner", "outline")}
-        return RoutingVectorEnv(place_of(config), num_envs=num_envs, threads=threads, **physics, **config["routing"])
+        arguments = routing_arguments(place_of(config), threads=threads, **physics, **config["routing"])
+        return RoutingVectorEnv(num_envs=num_envs, **arguments)
     options = (
         "scheme",
         "dt",
@@ -224,8 +227,7 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
         place_of(config),
         num_envs=num_envs,
         autoreset=True,
-        threads=threads,
-        **{name: config[name] for name in options},
+        **arguments_of({"threads": threads, **{name: config[name] for name in options}}),
     )
 
 

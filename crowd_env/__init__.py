@@ -18,6 +18,8 @@ from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.terms import ObservationTerm
 from crowd_env.envs.parallel import CrowdParallelEnv, parallel_env
 from crowd_env.envs.reward import RewardWeights
+from crowd_env.envs.rollout import rollout
+from crowd_env.envs.settings import Physics, Routing, Walking
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
@@ -27,10 +29,10 @@ from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios import SCENARIOS, make_scenario
-from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt
 from crowd_env.scenarios.groups import Groups
 from crowd_env.scenarios.population import LogNormal, Normal, Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.starts import read_starts
 
 ROUTING = "crowd_env/Routing-v0"  # one controller that sends people to exits
 
@@ -65,16 +67,19 @@ __all__ = [
     "ObservationTerm",
     "OneWay",
     "Outline",
+    "Physics",
     "Population",
     "RewardTerm",
     "RewardWeights",
     "Route",
+    "Routing",
     "Scenario",
     "Simulation",
     "SocialForce",
     "SpeedZone",
     "Step",
     "Uniform",
+    "Walking",
     "contact_pressure",
     "crowd_pressure",
     "make_bodies",
@@ -85,7 +90,7 @@ __all__ = [
     "parallel_env",
     "read_starts",
     "register",
-    "scenario_from_wkt",
+    "rollout",
 ]
 
 

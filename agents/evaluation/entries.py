@@ -9,7 +9,7 @@ from crowd_env import Scenario
 from crowd_env.core.arrays.headway import Manner
 from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.envs.rollout import Driver
-from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 
@@ -219,7 +219,7 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
     if crowd.learned_share is not None:
         raise NotMixed(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
     try:
-        batch = RoutingBatch(scenario, **found.options)
+        batch = RoutingBatch(**routing_arguments(scenario, **found.options))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path} does not fit {scenario.name}: {error}") from None
     if found.network.inputs != batch.layout.size or found.choices.tolist() != batch.choices.tolist():

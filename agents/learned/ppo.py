@@ -77,7 +77,7 @@ def make_ppo(env: CrowdEnv | RoutingVectorEnv, settings: PPOSettings, seed: int,
     with torch.no_grad():
         if isinstance(env, RoutingVectorEnv):
             bias[_nearest(env.batch)] += settings.rule_logit
-        elif env.frame == "path":
+        elif env.action_kind.frame == "path":
             neutral = np.ravel(env.action_kind.neutral)
             if isinstance(model.policy, BetaPolicy):
                 bias.copy_(torch.tensor(bias_at(neutral)))

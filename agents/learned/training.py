@@ -124,7 +124,7 @@ def trained_in(
 
 def env_options_of(env: CrowdEnv) -> dict[str, Any]:
     """Return what a policy trained in ``env`` must know of it."""
-    return {"frame": env.frame, "action": env.action_kind, "observation": env.layout}
+    return {"frame": env.action_kind.frame, "action": env.action_kind, "observation": env.layout}
 
 
 class TrainingCallback(BaseCallback):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from cases import looped
 from evaluations import call, hall, run
-from repository import ROOT
 
 from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.agents import POLICIES, DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, Zipper
@@ -245,17 +244,6 @@ def test_a_driver_of_a_rule_goes_on_after_a_reset():
         driver.reset([1, 2])
         first.append(driver.step().observation)
     np.testing.assert_array_equal(*first)
-
-
-def test_the_example_of_a_competitive_door_is_the_room_of_lin():
-    ours = CrowdEnv(ROOT / "examples" / "competitive_door.toml", scheme="hertz")
-    lin = CrowdEnv("lin-room-v0", scheme="hertz", people=100, desired_speed=2.0)
-    for env in (ours, lin):
-        env.reset([5])
-        env.step(None)
-    np.testing.assert_array_equal(ours.simulation.state.position, lin.simulation.state.position)
-    assert ours.time_limit == lin.time_limit
-    assert ours.scenarios[0].blocked_after == lin.scenarios[0].blocked_after
 
 
 def test_a_kept_result_holds_the_share_that_was_found(tmp_path):

@@ -4,8 +4,10 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from cases import looped
 from evacuations import evacuated
 
+from crowd_env import Routing
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.reproduce.pecol2011.theatre import IMPLIED, SCHEME
 from crowd_env.scenarios import make_scenario
@@ -53,7 +55,7 @@ def test_other_numbers_of_people_have_seats_too():
         assert len(set(taken_seats(count))) == count == make_scenario("theatre-v0", people=count).population.people
     assert max(np.diff(taken_seats(150))) == 2 and min(taken_seats(150)) < SEATS_A_ROW  # over all rows
     for count in (0, 175):
-        with pytest.raises(ValueError, match=rf"count is {count}; it must be 1 to 174: the number of seats"):
+        with pytest.raises(ValueError, match=rf"people is {count}; it must be 1 to 174: the number of seats"):
             make_scenario("theatre-v0", people=count)
 
 
@@ -113,7 +115,7 @@ def people_at(starts, response_time):
 def test_stairs_slow_everybody_to_half_a_meter_per_second():
     places = [(15.0, 0.6), (15.0, 8.4), (8.0, -1.1), (3.0, 5.0), (15.0, 10.0), (10.6, 4.5)]
     place = make_scenario("theatre-v0", population=people_at(places, Uniform(0.0, 0.0)))
-    env = CrowdEnv(place, rules=False)
+    env = CrowdEnv(place, routing=Routing(signs=False))
     env.reset(seed=0)
     while env.simulation.state.time[0] < 1.2:
         env.step(None)
@@ -147,7 +149,7 @@ def with_others(crowd, **options):
     return names[: len(crowd)], dict(zip(ELSEWHERE, names[len(crowd) :], strict=True))
 
 
-@pytest.mark.parametrize(("crowd", "least", "turned", "to"), [
+@looped(("crowd", "least", "turned", "to"), [
     (UPPER, 5, {"below 1"}, "B"),
     (LOWER, 5, {"below 2"}, "B"),
     (FLOOR, 15, {"in front"}, "A"),
@@ -166,7 +168,7 @@ def test_other_thresholds():
 
 
 def exits_of(options, rules=True):
-    env = evacuated("theatre-v0", scheme=SCHEME, rules=rules, time_limit=14.0, **options)
+    env = evacuated("theatre-v0", physics=SCHEME, routing=Routing(signs=rules), time_limit=14.0, **options)
     return env.simulation.state.exit_time.copy(), env.simulation.state.position.copy()
 
 
@@ -176,9 +178,9 @@ def test_rules_that_are_never_on_change_nothing():
     assert not np.array_equal(exits_of({})[1], exits_of({}, rules=False)[1])
 
 
-@pytest.mark.parametrize("scheme", [SCHEME, "nsm2", "dem"], ids=["reproduction", "nsm2", "dem"])
+@looped("scheme", [SCHEME, "nsm2", "dem"], ids=["reproduction", "nsm2", "dem"])
 def test_everybody_gets_out(scheme):
-    env = evacuated("theatre-v0", num_envs=2, scheme=scheme, seed=[5, 6])
+    env = evacuated("theatre-v0", num_envs=2, physics=scheme, seed=[5, 6])
     for e in range(2):
         metrics = env.metrics(e)
         assert metrics.unfinished == 0 and 40.0 < metrics.evacuation_time < 100.0
@@ -190,7 +192,7 @@ def test_rules_turn_nobody_away_from_the_fastest_way_which_is_faster_than_the_sh
     options = {"scheme": "dem", "num_envs": 3, "seed": [1, 2, 3]}
     shortest = evacuated("theatre-v0", **options).simulation.state.exit_time
     quick, free = (
-        evacuated("theatre-v0", strategy="fastest", rules=rules, **options).simulation.state.exit_time
+        evacuated("theatre-v0", routing=Routing("fastest", signs=rules), **options).simulation.state.exit_time
         for rules in (True, False)
     )
     np.testing.assert_array_equal(quick, free)
