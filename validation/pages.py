@@ -224,7 +224,7 @@ TABLES: dict[str, Table] = {
         ("", "last person, s", "learned minus this", "mean, s", "left inside"),
         tables.controller,
         tables.controller_note,
-        made_by="crowd-env train-routing --out DIR",
+        made_by="crowd-env train --scenario two-exit-hall-v0 --decides routing",
     ),
     "tasks": Table(
         "docs/training.md",

@@ -164,7 +164,7 @@ def _evaluated(source: "Sources") -> dict[tuple[str, str], dict[str, Any]]:
     names = ("shortest", "fastest", "comfortable", "nearest")
     found = source(
         f"crowd_env.cli.agents.evaluate --scenario two-exit-hall-v0 --policies {' '.join(names)} "
-        f"--schemes {' '.join(STRATEGY_SCHEMES)} --runs 20"
+        f"--physics {' '.join(STRATEGY_SCHEMES)} --runs 20"
     )
     return {(row["policy"], row["scheme"]): row for row in found["rows"]}
 

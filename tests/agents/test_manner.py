@@ -39,7 +39,7 @@ def test_a_folder_holds_one_manner(tmp_path):
     assert (usual["manner"], calm["manner"]) == ("competitive", "calm") and usual["digest"] != calm["digest"]
     assert settings_of(hall(manner="competitive"), 3, 0) == usual
     assert settings_of(hall(manner=MANNERS["calm"]), 3, 0) == calm
-    EvaluationFolder(tmp_path, calm)
+    write_json(tmp_path / "evaluation.json", calm)
     EvaluationFolder(tmp_path, settings_of(hall(manner=MANNERS["calm"]), 3, 0))
     with pytest.raises(ValueError, match="manner is calm there and competitive here"):
         EvaluationFolder(tmp_path, usual)

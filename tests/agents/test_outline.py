@@ -17,7 +17,7 @@ def test_a_folder_holds_one_outline(tmp_path):
     assert (usual["outline"], torso["outline"]) == ("disc", "torso") and usual["digest"] != torso["digest"]
     assert settings_of(hall(outline="disc"), 3, 0) == usual
     assert settings_of(hall(outline=OUTLINES["torso"]), 3, 0) == torso
-    EvaluationFolder(tmp_path, torso)
+    write_json(tmp_path / "evaluation.json", torso)
     with pytest.raises(ValueError, match="outline is torso there and disc here"):
         EvaluationFolder(tmp_path, usual)
 
