@@ -71,7 +71,7 @@ def summary(
         rows.append(result.row() | {"unfinished_at_limit": all_counted, "minus_first": minus_first(result, first)})
     return {
         **settings,
-        "people": scenario.population.count,
+        "people": scenario.population.people,
         "time_limit": scenario.time_limit,
         "rows": rows,
         "ranking": {"last": ranking(results), "mean": ranking(results, of=mean_times)},

@@ -93,7 +93,7 @@ def read_head(
         groups=tuple(part.name for part in parts),
         radius=simulation.bodies.radius[people].copy(),
         desired_speed=simulation.bodies.desired_speed[people].copy(),
-        group=np.repeat(np.arange(len(parts)), [part.count for part in parts]),
+        group=np.repeat(np.arange(len(parts)), [part.people for part in parts]),
         outline=None if simulation.outline is None else plain_outline(simulation.outline),
         interval=every * env.decision_dt,
         contacts=contacts,

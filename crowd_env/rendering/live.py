@@ -85,7 +85,7 @@ class FilmRecorder:
             exit_time=env.simulation.state.exit_time[people].copy(),
             angle=None if outline is None else angle,
             outline=outline,
-            group=np.repeat(np.arange(len(parts)), [part.count for part in parts]) if several else None,
+            group=np.repeat(np.arange(len(parts)), [part.people for part in parts]) if several else None,
             groups=tuple(part.name or f"group {k + 1}" for k, part in enumerate(parts)) if several else (),
         )
 

@@ -120,7 +120,7 @@ def test_the_digest_is_of_everything_that_decides_a_result():
                 {"response_time": Uniform(0.0, 9.0)},
             )
         ),
-        replace(SMALL, population=Groups((people.changed(count=7, name="a"), people.changed(count=7, name="b")))),
+        replace(SMALL, population=Groups((people.changed(people=7, name="a"), people.changed(people=7, name="b")))),
         replace(SMALL, geometry=replace(place, exits=place.exits + 0.5)),
         replace(SMALL, geometry=replace(place, exit_names=("east", "west"))),
         replace(SMALL, geometry=replace(place, two_sided=~place.two_sided)),

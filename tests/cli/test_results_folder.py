@@ -33,7 +33,7 @@ def test_the_folder_holds_what_was_run_and_what_came_of_it(whole, tmp_path):
     assert tables(tmp_path) == tables(whole)
     config = json.loads((tmp_path / "config.json").read_text())
     assert (config["seed"], config["runs"], config["scheme"]["name"], config["dt"]) == (3, 4, "dem", 0.01)
-    assert config["arguments"]["scenario"] == "two-exit-hall-v0" and config["population"][0]["count"] == 6
+    assert config["arguments"]["scenario"] == "two-exit-hall-v0" and config["population"][0]["people"] == 6
 
 
 def test_clogging_reads_the_exits(whole):
@@ -186,7 +186,7 @@ def test_an_interruption_keeps_runs_of_a_batch_that_were_finished():
     from crowd_env import make_scenario
     from crowd_env.envs.rollout import make_batches, simulate_batch
 
-    place = make_scenario("room-v0", count=3)
+    place = make_scenario("room-v0", people=3)
     (batch,) = make_batches(place, 8, scheme="dem", workers=1)
     asked = []
     done = simulate_batch(batch, lambda: asked.append(1) or len(asked) > 30)

@@ -80,7 +80,7 @@ def test_recorded_shoulders_are_pushed_apart_until_they_can_turn():
 
 def test_shoulders_that_do_not_fit_are_refused():
     door = doors.door(0.8, 24)
-    crowded = replace(door, population=door.population.changed(count=44))
+    crowded = replace(door, population=door.population.changed(people=44))
     draw_crowds([crowded], Setting("hertz", draws=1))
     with pytest.raises(ValueError, match="44 people do not fit"):
         draw_crowds([crowded], TORSOS)

@@ -66,7 +66,7 @@ def _groups(scenario: Scenario) -> np.ndarray:
     """Return the name of the group of each person (N,), or its number if groups have none; "" if there is one alone."""
     parts = scenario.population.parts
     names = [part.name or (str(k + 1) if len(parts) > 1 else "") for k, part in enumerate(parts)]
-    return np.repeat(names, [part.count for part in parts])
+    return np.repeat(names, [part.people for part in parts])
 
 
 def _run(episode: Episode) -> list[object]:
@@ -107,7 +107,7 @@ def _episode(scenario: Scenario, runs: Table, row: Row, exits: Table, rows: Sequ
         return number if name not in _WHOLE else int(number)
 
     metrics = EpisodeMetrics(**{name: value(name) for name in EpisodeMetrics._fields})
-    people = scenario.population.count
+    people = scenario.population.people
     columns = np.full((3, people), np.nan)  # exit time, radius, desired speed
     index = np.full(people, -1, dtype=np.int64)
     told = [one for one in rows if one.cells["person"]]

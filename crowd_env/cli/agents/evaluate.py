@@ -207,7 +207,7 @@ def main(
     if as_json:
         typer.echo(json.dumps(figures, allow_nan=False))
     else:
-        title = run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each")
+        title = run_title(place, people=f"{place.population.people} people", runs=f"{runs} runs each")
         if learned_share is not None:
             title += f", {100 * learned_share:g} % learned"
         _show(results, title, place, chosen)
@@ -264,7 +264,7 @@ def _place(
     """Return the scenario of a task, or the one that is named, with so many people if a number is given."""
     count = None if people is None else whole("--people", people)
     if task is None:
-        return read_place(_SCENARIO if scenario is None else scenario, exits=exits, unit=unit, count=count)
+        return read_place(_SCENARIO if scenario is None else scenario, exits=exits, unit=unit, people=count)
     for name, value in (("--scenario", scenario), ("--exit", exits), ("--unit", unit)):
         if value:
             said = value if isinstance(value, str) else " ".join(value)
