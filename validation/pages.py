@@ -2,7 +2,7 @@
 
 Between ``<!-- table: NAME -->`` and ``<!-- end -->`` stands docs/tables/NAME.csv, with the command that made it from
 docs/tables/made_by.csv below; nothing there is typed by hand.  ``<!-- table: NAME COLUMN=VALUE -->`` takes the rows that have
-this value and leaves out columns that are empty then; a single row stands upright.
+this value and leaves out columns that are empty then, and the command; a single row stands upright.
 """
 
 import csv
@@ -58,15 +58,18 @@ def fill_pages(root: Path = ROOT) -> list[Path]:
 
 def _markdown(name: str, chosen: str, folder: Path) -> str:
     head, *rows = read_table(name, folder)
-    columns = range(len(head))
     if chosen:
         wanted = {head.index(column): value for column, value in (word.split("=") for word in chosen.split())}
         rows = [row for row in rows if all(row[k].strip("`") == value for k, value in wanted.items())]
         if not rows:
             return "None yet.\n"
-        head, rows = ([[row[k] for k in columns if k not in wanted and any(one[k] for one in rows)] for row in some]
-                      for some in ([head], rows))  # fmt: skip
-        head, rows = (["", ""], [list(pair) for pair in zip(head[0], rows[0], strict=True)]) if len(rows) == 1 else (head[0], rows)
+        kept = [k for k in range(len(head)) if k not in wanted and any(row[k] for row in rows)]
+        head, *rows = ([row[k] for k in kept] for row in (head, *rows))
+        if len(rows) == 1:
+            head, rows = ["", ""], [list(pair) for pair in zip(head, rows[0], strict=True)]
     lines = [head, ["---"] * len(head), *rows]
-    made_by = dict(row for row in read_table(MADE_BY, folder)[1:])[name]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines) + f"\nMade by `{made_by}`.\n"
+    text = "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+    if chosen:
+        return text
+    made_by = {row[0]: row[1] for row in read_table(MADE_BY, folder)[1:]}
+    return f"{text}\nMade by `{made_by[name]}`.\n"

@@ -1,7 +1,7 @@
 """What makes the tables of docs/tables/ anew: rows from commands or finished runs, and a format string for each column.
 
-``source(LINE)`` is what ``python -m LINE --json`` prints; ``source.read(FILE)`` and ``source.rows(CASE)`` are of the folder that
---from names.  Verdicts of the table ``lin`` are written by hand, beside what ``crowd-env reproduce`` prints.
+``source(LINE)`` is what ``python -m LINE --json`` prints; ``source.read(FILE)`` and ``source.rows(CASE)`` are of the folder
+that --from names.  Verdicts of the table ``lin`` are written by hand, beside what ``crowd-env reproduce`` prints.
 """
 
 import json
@@ -50,7 +50,7 @@ class Source:
         return read_json(self.folder / file)
 
     def rows(self, *cases: str, outline: str = DISC) -> list[dict[str, Any]]:
-        """Return the finished rows of cases of ``python -m validation``, with how often each was drawn; ValueError if there are none."""
+        """Return the finished rows of cases, with how often each was drawn; ValueError if there are none."""
         folder, found = of_bodies(self.folder, outline), []
         for case in cases:
             if some := complete_rows(folder, case):
@@ -74,8 +74,11 @@ def run(line: str) -> dict[str, Any]:
 # --------------------------------------------------------------------------------------------------------- rows to cells
 
 
+_SCALED = {"%": (100.0, ".0f"), "kN": (1e-3, ".1f")}
+
+
 class _Cells(string.Formatter):
-    """Format strings over what JSON holds: a dash for what is missing, ``%`` for shares, a minus of its own for differences."""
+    """Format strings over what JSON holds: a dash for what is missing, `_SCALED` units, a minus of its own for differences."""
 
     def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
         try:
@@ -86,8 +89,9 @@ class _Cells(string.Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         if value is None:
             return "–"
-        if format_spec == "%":
-            return f"{100.0 * value:.0f}"
+        if format_spec in _SCALED:
+            scale, format_spec = _SCALED[format_spec]
+            value = scale * value
         text = super().format_field(value, format_spec)
         return text.replace("-", "−") if format_spec.startswith("+") else text
 
@@ -248,7 +252,7 @@ def training(source: Source) -> Grid:
         "policy": "`{policy}`", "exits blocked (Wilson interval)": "{blocked} of {runs} (" + _BLOCKED + ")",
         "last person out, of the runs that ended, s": _INTERVAL("clearing_time"), "mean exit time, s": _INTERVAL("mean_exit"),
         "flow, 1/s": "{flow:.2f}", "contact impulse, N s per person": "{contact_impulse[mean]:.0f}",
-        "worst pressure, N/m": "{max_pressure[mean]:.0f}", "above 1600 N/m": "{crushed_share[mean]:%} %",
+        "worst pressure, kN/m": "{max_pressure[mean]:kN}", "above 1600 N/m": "{crushed_share[mean]:%} %",
         "for, s": "{crushed_time[mean]:.1f}",
     })  # fmt: skip
 
@@ -310,22 +314,35 @@ def variants(source: Source) -> Grid:
         *(f"--exit-line {line}" for line in (-0.1, 1)),
         *("--side 8", "--dt 0.005", "--dt 0.001 --stiffness 1.2e6", "--stiffness 1.2e4", "--k-normal 80", "--seed 50"),
     ]
-    rows = [{"options": f"`{one}`" if one else "(none)", "r": _report(source, f"table5 {one}".strip())} for one in options]
+    rows = [
+        {"options": f"`{one}`" if one else "(none)", "r": _report(source, f"table5 {one}".strip())} for one in options
+    ]
     flows = {f"`{scheme}`": f"{{r[flow, {scheme}, per run][here]:.2f}}" for scheme in FLOWS}
     stuck = "/".join(f"{{r[unfinished, {scheme}][here]}}" for scheme in FLOWS)
     order = "{r[draws with nsm1 > dem > nsm2-printed][here]:.2f}"
-    return [*grid(rows, options="{options}", **flows, order=order, stuck=stuck), ["the paper", *FLOWS.values(), "–", "–"]]
+    return [
+        *grid(rows, options="{options}", **flows, order=order, stuck=stuck),
+        ["the paper", *FLOWS.values(), "–", "–"],
+    ]
 
 
 def clearance(source: Source) -> Grid:
     """Return the median clearance times of 200 and 300 people by their desired speed, and how many draws blocked."""
     rows = [
-        {"people": people, "name": name, "speed": speed, "time": found[f"clearance, {speed}"], "blocked": found[f"blocked, {speed}"]}
+        {
+            "people": people,
+            "name": name,
+            "speed": speed,
+            "time": found[f"clearance, {speed}"],
+            "blocked": found[f"blocked, {speed}"],
+        }
         for people, name in ((200, "lin-fig7"), (300, "lin-fig8"))
         for found in (_report(source, name),)
         for speed in (key.removeprefix("blocked, ") for key in found if key.startswith("blocked, "))
     ]
-    return pivoted(rows, {"desired speed": "{people} people (`{name}`)"}, "{speed}", "{time[here]:.0f} b{blocked[here]}")
+    return pivoted(
+        rows, {"desired speed": "{people} people (`{name}`)"}, "{speed}", "{time[here]:.0f} b{blocked[here]}"
+    )
 
 
 def flows(source: Source) -> Grid:
@@ -337,7 +354,19 @@ def flows(source: Source) -> Grid:
 
 # --------------------------------------------------------------------------------------------------------------- the map
 
-_MAP = ("gate", "doors", "corridor", "ring", "counterflow", "crossing", "corner", "faster", "clogging", "row", "standards")
+_MAP = (
+    "gate",
+    "doors",
+    "corridor",
+    "ring",
+    "counterflow",
+    "crossing",
+    "corner",
+    "faster",
+    "clogging",
+    "row",
+    "standards",
+)
 _SAID = {True: "yes", False: "**no**", None: "–"}
 _OUTCOME = {"yes": "yes", "**no**": "no", "–": "reported"}
 
@@ -352,7 +381,13 @@ def measured(source: Source, *cases: str, manner: str = "") -> Grid:
     order = list(dict.fromkeys(row["case"] for row in rows)).index
     manners = list(dict.fromkeys(row["manner"] for row in rows)).index
     rows.sort(key=lambda row: (order(row["case"]), manners(row["manner"])))
-    columns = {"case or test": "`{case}`", "manner": "{manner}", "scheme": "`{scheme}`", "passed": "{said}", "figures": "{figure}"}
+    columns = {
+        "case or test": "`{case}`",
+        "manner": "{manner}",
+        "scheme": "`{scheme}`",
+        "passed": "{said}",
+        "figures": "{figure}",
+    }
     return grid(rows, **columns)
 
 
@@ -400,7 +435,7 @@ class Table(NamedTuple):
 
 _MAP_BY = f"python -m validation {' '.join(_MAP)} --data DATA --out DIR"
 _FULL_SPEED = "python -m validation gate doors --manner competitive --data DATA --out DIR"
-_BODIES = "python -m validation {} --schemes hertz --manner hurried --manner competitive --draws {} --out DIR, and with --outline torso"
+_BODIES = "python -m validation {} --schemes hertz --manner MANNER --draws {} --out DIR, and with --outline torso"
 
 MAKERS: dict[str, Table] = {
     "schemes": Table(schemes, "crowd-env run room-v0 --scheme SCHEME --runs 50"),
@@ -410,11 +445,11 @@ MAKERS: dict[str, Table] = {
     "bodies-doors": Table(bodies_doors, _BODIES.format("doors", 10)),
     "clogging": Table(clogging, "crowd-env clogging --speed SPEED --n 200 --runs 10"),
     "frozen": Table(frozen, "python -m validation frozen --out DIR"),
-    "strategies": Table(strategies, "crowd-env evaluate --scenario two-exit-hall-v0 --policies STRATEGY ... --schemes SCHEME ... --runs 20"),
+    "strategies": Table(strategies, "crowd-env evaluate --scenario two-exit-hall-v0 --policies STRATEGY --schemes SCHEME"),
     "controller": Table(controller, "crowd-env train-routing --out DIR"),
     "training": Table(training, "python train.py"),
     "scenarios": Table(scenarios, "crowd-env run SCENARIO --scheme SCHEME --runs 100"),
-    "bodies": Table(bodies, "crowd-env run room-v0 --scheme SCHEME --radius LOW,HIGH --speed LOW,HIGH --runs 50"),
+    "bodies": Table(bodies, "crowd-env run room-v0 --scheme SCHEME --radius RANGE --speed RANGE --runs 50"),
     "theatre": Table(theatre, "crowd-env reproduce table7"),
     "variants": Table(variants, "crowd-env reproduce table5 OPTIONS"),
     "clearance": Table(clearance, "crowd-env reproduce lin-fig7 lin-fig8"),

@@ -156,7 +156,9 @@ def _judged(content: dict[str, Any], policy: str) -> dict[str, str]:
         "exits blocked": f"{row['blocked']} of {row['runs']} ({low:.0f} to {high:.0f} %)",
         "left inside": str(row["left"] or "nobody"),
         "last person, s": _spread(row["clearing_time"]),
-        f"beside `{best}`, s": "" if policy == best else _spread(paired(_times(content, policy), _times(content, best)), "+"),
+        f"beside `{best}`, s": ""
+        if policy == best
+        else _spread(paired(_times(content, policy), _times(content, best)), "+"),
         "mean exit, s": _spread(row["mean_exit"]),
         "flow, 1/s": "–" if row["flow"] is None else f"{row['flow']:.2f}",
         "impulse, N s": f"{row['contact_impulse']['mean']:.0f}",
@@ -181,7 +183,9 @@ def _worse(content: dict[str, Any]) -> str:
         return "not tried"
     blocked = {(row["variation"], row["policy"]): row["blocked"] for row in content["robustness"]["rows"]}
     mine = content["policy"]["name"]
-    worse = [name for (name, policy), count in blocked.items() if policy == mine and count > blocked[name, REFERENCES[0]]]
+    worse = [
+        name for (name, policy), count in blocked.items() if policy == mine and count > blocked[name, REFERENCES[0]]
+    ]
     return ", ".join(worse) or "none"
 
 
@@ -192,7 +196,10 @@ def varied(folder: Path = SUBMISSIONS) -> Grid:
         about = {one.name: one.about for one in variations(TASKS[name])}
         tried = [one for one in those if one["robustness"] is not None]
         for row in (row for one in tried for row in one["robustness"]["rows"]):
-            time, lost = row["clearing_time"]["mean"], f", {row['blocked']} of {row['runs']} blocked" if row["blocked"] else ""
+            time, lost = (
+                row["clearing_time"]["mean"],
+                f", {row['blocked']} of {row['runs']} blocked" if row["blocked"] else "",
+            )
             cells = found.setdefault((name, about[row["variation"]]), {})
             cells[f"`{row['policy']}`"] = ("–" if time is None else f"{time:.1f}") + lost
     policies = list(dict.fromkeys(policy for cells in found.values() for policy in cells))
