@@ -98,7 +98,7 @@ def rows(effort: Effort, sizes: Sequence[tuple[int, int]] = SIZES, settle: int =
 def dictionaries(effort: Effort, agents: int = 200) -> list[Row]:
     """Return agent-steps of dictionaries, and how many times those of arrays in the same room they are."""
     arrays = Rooms("nsm2", 1, agents, settle=0, side=15.0, door_width=1.0)
-    both = [Dictionaries(agents), arrays]
+    both: list[Any] = [Dictionaries(agents), arrays]
     samples = in_turn(both, effort)
     found = [Row(one.name, RATE, sample.rate) for one, sample in zip(both, samples, strict=True)]
     return [*found, Row(both[0].name, "times arrays", samples[0].rate / samples[1].rate)]

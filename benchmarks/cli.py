@@ -72,8 +72,8 @@ def run(
                 rows = CASES[name](effort)
             made_on = f"load {before} before, {load()} after; {machine()}"
             if as_csv:
-                command = f"python -m benchmarks {name}{' --peers' if peers else ''} --csv; {made_on}"
-                write_table(f"benchmark-{name}", grid(rows), command, TABLES)
+                command = f"python -m benchmarks {name}{' --peers' if peers else ''} --csv"
+                write_table(f"benchmark-{name}", grid(rows), command, made_on, TABLES)
                 fill_pages()
             if as_json:
                 typer.echo(json.dumps({"case": name, "machine": made_on, "rows": [row._asdict() for row in rows]}))

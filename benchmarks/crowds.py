@@ -8,7 +8,7 @@ hall
     A square hall at 1.33 people/m2 with an exit of 4 m: people walk, few touch; the first 4 s.
 jam
     A crowd at 6 people/m2 that touches and pushes to a door of 1.2 m.  People push for 0.1 s before anything is measured; then
-    1 s counts (0.2 s of more than 10,000 people).  How deep they overlap belongs to the speed: a solver that stops early is fast.
+    1 s counts (0.2 s of more than 10,000 people).  Overlaps belong to the speed: a solver that stops early is fast.
 headway
     Hall and jam, with people who keep a distance and without.
 """

@@ -1,4 +1,4 @@
-"""Bytes that a simulation keeps in arrays: those with a row for each pedestrian, and everything; and an environment of a batch."""
+"""Bytes that a simulation keeps in arrays: those with a row for each pedestrian, and all; and an environment of a batch."""
 
 from collections.abc import Iterator
 from typing import Any

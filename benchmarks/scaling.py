@@ -36,7 +36,8 @@ def against_people(effort: Effort) -> list[Row]:
             found.append(Row(f"{crowd.name}, {count} people", "a person-step, CPU ns", 1e9 * sample.cpu / sample.steps))
     for name, some in points.items():
         if len(some) > 1:
-            found.append(Row(name, "exponent", 1.0 + np.polyfit(*np.log(np.array(some).T), 1)[0]))
+            people, cost = np.log(np.array(some).T)
+            found.append(Row(name, "exponent", 1.0 + float(np.polyfit(people, cost, 1)[0])))
     return found
 
 

@@ -13,7 +13,7 @@ from crowd_env.core.files.atomic import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLES = ROOT / "docs" / "tables"
-MADE_BY = "made_by"  # table -> command
+MADE_BY = "made_by"  # table, command, note
 _MARK = re.compile(r"(<!-- table: ([\w-]+)((?: [\w-]+=[\w.-]+)*) -->\n).*?(?=<!-- end -->)", re.DOTALL)
 
 Grid = list[list[str]]  # rows of cells, the head first
@@ -28,10 +28,13 @@ def read_table(name: str, folder: Path = TABLES) -> Grid:
         return list(csv.reader(file))
 
 
-def write_table(name: str, grid: Grid, made_by: str, folder: Path = TABLES) -> None:
+def write_table(name: str, grid: Grid, command: str, note: str = "", folder: Path = TABLES) -> None:
     """Store a table and the command that made it; each file is whole or as it was."""
-    commands = {row[0]: row[1] for row in read_table(MADE_BY, folder)[1:]} | {name: made_by}
-    for file, rows in ((name, grid), (MADE_BY, [["table", "command"], *map(list, sorted(commands.items()))])):
+    commands = {row[0]: row for row in read_table(MADE_BY, folder)[1:]} | {name: [name, command, note]}
+    for file, rows in (
+        (name, grid),
+        (MADE_BY, [["table", "command", "note"], *(commands[key] for key in sorted(commands))]),
+    ):
         write_text(folder / f"{file}.csv", "".join(f"{','.join(map(_quoted, row))}\n" for row in rows))
 
 
@@ -71,5 +74,5 @@ def _markdown(name: str, chosen: str, folder: Path) -> str:
     text = "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
     if chosen:
         return text
-    made_by = {row[0]: row[1] for row in read_table(MADE_BY, folder)[1:]}
-    return f"{text}\nMade by `{made_by[name]}`.\n"
+    command, note = next(row[1:] for row in read_table(MADE_BY, folder) if row[0] == name)
+    return f"{text}\nMade by `{command}`{note and f'; {note}'}.\n"

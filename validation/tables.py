@@ -430,19 +430,25 @@ class Table(NamedTuple):
     """What makes a table, and the command that its figures come from, as it stands below the table."""
 
     make: Callable[[Source], Grid]
-    made_by: str = ""
+    command: str = ""
+    note: str = ""
+
+
+def _of_tasks(name: str) -> Callable[[Source], Grid]:
+    return lambda _: task_tables.MAKERS[name]()
 
 
 _MAP_BY = f"python -m validation {' '.join(_MAP)} --data DATA --out DIR"
 _FULL_SPEED = "python -m validation gate doors --manner competitive --data DATA --out DIR"
-_BODIES = "python -m validation {} --schemes hertz --manner MANNER --draws {} --out DIR, and with --outline torso"
+_BODIES = "python -m validation {} --schemes hertz --manner hurried --draws {} --out DIR"
+_TWICE = "also with `--manner competitive`, and all of it with `--outline torso`"
 
 MAKERS: dict[str, Table] = {
     "schemes": Table(schemes, "crowd-env run room-v0 --scheme SCHEME --runs 50"),
     "halls": Table(halls, "python -m validation halls great-halls --out DIR"),
     "jambs": Table(jambs, "python -m validation jambs --out DIR"),
-    "bodies-gate": Table(bodies_gate, _BODIES.format("gate", 100)),
-    "bodies-doors": Table(bodies_doors, _BODIES.format("doors", 10)),
+    "bodies-gate": Table(bodies_gate, _BODIES.format("gate", 100), _TWICE),
+    "bodies-doors": Table(bodies_doors, _BODIES.format("doors", 10), _TWICE),
     "clogging": Table(clogging, "crowd-env clogging --speed SPEED --n 200 --runs 10"),
     "frozen": Table(frozen, "python -m validation frozen --out DIR"),
     "strategies": Table(strategies, "crowd-env evaluate --scenario two-exit-hall-v0 --policies STRATEGY --schemes SCHEME"),
@@ -458,7 +464,7 @@ MAKERS: dict[str, Table] = {
     "criteria": Table(criteria, _MAP_BY),
     "full-speed": Table(lambda source: measured(source, "gate", "doors", manner="competitive"), _FULL_SPEED),
     "map": Table(lambda source: passed(read_table("measured")), _MAP_BY),
-    **{name: Table(lambda source, make=make: make()) for name, make in task_tables.MAKERS.items()},
+    **{name: Table(_of_tasks(name)) for name in task_tables.MAKERS},
 }  # fmt: skip
 
 
@@ -468,6 +474,6 @@ def make(names: Iterable[str], source: Source) -> None:
         if name not in MAKERS:
             raise ValueError(f"unknown table {name!r}; known: {', '.join(MAKERS)}")
         table = MAKERS[name]
-        write_table(name, table.make(source), table.made_by or f"python -m validation pages {name}")
+        write_table(name, table.make(source), table.command or f"python -m validation pages {name}", table.note)
         if name in ("measured", "criteria"):
             write_limits()

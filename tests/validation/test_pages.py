@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from crowd_env.agents.tasks import TASKS
 from crowd_env.core.files.json_file import read_json
 from validation import pages, tables, task_tables
-from validation.cases.case import Row, Setting, row
+from validation.cases.case import Setting, row
 from validation.cli import app
 from validation.finished import Finished
 from validation.pages import TABLES, filled, read_table, write_table
@@ -30,12 +30,12 @@ def test_pages_and_files_agree():
 
 def test_every_file_is_used_says_what_made_it_and_is_written_as_it_lies(tmp_path):
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
-    made_by = {name: command for name, command in read_table(pages.MADE_BY)[1:]}
-    assert set(made_by) == STORED and all(made_by.values()) and set(MAKERS) <= STORED
+    made_by = {name: how for name, *how in read_table(pages.MADE_BY)[1:]}
+    assert set(made_by) == STORED and all(command for command, _ in made_by.values()) and set(MAKERS) <= STORED
     (tmp_path / "made_by.csv").write_bytes((TABLES / "made_by.csv").read_bytes())
     for name in sorted(STORED):
         assert f"<!-- table: {name}" in text or f"tables/{name}.csv" in text, name
-        write_table(name, read_table(name), made_by[name], tmp_path)
+        write_table(name, read_table(name), *made_by[name], folder=tmp_path)
         assert (tmp_path / f"{name}.csv").read_bytes() == (TABLES / f"{name}.csv").read_bytes(), name
     assert (tmp_path / "made_by.csv").read_bytes() == (TABLES / "made_by.csv").read_bytes()
 
@@ -74,9 +74,9 @@ def test_nobody_is_sooner_than_alone():
 
 @pytest.fixture
 def folder(tmp_path):
-    (tmp_path / "made_by.csv").write_text("table,command\n")
+    (tmp_path / "made_by.csv").write_text("table,command,note\n")
     rows = [["who", "a, s", "b"], ["`x`", "1", ""], ["y", "2, or 3", 'say "no"'], ["y", "4", "5"]]
-    write_table("t", rows, "python -m x", tmp_path)
+    write_table("t", rows, "python -m x", folder=tmp_path)
     return tmp_path
 
 
@@ -139,18 +139,16 @@ def test_tables_of_commands_have_the_heads_that_are_stored():
     for name in ("schemes", "clogging", "strategies", "scenarios", "bodies"):
         assert MAKERS[name].make(Source(command))[0] == read_table(name)[0], name
     assert asked[:2] == [f"crowd_env run room-v0 --scheme dem{step} --runs 50" for step in ("", " --dt 0.001")]
-    assert len(asked) == len(set(asked))
 
 
 def made_of(folder, name, *rows):
-    """Return a table of a run of the map with these rows (case, scheme, manner, numbers)."""
-    for case, scheme, manner, passed_, more in rows:
-        setting = Setting(scheme, manner)
-        path = Finished(folder).path(case, setting)
-        before = [] if not path.exists() else read_json(path)["rows"]
-        mine = [*(Row(**one) for one in before)] if before else []
-        mine.append(row(case, setting, passed_, "1.13 /s", "as recorded", "a paper", **more))
-        Finished(folder).keep(case, setting, mine, True, 1.0)
+    """Return a table of a run of the map with these rows (case, scheme, manner, whether it passed, numbers)."""
+    found = {}
+    for case, scheme, manner, *said, more in rows:
+        mine = row(case, Setting(scheme, manner), *said, "1.13 /s", "as recorded", "a paper", **more)
+        found.setdefault((case, scheme, manner), []).append(mine)
+    for (case, scheme, manner), some in found.items():
+        Finished(folder).keep_rows(case, Setting(scheme, manner), some, True, 1.0)
     return MAKERS[name].make(Source(lambda line: {}, folder))
 
 
