@@ -101,20 +101,15 @@ def read_submissions(folder: Path = SUBMISSIONS) -> dict[str, list[dict[str, Any
     Raises
     ------
     ValueError
-        If one does not fit its task, two are of one policy, or the rule has done other things in one of them.
+        If one does not fit its task, or two are of one policy.
     """
     found: dict[str, list[dict[str, Any]]] = {name: [] for name in TASKS}
     for path in sorted(folder.glob("*/*.json")):
         one = read_submission(path)
-        for other in found[one["task"]["name"]]:
-            if other["policy"]["name"] == one["policy"]["name"]:
-                raise ValueError(f"{path}: {one['policy']['name']} has been submitted twice")
-            if not np.allclose(_times(one, REFERENCES[0]), _times(other, REFERENCES[0]), rtol=1e-4):
-                raise ValueError(
-                    f"{path}: the rule does not do what it does in the submission of {other['policy']['name']}: they were "
-                    "made by other code; submit again"
-                )
-        found[one["task"]["name"]].append(one)
+        mine, those = one["policy"]["name"], found[one["task"]["name"]]
+        if mine in [other["policy"]["name"] for other in those]:
+            raise ValueError(f"{path}: {mine} has been submitted twice")
+        those.append(one)
     for those in found.values():
         those.sort(key=lambda one: (_row(one)["credible"]["ok"] is False, float(np.mean(_times(one)))))
     return {name: those for name, those in found.items() if those}
