@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.measuring import Effort, Row, Sample, Stopwatch, in_turn, timed
 from benchmarks.peers import batch_rivals
-from crowd_env import SCHEMES, CrowdEnv, parallel_env
+from crowd_env import SCHEMES, CrowdEnv, Physics, make_scenario, parallel_env
 
 SIZES = ((1, 20), (256, 20), (256, 50))  # rooms of 5 m, people in each
 RATE = "agent-steps per CPU s"
@@ -25,12 +25,10 @@ class Rooms:
     whole = 8.0  # s    about an evacuation: shorter blocks see only a phase of it
 
     def __init__(
-        self, scheme: str, rooms: int, people: int, settle: int = _SETTLE, threads: int = 1, **options: Any
+        self, scheme: str, rooms: int, people: int, settle: int = _SETTLE, threads: int = 1, **options: float
     ) -> None:
-        self.name = f"{scheme}, {rooms} x {people}"
-        self.env = CrowdEnv(
-            "room-v0", num_envs=rooms, scheme=scheme, autoreset=True, people=people, threads=threads, **options
-        )
+        self.name, place = f"{scheme}, {rooms} x {people}", make_scenario("room-v0", people=people, **options)
+        self.env = CrowdEnv(place, num_envs=rooms, physics=Physics(scheme, threads=threads), autoreset=True)
         self.env.reset(seed=0)
         self._forward = np.tile(np.array([1.0, 0.0], dtype=np.float32), (self.env.num_people, 1))
         for _ in range(settle):
@@ -60,7 +58,8 @@ class Dictionaries:
 
     def __init__(self, agents: int) -> None:
         self.name, self._left = f"nsm2, dictionaries of {agents}", 0
-        self._env = parallel_env("room-v0", scheme="nsm2", people=agents, side=15.0, door_width=1.0)
+        place = make_scenario("room-v0", people=agents, side=15.0, door_width=1.0)
+        self._env = parallel_env(place, physics="nsm2")
         self._actions = {agent: np.array([1.0, 0.0], dtype=np.float32) for agent in self._env.possible_agents}
 
     def block(self, effort: Effort) -> Sample:

@@ -17,7 +17,7 @@ import json, time
 begin = time.perf_counter()
 import crowd_env
 imported = time.perf_counter()
-env = crowd_env.CrowdEnv("room-v0", scheme="nsm2")
+env = crowd_env.CrowdEnv("room-v0", physics="nsm2")
 env.reset(seed=0)
 env.step(None)
 stepped = time.perf_counter()

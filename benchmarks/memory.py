@@ -23,7 +23,7 @@ def rows(effort: Effort) -> list[Row]:
         who = f"{way.scheme}, {scene.people} people"
         found.append(Row(who, "a row for each, bytes per person", mine / scene.people))
         found.append(Row(who, "everything, MB", sum(array.nbytes for array in every) / 1e6))
-    env = CrowdEnv("room-v0", num_envs=64, scheme="nsm2", autoreset=True)
+    env = CrowdEnv("room-v0", num_envs=64, physics="nsm2", autoreset=True)
     env.reset(seed=0)
     env.step(None)
     total = sum(array.nbytes for array in arrays(env)) / 64e6
