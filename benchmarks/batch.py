@@ -15,6 +15,7 @@ from benchmarks.peers import batch_rivals
 from crowd_env import SCHEMES, CrowdEnv, Physics, make_scenario, parallel_env
 
 SIZES = ((1, 20), (256, 20), (256, 50))  # rooms of 5 m, people in each
+OWN = tuple(name for name in SCHEMES if name != "hertz-literal")
 RATE = "agent-steps per CPU s"
 _SETTLE, _EPISODE = 100, 50  # decision steps, of a batch before it is measured, and of a run over dictionaries
 
@@ -77,12 +78,14 @@ class Dictionaries:
         return Sample(cpu, clock, 0.1 * decisions, agents)
 
 
-def rows(effort: Effort, sizes: Sequence[tuple[int, int]] = SIZES, settle: int = _SETTLE) -> list[Row]:
+def rows(
+    effort: Effort, sizes: Sequence[tuple[int, int]] = SIZES, settle: int = _SETTLE, schemes: Sequence[str] = OWN
+) -> list[Row]:
     """Return agent-steps, the share of the physics, and the ratio to other environments, for every scheme and size."""
     found: list[Row] = []
     for rooms, people in sizes:
         effort.tell(f"{rooms} x {people}: letting rooms fall out of step")
-        ours = [Rooms(scheme, rooms, people, settle) for scheme in SCHEMES if scheme != "hertz-literal"]
+        ours = [Rooms(scheme, rooms, people, settle) for scheme in schemes]
         theirs = batch_rivals(rooms, people, effort) if rooms > 1 else []
         samples = in_turn([*ours, *theirs], effort)
         found += [Row(one.name, RATE, sample.rate) for one, sample in zip([*ours, *theirs], samples, strict=True)]
