@@ -8,7 +8,7 @@ from crowd_env import CrowdEnv, make_scenario
 from crowd_env.analysis.results.report import report
 from crowd_env.core.executors import Processes, Serial
 from crowd_env.envs.rollout import Driver, RunsInterrupted, Together, rollout, run_episodes
-from crowd_env.rendering.live import FilmRecorder, record
+from crowd_env.recording import RunRecorder, record
 
 
 def room(count=3, **options):
@@ -93,7 +93,7 @@ def test_a_recorder_sees_every_moment_of_every_evacuation(two_at_once):
 
 
 def test_several_recorders_each_keep_their_own(two_at_once):
-    for episode in run_episodes(room(), 3, scheme="dem", recorder=Together([Counts(), FilmRecorder("film"), Counts()])):
+    for episode in run_episodes(room(), 3, scheme="dem", recorder=Together([Counts(), RunRecorder(runs=3), Counts()])):
         (moments, _), film, (again, _) = episode.record
         assert moments == again == len(film.time) and film.title == "film"
 
