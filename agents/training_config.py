@@ -57,7 +57,7 @@ def default_config(
         "task": None,
         "scenario": scenario,
         "options": options,
-        "people": place.population.count,
+        "people": place.population.people,
         "strategy": "shortest",
         "scheme": scheme,
         "seed": seed,
@@ -106,7 +106,7 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
         **config,
         "task": task,
         "options": {**judged.options, **preset.options},
-        "people": place.population.count,
+        "people": place.population.people,
         "strategy": judged.rule,
         "dt": given.get("dt", preset.dt if scheme == judged.scheme else config["dt"]),
         "decision_dt": judged.decision_dt,
@@ -231,7 +231,7 @@ def check_config(config: Mapping[str, Any]) -> None:
     whole("seed", config["seed"], SEEDS)
     check_budget(minutes=config["minutes"], steps=config["steps"], envs=config["envs"])
     number("--dt", config["dt"], LEAST_DT, "s")
-    check_envs(config["envs"], place_of(config).population.count)
+    check_envs(config["envs"], place_of(config).population.people)
     env = make_env(config, envs=1)
     if config["start"] != RULE:
         rule = start_of(config)

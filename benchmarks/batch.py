@@ -29,7 +29,7 @@ class Rooms:
 
     def __init__(self, scheme: str, rooms: int, people: int, settle: int, effort: Effort, threads: int = 1) -> None:
         self.name = scheme
-        self.env = CrowdEnv("room-v0", num_envs=rooms, scheme=scheme, autoreset=True, count=people, threads=threads)
+        self.env = CrowdEnv("room-v0", num_envs=rooms, scheme=scheme, autoreset=True, people=people, threads=threads)
         self.env.reset(seed=0)
         self._forward = np.tile(np.array([1.0, 0.0], dtype=np.float32), (self.env.num_people, 1))
         begin = time.process_time()

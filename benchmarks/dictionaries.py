@@ -100,7 +100,7 @@ class Dictionaries:
 
 def rows(effort: Effort, agents: int = 200) -> list[Row]:
     """Return agent-steps per CPU second and their ratios to those of the empty environment."""
-    make = partial(parallel_env, "room-v0", scheme="nsm2", count=agents, side=15.0, door_width=1.0)
+    make = partial(parallel_env, "room-v0", scheme="nsm2", people=agents, side=15.0, door_width=1.0)
     env, interface = make(), without_physics(make())
     observations, _ = env.reset(seed=0)
     env.step({})

@@ -108,7 +108,7 @@ def room(scheme: str) -> Scene:
 def crowd(scheme: str) -> Scene:
     """More than a thousand people, whose arrays are sorted by place, and more than four thousand, cut into slabs."""
     for count, side, steps in ((1100, 24.0, 15), (4200, 42.0, 4)):
-        options: dict[str, Any] = {"count": count, "side": side, "scheme": scheme, "ruled": 0.95}
+        options: dict[str, Any] = {"people": count, "side": side, "scheme": scheme, "ruled": 0.95}
         one, other = (_episode(steps, "room-v0", threads=threads, **options) for threads in (1, 3))
         yield from _agreeing("the number of threads", one, other)
 
@@ -239,7 +239,7 @@ def variants() -> Scene:
         crowd_env.DEM(stiffness=5e4),
     ):
         yield from _episode(25, "room-v0", num_envs=2, scheme=scheme)
-    yield from _episode(4, "room-v0", count=1100, side=24.0, scheme=crowd_env.DEM(social=social))
+    yield from _episode(4, "room-v0", people=1100, side=24.0, scheme=crowd_env.DEM(social=social))
 
 
 def scenarios() -> Scene:
@@ -252,7 +252,7 @@ def scenarios() -> Scene:
 
 def parallel() -> Scene:
     """PettingZoo: one agent per pedestrian, some without an action."""
-    env = crowd_env.parallel_env("two-exit-hall-v0", count=40, max_cycles=25, scheme="dem")
+    env = crowd_env.parallel_env("two-exit-hall-v0", people=40, max_cycles=25, scheme="dem")
     for agent in env.possible_agents:
         env.action_space(agent).seed(int(agent.rpartition("_")[2]))
     observations, _ = env.reset(seed=4)

@@ -221,7 +221,7 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
         raise ValueError(f"{path}{SAMPLED}: a controller takes the most likely choices alone")
     if crowd.learned_share is not None:
         raise NotMixed(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
-    of_the_run = ("scenario", "exits", "unit", "count", "scheme", "dt", "threads", "manner", "outline")
+    of_the_run = ("scenario", "exits", "unit", "people", "count", "scheme", "dt", "threads", "manner", "outline")
     own = {key: value for key, value in found.options.items() if key not in of_the_run}
     own["sample_dt"] = SAMPLE
     try:

@@ -289,7 +289,7 @@ def _joined(cell: Cell, batches: Sequence[BatchDone]) -> Evaluation:
         constants = cell.driver.constants
         if cell.driver.learned_share is not None:
             seeds = [episode.seed for episode in episodes]
-            learned = learned_people(seeds, cell.scenario.population.count, cell.driver.learned_share)
+            learned = learned_people(seeds, cell.scenario.population.people, cell.driver.learned_share)
     return Evaluation(
         cell.name,
         make_scheme(cell.scheme).info.name,

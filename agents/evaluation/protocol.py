@@ -36,7 +36,7 @@ def task_row(task: Task, place: Scenario, result: Evaluation, results: Sequence[
         "task": task.name,
         "policy": result.policy,
         "scheme": result.scheme,
-        "people": place.population.count,
+        "people": place.population.people,
         "runs": result.runs,
         "blocked": row["blocked_runs"],
         "unfinished": row["unfinished_runs"],

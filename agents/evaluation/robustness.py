@@ -42,7 +42,7 @@ class Trial(NamedTuple):
             "variation": one.name,
             "about": one.about,
             "scheme": self.scheme,
-            "people": self.place.population.count,
+            "people": self.place.population.people,
             "learned_share": one.learned_share or 1.0,
             "digest": self.settings(task, runs, seed)["digest"],
         }

@@ -29,7 +29,9 @@ def touching_flow(place: Scenario) -> float:
     """
     rng = np.random.default_rng(0)
     parts = place.population.parts
-    drawn = [part.changed(count=max(1, _BODIES * part.count // place.population.count), starts=None) for part in parts]
+    drawn = [
+        part.changed(people=max(1, _BODIES * part.people // place.population.people), starts=None) for part in parts
+    ]
     bodies = [part.draw_bodies(rng) for part in drawn]
     width = 2.0 * float(np.concatenate([one.radius for one in bodies]).mean())
     speed = float(np.concatenate([one.desired_speed for one in bodies]).mean())

@@ -98,9 +98,9 @@ def training_place(scenario: str, options: Mapping[str, Any], people: int | None
         If an option is unknown or out of range, or so many people do not fit.
     """
     place = make_scenario(scenario, **options)
-    if people is None or people == place.population.count:
+    if people is None or people == place.population.people:
         return place
-    return make_scenario(scenario, **options, population=place.population.changed(count=whole("--people", people)))
+    return make_scenario(scenario, **options, population=place.population.changed(people=whole("--people", people)))
 
 
 # Everyone alone would rather push in front; who heads the queue pays for those who wait behind.

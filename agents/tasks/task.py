@@ -76,7 +76,7 @@ class Task:
         """
         count = self.people if people is None else whole("--people", people)
         try:
-            population = make_scenario(self.scenario, **self.options).population.changed(count=count)
+            population = make_scenario(self.scenario, **self.options).population.changed(people=count)
             scenario = make_scenario(self.scenario, **self.options, population=population)
         except ValueError as error:
             raise ValueError(f"task {self.name} cannot have {count} people: {error}") from None
@@ -124,4 +124,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
     names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
-    return {"": type(value).__name__} | {name: _plain(getattr(value, name)) for name in names}
+    kind = type(value).__name__
+    said = {"people": "count"} if kind == "Population" else {}  # as digests in files have it
+    return {"": kind} | {said.get(name, name): _plain(getattr(value, name)) for name in names}

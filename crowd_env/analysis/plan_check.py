@@ -8,6 +8,7 @@ import numpy as np
 
 from crowd_env.analysis.gaps import Gap
 from crowd_env.analysis.passages import Passage, narrowest_passages
+from crowd_env.analysis.results.report import exit_widths
 from crowd_env.analysis.terrain import Terrain, survey
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.geometry import Geometry
@@ -106,13 +107,11 @@ def check_plan(
     except ValueError as error:
         radius, position = np.empty(0), np.empty((0, 2))
         remarks.append(f"people cannot be placed: {error}")
-    group = np.repeat(np.arange(len(people.parts)), [part.count for part in people.parts])
+    group = np.repeat(np.arange(len(people.parts)), [part.people for part in people.parts])
     regions = tuple(dict.fromkeys(part.start_region for part in people.parts if part.starts is None))
     start_area = geometry.area if None in regions or not regions else sum(geometry.area_of(r) for r in regions)
     middle = 0.5 * room * (least + people.radius.high)
-    widths: dict[str, float] = {}
-    for exit_name, (a, b) in zip(geometry.exit_names, geometry.exits, strict=True):
-        widths[exit_name] = widths.get(exit_name, 0.0) + float(np.hypot(*(b - a)))
+    widths = exit_widths(geometry)
     lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
     remarks += _of_exits(widths, passages, people)
@@ -141,18 +140,18 @@ def _starts(terrain: Terrain, people: People, geometry: Geometry, position: Floa
     starts = np.zeros(shape)
     begin = 0
     for part in people.parts:
-        rows = slice(begin, begin + part.count)
-        begin += part.count
+        rows = slice(begin, begin + part.people)
+        begin += part.people
         if part.starts is not None:
             at = position[rows] if len(position) else part.starts
-            np.add.at(starts, nearest_nodes(at, terrain.origin, terrain.spacing, shape), part.count / len(at))
+            np.add.at(starts, nearest_nodes(at, terrain.origin, terrain.spacing, shape), part.people / len(at))
             continue
         here = terrain.free(part.radius.low)
         if part.start_region is not None:
             row, col = np.nonzero(here)
             points = terrain.origin + terrain.spacing * np.column_stack([col, row])
             here[row, col] = geometry.contains(points, part.start_region)
-        starts[here] += part.count / max(int(here.sum()), 1)
+        starts[here] += part.people / max(int(here.sum()), 1)
     return starts
 
 

@@ -89,7 +89,7 @@ def clog(
         episodes: list[Episode] = []
         stopped: RunsInterrupted | None = None
         if scenario is not None or not sets:
-            found_place = read_place(scenario or "lin-room-v0", exits=exit, unit=unit, count=n, speed=speed)
+            found_place = read_place(scenario or "lin-room-v0", exits=exit, unit=unit, people=n, speed=speed)
             place = with_manner(found_place, manner, outline)
             contact = make_scheme(scheme)
             name = _name(place, contact)
@@ -131,7 +131,7 @@ def _recorded(paths: Sequence[Path]) -> dict[str, list[RunExits]]:
 def _name(place: Scenario, scheme: ContactScheme) -> str:
     speed = place.population.desired_speed
     range = f"{speed.low:g}" if speed.low == speed.high else f"{speed.low:g} to {speed.high:g}"
-    return f"{run_title(place, scheme.info.name)}, {counted(place.population.count, 'person', 'people')}, {range} m/s"
+    return f"{run_title(place, scheme.info.name)}, {counted(place.population.people, 'person', 'people')}, {range} m/s"
 
 
 def _write(

@@ -10,7 +10,7 @@ from crowd_env.cli.completion import complete_from
 from crowd_env.core.arrays.headway import MANNERS
 from crowd_env.core.arrays.outline import OUTLINES
 from crowd_env.core.console import check_place
-from crowd_env.core.files.claim import claimed
+from crowd_env.core.files.store import claimed
 
 # Sections of the help.
 OF_PLACE, OF_PEOPLE, OF_PHYSICS, OF_RUNS, OF_OUTPUT = "Place", "People", "Physics", "Runs", "Output"

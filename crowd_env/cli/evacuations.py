@@ -72,7 +72,7 @@ def evacuate(
     seen: Episode | None = None
     records: dict[int, Any] = {}
     stopped: RunsInterrupted | None = None
-    with Tally(runs) as tally, _Bar(title, runs, place.population.count, tally, found):
+    with Tally(runs) as tally, _Bar(title, runs, place.population.people, tally, found):
 
         def take(episodes: Sequence[Episode]) -> None:
             records.update({episode.run: episode.record for episode in episodes if episode.run in recorded})

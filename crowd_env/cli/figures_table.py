@@ -2,9 +2,9 @@
 
 from typing import Any
 
-import numpy as np
 from rich.table import Table
 
+from crowd_env.analysis.results.report import exit_widths
 from crowd_env.core.arrays.state import MAX_SPEED
 from crowd_env.core.checks import counted
 from crowd_env.scenarios.scenario import Scenario
@@ -83,10 +83,7 @@ def _listed(shown: list[str]) -> str:
 
 
 def _widths(place: Scenario) -> str:
-    widths: dict[str, float] = {}
-    for name, (a, b) in zip(place.geometry.exit_names, place.geometry.exits, strict=True):
-        widths[name] = widths.get(name, 0.0) + float(np.hypot(*(b - a)))
-    return _listed([f"{name} {width:.2f} m" for name, width in widths.items()])
+    return _listed([f"{name} {width:.2f} m" for name, width in exit_widths(place.geometry).items()])
 
 
 def _shares(exits: dict[str, Any]) -> str:

@@ -71,7 +71,7 @@ def read_place(
     *,
     exits: Sequence[str] | None = None,
     unit: str | None = None,
-    count: int | None = None,
+    people: int | None = None,
     radius: str | None = None,
     speed: str | None = None,
     starts: Path | None = None,
@@ -84,7 +84,7 @@ def read_place(
     name : a scenario that ships with crowd_env, a scenario file, or a floor plan in a file of any kind that is read.
     exits : of a floor plan, in the forms of `crowd_env.geometry.parsing.parse_exit`.
     unit : of a floor plan, of ``exits`` and of ``starts``.
-    count : number of people.
+    people : number of people.
     radius : m, as "0.2" or "0.2,0.25".
     speed : m/s, the desired one, in the same forms.
     starts : CSV file of starting positions.
@@ -95,13 +95,13 @@ def read_place(
     ValueError
         If there is no such place, something in its file is wrong, or an option does not suit it.
     """
-    people = people_options(count, radius, speed, starts, unit)
+    crowd = people_options(people, radius, speed, starts, unit)
     timing: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
     options = plan_options(name, exits, unit)
     if kind_of_place(name) == "plan":
         plan = read_plan(name, **options)
-        return scenario_on(plan, people_on(plan, **people), **timing)
-    return changed_place(name, people, **timing)
+        return scenario_on(plan, people_on(plan, **crowd), **timing)
+    return changed_place(name, crowd, **timing)
 
 
 def changed_place(name: str, people: Mapping[str, Any], **options: Any) -> Scenario:
@@ -114,7 +114,7 @@ def changed_place(name: str, people: Mapping[str, Any], **options: Any) -> Scena
 
 
 def people_options(
-    count: int | None, radius: str | None, speed: str | None, starts: Path | None, unit: str | None
+    people: int | None, radius: str | None, speed: str | None, starts: Path | None, unit: str | None
 ) -> dict[str, Any]:
     """Return the fields of a `Population` that options stand for; they are those of `read_place`.
 
@@ -124,17 +124,17 @@ def people_options(
         If an option is not understood, the file of starts cannot be read, or it holds another number of people than --n says.
     """
     recorded = None if starts is None else unit_in_meters(unit) * read_starts(starts)
-    if recorded is not None and count not in (None, len(recorded)):
-        raise ValueError(f"--n is {count}, but {starts} holds {len(recorded)} positions")
-    people: dict[str, Any] = {} if recorded is None else {"starts": recorded, "start_region": None}
-    number = count if recorded is None else len(recorded)
+    if recorded is not None and people not in (None, len(recorded)):
+        raise ValueError(f"--n is {people}, but {starts} holds {len(recorded)} positions")
+    fields: dict[str, Any] = {} if recorded is None else {"starts": recorded, "start_region": None}
+    number = people if recorded is None else len(recorded)
     if number is not None:
-        people["count"] = number
+        fields["people"] = number
     if radius is not None:
-        people["radius"] = _range(radius, "--radius")
+        fields["radius"] = _range(radius, "--radius")
     if speed is not None:
-        people["desired_speed"] = _range(speed, "--speed")
-    return people
+        fields["desired_speed"] = _range(speed, "--speed")
+    return fields
 
 
 def plan_options(name: str, exits: Sequence[str] | None, unit: str | None) -> dict[str, Any]:

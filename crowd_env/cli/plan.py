@@ -173,7 +173,7 @@ def _figures(check: PlanCheck, said: list[str]) -> dict[str, Any]:
         "regions": {name: geometry.area_of(name) for name in geometry.regions},
         "doors": list(geometry.doors),
         "not_reached": [{"area": area, "at": _inside(part)} for part, area in check.unreached],
-        "people": check.people.count,
+        "people": check.people.people,
         "body_diameter": list(check.body),
         "free_area": check.free_area,
         "capacity": check.capacity,
@@ -207,7 +207,7 @@ def _table(check: PlanCheck) -> Table:
         table.add_row("no exit reaches", f"{area:.3g} m2 around ({x:.2f}, {y:.2f})")
     least, most = check.body
     body = f"{least:.2f} m" if most - least < 1e-9 else f"{least:.2f} to {most:.2f} m"
-    table.add_row("people", f"{counted(check.people.count, 'person', 'people')}, bodies {body} wide")
+    table.add_row("people", f"{counted(check.people.people, 'person', 'people')}, bodies {body} wide")
     table.add_row("room for", f"at most {check.capacity} people on the {check.start_area:.1f} m2 where they start")
     table.add_row("  centers of bodies", f"{check.free_area:.1f} m2")
     for remark in check.remarks:

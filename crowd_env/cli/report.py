@@ -95,7 +95,7 @@ def place_of(config: Mapping[str, Any]) -> tuple[Scenario, ContactScheme]:
         given["scenario"],
         exits=given.get("exit"),
         unit=given.get("unit"),
-        count=given.get("n"),
+        people=given.get("n"),
         radius=given.get("radius"),
         speed=given.get("speed"),
         starts=None if starts is None else Path(starts),

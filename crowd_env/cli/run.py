@@ -2,14 +2,14 @@
 
 import json
 import time
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
-from crowd_env.analysis.results.report import report
+from crowd_env.analysis.results.report import doubts, report
 from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import (
     OF_OUTPUT,
@@ -199,7 +199,7 @@ def run(
         for output in possible:
             output.check()
         outputs = [output for output in possible if output.path is not None]
-        people: dict[str, Any] = {"count": n, "radius": radius, "speed": speed, "starts": starts}
+        people: dict[str, Any] = {"people": n, "radius": radius, "speed": speed, "starts": starts}
         found = read_place(scenario, exits=exit, unit=unit, time_limit=time_limit, **people)
         place = with_manner(found, manner, outline)
         contact = make_scheme(scheme, social)
@@ -208,34 +208,36 @@ def run(
         recorders = [output.recorder(first) for output in outputs]
         here = config_of(context.params, place, contact, options)
         writer = recording.recorder(context, runs, seed, {"rules": rules})
-        folder = None if out is None else open_folder(context, out, place, here)
+        folder, kept = (None, []) if out is None else open_folder(context, out, here)
         begin = time.monotonic()
-        with nullcontext() if folder is None else folder:
-            done = evacuate(
-                first.title,
-                place,
-                runs,
-                seed=seed,
-                workers=workers,
-                first=recorders,
-                recorder=writer,
-                recorded=recording.numbers(runs),
-                kept=[] if folder is None else folder.finished,
-                keep=None if folder is None else keep_in(folder),
-                scheme=contact,
-                **options,
-            )
+        done = evacuate(
+            first.title,
+            place,
+            runs,
+            seed=seed,
+            workers=workers,
+            first=recorders,
+            recorder=writer,
+            recorded=recording.numbers(runs),
+            kept=kept,
+            keep=None if folder is None else keep_in(folder),
+            scheme=contact,
+            **options,
+        )
         figures = report(place, contact, done.episodes, dt=dt, strategy=strategy)
         if done.stopped is not None:
             figures["interrupted_of"] = done.stopped.runs
+        figures["doubts"] = doubts(figures)
     # Before any picture: what has been computed must not be lost with it.
     if as_json:
         typer.echo(json.dumps(figures))
     else:
         Console().print(figures_table(place, figures, time.monotonic() - begin))
+        if figures["doubts"]:
+            Console(highlight=False).print(f"[yellow]check:[/] {escape(figures['doubts'])}", soft_wrap=True)
     with friendly_errors():
         if folder is not None:
-            write_results(folder, first.title, figures, done.episodes)
+            write_results(folder, place, first.title, figures, done.episodes)
         for run in sorted(done.records):
             notes.print(f"recording: {done.records[run]}", markup=False, soft_wrap=True)
         if done.stopped is not None:

@@ -73,7 +73,7 @@ def _same(scenarios: Sequence[Scenario], found: Sequence[Found], plain: Callable
 
 def check_size(scenarios: Sequence[Scenario], num_envs: int) -> None:
     """Raise ValueError if a batch has more people than any memory has room for, before anything is allocated."""
-    each = sum(scenario.population.count for scenario in scenarios) / len(scenarios)
+    each = sum(scenario.population.people for scenario in scenarios) / len(scenarios)
     if num_envs * each > MOST_PEOPLE_IN_BATCH:
         raise ValueError(
             f"num_envs is {num_envs}; with {each:g} people in each it must be at most {int(MOST_PEOPLE_IN_BATCH // each)}: "
@@ -101,13 +101,13 @@ def bodies_before_reset(scenarios: Sequence[Scenario]) -> Bodies:
     They hold the room of those that a reset draws.
     """
     parts = [part for scenario in scenarios for part in scenario.population.parts]
-    counts = [part.count for part in parts]
+    counts = [part.people for part in parts]
     return make_bodies(
         np.repeat([part.radius.high for part in parts], counts),
         np.repeat([part.mass.high for part in parts], counts),
         desired_speed=np.repeat([part.desired_speed.high for part in parts], counts),
         relaxation_time=np.repeat([part.relaxation_time.low for part in parts], counts),
-        env_start=np.cumsum([0, *(scenario.population.count for scenario in scenarios)]),
+        env_start=np.cumsum([0, *(scenario.population.people for scenario in scenarios)]),
     )
 
 

@@ -296,7 +296,7 @@ def make_batches(
     """
     runs, seed = whole("runs", runs), whole("seed", seed, NOT_NEGATIVE)
     numbers = range(runs) if only is None else only
-    most = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.count))
+    most = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.people))
     if at_once is not None and driver is None:
         most = min(most, at_once)
     reused = ReusedDriver(driver or _RuleDriver(scenario, threads, options))

@@ -76,8 +76,8 @@ def make_route_choice(
             then[e] = [route_set.routes[k].following for k in route[e]]
             begin = int(env_start[e])
             for part in scenario.population.parts:
-                allowed[begin : begin + part.count] = _allowed(part, scenario)
-                begin += part.count
+                allowed[begin : begin + part.people] = _allowed(part, scenario)
+                begin += part.people
     return RouteChoice(Ways(route, then), allowed, np.full(len(allowed), -np.inf), dwell, env_start)
 
 

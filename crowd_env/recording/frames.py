@@ -76,7 +76,7 @@ class FrameSampler:
             "groups": tuple(part.name for part in parts),
             "radius": bodies.radius[self._people].copy(),
             "desired_speed": bodies.desired_speed[self._people].copy(),
-            "group": np.repeat(np.arange(len(parts)), [part.count for part in parts]),
+            "group": np.repeat(np.arange(len(parts)), [part.people for part in parts]),
             "outline": None if outline is None else plain_outline(outline),
         }
 

@@ -199,7 +199,7 @@ def _draw_people(axes: "Axes", check: PlanCheck) -> "list[Line2D]":
         )
         discs.set(facecolor=color, zorder=6, **rim)
         axes.add_collection(discs)
-        text = f"{part.count} {'person' if part.count == 1 else 'people'}" + (f", {part.name}" if part.name else "")
+        text = f"{part.people} {'person' if part.people == 1 else 'people'}" + (f", {part.name}" if part.name else "")
         dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 7, "markeredgecolor": "white"}
         entries.append(mark(text, color=color, **dot))
     return entries if len(check.position) else []

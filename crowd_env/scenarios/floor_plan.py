@@ -29,7 +29,7 @@ def scenario_from_plan(
     *,
     exits: Sequence[str] = (),
     unit: str | None = None,
-    count: int | None = None,
+    people: int | None = None,
     population: People | Mapping[str, Any] | Sequence[Any] | None = None,
     time_limit: float = TIME_LIMIT,
     blocked_after: float = np.inf,
@@ -44,7 +44,7 @@ def scenario_from_plan(
         of the file.
     unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that cannot be and the file says
         another.
-    count : number of people; by default 20, or as many as the file says.
+    people : number of people; by default 20, or as many as the file says.
     population : see `Scenario`; by default people of the default kind, in the start areas of the file if it has any.
     time_limit, blocked_after : s.
     target : see `Scenario`.
@@ -62,12 +62,12 @@ def scenario_from_plan(
         For what was dropped or repaired, and if the plan is so large that it may be in another unit.
     """
     plan = read_plan(path, texts("exits", exits), unit=unit)
-    people = as_people(population)
-    if people is None:
-        people = people_on(plan, count=count)
-    elif count is not None:
-        people = people.changed(count=count)
-    return scenario_on(plan, people, time_limit=time_limit, blocked_after=blocked_after, target=target)
+    crowd = as_people(population)
+    if crowd is None:
+        crowd = people_on(plan, people)
+    elif people is not None:
+        crowd = crowd.changed(people=people)
+    return scenario_on(plan, crowd, time_limit=time_limit, blocked_after=blocked_after, target=target)
 
 
 def scenario_from_wkt(
@@ -109,30 +109,30 @@ def scenario_on(plan: FloorPlan, population: People, *, time_limit: float = TIME
         raise ValueError(f"{path}: {error}") from None
 
 
-def people_on(plan: FloorPlan, count: int | None = None, **fields: Any) -> People:
+def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> People:
     """Return people for a plan: in its start areas, shared out by what the file says of each or by their size, or anywhere.
 
     Parameters
     ----------
-    count : how many; by default as many as the file says, if there is room for them at once, else 20, or fewer in small areas.
+    people : how many; by default as many as the file says, if there is room for them at once, else 20, or fewer in small areas.
     fields : of their `Population`; recorded ``starts`` take the place of start areas.
     """
     if fields.get("starts") is not None or not plan.starts:
-        return Population(**{"count": PEOPLE if count is None else count, **fields})
+        return Population(**{"people": PEOPLE if people is None else people, **fields})
     areas = {name: float(plan.regions[name].intersection(plan.walkable).area) for name in plan.starts}
     room = {name: max(1, int(_CROWDED * area)) for name, area in areas.items()}
-    said = {name: people for name, people in plan.starts.items() if people is not None}
-    if len(said) == len(areas) and all(people <= room[name] for name, people in said.items()):
+    said = {name: many for name, many in plan.starts.items() if many is not None}
+    if len(said) == len(areas) and all(many <= room[name] for name, many in said.items()):
         shares, usual = said, sum(said.values())
     else:
         shares = {name: max(1, round(1000.0 * area / sum(areas.values()))) for name, area in areas.items()}
         usual = max(min(PEOPLE, sum(room.values())), len(areas))
-        if count is None and (said or usual < PEOPLE):
+        if people is None and (said or usual < PEOPLE):
             wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
-            warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --n decides", stacklevel=2)
-    parts = [Population(**{**fields, "count": share, "start_region": name}) for name, share in shares.items()]
-    people: People = parts[0] if len(parts) == 1 else Groups(tuple(parts))
-    return people.changed(count=usual if count is None else count)
+            warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
+    parts = [Population(**{**fields, "people": share, "start_region": name}) for name, share in shares.items()]
+    crowd: People = parts[0] if len(parts) == 1 else Groups(tuple(parts))
+    return crowd.changed(people=usual if people is None else people)
 
 
 def read_starts(path: str | Path) -> Floats:

@@ -11,7 +11,7 @@ from crowd_env.core.checks import check_fields, refuse
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.file.errors import at
 from crowd_env.scenarios.placement import sample_positions
-from crowd_env.scenarios.population import DRAWN, Population, check_count, population_of
+from crowd_env.scenarios.population import DRAWN, Population, check_people, population_of
 from crowd_env.scenarios.starts import check_starts
 
 
@@ -38,7 +38,7 @@ class Groups:
     Examples
     --------
     >>> people = Groups((Population(30, start_region="west", route="east"), Population(30, start_region="east", route="west")))
-    >>> people.count
+    >>> people.people
     60
     """
 
@@ -61,17 +61,17 @@ class Groups:
         twice = [name for k, name in enumerate(names) if name in names[:k]]
         if twice:
             raise ValueError(f"two groups have the name {twice[0]!r}")
-        check_count("groups: count of all", self.count)
+        check_people("groups: people in all", self.people)
         for name in DRAWN:
             laws = [getattr(part, name) for part in self.parts]
             object.__setattr__(self, name, Bounds(min(law.low for law in laws), max(law.high for law in laws)))
 
     @property
-    def count(self) -> int:
+    def people(self) -> int:
         """Number of people."""
-        return sum(part.count for part in self.parts)
+        return sum(part.people for part in self.parts)
 
-    def changed(self, *, count: int | None = None, **options: Any) -> "Groups":
+    def changed(self, *, people: int | None = None, **options: Any) -> "Groups":
         """Return the groups with other distributions in each, and another number of people, shared out in proportion.
 
         Raises
@@ -82,27 +82,27 @@ class Groups:
         common = (*DRAWN, *MOTIVATION)
         other = [name for name, value in options.items() if name not in common and value is not None]
         if other:
-            raise ValueError(f"groups cannot share {other[0]!r}; give them a count or one of {', '.join(common)}")
-        everyone = None if count is None else check_count("groups: count", count)
-        counts = [part.count for part in self.parts] if everyone is None else self._shares(everyone)
+            raise ValueError(f"groups cannot share {other[0]!r}; give them people or one of {', '.join(common)}")
+        everyone = None if people is None else check_people("groups: people", people)
+        counts = [part.people for part in self.parts] if everyone is None else self._shares(everyone)
         shared = {name: value for name, value in options.items() if name in common}
-        return Groups(tuple(part.changed(count=n, **shared) for part, n in zip(self.parts, counts, strict=True)))
+        return Groups(tuple(part.changed(people=n, **shared) for part, n in zip(self.parts, counts, strict=True)))
 
-    def _shares(self, count: int) -> list[int]:
+    def _shares(self, people: int) -> list[int]:
         """Share people out by the largest remainders, at least one a group."""
-        if count < len(self.parts):
-            people = f"{count} {'person' if count == 1 else 'people'}"
-            raise ValueError(f"{people} for {len(self.parts)} groups; each needs at least 1")
-        exact = np.array([part.count for part in self.parts]) * (count / self.count)
+        if people < len(self.parts):
+            whom = f"{people} {'person' if people == 1 else 'people'}"
+            raise ValueError(f"{whom} for {len(self.parts)} groups; each needs at least 1")
+        exact = np.array([part.people for part in self.parts]) * (people / self.people)
         shares = np.maximum(np.floor(exact + 1e-9), 1).astype(int)
-        while shares.sum() < count:
+        while shares.sum() < people:
             shares[np.argmax(exact - shares)] += 1
-        while shares.sum() > count:  # small groups took what they need
+        while shares.sum() > people:  # small groups took what they need
             shares[np.argmax(np.where(shares > 1, shares - exact, -np.inf))] -= 1
         return [int(n) for n in shares]
 
     def draw(self, rng: np.random.Generator, geometry: Geometry, room: float = 1.0) -> tuple[Bodies, Floats]:
-        """Draw one crowd: its bodies, and positions (count, 2) without overlap of discs of ``room`` radii.
+        """Draw one crowd: its bodies, and positions (people, 2) without overlap of discs of ``room`` radii.
 
         Raises
         ------
@@ -111,11 +111,11 @@ class Groups:
         """
         drawn = [part.draw_bodies(rng) for part in self.parts]
         columns = [np.concatenate(column) for column in zip(*(bodies[:-1] for bodies in drawn), strict=True)]
-        bodies = Bodies._make([*columns, np.array([0, self.count])])
+        bodies = Bodies._make([*columns, np.array([0, self.people])])
         radius = room * bodies.radius
-        owner = np.repeat(np.arange(len(self.parts)), [part.count for part in self.parts])
-        position = np.zeros((self.count, 2))
-        stands = np.zeros(self.count, dtype=np.bool_)
+        owner = np.repeat(np.arange(len(self.parts)), [part.people for part in self.parts])
+        position = np.zeros((self.people, 2))
+        stands = np.zeros(self.people, dtype=np.bool_)
         for k, part in enumerate(self.parts):
             if part.starts is not None:
                 position[owner == k] = part.draw_starts(rng, geometry, radius[owner == k])
@@ -150,7 +150,7 @@ def extreme_bodies(people: People) -> Bodies:
     smallest mass and radius.
     """
     parts = people.parts
-    counts = [part.count + 1 for part in parts]
+    counts = [part.people + 1 for part in parts]
     first = np.cumsum([0, *counts[:-1]])
     radius = np.repeat([part.radius.high for part in parts], counts)
     mass = np.repeat([part.mass.high for part in parts], counts)
@@ -161,7 +161,7 @@ def extreme_bodies(people: People) -> Bodies:
 
 
 def as_people(population: Any) -> People | None:
-    """Return a population, or the one of plain data such as ``{"count": 30, "radius": 0.2}``; None stays.
+    """Return a population, or the one of plain data such as ``{"people": 30, "radius": 0.2}``; None stays.
 
     A list of populations or such tables makes groups.
 

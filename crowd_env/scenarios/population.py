@@ -42,7 +42,7 @@ class Population:
 
     Parameters
     ----------
-    count : number of people.
+    people : number of people.
     radius : m, the radius of a body; uniform from 0.2 to 0.25 by default.
     mass : kg, the mass of a person; uniform from 60 to 100 by default.
     desired_speed : m/s, the speed at which a person wants to walk; uniform from 1.2 to 2 by default.
@@ -52,7 +52,7 @@ class Population:
     push : share of the desired speed at which a person presses on with no gap in front, 0 to 1; by default that of the manner
         of the run.  A run without a manner, in which everyone walks at full speed, makes no use of time gap and push.
     start_region : name of the region in which people start; anywhere by default.
-    starts : (K, 2) m, recorded positions or seats, copied; of more than ``count``, some are drawn.
+    starts : (K, 2) m, recorded positions or seats, copied; of more than ``people``, some are drawn.
     route : name of the route or exit that people take, whatever the strategy of the run.
     exits : names of the exits that people know, of which they take the best; all exits by default.
     name : name of these people in messages and pictures.
@@ -63,7 +63,7 @@ class Population:
         If a field is not what it should be, or two contradict each other.
     """
 
-    count: int
+    people: int
     radius: Distribution = field(default_factory=lambda: Uniform(0.2, 0.25))
     mass: Distribution = field(default_factory=lambda: Uniform(60.0, 100.0))
     desired_speed: Distribution = field(default_factory=lambda: Uniform(1.2, 2.0))
@@ -79,7 +79,7 @@ class Population:
 
     def __post_init__(self) -> None:
         check_fields("population", self)
-        check_count("population: count", self.count)
+        check_people("population: people", self.people)
         for name, allowed in (DRAWN | MOTIVATION).items():
             if getattr(self, name) is None and name in MOTIVATION:
                 continue
@@ -95,7 +95,7 @@ class Population:
                 f"population: desired_speed must be at most {MAX_SPEED} m/s, but can be as high as {most:g}"
             )
         if self.starts is not None:
-            object.__setattr__(self, "starts", as_positions(self.starts, self.count))
+            object.__setattr__(self, "starts", as_positions(self.starts, self.people))
             if self.start_region is not None:
                 raise ValueError(f"people have recorded starts or the start region {self.start_region!r}, not both")
         if self.route is not None and self.exits:
@@ -111,7 +111,7 @@ class Population:
         return replace(self, **options)
 
     def draw(self, rng: np.random.Generator, geometry: Geometry, room: float = 1.0) -> tuple[Bodies, Floats]:
-        """Draw one crowd: its bodies, and positions (count, 2) without overlap of discs of ``room`` radii.
+        """Draw one crowd: its bodies, and positions (people, 2) without overlap of discs of ``room`` radii.
 
         Raises
         ------
@@ -128,12 +128,12 @@ class Population:
     def draw_bodies(self, rng: np.random.Generator) -> Bodies:
         """Draw the bodies alone, their motivation being that of the manner of the run."""
         laws = {name: getattr(self, name) for name in DRAWN}
-        drawn: dict[str, Any] = {name: law.sample(rng, self.count) for name, law in laws.items()}
+        drawn: dict[str, Any] = {name: law.sample(rng, self.people) for name, law in laws.items()}
         if not all(type(law) in _KEEP_THEIR_BOUNDS for law in laws.values()):
             return make_bodies(**drawn)
         inertia = 0.5 * drawn["mass"] * drawn["radius"] ** 2
-        not_given = {name: np.full(self.count, np.nan) for name in MOTIVATION}
-        return Bodies(inertia=inertia, env_start=np.array([0, self.count]), **drawn, **not_given)
+        not_given = {name: np.full(self.people, np.nan) for name in MOTIVATION}
+        return Bodies(inertia=inertia, env_start=np.array([0, self.people]), **drawn, **not_given)
 
     def draw_motivation(self, rng: np.random.Generator, bodies: Bodies) -> Bodies:
         """Return these bodies with the time gaps and pushes that are drawn for them, where these are given.
@@ -141,15 +141,15 @@ class Population:
         Bodies and positions are drawn before, so that they are the same with and without.
         """
         laws: dict[str, Distribution | None] = {name: getattr(self, name) for name in MOTIVATION}
-        drawn: dict[str, Any] = {name: law.sample(rng, self.count) for name, law in laws.items() if law is not None}
+        drawn: dict[str, Any] = {name: law.sample(rng, self.people) for name, law in laws.items() if law is not None}
         return bodies._replace(**drawn)
 
     def draw_starts(self, rng: np.random.Generator, geometry: Geometry, radius: Floats) -> Floats:
-        """Return the recorded positions (count, 2), or some drawn from them, checked for bodies of ``radius`` (count,)."""
+        """Return the recorded positions (people, 2), or some drawn from them, checked for bodies of ``radius`` (people,)."""
         assert self.starts is not None  # the callers have looked
         starts = self.starts.copy()
-        if len(starts) > self.count:
-            starts = starts[rng.permutation(len(starts))[: self.count]]
+        if len(starts) > self.people:
+            starts = starts[rng.permutation(len(starts))[: self.people]]
         check_starts(geometry, starts, radius)
         return starts
 
@@ -164,14 +164,14 @@ def population_of(where: str, table: Mapping[str, Any]) -> Population:
     """
     if table.get("starts") is not None:
         starts = as_positions(table["starts"])
-        table = {"count": len(starts), **table, "starts": starts}
+        table = {"people": len(starts), **table, "starts": starts}
     return from_table(where, Population, table)
 
 
-def check_count(what: str, count: Any) -> int:
+def check_people(what: str, people: Any) -> int:
     """Return a number of people; raise ValueError unless one environment can hold so many."""
-    whole(what, count)
-    return whole(what, count, Range(1, _MOST_PEOPLE).because("more people do not fit into one environment"))
+    whole(what, people)
+    return whole(what, people, Range(1, _MOST_PEOPLE).because("more people do not fit into one environment"))
 
 
 def require_names(kind: str, names: Iterable[str | None], allowed: Iterable[str]) -> None:
@@ -191,7 +191,10 @@ def require_room(geometry: Geometry, parts: Iterable[Population], room: float = 
     for part in parts:
         if part.starts is None:
             count, cover = waiting.get(part.start_region, (0, 0.0))
-            waiting[part.start_region] = count + part.count, cover + part.count * np.pi * (room * part.radius.low) ** 2
+            waiting[part.start_region] = (
+                count + part.people,
+                cover + part.people * np.pi * (room * part.radius.low) ** 2,
+            )
     for region, (count, cover) in waiting.items():
         area = geometry.area_of(region)
         if cover > CLOSEST_PACKING * area:

@@ -182,12 +182,12 @@ class Scenario:
             If the groups have routes of their own, and there are not as many people as in all of them.
         """
         parts = self.population.parts
-        if len(parts) > 1 and len(position) != self.population.count:
-            raise ValueError(f"{len(position)} positions for groups of {self.population.count} people")
+        if len(parts) > 1 and len(position) != self.population.people:
+            raise ValueError(f"{len(position)} positions for groups of {self.population.people} people")
         chosen = np.zeros(len(position), dtype=np.int64)
         end = 0
         for part in parts:
-            begin, end = end, len(position) if len(parts) == 1 else end + part.count
+            begin, end = end, len(position) if len(parts) == 1 else end + part.people
             names = [route.name for route in self._taken(part, strategy)]
             one = len(names) == 1
             chosen[begin:end] = route_set.number(names[0]) if one else route_set.nearest(names, position[begin:end])

@@ -19,7 +19,7 @@ from torchrl.envs.libs.pettingzoo import PettingZooWrapper
 
 from crowd_env import parallel_env
 
-ROOM = {"scenario": "room-v0", "count": 8, "time_limit": 20.0, "action": "speeds"}
+ROOM = {"scenario": "room-v0", "people": 8, "time_limit": 20.0, "action": "speeds"}
 GROUP = "pedestrian"
 
 

@@ -19,7 +19,7 @@ from crowd_env import CrowdEnv
 # 30 people and a door that passes one at a time: if everybody presses, they block it; who waits for a turn gets out sooner.
 ROOM = {
     "scenario": "room-v0",
-    "count": 30,
+    "people": 30,
     "door_width": 0.6,
     "time_limit": 40.0,
     "action": "speeds",  # a choice among five speeds along the way out

@@ -22,7 +22,7 @@ from crowd_env import ObservationLayout  # the import registers the environments
 LAYOUT = ObservationLayout(
     terms=("ahead",)
 )  # of the next one who is nearer the door: closeness, speed; how many there are
-ROOM = {"count": 30, "door_width": 0.6, "time_limit": 40.0, "observation": LAYOUT}
+ROOM = {"people": 30, "door_width": 0.6, "time_limit": 40.0, "observation": LAYOUT}
 Batch = Enum("Batch", {name: name for name in ("native", "sync", "async")})
 
 

@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from crowd_env import parallel_env
 
-ROOM = {"scenario": "room-v0", "count": 12, "time_limit": 20.0, "action": "speeds"}
+ROOM = {"scenario": "room-v0", "people": 12, "time_limit": 20.0, "action": "speeds"}
 
 
 def make_venv(rooms: int, seed: int) -> VecEnv:

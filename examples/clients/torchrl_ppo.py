@@ -22,7 +22,7 @@ from crowd_env import parallel_env
 
 ROOM = {
     "scenario": "room-v0",
-    "count": 12,
+    "people": 12,
     "time_limit": 20.0,
     "action": "speeds",  # a choice among five speeds along the way out
 }

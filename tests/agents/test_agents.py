@@ -17,7 +17,7 @@ from crowd_env.analysis.results.report import report
 from crowd_env.core.files.json_file import read_json, write_json
 from crowd_env.envs.rollout import run_episodes
 
-SMALL = make_scenario("room-v0", count=6, time_limit=8.0)
+SMALL = make_scenario("room-v0", people=6, time_limit=8.0)
 
 
 def judge(policy, **options):
@@ -59,7 +59,7 @@ def test_the_shortest_path_is_the_rule_of_the_command_line(scheme):
 
 
 def test_more_runs_than_fit_beside_each_other_are_run_one_after_the_other():
-    place = make_scenario("room-v0", count=1)
+    place = make_scenario("room-v0", people=1)
     told = []
     episodes = run_episodes(place, 60, scheme="dem", progress=told.append)
     assert len(episodes) == sum(told) == 60

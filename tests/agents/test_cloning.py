@@ -25,7 +25,7 @@ def small_env(**changes):
 
 @pytest.mark.parametrize("action", ["speeds", SPEEDS, "speeds-directions"])
 def test_labels_are_shares_of_choices_whose_mean_is_what_the_rule_wants(action):
-    env = CrowdEnv("room-v0", action=action, count=2)
+    env = CrowdEnv("room-v0", action=action, people=2)
     choices = env.action_kind.decode.commands
     wanted = np.column_stack([np.random.default_rng(0).uniform(choices[:, 0].min(), 1.0, 200), np.zeros(200)])
     labels = cloning._labels(env, wanted)
@@ -36,7 +36,7 @@ def test_labels_are_shares_of_choices_whose_mean_is_what_the_rule_wants(action):
 
 
 def test_a_rule_that_is_cloned_into_choices_of_exits_keeps_to_the_own_way():
-    env = CrowdEnv("two-exit-hall-v0", action="speeds-exits", count=2)
+    env = CrowdEnv("two-exit-hall-v0", action="speeds-exits", people=2)
     choices = env.action_kind.decode.commands
     labels = cloning._labels(env, choices)
     assert labels.shape == (len(choices), env.single_action_space.n) == (5, 15)

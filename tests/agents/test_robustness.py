@@ -27,7 +27,7 @@ def test_every_variation_of_a_task_can_be_drawn_and_is_another_place(name):
     assert {one.learned_share for one in asked} >= {None, 0.5} and any(one.scheme for one in asked)
     for one in asked:
         place = one.place(task)
-        assert place.population.count == round(one.people * task.people)
+        assert place.population.people == round(one.people * task.people)
         assert one.scheme != task.scheme
         if one.options and name in PRESETS:
             trained = {**task.options, **PRESETS[name].options}
@@ -35,7 +35,7 @@ def test_every_variation_of_a_task_can_be_drawn_and_is_another_place(name):
     people = [one.place(task) for one in asked if one.people > 1.0 and task.people < 200]
     for place in people:
         bodies, _ = place.population.draw(np.random.default_rng(0), place.geometry)
-        assert len(bodies.radius) == place.population.count
+        assert len(bodies.radius) == place.population.people
 
 
 def test_variations_change_no_task():

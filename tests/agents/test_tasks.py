@@ -50,7 +50,7 @@ def test_a_task_says_what_the_package_would_say(name):
     assert task.name == name and task.version >= 1 and task.seeds.start >= HELD_OUT_SEED
     assert task.dt == make_scheme(task.scheme).info.default_dt
     place = task.place()
-    assert place.population.count == task.people and place.time_limit == task.time_limit
+    assert place.population.people == task.people and place.time_limit == task.time_limit
     assert place.blocked_after == task.blocked_after < task.time_limit
     assert [entry.name for entry in make_entries(["rule"], place, task)] == ["rule"]
 
@@ -91,8 +91,8 @@ def test_more_people_have_as_much_time_each_and_keep_their_groups():
     task = TASKS["counter-flow"]
     twice, half = task.place(2 * task.people), task.place(task.people // 2 + 1)
     assert (twice.time_limit, half.time_limit) == (2 * task.time_limit, task.time_limit)
-    assert [part.count for part in twice.population.parts] == [30, 30]
-    assert [part.count for part in half.population.parts] == [8, 8]
+    assert [part.people for part in twice.population.parts] == [30, 30]
+    assert [part.people for part in half.population.parts] == [8, 8]
 
 
 def test_everyone_walks_along_the_ways_of_the_rule_and_decides_as_often_as_the_task_says():

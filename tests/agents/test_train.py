@@ -129,7 +129,7 @@ def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monke
         config["ppo"] |= {"n_steps": 4}
         return config | {"eval_runs": 1, "scenario": "small-room", "people": 3}
 
-    monkeypatch.setitem(SCENARIOS, "small-room", lambda: make_scenario("room-v0", count=3, time_limit=6.0))
+    monkeypatch.setitem(SCENARIOS, "small-room", lambda: make_scenario("room-v0", people=3, time_limit=6.0))
     monkeypatch.setattr(Simulation, "__init__", watched)
     monkeypatch.setattr("crowd_env.agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
     monkeypatch.setattr(learn, "default_config", smaller)

@@ -272,7 +272,7 @@ def test_an_interrupt_while_training_ends_at_once_and_says_what_there_is(tmp_pat
 def test_a_minute_of_training_beats_the_random_controller(tmp_path, options):
     from crowd_env.agents.learned.routing import train_controller
 
-    options = {"scenario": "small-hall", "count": 100}
+    options = {"scenario": "small-hall", "people": 100}
     train_controller(tmp_path, options, envs=16, steps=20_000, seconds=60.0, seed=0, eval_every=4096, eval_runs=20)
     learned, random, nearest = (
         evaluate_controller(controller, runs=30, first_seed=1_000_000, **options)

@@ -248,7 +248,7 @@ def test_a_driver_of_a_rule_goes_on_after_a_reset():
 
 def test_the_example_of_a_competitive_door_is_the_room_of_lin():
     ours = CrowdEnv(ROOT / "examples" / "competitive_door.toml", scheme="hertz")
-    lin = CrowdEnv("lin-room-v0", scheme="hertz", count=100, desired_speed=2.0)
+    lin = CrowdEnv("lin-room-v0", scheme="hertz", people=100, desired_speed=2.0)
     for env in (ours, lin):
         env.reset([5])
         env.step(None)
@@ -262,6 +262,6 @@ def test_a_kept_result_holds_the_share_that_was_found(tmp_path):
     (entry,) = make_entries(["rule-best-speed"], place)
     result = run("rule-best-speed", place, runs=1)
     folder = EvaluationFolder(tmp_path / "kept", settings_of(place, 1, 0))
-    folder.save(entry, "nsm2", result)
-    kept = folder.load(entry, "nsm2")
+    folder.keep_result(entry, "nsm2", result)
+    kept = folder.load_result(entry, "nsm2")
     assert kept.row() == result.row() and kept.constants == result.constants != {}

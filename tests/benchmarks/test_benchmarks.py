@@ -102,9 +102,9 @@ def test_dictionaries():
 
 
 def test_the_interface_alone_has_no_physics():
-    env = dictionaries.without_physics(parallel_env("room-v0", count=5))
+    env = dictionaries.without_physics(parallel_env("room-v0", people=5))
     first, _ = env.reset(seed=0)
-    expected = parallel_env("room-v0", count=5)
+    expected = parallel_env("room-v0", people=5)
     expected.reset(seed=0)
     moved, *rest = expected.step({})
     seen = [env.step({agent: np.zeros(2) for agent in env.agents}) for _ in range(3)]

@@ -10,7 +10,7 @@ from repository import ROOT
 from typer.testing import CliRunner
 
 from crowd_env import SCENARIOS, SCHEMES
-from crowd_env.analysis.results.report import report
+from crowd_env.analysis.results.report import doubts, report
 from crowd_env.cli.main import app
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import make_scenario
@@ -63,6 +63,7 @@ KEYS = {
     "blocked_share": {"mean", "ci95"},
     "blocked": None,
     "unconverged_steps": None,
+    "doubts": None,
 }
 
 
@@ -74,7 +75,19 @@ def test_run_prints_one_json_object_with_the_documented_keys(scheme):
         assert parts is None or set(told[name]) == parts
     assert (told["scenario"], told["scheme"], told["runs"], told["people"]) == ("room-v0", scheme, 3, 20)
     place = make_scenario("room-v0", time_limit=30.0)
+    del told["doubts"]
     assert told == json.loads(json.dumps(report(place, scheme, run_episodes(place, 3, scheme=scheme, seed=5))))
+
+
+def test_run_says_when_its_figures_are_doubtful():
+    assert call("run --runs 1 --n 5").stdout.count("check:") == 0
+    short = call("run --runs 2 --n 5 --time-limit 1").stdout
+    assert "check: 9 people are left inside; 2 runs were cut by the time limit" in short
+    fast = {"exits": {"door": {"flow_per_meter": {"mean": 3.1}}}, "unfinished": 0, "runs": 2, "interrupted_of": 5}
+    assert doubts(fast) == (
+        "3.1 people per second and meter pass exit door, more than the 2.8 that experiments found; "
+        "only 2 of 5 runs were finished"
+    )
 
 
 def test_run_prints_a_table():

@@ -13,7 +13,7 @@ from crowd_env.scenarios.titles import run_title, with_manner
 PLACE = """
 manner = { time_gap = 0.7 }
 geometry = { walkable = { box = [0, 0, 6, 6] }, exits = { door = [[6, 2], [6, 4]] } }
-population = { count = 5 }
+population = { people = 5 }
 """
 
 

@@ -42,7 +42,7 @@ def test_any_runs_can_be_recorded_wherever_they_are_made(tmp_path, monkeypatch):
     names = [tmp_path / f"run-{run}.h5" for run in (0, 2, 3)]
     assert told.stderr.splitlines() == [f"recording: {name}" for name in names]
     assert sorted(tmp_path.iterdir()) == names
-    episodes = run_episodes(make_scenario("room-v0", count=8), 4, seed=4, scheme="dem")
+    episodes = run_episodes(make_scenario("room-v0", people=8), 4, seed=4, scheme="dem")
     for name, run in zip(names, (0, 2, 3), strict=True):
         kept = load(name)
         assert (kept.facts["run"], kept.facts["seed"], kept.facts["finished"]) == (run, 4 + run, True)

@@ -64,7 +64,7 @@ def test_who_waits_for_a_turn_is_not_stuck():
 
 @pytest.mark.parametrize("wrapper", ["NormalizeObservation", "FlattenObservation"])
 def test_wrappers_of_observations_want_another_way_of_restarting(wrapper):
-    same_step = make_vec("room-v0", 2, count=4)
+    same_step = make_vec("room-v0", 2, people=4)
     assert same_step.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     with pytest.raises(ValueError, match="NEXT_STEP or DISABLED"):
         getattr(wrappers, wrapper)(same_step)

@@ -14,11 +14,11 @@ def test_scenarios_are_read_and_placed(block, tmp_path):
     told = tomllib.loads(block.text)
     place = make_scenario(path)
     assert place.name == told["name"] and "{" not in place.title
-    assert place.population.count == sum(group["count"] for group in told["groups"])
+    assert place.population.people == sum(group["people"] for group in told["groups"])
     env = CrowdEnv(place)
     env.reset(seed=0)
     env.step(None)
-    assert env.num_people == place.population.count
+    assert env.num_people == place.population.people
     for option, about in told["options"].items():
         for value in (about["low"], about["high"]):
             assert make_scenario(path, **{option: value}).geometry != place.geometry

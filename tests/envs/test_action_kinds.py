@@ -25,7 +25,7 @@ TURN = ActionKind("turn", ONE, turned, 0.0)
 
 
 def walked(action, given, steps=20):
-    env = CrowdEnv("room-v0", count=8, action=action)
+    env = CrowdEnv("room-v0", people=8, action=action)
     env.reset(seed=0)
     for _ in range(steps):
         env.step(given)
@@ -50,15 +50,15 @@ FEW = {"name": "speeds", "speeds": [1, 0.5, 0, -1]}
 @pytest.mark.parametrize("kind", [TURN, "speeds", "speeds-directions", FEW], ids=["turn", "speeds", "both", "few"])
 def test_it_is_taken_by_every_interface(kind):
     space = make_action(kind).space
-    alone = CrowdGymEnv("room-v0", count=3, action=kind)
+    alone = CrowdGymEnv("room-v0", people=3, action=kind)
     assert alone.action_space == batch_space(space, 3)
     alone.reset(seed=0)
     alone.step(alone.action_space.sample())
-    batch = make_vec("room-v0", num_envs=2, count=3, action=kind)
+    batch = make_vec("room-v0", num_envs=2, people=3, action=kind)
     assert batch.action_space.shape == (2, 3)
     batch.reset(seed=0)
     batch.step(batch.action_space.sample())
-    agents = parallel_env("room-v0", count=3, action=kind, time_limit=0.5)
+    agents = parallel_env("room-v0", people=3, action=kind, time_limit=0.5)
     assert agents.action_space("pedestrian_0") == space
     parallel_api_test(agents, num_cycles=10)
 
@@ -79,7 +79,7 @@ def test_each_choice_is_a_speed_in_a_heading(name):
 
 
 def test_a_step_back_is_one():
-    env = CrowdEnv("room-v0", count=1, action="speeds")
+    env = CrowdEnv("room-v0", people=1, action="speeds")
     env.reset(seed=0)
     length = []
     for _ in range(6):
@@ -112,7 +112,7 @@ def test_whatever_stands_in_the_rows_of_those_who_follow_the_rule_is_ignored():
         (ACTIONS["speeds"], 5),
         (TURN, np.inf),
     ):
-        env, same = (CrowdEnv("room-v0", count=8, action=kind) for _ in range(2))
+        env, same = (CrowdEnv("room-v0", people=8, action=kind) for _ in range(2))
         given = np.array(np.broadcast_to(kind.neutral, (8, *kind.space.shape)))
         bad = given.copy()
         bad[rule] = wrong
@@ -128,7 +128,7 @@ def test_an_action_that_is_given_is_not_written_into():
 
 
 def test_spaces_of_environments_are_their_own():
-    one, other = CrowdEnv("room-v0", count=2), CrowdEnv("room-v0", count=2)
+    one, other = CrowdEnv("room-v0", people=2), CrowdEnv("room-v0", people=2)
     one.single_action_space.seed(1)
     assert one.single_action_space is not other.single_action_space
     assert one.single_action_space is not ACTIONS["continuous"].space
@@ -146,7 +146,7 @@ def one_row(action):
 
 
 def acted(kind, given):
-    env = CrowdEnv("room-v0", count=2, action=kind)
+    env = CrowdEnv("room-v0", people=2, action=kind)
     env.reset(seed=0)
     return env.step(given)
 

@@ -74,8 +74,8 @@ DISTRIBUTIONS = [
 ]  # fmt: skip
 
 POPULATION = [
-    *numeric("Population.count", lambda x: Population(x), "count"),
-    *rows("Population.count", lambda x: Population(x), (10**9, 500_001)),
+    *numeric("Population.people", lambda x: Population(x), "count"),
+    *rows("Population.people", lambda x: Population(x), (10**9, 500_001)),
     *[row for name in LAWS for row in rows(f"Population.{name}", of(Population, name, 3), (
         None, "0.2", True, NAN, INF, 1j, Uniform, [0.2], (0.1, 0.2, 0.3), {}, np.array([0.2, 0.25]), -1.0, (-1.0, 2.0)))],
     *[(f"Population.{name}=0", lambda name=name: Population(3, **{name: 0}), (name, "> 0", "as low as 0"))
@@ -95,7 +95,7 @@ POPULATION = [
     ("Groups.parts of something", lambda: Groups((Population(3), "x")), ("parts[1]", "'x'", "Population")),
     ("Groups of none", lambda: Groups(()), ("at least one group",)),
     ("Groups of too many", lambda: Groups((Population(300_000), Population(300_000))), ("600000",)),
-    *numeric("Groups.changed.count", lambda x: Groups((Population(3),)).changed(count=x), "count", or_none=True),
+    *numeric("Groups.changed.people", lambda x: Groups((Population(3),)).changed(people=x), "count", or_none=True),
     *rows("Groups.changed.radius", lambda x: Groups((Population(3),)).changed(radius=x), ("0.2", Uniform, -1.0)),
 ]  # fmt: skip
 
@@ -155,7 +155,7 @@ SCENARIO = [
     *numeric("room.side", of(make_scenario, "side", "room-v0"), "positive"),
     *numeric("room.door_width", of(make_scenario, "door_width", "room-v0"), "bounded"),
     *numeric("room.exit_line", of(make_scenario, "exit_line", "room-v0"), "finite"),
-    *numeric("room.count", of(make_scenario, "count", "room-v0"), "count"),
+    *numeric("room.people", of(make_scenario, "people", "room-v0"), "count"),
     *numeric("room.time_limit", of(make_scenario, "time_limit", "room-v0"), "positive"),
     *rows("room.population", of(make_scenario, "population", "room-v0"), ("20", 20, Population)),
     *[row for name in ("side", "door_width", "desired_speed")
@@ -164,9 +164,9 @@ SCENARIO = [
     *rows("theatre.hold", of(make_scenario, "hold", "theatre-v0"), (NAN, -1.0, "1", None)),
     *rows("theatre.crowded", of(make_scenario, "crowded", "theatre-v0"), (5, "5,5,15", (5, 5), (5, 5, "15"))),
     *rows("theatre.commits", of(make_scenario, "commits", "theatre-v0"), NO_FLAG),
-    *rows("theatre.count", of(make_scenario, "count", "theatre-v0"), (0, 2.5, "3", None, 10_000)),
+    *rows("theatre.people", of(make_scenario, "people", "theatre-v0"), (0, 2.5, "3", None, 10_000)),
     *rows("theatre.stair_speed", of(make_scenario, "stair_speed", "theatre-v0"), (0.0, NAN, "1", None)),
-    *rows("pillar.count", of(make_scenario, "count", "pillar-v0"), (0, 2.5, "3", True, NAN)),
+    *rows("pillar.people", of(make_scenario, "people", "pillar-v0"), (0, 2.5, "3", True, NAN)),
 ]  # fmt: skip
 
 LEARNING = [
@@ -288,12 +288,12 @@ def test_what_makes_no_sense_is_refused_in_one_sentence(call, words):
 
 
 NUMBERS = [
-    lambda x: Uniform(x(1), x(2)), lambda x: Population(x(3)).count, lambda x: Population(3, radius=x(1)).radius,
+    lambda x: Uniform(x(1), x(2)), lambda x: Population(x(3)).people, lambda x: Population(3, radius=x(1)).radius,
     lambda x: SpeedZone("r", x(1)), lambda x: ControlRule("a", x(5), "r", x(3), x(2)), lambda x: Comfort(x(1), x(2), x(3)),
     lambda x: DoorEvent("d", np.bool_(x(1) > 0), x(1)), lambda x: scenario(time_limit=x(9)).time_limit,
     lambda x: ObservationLayout(neighbors=x(3), rays=x(4)), lambda x: RewardWeights({"time": x(1)}),
     lambda x: SocialForce(x(1)), lambda x: make_scheme(NSM2(max_iterations=x(5), tolerance=x(1))),
-    lambda x: make_scenario("room-v0", side=x(6), count=x(4)).population.count,
+    lambda x: make_scenario("room-v0", side=x(6), people=x(4)).population.people,
 ]  # fmt: skip
 
 

@@ -36,7 +36,7 @@ def of(name, make=CrowdEnv, **others):
 
 @pytest.fixture(scope="module")
 def env():
-    made = CrowdEnv("room-v0", num_envs=2, count=3, scheme="dem")
+    made = CrowdEnv("room-v0", num_envs=2, people=3, scheme="dem")
     made.reset([0, 1])
     return made
 
@@ -80,11 +80,11 @@ CONSTRUCTOR = [
     ("CrowdEnv.reward key", lambda: CrowdEnv(reward={"weights": {"time": 1.0}, "share": 1}), ("reward", "'share'", "weights")),
     ("CrowdEnv.reward weight", lambda: CrowdEnv(reward={"time": "1"}), ("'time'", "'1'")),
     *rows("CrowdEnv.population", of("population"), (20, "20", Population, [Population])),
-    ("CrowdEnv.population key", lambda: CrowdEnv(population={"number": 3}), ("population", "'number'", "count")),
-    ("CrowdEnv.population lacks", lambda: CrowdEnv(population={"radius": 0.2}), ("population", "'count' is missing")),
-    ("CrowdEnv.count", lambda: CrowdEnv(count=10**9), ("count", "1000000000")),
-    ("CrowdEnv.count too many", lambda: CrowdEnv(count=1000), ("1000 people do not fit",)),
-    *rows("CrowdEnv.count", of("count"), (2.5, "20", None, True, NAN, 0, -1)),
+    ("CrowdEnv.population key", lambda: CrowdEnv(population={"number": 3}), ("population", "'number'", "people")),
+    ("CrowdEnv.population lacks", lambda: CrowdEnv(population={"radius": 0.2}), ("population", "'people' is missing")),
+    ("CrowdEnv.people", lambda: CrowdEnv(people=10**9), ("people", "1000000000")),
+    ("CrowdEnv.people too many", lambda: CrowdEnv(people=1000), ("1000 people do not fit",)),
+    *rows("CrowdEnv.people", of("people"), (2.5, "20", None, True, NAN, 0, -1)),
 ]  # fmt: skip
 
 MAKERS = {
@@ -105,7 +105,7 @@ FACES = [
         *rows(f"{name}.scheme", of("scheme", make), (NSM2, None)),
         *rows(f"{name}.time_limit", of("time_limit", make), ("60", INF)),
         *rows(f"{name}.rules", of("rules", make), ("no",)),
-        *rows(f"{name}.count", of("count", make), (2.5, None, 10**9)),
+        *rows(f"{name}.people", of("people", make), (2.5, None, 10**9)),
         (f"{name} option", lambda make=make: make(sides=3.0), ("'sides'",)),
     )
 ] + [
@@ -157,7 +157,7 @@ def test_actions_that_are_none_are_refused(env, said, action):
     ],
 )
 def test_discrete_actions_that_are_none_are_refused(action, said):
-    discrete = CrowdEnv("room-v0", num_envs=2, count=3, scheme="dem", action="discrete")
+    discrete = CrowdEnv("room-v0", num_envs=2, people=3, scheme="dem", action="discrete")
     discrete.reset([0, 1])
     refuses(lambda: discrete.step(action), ("action", said))
     assert not discrete.simulation.state.time.any()
@@ -196,7 +196,7 @@ def test_who_is_active_is_an_array_of_ones_own(env):
     before = env.active
     before[0] = False
     assert env.active.all()
-    one = CrowdEnv("room-v0", count=2, side=2.0, scheme="dem")
+    one = CrowdEnv("room-v0", people=2, side=2.0, scheme="dem")
     one.reset(seed=0)
     inside = one.active
     while not one.finished.all():
@@ -259,7 +259,7 @@ def test_plain_data_configure_an_environment():
         scheme={"name": "nsm2", "tolerance": 1e-3, "social": "lin"},
         observation={"terms": ["velocity", "walls"], "rays": 4},
         reward={"time": 1},
-        population={"count": 4, "radius": (0.2, 0.22), "mass": 70},
+        population={"people": 4, "radius": (0.2, 0.22), "mass": 70},
         num_envs=np.int64(2),
     )
     assert plain.simulation.scheme == NSM2(tolerance=1e-3, social=SocialForce())
@@ -274,7 +274,7 @@ def test_plain_data_configure_an_environment():
 
 @pytest.mark.parametrize("name", MAKERS)
 def test_plain_data_configure_every_face(name):
-    made = MAKERS[name](count=2, scheme={"name": "dem"}, observation={"terms": ["velocity"]}, reward={"time": 1})
+    made = MAKERS[name](people=2, scheme={"name": "dem"}, observation={"terms": ["velocity"]}, reward={"time": 1})
     inner = made.unwrapped.env
     assert inner.layout == ObservationLayout(("velocity",)) and inner.simulation.scheme == make_scheme("dem")
 
@@ -328,7 +328,7 @@ def test_a_json_text_configures_every_interface_as_objects_do(name):
         ('{"scheme": {"name": "nsm2", "tolerance": "1e-3"}}', ("tolerance", "'1e-3'")),
         ('{"action": {"name": "discreet"}}', ("action kind", "known: continuous, discrete")),
         ('{"action": {"name": "speeds", "speeds": [0, 0.5]}}', ("speeds", "rule")),
-        ('{"population": {"radius": 0.2}}', ("population", "'count' is missing")),
+        ('{"population": {"radius": 0.2}}', ("population", "'people' is missing")),
     ],
 )
 def test_each_mistake_in_a_json_text_is_one_sentence(name, text, words):

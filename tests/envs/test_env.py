@@ -14,7 +14,7 @@ from repository import ROOT
 from crowd_env import SCHEMES, CrowdEnv, Population, Uniform, make_scenario
 from crowd_env.envs.action import DISCRETE
 
-SMALL = {"count": 12, "time_limit": 6.0}  # short enough that some are out and some are not
+SMALL = {"people": 12, "time_limit": 6.0}  # short enough that some are out and some are not
 
 
 def play(env, seeds):
@@ -102,7 +102,7 @@ def test_people_who_start_where_they_just_stood_touch_their_neighbors_again():
 
 
 def test_environments_of_different_places_and_sizes_are_the_same_alone_and_side_by_side():
-    places = [make_scenario("room-v0", **SMALL), make_scenario("room-v0", side=4.0, count=5, time_limit=4.0)]
+    places = [make_scenario("room-v0", **SMALL), make_scenario("room-v0", side=4.0, people=5, time_limit=4.0)]
     env = CrowdEnv(places, num_envs=3)
     assert np.diff(env.env_start).tolist() == [12, 5, 12]
     assert play(env, [1, 1, 2]) == [play(CrowdEnv(places[k]), [seed])[0] for k, seed in ((0, 1), (1, 1), (0, 2))]
@@ -179,7 +179,7 @@ def test_a_restart_by_itself_is_a_restart_by_hand():
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_everyone_ends_exactly_once_and_observations_stay_in_their_space(scheme):
-    env = CrowdEnv("room-v0", num_envs=4, scheme=scheme, count=20, time_limit=6.0)
+    env = CrowdEnv("room-v0", num_envs=4, scheme=scheme, people=20, time_limit=6.0)
     observation, _ = env.reset(seed=1)
     rng = np.random.default_rng(0)
     terminated, truncated, finished = np.zeros(80, int), np.zeros(80, int), np.zeros(4, int)
@@ -211,7 +211,7 @@ def test_everyone_ends_exactly_once_and_observations_stay_in_their_space(scheme)
 
 
 def test_nothing_happens_after_the_end():
-    env = evacuated("room-v0", num_envs=2, count=3, time_limit=1.0)
+    env = evacuated("room-v0", num_envs=2, people=3, time_limit=1.0)
     before = env.simulation.state.copy()
     step = env.step(None)
     assert not step.observation.any() and not step.reward.any()
@@ -315,7 +315,7 @@ def test_discrete_actions_are_eight_directions_and_standing():
 
 def test_actions_of_those_who_are_out_are_ignored():
     def positions(garbage):
-        env = CrowdEnv("room-v0", count=8)
+        env = CrowdEnv("room-v0", people=8)
         env.reset(seed=0)
         while not env.finished.all():
             action = np.where(env.active[:, None], (1.0, 0.0), garbage)

@@ -53,7 +53,7 @@ def test_nobody_is_inside_before_the_first_reset():
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_copies_of_an_environment_that_has_not_begun_draw_crowds_of_their_own(copied):
     """Wrappers that copy one environment many times, as SuperSuit's do, would otherwise step the same room many times over."""
-    env = CrowdEnv(count=4)
+    env = CrowdEnv(people=4)
     one, other = (each.reset()[0] for each in (env, copied(env)))
     assert not np.array_equal(one, other)
     again, same = (each.reset()[0] for each in (env, copied(env)))  # once begun, a copy goes on as the environment does

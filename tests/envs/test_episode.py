@@ -108,7 +108,7 @@ def test_a_switch_pays_the_difference_of_the_ways_at_that_place():
 
 def test_replanning_the_fastest_way_pays_nothing():
     """The ways follow the crowd, but progress is counted on those of the empty place: no step pays more than is walked."""
-    env = CrowdEnv("two-exit-hall-v0", count=60, strategy="fastest", scheme="nsm1")
+    env = CrowdEnv("two-exit-hall-v0", people=60, strategy="fastest", scheme="nsm1")
     env.reset([5])
     speed, steps = env.simulation.bodies.desired_speed, []
     for _ in range(60):

@@ -7,7 +7,7 @@ from crowd_env import Geometry, Normal, Population, Scenario, Uniform, make_scen
 from crowd_env.geometry.geometry import box
 from crowd_env.routing.spec import DoorEvent
 
-SMALL = {"count": 8, "time_limit": 6.0}
+SMALL = {"people": 8, "time_limit": 6.0}
 LINES = {"west": [(0, 1.5), (0, 2.5)], "east": [(8, 1.5), (8, 3.5)]}
 
 
@@ -104,7 +104,7 @@ def test_places_are_told_from_the_corner_of_the_plan_so_that_float32_can_hold_th
 @pytest.mark.parametrize("name", ["room-v0", "two-exit-hall-v0", "counter-flow-v0"])
 def test_the_state_is_everybody_where_the_exits_are_and_the_time_left(name):
     scenario = make_scenario(name)
-    scenario = scenario if name == "counter-flow-v0" else make_scenario(name, count=8)
+    scenario = scenario if name == "counter-flow-v0" else make_scenario(name, people=8)
     env = parallel_env(scenario, time_limit=6.0)
     env.reset(seed=2)
     layout, bodies, crowd = env.state_layout, env.env.simulation.bodies, env.env.simulation.state
@@ -130,8 +130,8 @@ def test_its_size_depends_on_people_and_exits_alone():
     sizes = {
         parallel_env("room-v0", strategy=strategy, **options).state_space.shape
         for options in (
-            {"count": 5},
-            {"count": 5, "side": 9.0},
+            {"people": 5},
+            {"people": 5, "side": 9.0},
             {"population": Population(5, mass=Normal(70, 5, 50, 90))},
         )
         for strategy in ("shortest", "nearest", "comfortable")

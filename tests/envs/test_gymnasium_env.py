@@ -15,7 +15,7 @@ import crowd_env
 from crowd_env import CrowdEnv, CrowdGymEnv, CrowdVectorEnv, make_scenario, make_vec
 from crowd_env.envs.reward import REWARDS
 
-SMALL = {"count": 6, "time_limit": 4.0}
+SMALL = {"people": 6, "time_limit": 4.0}
 
 
 # ---------------------------------------------------------------------------------------------------------- one room
@@ -64,8 +64,8 @@ def test_it_ends_terminated_when_all_are_out_and_truncated_at_the_limit():
                 assert not info["active"].any()
                 return terminated, truncated
 
-    assert end(None, count=4) == (True, False)
-    assert end(np.zeros((4, 2)), count=4, time_limit=1.0) == (False, True)
+    assert end(None, people=4) == (True, False)
+    assert end(np.zeros((4, 2)), people=4, time_limit=1.0) == (False, True)
 
 
 def test_infos_are_rows_of_the_people_and_numbers():
@@ -95,9 +95,9 @@ def test_one_seed_fixes_a_whole_series_of_episodes():
 
 
 def test_it_is_registered():
-    env = gymnasium.make("crowd_env/room-v0", count=4)
+    env = gymnasium.make("crowd_env/room-v0", people=4)
     assert env.observation_space.shape == (4, env.unwrapped.env.layout.size)
-    np.testing.assert_array_equal(env.reset(seed=0)[0], CrowdGymEnv("room-v0", count=4).reset(seed=0)[0])
+    np.testing.assert_array_equal(env.reset(seed=0)[0], CrowdGymEnv("room-v0", people=4).reset(seed=0)[0])
 
 
 def test_gymnasium_finds_it_by_itself_from_the_name_of_the_package():
@@ -141,7 +141,7 @@ def test_make_vec_gives_the_native_batch():
 
 def test_rooms_of_different_sizes_do_not_make_a_batch_here():
     with pytest.raises(ValueError, match="same number of people"):
-        make_vec([make_scenario("room-v0"), make_scenario("room-v0", count=3)], 2)
+        make_vec([make_scenario("room-v0"), make_scenario("room-v0", people=3)], 2)
     with pytest.raises(ValueError, match="not rendered"):
         make_vec("room-v0", 2, render_mode="rgb_array")
 
@@ -150,7 +150,7 @@ def test_rooms_of_different_sizes_do_not_make_a_batch_here():
 
 
 def test_a_frame_shows_the_room():
-    env = gymnasium.make("crowd_env/room-v0", count=3, render_mode="rgb_array")
+    env = gymnasium.make("crowd_env/room-v0", people=3, render_mode="rgb_array")
     env.reset(seed=0)
     frame = env.render()
     assert frame.ndim == 3 and frame.shape[2] == 3 and frame.dtype == np.uint8

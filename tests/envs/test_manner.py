@@ -27,8 +27,8 @@ DOORS = {
     "Gymnasium": lambda **options: gymnasium.make("crowd_env/room-v0", **options).unwrapped.env,
     "vector": lambda **options: gymnasium.make_vec("crowd_env/room-v0", num_envs=2, **options).env,
     "make_vec": lambda **options: crowd_env.make_vec("room-v0", num_envs=2, **options).env,
-    "routing": lambda **options: gymnasium.make("crowd_env/Routing-v0", count=20, **options).unwrapped.env,
-    "routing vector": lambda **options: gymnasium.make_vec("crowd_env/Routing-v0", count=20, **options).env,
+    "routing": lambda **options: gymnasium.make("crowd_env/Routing-v0", people=20, **options).unwrapped.env,
+    "routing vector": lambda **options: gymnasium.make_vec("crowd_env/Routing-v0", people=20, **options).env,
     "stable-baselines3": lambda **options: sb3(**options).env,
 }
 through_every_door = pytest.mark.parametrize("make", DOORS.values(), ids=DOORS)
@@ -53,7 +53,7 @@ def test_every_door_takes_a_manner(make):
 def test_without_a_manner_nothing_changes_whatever_people_are_driven_by():
     usual = walked(CrowdEnv("room-v0"))
     assert np.array_equal(usual, walked(CrowdEnv("room-v0", manner="competitive")))
-    assert np.array_equal(usual, walked(CrowdEnv("room-v0", population={"count": 20, "push": (0, 1), "time_gap": 2})))
+    assert np.array_equal(usual, walked(CrowdEnv("room-v0", population={"people": 20, "push": (0, 1), "time_gap": 2})))
     assert not np.array_equal(usual, walked(CrowdEnv("room-v0", manner="calm")))
 
 
@@ -68,7 +68,7 @@ def test_the_manner_is_that_of_the_scenario_unless_the_run_says_another():
 
 
 def test_a_rollout_and_its_report_know_the_manner():
-    place = make_scenario("room-v0", count=8)
+    place = make_scenario("room-v0", people=8)
     usual, calm = (run_episodes(place, 2, manner=manner) for manner in (None, "calm"))
     assert min(one.end for one in calm) > max(one.end for one in usual)
     assert report(place, "nsm2", usual)["manner"] == "competitive"
@@ -99,12 +99,12 @@ def test_a_manner_for_nobody_known_is_refused():
 
 
 def test_every_restart_draws_pushes_anew():
-    env = CrowdEnv("room-v0", num_envs=2, manner="calm", population={"count": 20, "push": (0.0, 0.5)}, autoreset=True)
+    env = CrowdEnv("room-v0", num_envs=2, manner="calm", population={"people": 20, "push": (0.0, 0.5)}, autoreset=True)
     env.reset(seed=0)
     first = env.simulation.bodies.push.copy()
     env.reset(mask=np.array([True, False]))
     assert (env.simulation.bodies.push[:20] != first[:20]).all()
     assert np.array_equal(env.simulation.bodies.push[20:], first[20:])
-    alone = CrowdEnv("room-v0", manner="calm", population={"count": 20, "push": (0.0, 0.5)})
+    alone = CrowdEnv("room-v0", manner="calm", population={"people": 20, "push": (0.0, 0.5)})
     alone.reset(seed=0)
     assert np.array_equal(alone.simulation.bodies.push, first[:20])

@@ -311,7 +311,7 @@ def test_columns_follow_the_order_of_the_terms_without_gaps():
 
 
 def test_who_is_out_perceives_nothing_and_is_not_perceived():
-    env = CrowdEnv("room-v0", count=2, observation=ObservationLayout(neighbors=1))
+    env = CrowdEnv("room-v0", people=2, observation=ObservationLayout(neighbors=1))
     env.reset(seed=0)
     while env.active.all():
         env.step(None)

@@ -18,7 +18,7 @@ from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.observation.terms import TERMS
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
-HALL = make_scenario("room-v0", count=300, side=16.0)
+HALL = make_scenario("room-v0", people=300, side=16.0)
 
 
 @pytest.mark.parametrize("neighbors", [1, 6, 7, 32])
@@ -39,7 +39,7 @@ def test_all_pairs_and_cells_show_the_same_to_the_last_bit(terms, neighbors):
 
 
 def test_observations_and_rewards_are_the_same_for_any_number_of_threads():
-    places = ["room-v0", CLUTTERED, make_scenario("room-v0", count=120, side=9.0)]
+    places = ["room-v0", CLUTTERED, make_scenario("room-v0", people=120, side=9.0)]
     options = {"num_envs": 24, "time_limit": 3.0, "autoreset": True}
     alone, *beside = (CrowdEnv(places, threads=threads, **options) for threads in (1, 2, 5))
     assert alone.num_people > 1000  # fewer are observed by one thread
@@ -59,14 +59,14 @@ def test_observations_and_rewards_are_the_same_for_any_number_of_threads():
 @pytest.mark.parametrize("seed", [0, 1])
 def test_who_has_just_restarted_sees_what_a_fresh_environment_shows(seed):
     """The second episode of each environment, restarted by itself amid others, against one that is reset twice."""
-    env = CrowdEnv("room-v0", num_envs=5, count=8, autoreset=True)
+    env = CrowdEnv("room-v0", num_envs=5, people=8, autoreset=True)
     env.reset(seed=seed)
     waiting = set(range(5))
     while waiting:
         step = env.step(None)
         for e in np.flatnonzero(step.info["finished"]):
             if e in waiting:
-                fresh = CrowdEnv("room-v0", num_envs=5, count=8)
+                fresh = CrowdEnv("room-v0", num_envs=5, people=8)
                 fresh.reset(seed=seed)
                 expected, _ = fresh.reset(mask=np.arange(5) == e)
                 np.testing.assert_array_equal(step.observation[env.people(e)], expected[env.people(e)])
@@ -74,7 +74,7 @@ def test_who_has_just_restarted_sees_what_a_fresh_environment_shows(seed):
 
 
 def test_what_was_shown_stays_as_it_was():
-    env = CrowdEnv("room-v0", num_envs=2, count=6, autoreset=True)
+    env = CrowdEnv("room-v0", num_envs=2, people=6, autoreset=True)
     kept = [env.reset(seed=0)[0]]
     copies = [kept[0].copy()]
     for _ in range(120):
@@ -99,7 +99,7 @@ def heavy(transition):
 
 def test_a_term_of_ones_own_stands_beside_the_compiled_ones():
     layout = ObservationLayout(terms=("velocity", ObservationTerm("speed", 1, speed), "crush"))
-    env = CrowdEnv("room-v0", num_envs=3, count=8, autoreset=True, observation=layout)
+    env = CrowdEnv("room-v0", num_envs=3, people=8, autoreset=True, observation=layout)
     env.reset(seed=0)
     restarted = 0
     for _ in range(120):

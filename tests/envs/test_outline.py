@@ -32,8 +32,8 @@ DOORS = {
     "Gymnasium": lambda **options: gymnasium.make("crowd_env/room-v0", **options).unwrapped.env,
     "vector": lambda **options: gymnasium.make_vec("crowd_env/room-v0", num_envs=2, **options).env,
     "make_vec": lambda **options: crowd_env.make_vec("room-v0", num_envs=2, **options).env,
-    "routing": lambda **options: gymnasium.make("crowd_env/Routing-v0", count=20, **options).unwrapped.env,
-    "routing vector": lambda **options: gymnasium.make_vec("crowd_env/Routing-v0", count=20, **options).env,
+    "routing": lambda **options: gymnasium.make("crowd_env/Routing-v0", people=20, **options).unwrapped.env,
+    "routing vector": lambda **options: gymnasium.make_vec("crowd_env/Routing-v0", people=20, **options).env,
     "stable-baselines3": lambda **options: sb3(**options).env,
 }
 
@@ -70,7 +70,7 @@ def test_the_outline_is_that_of_the_scenario_unless_the_run_says_another():
 
 
 def test_a_rollout_and_its_report_know_the_outline():
-    place = make_scenario("room-v0", count=8, side=5.0)
+    place = make_scenario("room-v0", people=8, side=5.0)
     episodes = run_episodes(place, 2, scheme="hertz", outline="torso")
     assert report(place, "hertz", episodes)["outline"] == "disc"
     assert report(place, "hertz", episodes, outline="torso")["outline"] == "torso"

@@ -5,7 +5,7 @@ import pytest
 
 from crowd_env import parallel_env
 
-SMALL = {"count": 8, "time_limit": 6.0}
+SMALL = {"people": 8, "time_limit": 6.0}
 
 
 @pytest.mark.parametrize("frame", ["path", "world"])
@@ -67,7 +67,7 @@ def test_none_among_the_actions_of_everybody_is_the_rule():
 
 def test_learned_and_ruled_pedestrians_share_a_room():
     """Those who want to stand do, though they are pushed; those who follow the rule get out."""
-    env = parallel_env(count=6, time_limit=20.0, side=10.0, scheme="dem")
+    env = parallel_env(people=6, time_limit=20.0, side=10.0, scheme="dem")
     env.reset(seed=4)
     standing = env.possible_agents[:2]
     start = env.env.simulation.state.position.copy()
@@ -79,7 +79,7 @@ def test_learned_and_ruled_pedestrians_share_a_room():
 
 
 def test_an_action_along_x_is_along_x_in_the_frame_of_the_world():
-    env = parallel_env(count=1, frame="world", action="discrete")
+    env = parallel_env(people=1, frame="world", action="discrete")
     env.reset(seed=0)
     start = env.env.simulation.state.position[0].copy()
     env.step({"pedestrian_0": 2})  # two eighths of a turn: up
@@ -177,7 +177,7 @@ def test_whoever_is_out_acts_no_more_and_disturbs_nobody(kind):
 
 
 def test_whoever_never_was_is_refused_also_when_all_are_out():
-    env = parallel_env(count=3, time_limit=0.3)
+    env = parallel_env(people=3, time_limit=0.3)
     env.reset(seed=0)
     with pytest.raises(
         ValueError, match="'pedestrian_99': there is no such agent; known: pedestrian_0 to pedestrian_2"

@@ -11,7 +11,7 @@ from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
 import crowd_env
 from crowd_env import SCENARIOS, SCHEMES, CrowdEnv, parallel_env
 
-SMALL = {"count": 8, "time_limit": 6.0}
+SMALL = {"people": 8, "time_limit": 6.0}
 
 
 def random_actions(env, rng):
@@ -52,7 +52,7 @@ def test_it_is_the_batch_environment_of_one_room():
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_who_gets_out_leaves_in_that_step_and_who_is_late_is_truncated(scheme):
-    env = parallel_env(scheme=scheme, count=12, time_limit=5.0)
+    env = parallel_env(scheme=scheme, people=12, time_limit=5.0)
     observations, infos = env.reset(seed=1)
     assert set(observations) == set(infos) == set(env.agents) == set(env.possible_agents)
     rng = np.random.default_rng(2)
@@ -94,7 +94,7 @@ def test_observations_stay_as_they_were():
 
 
 def test_after_the_end_a_step_gives_five_empty_dictionaries():
-    env = parallel_env(count=2, time_limit=0.3)
+    env = parallel_env(people=2, time_limit=0.3)
     env.reset(seed=0)
     while env.agents:
         env.step({})
@@ -122,7 +122,7 @@ def test_what_a_step_returned_can_be_changed():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"count": 5}, r"unknown reset option 'count'; known: none; .* given when the environment is made"),
+        ({"people": 5}, r"unknown reset option 'people'; known: none; .* given when the environment is made"),
         ({"options": 1, "seed": 3}, "unknown reset option 'seed'"),
         ([("count", 5)], r"options is \[\('count', 5\)\].*dictionary"),
     ],
@@ -140,7 +140,7 @@ def test_reset_refuses_options_it_does_not_know(options, words):
 
 
 def test_before_the_first_reset_there_is_nothing_to_step_or_look_at():
-    env = parallel_env(count=2, time_limit=0.3, render_mode="rgb_array")
+    env = parallel_env(people=2, time_limit=0.3, render_mode="rgb_array")
     for use in (lambda: env.step({}), env.state, env.render):
         with pytest.raises(ValueError, match="call reset before"):
             use()
@@ -156,7 +156,7 @@ def test_spaces_are_the_same_objects_every_time_and_each_agents_own():
 
 
 def test_an_environment_nobody_holds_is_forgotten():
-    env = parallel_env(count=2)
+    env = parallel_env(people=2)
     env.observation_space("pedestrian_0"), env.action_space("pedestrian_0")
     gone = weakref.ref(env)
     del env
@@ -165,7 +165,7 @@ def test_an_environment_nobody_holds_is_forgotten():
 
 
 def test_max_cycles_is_the_time_limit_in_decisions():
-    env = parallel_env(max_cycles=7, count=3)
+    env = parallel_env(max_cycles=7, people=3)
     env.reset(seed=0)
     cycles = 0
     while env.agents:
@@ -177,8 +177,8 @@ def test_max_cycles_is_the_time_limit_in_decisions():
 @pytest.mark.parametrize("cycles", [0, -1, float("nan"), float("inf"), 2.5, True, "7", [7]])
 def test_a_number_of_cycles_that_is_none_is_refused(cycles):
     with pytest.raises(ValueError, match=r"max_cycles is .*at least 1"):
-        parallel_env(max_cycles=cycles, count=1)
-    env = parallel_env(count=1)
+        parallel_env(max_cycles=cycles, people=1)
+    env = parallel_env(people=1)
     with pytest.raises(ValueError, match=r"max_cycles is .*at least 1"):
         env.max_cycles = cycles
     assert env.max_cycles == 600
@@ -201,10 +201,10 @@ def test_what_cannot_be_is_refused(options, words):
 
 
 def test_it_is_registered_with_pettingzoo():
-    env = pettingzoo.make("parallel", "crowd_env/room-v0", count=4)
+    env = pettingzoo.make("parallel", "crowd_env/room-v0", people=4)
     assert len(env.possible_agents) == 4
     observations, _ = env.reset(seed=0)
-    expected, _ = parallel_env("room-v0", count=4).reset(seed=0)
+    expected, _ = parallel_env("room-v0", people=4).reset(seed=0)
     for agent, observation in observations.items():
         np.testing.assert_array_equal(observation, expected[agent])
 
@@ -212,11 +212,11 @@ def test_it_is_registered_with_pettingzoo():
 @pytest.mark.filterwarnings("ignore::UserWarning:pettingzoo.*")
 @pytest.mark.parametrize("kind", ["continuous", "discrete"])
 def test_it_is_registered_for_agents_that_act_in_turn(kind):
-    turns = pettingzoo.make("aec", "crowd_env/room-v0", count=3, time_limit=2.0, action=kind)
+    turns = pettingzoo.make("aec", "crowd_env/room-v0", people=3, time_limit=2.0, action=kind)
     assert isinstance(turns, pettingzoo.AECEnv)
     api_test(turns, num_cycles=100)
     turns.reset(seed=0)
-    env = pettingzoo.make("parallel", "crowd_env/room-v0", count=3, time_limit=2.0, action=kind)
+    env = pettingzoo.make("parallel", "crowd_env/room-v0", people=3, time_limit=2.0, action=kind)
     observations, _ = env.reset(seed=0)
     for agent in env.agents:
         np.testing.assert_array_equal(turns.observe(agent), observations[agent])
@@ -233,7 +233,7 @@ def test_the_module_offers_what_pettingzoo_modules_do():
     from crowd_env.envs.parallel import env, raw_env
 
     assert module_or_function is crowd_env.parallel_env
-    turns = env(count=2, time_limit=0.5)
+    turns = env(people=2, time_limit=0.5)
     turns.reset(seed=0)
     count = 0
     for _ in turns.agent_iter():
@@ -241,26 +241,26 @@ def test_the_module_offers_what_pettingzoo_modules_do():
         turns.step(None if termination or truncation else np.array([1.0, 0.0]))
         count += 1
     assert count > 5
-    assert raw_env(count=2).possible_agents == ["pedestrian_0", "pedestrian_1"]
+    assert raw_env(people=2).possible_agents == ["pedestrian_0", "pedestrian_1"]
 
 
 # --------------------------------------------------------------------------------------------------------- rendering
 
 
 def test_a_frame_shows_the_room():
-    env = parallel_env(count=3, render_mode="rgb_array")
+    env = parallel_env(people=3, render_mode="rgb_array")
     env.reset(seed=0)
     frame = env.render()
     assert frame.ndim == 3 and frame.shape[2] == 3 and frame.dtype == np.uint8
     for _ in range(10):
         env.step({})
     assert not np.array_equal(env.render(), frame)
-    assert parallel_env(count=1).render() is None
+    assert parallel_env(people=1).render() is None
 
 
 def test_a_window_opens_and_closes():
     pytest.importorskip("pygame")
-    env = parallel_env(count=3, render_mode="human")
+    env = parallel_env(people=3, render_mode="human")
     env.reset(seed=0)
     env.step({})
     assert env.render() is None

@@ -9,7 +9,7 @@ import pytest
 from crowd_env import CrowdEnv, parallel_env
 from crowd_env.envs.lazy_infos import LazyInfos
 
-SMALL = {"count": 8, "time_limit": 6.0}
+SMALL = {"people": 8, "time_limit": 6.0}
 
 
 def is_unread(infos):

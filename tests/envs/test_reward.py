@@ -175,7 +175,7 @@ def test_sharing_moves_reward_within_the_room_and_makes_none():
 def test_time_is_shared_with_those_who_have_left():
     """The return of everyone who shares all is minus the mean exit time, whoever is out first."""
     for share in (0.0, 0.25, 1.0):
-        env, _, steps = episodes(rule, RewardWeights({"time": 1.0}, share), num_envs=2, count=5, time_limit=30.0)
+        env, _, steps = episodes(rule, RewardWeights({"time": 1.0}, share), num_envs=2, people=5, time_limit=30.0)
         exit_time = env.simulation.state.exit_time
         paid = sum(step.reward for _, step, _ in steps)
         mean = exit_time.reshape(2, 5).mean(axis=1)[env.env_of_person]

@@ -12,7 +12,7 @@ from crowd_env.recording import RunRecorder, record
 
 
 def room(count=3, **options):
-    return make_scenario("room-v0", count=count, **options)
+    return make_scenario("room-v0", people=count, **options)
 
 
 def decisions(time):

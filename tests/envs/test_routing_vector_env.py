@@ -56,7 +56,7 @@ def test_episodes_go_on_after_a_restart_with_other_draws():
         lambda: RoutingEnv(SMALL),
         lambda: RoutingEnv(SMALL, regions=["start"]),
         lambda: RoutingVectorEnv(SMALL, num_envs=2),
-        lambda: CrowdVectorEnv("room-v0", num_envs=2, count=5),
+        lambda: CrowdVectorEnv("room-v0", num_envs=2, people=5),
     ],
 )
 def test_a_copy_goes_on_alike(make, copied):

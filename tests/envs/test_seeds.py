@@ -52,7 +52,7 @@ def play(env, seeds, steps):
 
 
 def room(count, side=6.0, **options):
-    return make_scenario("room-v0", count=count, side=side, time_limit=1e3, **options)
+    return make_scenario("room-v0", people=count, side=side, time_limit=1e3, **options)
 
 
 @every_scheme
@@ -70,7 +70,7 @@ def test_small_and_large_crowds_beside_each_other_are_what_each_is_alone_and_fre
 
 @pytest.mark.parametrize("scheme", ["dem", "nsm2"])
 def test_the_tenth_episode_of_a_batch_that_restarts_by_itself_is_that_of_a_fresh_environment(scheme, forty_are_many):
-    places = [room(60), room(12), make_scenario("two-exit-hall-v0", count=50)]
+    places = [room(60), room(12), make_scenario("two-exit-hall-v0", people=50)]
     options = {"scheme": scheme, "time_limit": 0.2, "strategy": "fastest"}
     batch = CrowdEnv(places, num_envs=3, autoreset=True, **options)
     batch.reset([1, 2, 3])
@@ -115,7 +115,7 @@ def test_bodies_that_are_changed_by_hand_count_at_once_beside_a_large_crowd_too(
 
 
 def test_a_crowd_that_threads_share_is_the_same_in_its_second_episode():
-    make = partial(CrowdEnv, "room-v0", count=4050, side=48.0, scheme="dem")
+    make = partial(CrowdEnv, "room-v0", people=4050, side=48.0, scheme="dem")
     used = make(threads=2)
     play(used, [8], 2)
     assert play(used, [1], 3) == play(make(), [1], 3)

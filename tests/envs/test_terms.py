@@ -45,28 +45,28 @@ def test_a_term_of_ones_own_has_its_columns_and_leaves_the_others_as_they_are():
     layout = ObservationLayout(("velocity", ObservationTerm("two", 2, several), WAITED, "walls"), rays=4)
     assert [layout[name] for name in layout.names] == [slice(0, 2), slice(2, 4), slice(4, 5), slice(5, 9)]
     assert [layout.width(name) for name in layout.names] == [2, 2, 1, 4] and layout.size == 9
-    observation, _, _ = walked(CrowdEnv("room-v0", count=3, observation=layout))
-    plain, _, _ = walked(CrowdEnv("room-v0", count=3, observation=ObservationLayout(("velocity", "walls"), rays=4)))
+    observation, _, _ = walked(CrowdEnv("room-v0", people=3, observation=layout))
+    plain, _, _ = walked(CrowdEnv("room-v0", people=3, observation=ObservationLayout(("velocity", "walls"), rays=4)))
     np.testing.assert_array_equal(observation[..., [0, 1, 5, 6, 7, 8]], plain)
     assert (observation[..., 2] == 1.0).all() and (observation[..., 3] == -0.5).all()  # what is too large is clipped
     assert (observation[0, :, 4] == 1.0).all() and not observation[-1, :, 4].all()
 
 
 def test_a_reward_of_ones_own_counts_by_its_weight_and_is_reported_if_it_has_none():
-    _, plain, _ = walked(CrowdEnv("room-v0", count=3, reward={"time": 1.0}))
+    _, plain, _ = walked(CrowdEnv("room-v0", people=3, reward={"time": 1.0}))
     for weight in (0.0, 0.5):
-        env = CrowdEnv("room-v0", count=3, reward={"time": 1.0, SLOW: weight})
+        env = CrowdEnv("room-v0", people=3, reward={"time": 1.0, SLOW: weight})
         _, rewards, info = walked(env)
         state, bodies = env.simulation.state, env.simulation.bodies
         np.testing.assert_array_equal(info["reward/slow"], np.hypot(*state.velocity.T) - bodies.desired_speed)
         np.testing.assert_array_equal(rewards[-1], plain[-1] + weight * info["reward/slow"])
         assert [name for name in info if name.startswith("reward/")] == [f"reward/{n}" for n in (*REWARDS, "slow")]
-    assert "reward/slow" not in walked(CrowdEnv("room-v0", count=3))[2]
+    assert "reward/slow" not in walked(CrowdEnv("room-v0", people=3))[2]
 
 
 def test_a_reward_of_ones_own_is_shared_by_its_name():
     _, rewards, info = walked(
-        CrowdEnv("room-v0", count=3, reward=RewardWeights({"time": 1.0, SLOW: 0.5}, 1.0, ("slow",)))
+        CrowdEnv("room-v0", people=3, reward=RewardWeights({"time": 1.0, SLOW: 0.5}, 1.0, ("slow",)))
     )
     expected = info["reward/time"] + 0.5 * info["reward/slow"].mean()
     np.testing.assert_allclose(rewards[-1], expected, atol=1e-12)
@@ -87,8 +87,8 @@ def test_layouts_and_weights_can_be_pickled_and_compared():
     again = pickle.loads(pickle.dumps((layout, weights)))
     assert again == (layout, weights)
     assert layout != ObservationLayout(("velocity", ObservationTerm("waited", 1, several)))
-    observation, rewards, _ = walked(CrowdEnv("room-v0", count=3, observation=layout, reward=weights))
-    same, too, _ = walked(CrowdEnv("room-v0", count=3, observation=again[0], reward=again[1]))
+    observation, rewards, _ = walked(CrowdEnv("room-v0", people=3, observation=layout, reward=weights))
+    same, too, _ = walked(CrowdEnv("room-v0", people=3, observation=again[0], reward=again[1]))
     np.testing.assert_array_equal(observation, same)
     np.testing.assert_array_equal(rewards, too)
 
@@ -125,8 +125,8 @@ WRONG = [
     ("no reward name", lambda: RewardTerm("", slow), ("reward term", "name")),
     ("an observation term", lambda: RewardWeights({WAITED: 1.0}), ("reward term", "RewardTerm", "progress")),
     ("a reward term", lambda: ObservationLayout((SLOW,)), ("observation term", "ObservationTerm")),
-    ("shape", lambda: walked(CrowdEnv(count=3, reward={RewardTerm("slow", column): 1.0})), ("'slow'", "(3,)", "(3, 1)")),
-    ("no numbers", lambda: walked(CrowdEnv(count=3, reward={RewardTerm("slow", text): 1.0})), ("'slow'", "(3,)", "'much'")),
+    ("shape", lambda: walked(CrowdEnv(people=3, reward={RewardTerm("slow", column): 1.0})), ("'slow'", "(3,)", "(3, 1)")),
+    ("no numbers", lambda: walked(CrowdEnv(people=3, reward={RewardTerm("slow", text): 1.0})), ("'slow'", "(3,)", "'much'")),
 ]  # fmt: skip
 
 

@@ -24,7 +24,7 @@ def hall():
 
 
 def room(**options):
-    return {"scenario": "room-v0", "count": 5, "time_limit": 4.0, **options}
+    return {"scenario": "room-v0", "people": 5, "time_limit": 4.0, **options}
 
 
 def one(kind):
@@ -292,7 +292,7 @@ def test_a_partial_reset_leaves_the_others_as_they_are(kind, mode):
         ({"reset_mask": np.array([1, 0, 1])}, r"reset_mask is an array.*NumPy array of 3 booleans"),
         ({"reset_mask": np.ones(4, bool)}, "reset_mask is an array.*NumPy array of 3 booleans"),
         ({"reset_mask": np.zeros(3, bool)}, "reset_mask is an array.*at least one True"),
-        ({"count": 5}, "unknown reset option 'count'; known: reset_mask"),
+        ({"people": 5}, "unknown reset option 'people'; known: reset_mask"),
         ("all", "options is 'all'; it must be a dictionary"),
     ],
 )

@@ -88,7 +88,7 @@ def test_plans_with_and_without_round_jambs_share_a_batch():
 def test_a_scenario_file_has_them_too(tmp_path):
     plan = {"walkable": {"box": [0, 0, 5, 5]}, "exits": {"door": [[5, 2.1], [5, 2.9]]}, "jamb_radius": 0.1}
     file = tmp_path / "gate.json"
-    file.write_text(json.dumps({"name": "gate", "time_limit": 60, "geometry": plan, "population": {"count": 5}}))
+    file.write_text(json.dumps({"name": "gate", "time_limit": 60, "geometry": plan, "population": {"people": 5}}))
     geometry = make_scenario(str(file)).geometry
     np.testing.assert_allclose(curves(geometry)[0], [[5.1, 2.0], [5.1, 3.0]], atol=1e-12)
     assert Geometry.from_wkt(ROOM.wkt, exits=DOOR, jamb_radius=0.1).arcs.radius == 0.1

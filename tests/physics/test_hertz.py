@@ -293,7 +293,7 @@ def test_grains_have_no_social_force():
 @pytest.mark.parametrize("name", SCHEMES)
 @pytest.mark.parametrize("social", ["lin", "helbing"])
 def test_a_crowd_with_a_social_force_keeps_its_distance_and_gets_out(name, social):
-    place = make_scenario("room-v0", count=12)
+    place = make_scenario("room-v0", people=12)
     bodies, position = place.population.draw(np.random.default_rng(4), place.geometry)
     crushes = []
     for chosen in (social, "none"):
@@ -327,7 +327,7 @@ def test_the_presets_say_what_they_are():
 
 def test_people_of_lin_leave_at_about_0_8_a_second():
     # A small crowd for a quick look; `crowd-env reproduce lin` measures the paper's figures.
-    place = make_scenario("lin-room-v0", count=60)
+    place = make_scenario("lin-room-v0", people=60)
     bodies, position = place.population.draw(np.random.default_rng(0), place.geometry)
     simulation = Simulation(place.geometry, bodies, make_state(position), scheme="hertz", fields=[place.field()])
     simulation.advance(n_substeps=100_000)

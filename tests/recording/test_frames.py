@@ -128,7 +128,7 @@ class Received:
 @pytest.mark.parametrize("scheme", ["nsm2", "nsm1-inertial", "dem", "hertz", "torso"])
 def test_mean_forces_add_up_to_the_impulse_that_people_received(scheme, every):
     """Action and reaction: over the time between frames, the contacts of a person bring what that one has received."""
-    room = make_scenario("room-v0", count=30, side=5.0, door_width=0.8, time_limit=4.0)
+    room = make_scenario("room-v0", people=30, side=5.0, door_width=0.8, time_limit=4.0)
     place = replace(room, outline="torso" if scheme == "torso" else None)
     recorder, received = RunRecorder(contacts=True, every=every / 10), Received()
     options = {"scheme": scheme.replace("torso", "hertz"), "seed": 3}
@@ -181,7 +181,7 @@ def test_a_simulation_that_was_listened_to_goes_on_alone(tmp_path):
 
 def test_large_crowds_are_the_same_bit_by_bit():
     """They lie in the order of space, which is made anew now and then, never for a listener."""
-    place = make_scenario("room-v0", side=40.0, count=1200, door_width=2.0, time_limit=2.5)
+    place = make_scenario("room-v0", side=40.0, people=1200, door_width=2.0, time_limit=2.5)
     plain, listened = (CrowdEnv(place, scheme="dem") for _ in range(2))
     told = []
     listened.simulation.listeners.append(lambda: told.append(float(listened.simulation.state.time[0])))

@@ -30,7 +30,7 @@ def opened(path):
 @pytest.fixture(scope="module", params=READERS)
 def door(request, tmp_path_factory):
     """60 people before a door of 1.2 m: the episode, our reading, PedPy's reading."""
-    scenario = make_scenario("room-v0", count=60, door_width=1.2, side=8.0)
+    scenario = make_scenario("room-v0", people=60, door_width=1.2, side=8.0)
     path = tmp_path_factory.mktemp("door") / f"run{request.param}"
     (episode,) = run_episodes(scenario, 1, seed=4, scheme="nsm2", recorder=RunRecorder(path))
     return episode, load(path), *opened(path)
@@ -107,7 +107,7 @@ def test_the_voronoi_density_counts_the_people_in_the_room(door):
 
 def test_the_speed_is_the_one_that_people_have(tmp_path):
     """PedPy's speeds are positions over 0.2 s, ours those of the moment: where nobody is in the way they agree."""
-    scenario = make_scenario("room-v0", count=4, door_width=1.2, side=10.0)
+    scenario = make_scenario("room-v0", people=4, door_width=1.2, side=10.0)
     (episode,) = run_episodes(scenario, 1, seed=4, recorder=RunRecorder(tmp_path / "run.h5"))
     kept, (trajectory, _) = load(episode.record), opened(episode.record)
     found = pedpy.compute_individual_speed(traj_data=trajectory, frame_step=1, speed_calculation=ONE_SIDED)

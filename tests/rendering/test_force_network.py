@@ -232,7 +232,7 @@ def test_without_a_moment_it_is_that_of_the_hardest_push_or_the_end_of_a_blocked
 
 
 def test_an_evacuation_that_was_seen_is_not_run_twice_and_is_that_of_its_strategy():
-    place = make_scenario("two-exit-hall-v0", count=30)
+    place = make_scenario("two-exit-hall-v0", people=30)
     (seen,) = rollout(place, 1, scheme="dem", seed=4, strategy="nearest", recorder=LoadRecorder())
     steps = []
     told = forces_of_run(

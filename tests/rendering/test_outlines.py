@@ -58,7 +58,7 @@ def test_environments_and_recordings_show_shoulders():
     discs = renderer.frame(state.position, radius, velocity=state.velocity, **shown)
     differs = [(frame != other).any(axis=-1).mean() for other in (expected, discs)]
     assert differs[0] < 0.3 * differs[1]
-    place = make_scenario("room-v0", side=6.0, count=5)
+    place = make_scenario("room-v0", side=6.0, people=5)
     film = record(place, seed=1, scheme="hertz", outline="torso")
     assert film.outline == TORSO and film.angle.shape == film.position.shape[:2]
     np.testing.assert_array_equal(film.angle[0], film.angle[1])

@@ -35,7 +35,7 @@ SMALL = [
 
 def test_a_run_is_the_evacuation_of_the_run_command():
     run = Run(12, 1.5, seed=3)
-    env = evacuated("lin-room-v0", scheme="hertz", count=12, desired_speed=1.5, seed=[3])
+    env = evacuated("lin-room-v0", scheme="hertz", people=12, desired_speed=1.5, seed=[3])
     assert run.simulate().exit_times == tuple(np.sort(env.simulation.state.exit_time).tolist())
     assert run.simulate().left == 0 and run.simulate().blocked_since is None
 
@@ -59,7 +59,7 @@ def test_every_reading_reaches_the_run():
     social = scheme.social
     assert (social.strength, social.wall_strength, social.anisotropy, social.cutoff) == (250.0, 100.0, 0.1, 0.3)
     scenario = first.scenario()
-    assert (scenario.population.count, scenario.target, scenario.geometry.bounds[2]) == (20, "nearest", 15.2)
+    assert (scenario.population.people, scenario.target, scenario.geometry.bounds[2]) == (20, "nearest", 15.2)
     assert first.dt == 2e-3
     assert set(settings.changed()) == {
         "dt", "wall_friction", "wall_social", "anisotropy", "no_rotation", "damping", "target", "exit_depth", "cutoff",

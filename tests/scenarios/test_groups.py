@@ -56,7 +56,7 @@ def test_groups_stand_apart_in_their_places(seed):
         )
     )
     bodies, position = groups.draw(np.random.default_rng(seed), HALL)
-    assert len(position) == groups.count == 143 == bodies.env_start[-1]
+    assert len(position) == groups.people == 143 == bodies.env_start[-1]
     assert clear(HALL, position, bodies.radius) >= -1e-9
     assert HALL.contains(position[50:90], "stage").all() and (bodies.radius[50:90] <= 0.2).all()
     np.testing.assert_array_equal(position[90:93], groups.parts[2].starts)
@@ -80,10 +80,10 @@ def test_bounds_of_groups_hold_all_of_them():
 def test_another_number_is_shared_out_in_proportion():
     groups = Groups((Population(100), Population(10), Population(1)))
     for count in (3, 4, 50, 110, 111, 112, 1000):
-        assert sum(part.count for part in groups.changed(count=count).parts) == count
-    assert [part.count for part in groups.changed(count=111).parts] == [100, 10, 1]
-    assert [part.count for part in groups.changed(count=222).parts] == [200, 20, 2]
-    assert [part.count for part in groups.changed(count=3).parts] == [1, 1, 1]
+        assert sum(part.people for part in groups.changed(people=count).parts) == count
+    assert [part.people for part in groups.changed(people=111).parts] == [100, 10, 1]
+    assert [part.people for part in groups.changed(people=222).parts] == [200, 20, 2]
+    assert [part.people for part in groups.changed(people=3).parts] == [1, 1, 1]
     assert groups.changed(radius=Uniform(0.1, 0.1)).radius == (0.1, 0.1)
     with pytest.raises(ValueError, match="groups cannot share 'starts'"):
         groups.changed(starts=np.zeros((2, 2)))

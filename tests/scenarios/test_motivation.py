@@ -17,10 +17,10 @@ exits = {{ door = [[8, 3], [8, 5]] }}
 [population]
 time_gap = [0.6, 1.0]
 [[groups]]
-count = 12
+people = 12
 push = {push}
 [[groups]]
-count = 8
+people = 8
 time_gap = {{ distribution = "normal", mean = 0.5, sd = 0.1, low = 0.3, high = 0.7 }}
 """
 
@@ -63,8 +63,8 @@ def test_groups_differ_in_push_and_the_crowds_of_two_seeds_differ():
     (first, _), (second, _) = drawn(people, 0), drawn(people, 1)
     assert (first.push[:5] == 0.0).all() and (first.push[5:11] >= 0.5).all() and np.isnan(first.push[11:]).all()
     assert (first.push[5:11] != second.push[5:11]).all()
-    everyone = people.changed(push=0.2, count=30)
-    assert (drawn(everyone)[0].push == 0.2).all() and everyone.count == 30
+    everyone = people.changed(push=0.2, people=30)
+    assert (drawn(everyone)[0].push == 0.2).all() and everyone.people == 30
 
 
 def test_a_distribution_of_ones_own_that_leaves_its_bounds_is_refused_when_the_crowd_starts():
@@ -74,7 +74,7 @@ def test_a_distribution_of_ones_own_that_leaves_its_bounds_is_refused_when_the_c
 
     from crowd_env import CrowdEnv
 
-    env = CrowdEnv("room-v0", population={"count": 3, "push": Liar(0.0, 1.0)})
+    env = CrowdEnv("room-v0", population={"people": 3, "push": Liar(0.0, 1.0)})
     refuses(lambda: env.reset(seed=0), ("push of pedestrian 0 is 2", "[0, 1]"))
 
 

@@ -29,8 +29,8 @@ SAME = [
 HALL = Geometry.from_polygon(
     box(0, 0, 12, 6), exits={"west": [(0, 2), (0, 4)], "east": [(12, 2), (12, 4)]}, regions={"left": box(0, 0, 6, 6)}
 )
-WEST = {"count": 8, "radius": (0.2, 0.22), "start_region": "left", "route": "west", "name": "west"}
-EAST = {"count": 5, "radius": NORMAL, "mass": 70, "response_time": LOG_NORMAL, "exits": ["east"]}
+WEST = {"people": 8, "radius": (0.2, 0.22), "start_region": "left", "route": "west", "name": "west"}
+EAST = {"people": 5, "radius": NORMAL, "mass": 70, "response_time": LOG_NORMAL, "exits": ["east"]}
 
 
 def people():
@@ -94,7 +94,7 @@ def test_starts_may_hold_grids_and_say_how_many_people_there_are():
     table = {"starts": grid, "radius": 0.2}
     for scenario in (Scenario("hall", HALL, table, 60.0), Scenario("hall", HALL, [table], 60.0)):
         (part,) = scenario.population.parts
-        assert part.count == 5 and part.starts.tolist() == expected
+        assert part.people == 5 and part.starts.tolist() == expected
     env = CrowdEnv(Scenario("hall", HALL, table, 60.0))
     assert env.num_people == 5
 
@@ -109,7 +109,7 @@ def test_routes_and_rules_of_a_scenario_may_be_tables():
     plain = Scenario(
         "hall",
         geometry,
-        {"count": 3},
+        {"people": 3},
         60.0,
         routes=[{"name": "loop", "exits": ["east"], "via": "left"}],
         zones=[{"region": "left", "factor": 0.5}],
@@ -161,8 +161,8 @@ def test_a_mistake_in_a_table_of_people_is_one_sentence(options, message):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Groups([WEST, {"raduis": 1}]), "groups[1]: unknown key 'raduis'; known: count, radius"),
-        (lambda: Groups([WEST, {"radius": 0.2}]), "groups[1]: key 'count' is missing"),
+        (lambda: Groups([WEST, {"raduis": 1}]), "groups[1]: unknown key 'raduis'; known: people, radius"),
+        (lambda: Groups([WEST, {"radius": 0.2}]), "groups[1]: key 'people' is missing"),
         (lambda: Scenario("hall", HALL, [WEST, WEST], 60.0), "population: two groups have the name 'west'"),
         (
             lambda: Scenario("hall", HALL, {**WEST, "route": "wets"}, 60.0),

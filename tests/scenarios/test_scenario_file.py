@@ -24,7 +24,7 @@ closed_doors = ["gate"]
 
 [options]
 length = { default = 12.0, low = 10.0, high = 20.0, about = "m" }
-people = 6
+actors = 6
 
 [geometry]
 walkable = [{ box = [0, 0, "{length}", 8] }, "POLYGON ((0 8, 2 8, 2 9, 0 9, 0 8))"]
@@ -49,7 +49,7 @@ mass = 80
 
 [[groups]]
 name = "actors"
-count = "{people}"
+people = "{actors}"
 start_region = "stage"
 route = "behind"
 desired_speed = { distribution = "normal", mean = 1.3, sd = 0.2, low = 0.8, high = 1.8 }
@@ -106,7 +106,7 @@ back = {{ box = [0, 0, 2, 5] }}
 """
 
 
-def small(*, top="", geometry="", regions="", people="count = 5", more="", end=""):
+def small(*, top="", geometry="", regions="", people="people = 5", more="", end=""):
     """Return a room with a door as a file, with more in some places."""
     return top + SMALL.format(geometry=geometry, regions=regions, people=f"{people}\n{more}", end=end)
 
@@ -142,7 +142,7 @@ def test_everything_arrives(write):
     assert place.geometry.walls[place.geometry.two_sided].shape == (4, 2, 2)  # three walls and a leaf
     assert place.geometry.regions["spots"].area == pytest.approx(2.0)
     actors, guests = place.population.parts
-    assert (actors.count, actors.start_region, actors.route) == (6, "stage", "behind")
+    assert (actors.people, actors.start_region, actors.route) == (6, "stage", "behind")
     assert actors.radius == guests.radius == Uniform(0.2, 0.22) and guests.mass == Uniform(80, 80)
     assert actors.desired_speed == Normal(1.3, 0.2, 0.8, 1.8)
     assert guests.exits == ("west",) and guests.response_time == LogNormal(5, 0.5, 30)
@@ -164,16 +164,16 @@ def test_toml_and_json_are_the_same(write):
 
 def test_a_file_runs_and_its_options_reach_it(write):
     name = write(FULL)
-    env = CrowdEnv(name, length=11.0, people=10)
+    env = CrowdEnv(name, length=11.0, actors=10)
     assert env.num_people == 13 and env.scenarios[0].geometry.bounds[2] == 11.0
     env.reset(0)
     while not env.finished.all():
         env.step(None)
     assert env.metrics(0).unfinished == 0
-    assert [part.count for part in make_scenario(name, count=9).population.parts] == [6, 3]
+    assert [part.people for part in make_scenario(name, people=9).population.parts] == [6, 3]
     changed = make_scenario(name, time_limit=5.0, blocked_after=2.0, target="centre", population=Population(4))
     assert (changed.time_limit, changed.blocked_after, changed.target) == (5.0, 2.0, "centre")
-    assert changed.population.count == 4
+    assert changed.population.people == 4
 
 
 def test_starts_of_a_file_beside_it(write):
@@ -187,13 +187,13 @@ def test_starts_of_a_file_beside_it(write):
     [
         ("{width}", 2.0),
         ("{(width - 1) / 4 * 2 + -width}", -1.5),
-        ("{7 // count}", 2),
+        ("{7 // actors}", 2),
         ("to {width / 4} m", "to 0.5 m"),
         ("plain", "plain"),
     ],
 )
 def test_braces_hold_arithmetic(text, value):
-    assert fill_in(text, {"width": 2.0, "count": 3}) == value
+    assert fill_in(text, {"width": 2.0, "actors": 3}) == value
 
 
 @pytest.mark.parametrize("expression", [
@@ -233,21 +233,21 @@ MISTAKES = {
         ("far = { box = [1, 1, 2, 2], rows = 2 }", r"also needs the 'step'"),
     ],
     "people": [
-        ("", r"my\.toml: population: needs a 'count', or 'starts'"),
-        ("count = 5.5", r"population\.count: is 5\.5; it must be a whole number"),
-        ("count = true", r"population\.count: is true or false \(True\); it must be a number"),
-        ('count = "five"', r"population\.count: is a text \('five'\); it must be a number"),
-        ("count = 0", r"^my\.toml: population: count is 0; it must be at least 1$"),
-        ("count = 900", r"my\.toml: 900 people do not fit"),
+        ("", r"my\.toml: population: needs 'people', or 'starts'"),
+        ("people = 5.5", r"population\.people: is 5\.5; it must be a whole number"),
+        ("people = true", r"population\.people: is true or false \(True\); it must be a number"),
+        ('people = "five"', r"population\.people: is a text \('five'\); it must be a number"),
+        ("people = 0", r"^my\.toml: population: people is 0; it must be at least 1$"),
+        ("people = 900", r"my\.toml: 900 people do not fit"),
         ("starts = [[1, 1], [1.2, 1]]", r"my\.toml: starts 0 and 1 overlap by 0\.300 m"),
         ("starts = [[1, 1], [7, 1]]", r"my\.toml: start 1 at \(7, 1\) is outside"),
         ("starts = [[1, 1, 1]]", r"population\.starts\[0\]: has 3 values; it must have 2"),
         ('starts = "none.csv"', r"population\.starts: cannot read the starting positions .*none\.csv"),
-        ("count = 3\nstarts = [[1, 1]]", r"population: starts must have the shape \(3, 2\), not \(1, 2\)"),
+        ("people = 3\nstarts = [[1, 1]]", r"population: starts must have the shape \(3, 2\), not \(1, 2\)"),
     ],
     "more": [
         ("raduis = 0.2", r"unknown key 'raduis' in population; did you mean 'radius'\?"),
-        ("xyz = 0.2", r"unknown key 'xyz' in population; known: count, radius, mass"),
+        ("xyz = 0.2", r"unknown key 'xyz' in population; known: people, radius, mass"),
         ("radius = [0.3, 0.2]", r"population\.radius: uniform distribution from 0\.3 to 0\.2"),
         ("radius = [0.3]", r"population\.radius: has 1 values; it must have 2"),
         ("radius = nan", r"population\.radius: is nan; it must be finite"),
@@ -267,7 +267,7 @@ MISTAKES = {
         ('exits = ["door"]\nroute = "door"', r"takes? the route 'door' or the best of some exits"),
     ],
     "end": [
-        ("[[groups]]\ncount = 3", r"population: 'count' is a matter of each group; write it there"),
+        ("[[groups]]\npeople = 3", r"population: 'people' is a matter of each group; write it there"),
         ("[[rules]]\nregion = 'attic'\nat_least = 3\nroute = 'door'", r"unknown region 'attic'; known: back"),
         ("[[rules]]\nregion = 'back'\nat_least = 3\nroute = 'up'", r"unknown route 'up'; known: out, door"),
         ("[[rules]]\nregion = 'back'\nat_least = 0\nroute = 'door'", r"rules\[0\]: control rule on 'back': at_least"),
@@ -279,7 +279,7 @@ MISTAKES = {
         ("[[zones]]\nregion = 'attic'\nfactor = 0.5", r"speed zone names an unknown region 'attic'"),
         ("[[zones]]\nregion = 'back'\nfactor = 0", r"zones\[0\]: speed zone 'back': factor is 0"),
         ("[comfort]\nstars = 1", r"unknown key 'stars' in comfort; did you mean 'stairs'"),
-        ("[options]\ncount = 1", r"options\.count: the name cannot be taken"),
+        ("[options]\npeople = 1", r"options\.people: the name cannot be taken"),
         ('[options]\nwidth = "1"', r"options\.width: is a text \('1'\); it must be a number"),
         ("[options]\nwidth = { default = 1, low = 2 }", r"options\.width: default 1 is outside of 2 to inf"),
     ],
@@ -288,15 +288,15 @@ OTHERS = [
     ("name = ]", r"my\.toml: Invalid value \(at line 1, column 8\)"),
     ("time_limit = 3", r"my\.toml: key 'geometry' is missing"),
     (
-        small(people="radius = 0.2", end="[[groups]]\ncount = 3\n[[groups]]\ncount = 3\nraduis = 1"),
+        small(people="radius = 0.2", end="[[groups]]\npeople = 3\n[[groups]]\npeople = 3\nraduis = 1"),
         r"unknown key 'raduis' in groups\[1\]; did you mean 'radius'\?",
     ),
     (
-        small(people="radius = 0.2", end="[[groups]]\ncount = 3\n[[groups]]\ncount = 3\nradius = '1'"),
+        small(people="radius = 0.2", end="[[groups]]\npeople = 3\n[[groups]]\npeople = 3\nradius = '1'"),
         r"groups\[1\]\.radius: is a text \('1'\); it must be a number",
     ),
     (
-        small(people="mass = 70", end="[[groups]]\ncount = 3\nname = 'a'\n[[groups]]\ncount = 3\nname = 'a'"),
+        small(people="mass = 70", end="[[groups]]\npeople = 3\nname = 'a'\n[[groups]]\npeople = 3\nname = 'a'"),
         r"my\.toml: groups: two groups have the name 'a'",
     ),
     (
@@ -335,8 +335,8 @@ def test_json_says_line_and_column_and_refuses_doubles(write):
         ({"lenght": 12.0}, "my has no option 'lenght'; did you mean 'length'"),
         ({"length": 50.0}, "my: length is 50; it must be 10 to 20"),
         ({"length": "12"}, r"my: length: is a text \('12'\); it must be a number"),
-        ({"people": 2.5}, r"my: people: is 2\.5; it must be a whole number"),
-        ({"count": 1}, r"my\.toml: 1 person for 2 groups; each needs at least 1"),
+        ({"actors": 2.5}, r"my: actors: is 2\.5; it must be a whole number"),
+        ({"people": 1}, r"my\.toml: 1 person for 2 groups; each needs at least 1"),
         ({"time_limit": 0.0}, "time_limit is 0.0"),
     ],
 )

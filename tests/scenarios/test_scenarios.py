@@ -54,14 +54,14 @@ def test_the_ends_of_every_option_make_a_scenario(name):
     for option, declared in make.declared().items():
         for end in (declared.low, declared.high):
             if np.isfinite(end):
-                make_scenario(name, **{option: end, "count": 4})
+                make_scenario(name, **{option: end, "people": 4})
 
 
 @pytest.mark.parametrize("width", [0.7, 1.0, 2.5, 5.0])
 def test_a_bottleneck_of_any_width(width):
-    place = make_scenario("bottleneck-v0", width=width, count=20)
+    place = make_scenario("bottleneck-v0", width=width, people=20)
     assert np.hypot(*(place.geometry.exits[0, 1] - place.geometry.exits[0, 0])) == pytest.approx(width)
-    assert place.geometry.area == pytest.approx(70 + 2.8 * width) and place.population.count == 20
+    assert place.geometry.area == pytest.approx(70 + 2.8 * width) and place.population.people == 20
     assert f"of {width:g} m" in place.title
 
 
@@ -74,7 +74,7 @@ def test_wider_bottlenecks_let_more_through():
 def test_counter_flow_and_crossing_go_where_they_mean_to():
     for name, ends in (("counter-flow-v0", ("east", "west")), ("crossing-v0", ("east", "north"))):
         env = evacuated(name)
-        first = env.scenarios[0].population.parts[0].count
+        first = env.scenarios[0].population.parts[0].people
         by = np.array(env.scenarios[0].geometry.exit_names)[env.simulation.state.exit_index]
         assert (by[:first] == ends[0]).all() and (by[first:] == ends[1]).all()
 
@@ -88,19 +88,19 @@ def test_the_rule_of_the_floor_sends_people_east():
 
 
 def test_seats_are_drawn_when_there_are_fewer_people():
-    place = make_scenario("classroom-v0", count=10)
+    place = make_scenario("classroom-v0", people=10)
     _, position = place.population.draw(np.random.default_rng(0), place.geometry)
     seats = {tuple(seat) for seat in place.population.starts.round(6)}
     assert len(position) == 10 and {tuple(p) for p in position.round(6)} < seats
     with pytest.raises(ValueError, match=r"starts must have the shape \(99, 2\), not \(24, 2\)"):
-        make_scenario("classroom-v0", count=99)
+        make_scenario("classroom-v0", people=99)
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_unknown_options_list_the_known_ones(name):
-    with pytest.raises(ValueError, match=rf"{name} has no option 'color'; known: .*count"):
+    with pytest.raises(ValueError, match=rf"{name} has no option 'color'; known: .*people"):
         make_scenario(name, color=3)
-    assert {"count", "time_limit", "population"} <= set(options_of(name))
+    assert {"people", "time_limit", "population"} <= set(options_of(name))
     assert about(name) == (make_scenario(name).title, make_scenario(name).reference)
 
 
@@ -129,8 +129,8 @@ def test_run_takes_a_strategy_and_leaves_out_rules():
 
 
 def test_run_keeps_seats_and_shares_people_out(tmp_path):
-    seated = read_place("classroom-v0", count=6, speed="1.5").population
-    assert (seated.count, len(seated.starts), seated.desired_speed.high) == (6, 24, 1.5)
+    seated = read_place("classroom-v0", people=6, speed="1.5").population
+    assert (seated.people, len(seated.starts), seated.desired_speed.high) == (6, 24, 1.5)
     assert figures("run counter-flow-v0 --runs 1 --n 8 --radius 0.2")["people"] == 8
     (tmp_path / "starts.csv").write_text("x,y\n15,6\n16,6\n")
     elsewhere = read_place("two-exit-hall-v0", starts=tmp_path / "starts.csv").population

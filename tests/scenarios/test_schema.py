@@ -94,10 +94,10 @@ def test_a_file_may_name_its_schema(tmp_path):
     content = {
         "$schema": "scenario.schema.json",
         "geometry": {"walkable": {"box": [0, 0, 5, 5]}, "exits": {"door": [[5, 2], [5, 3]]}},
-        "population": {"count": 3},
+        "population": {"people": 3},
     }
     (tmp_path / "a.json").write_text(json.dumps(content))
-    assert make_scenario(tmp_path / "a.json").population.count == 3
+    assert make_scenario(tmp_path / "a.json").population.people == 3
 
 
 # --------------------------------------------------------------------------------------------------------- documents

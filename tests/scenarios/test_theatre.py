@@ -50,11 +50,11 @@ def test_there_are_174_seats_and_101_people_on_seats_of_their_own():
 
 def test_other_numbers_of_people_have_seats_too():
     for count in (1, 40, 126, 127, 174):
-        assert len(set(taken_seats(count))) == count == make_scenario("theatre-v0", count=count).population.count
+        assert len(set(taken_seats(count))) == count == make_scenario("theatre-v0", people=count).population.people
     assert max(np.diff(taken_seats(150))) == 2 and min(taken_seats(150)) < SEATS_A_ROW  # over all rows
     for count in (0, 175):
         with pytest.raises(ValueError, match=rf"count is {count}; it must be 1 to 174: the number of seats"):
-            make_scenario("theatre-v0", count=count)
+            make_scenario("theatre-v0", people=count)
 
 
 def test_the_largest_bodies_fit_on_all_seats():

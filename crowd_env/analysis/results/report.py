@@ -1,6 +1,6 @@
 """Figures of many evacuations, ready for JSON."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,14 +9,18 @@ from crowd_env.analysis.results.plain import plain
 from crowd_env.core.arrays.headway import Manner, plain_manner
 from crowd_env.core.arrays.outline import BodyShape, plain_outline
 from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.checks import counted
 from crowd_env.core.files.json_file import json_number
 from crowd_env.core.version import __version__
-from crowd_env.envs.metrics import EpisodeMetrics, share_interval, summarise
+from crowd_env.envs.metrics import EpisodeMetrics, flow_slope, share_interval, summarise
 from crowd_env.envs.rollout import Episode
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
 
 _NEARLY_ALL = 0.95  # of the people, for T95
+# 1/(s m)  What crowds of experiments reach at doors is below.
+HIGHEST_FLOW = 2.8
 
 
 def report(
@@ -36,7 +40,7 @@ def report(
     ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
     ``evacuation_time``, ``t95`` (95 % of the people are out) and ``flow`` (per-run least-squares slopes) are over the runs in
     which everyone, so many, or at least three people, got out; ``mean_exit_time`` is the mean over runs of the mean over those
-    who got out; ``exits`` says of each exit how many people took it in all runs, and their share of those who got out in a run;
+    who got out; ``exits`` are those of `exits_of`;
     ``overlap_mm.mean`` is the mean over runs of the mean over all overlapping contacts of a run; ``outside_mm`` is the furthest
     that any body reached beyond a wall.  The shares of runs in which someone was left inside, and in which the exits blocked,
     have Wilson's interval.
@@ -53,7 +57,7 @@ def report(
         "dt": chosen.info.default_dt if dt is None else dt,
         "time_limit": episodes[0].time_limit,
         "version": __version__,
-        "people": scenario.population.count,
+        "people": scenario.population.people,
         "population": plain(scenario.population.parts),
         **figures_of(metrics),
         "mean_exit_time": named(column(metrics, "mean_exit_time")),
@@ -89,15 +93,46 @@ def exit_names(scenario: Scenario, exit_index: Ints) -> np.ndarray:
 
 
 def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
-    """Return of each exit how many people took it in all runs, and which share of those who got out, ready for JSON."""
+    """Return figures of each exit, ready for JSON.
+
+    ``people`` took it in all runs, ``share`` is of those who got out in a run, ``flow_per_meter`` is its flow over its
+    width [1/(s m)].
+    """
     taken = [exit_names(scenario, episode.exit_index) for episode in episodes]
     out = np.array([(names != "").sum() for names in taken])
     found = {}
-    for name in scenario.exits:
+    for name, width in exit_widths(scenario.geometry).items():
         count = np.array([(names == name).sum() for names in taken])
         of_run = np.divide(count, out, out=np.full(len(out), np.nan), where=out > 0)
-        found[name] = {"people": int(count.sum()), "share": named(of_run)}
+        flows = [flow_slope(one.exit_time[names == name]) / width for one, names in zip(episodes, taken, strict=True)]
+        found[name] = {"people": int(count.sum()), "share": named(of_run), "flow_per_meter": named(np.array(flows))}
     return found
+
+
+def exit_widths(geometry: Geometry) -> dict[str, float]:
+    """Return the width of each exit by its name [m]."""
+    widths: dict[str, float] = {}
+    for name, (a, b) in zip(geometry.exit_names, geometry.exits, strict=True):
+        widths[name] = widths.get(name, 0.0) + float(np.hypot(*(b - a)))
+    return widths
+
+
+def doubts(figures: Mapping[str, Any]) -> str:
+    """Return in one sentence what makes the figures of a `report` doubtful; "" if nothing does."""
+    fast = {name: taken["flow_per_meter"]["mean"] or 0.0 for name, taken in figures["exits"].items()}
+    said = [
+        f"{flow:.1f} people per second and meter pass exit {name}, more than the {HIGHEST_FLOW:g} that experiments found"
+        for name, flow in fast.items()
+        if flow > HIGHEST_FLOW
+    ]
+    if figures["unfinished"]:
+        left, cut = figures["unfinished"], figures["unfinished_runs"] - figures["blocked_runs"]
+        said.append(f"{counted(left, 'person is', 'people are')} left inside")
+        if cut:
+            said.append(f"{counted(cut, 'run was', 'runs were')} cut by the time limit")
+    if "interrupted_of" in figures:
+        said.append(f"only {figures['runs']} of {figures['interrupted_of']} runs were finished")
+    return "; ".join(said)
 
 
 def figures_of(metrics: Sequence[EpisodeMetrics]) -> dict[str, Any]:

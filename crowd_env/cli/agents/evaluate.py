@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import closing, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -198,7 +198,7 @@ def main(
         if out is not None:
             require_libraries(".png")  # says now, not after the work, that the drawing library is missing
             folder = EvaluationFolder(out, settings)
-        with closing(_executor(ray, threads)) as executor:
+        with closing(_executor(ray, threads)) as executor, nullcontext() if folder is None else folder.alone():
             options: dict[str, Any] = {"seed": seed, "threads": threads, "folder": folder, "executor": executor}
             results = compare(entries, place, schemes, runs=runs, **options)
         figures = summary(results, place, settings, chosen)
@@ -207,7 +207,7 @@ def main(
     if as_json:
         typer.echo(json.dumps(figures, allow_nan=False))
     else:
-        title = run_title(place, people=f"{place.population.count} people", runs=f"{runs} runs each")
+        title = run_title(place, people=f"{place.population.people} people", runs=f"{runs} runs each")
         if learned_share is not None:
             title += f", {100 * learned_share:g} % learned"
         _show(results, title, place, chosen)
@@ -264,7 +264,7 @@ def _place(
     """Return the scenario of a task, or the one that is named, with so many people if a number is given."""
     count = None if people is None else whole("--people", people)
     if task is None:
-        return read_place(_SCENARIO if scenario is None else scenario, exits=exits, unit=unit, count=count)
+        return read_place(_SCENARIO if scenario is None else scenario, exits=exits, unit=unit, people=count)
     for name, value in (("--scenario", scenario), ("--exit", exits), ("--unit", unit)):
         if value:
             said = value if isinstance(value, str) else " ".join(value)
@@ -275,10 +275,10 @@ def _place(
 def _write(
     folder: EvaluationFolder, results: list[Evaluation], figures: dict[str, Any], scenario: Scenario, first_seed: int
 ) -> None:
-    write_json(folder.path / "rows.json", figures)
+    write_json(folder.folder / "rows.json", figures)
     folder.write_runs(results, first_seed)
     pictures = folder.draw(results, scenario)
-    notes.print(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.path}/", markup=False, soft_wrap=True)
+    notes.print(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.folder}/", markup=False, soft_wrap=True)
 
 
 def _show(results: list[Evaluation], title: str, place: Scenario, task: Task | None) -> None:

@@ -98,7 +98,7 @@ def main(
         with friendly_errors(lambda: _left_behind(folder, {**again, "outline": outline, "schemes": scheme})):
             whole("--runs", runs, RUNS)
             check_libraries()
-            of_place = {**plan_options(scenario, exit, unit), **({} if people is None else {"count": people})}
+            of_place = {**plan_options(scenario, exit, unit), **({} if people is None else {"people": people})}
             place = make_scenario(scenario, **of_place)
             options |= {"manner": plain_manner(place.manner_of_run(manner)), **of_place}
             options["outline"] = plain_outline(place.outline_of_run(outline))

@@ -109,7 +109,7 @@ def _goals(part: Mapping[str, Any]) -> str:
 
 
 _OF_A_GROUP: dict[str, Callable[[Mapping[str, Any]], str]] = {
-    "number": lambda part: str(part["count"]),
+    "number": lambda part: str(part.get("people", part.get("count"))),
     "radius of the body": lambda part: _spread(part["radius"], "m"),
     "mass": lambda part: _spread(part["mass"], "kg"),
     "desired speed": lambda part: _spread(part["desired_speed"], "m/s"),

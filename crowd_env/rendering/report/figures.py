@@ -55,7 +55,7 @@ def _plan_rows(check: PlanCheck) -> list[tuple[str, str]]:
         ("extent", f"{x1 - x0:.2f} m x {y1 - y0:.2f} m, {check.geometry.area:.1f} m²"),
         ("exits", "\n".join(f"{name}: {width:.2f} m wide" for name, width in check.widths.items())),
         ("narrowest passage", "\n".join(_passage(check, name) for name in check.passages)),
-        ("people", f"{check.people.count}, bodies {least:.2f} to {most:.2f} m wide; at most {check.capacity} fit"),
+        ("people", f"{check.people.people}, bodies {least:.2f} to {most:.2f} m wide; at most {check.capacity} fit"),
     ]
     if check.geometry.doors:
         rows.append(("doors", ", ".join(check.geometry.doors)))

@@ -61,7 +61,7 @@ class Run:
         """Return the room and its people."""
         return make_scenario(
             "lin-room-v0",
-            count=self.count,
+            people=self.count,
             desired_speed=self.desired_speed,
             exit_depth=self.exit_depth,
             target=self.target,

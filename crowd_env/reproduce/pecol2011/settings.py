@@ -57,7 +57,7 @@ class PecolSettings(Settings):
             "room-v0",
             side=self.side,
             door_width=self.door_width,
-            count=self.n,
+            people=self.n,
             time_limit=self.time_limit,
             target=self.target,
             exit_line=self.exit_line,

@@ -9,7 +9,7 @@ from typing import Any
 from crowd_env.scenarios.file.errors import at
 
 # What callers can set of every scenario in a file, whatever options the file declares.
-COMMON = ("count", "time_limit", "blocked_after", "target", "population")
+COMMON = ("people", "time_limit", "blocked_after", "target", "population")
 LARGEST = 1e15  # of all numbers in a scenario file
 _LONGEST = 1000  # characters of an expression
 
@@ -29,7 +29,7 @@ def fill(content: Any, options: Mapping[str, float], path: str = "") -> Any:
     Raises
     ------
     ValueError
-        If braces are wrong; the message begins with the path of the text, such as ``groups[1].count``.
+        If braces are wrong; the message begins with the path of the text, such as ``groups[1].people``.
     """
     match content:
         case str():

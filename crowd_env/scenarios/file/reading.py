@@ -67,7 +67,7 @@ class ScenarioFile:
 
         Parameters
         ----------
-        count : number of people, shared out in proportion among groups.
+        people : number of people, shared out in proportion among groups.
         time_limit, blocked_after : s.
         target, population : see `Scenario`.
         **options : numbers that the file declares.
@@ -84,13 +84,13 @@ class ScenarioFile:
                 raise ValueError(f"{self.path.stem} has no option {name!r}; {nearest(name, [*declared, *COMMON])}")
         numbers = {name: self._number(name, one, options.get(name)) for name, one in declared.items()}
         common = {name: value for name, value in options.items() if name in COMMON and value is not None}
-        count = common.pop("count", None)
+        people = common.pop("people", None)
         with at(str(self.path)):
             scenario = self._make(self._table(content, numbers))
-            people = common.get("population", scenario.population)
-            if count is not None and "population" not in common:
-                people = people.changed(count=count)
-            scenario = replace(scenario, **{**common, "population": people})
+            crowd = common.get("population", scenario.population)
+            if people is not None and "population" not in common:
+                crowd = crowd.changed(people=people)
+            scenario = replace(scenario, **{**common, "population": crowd})
             _check(scenario)
         return scenario
 
@@ -157,7 +157,7 @@ def _people(table: "ScenarioTable", folder: Path) -> People:
         if "population" not in table.model_fields_set:
             raise ValueError("key 'population' (or 'groups') is missing")
         return _population(shared, "population", folder)
-    for key in ("count", "starts", "name"):
+    for key in ("people", "starts", "name"):
         if key in shared:
             raise ValueError(f"population: {key!r} is a matter of each group; write it there")
     parts = []
@@ -179,8 +179,8 @@ def _population(given: dict[str, Any], key: str, folder: Path) -> Population:
                 raise ValueError(f"is {starts!r}, outside of the folder of the scenario; it must name a file in it")
             given = {**given, "starts": read_starts(path)}
     with at(key):
-        if "count" not in given and starts is None:
-            raise ValueError("needs a 'count', or 'starts'")
+        if "people" not in given and starts is None:
+            raise ValueError("needs 'people', or 'starts'")
         return population_of("population", given)
 
 

@@ -76,13 +76,13 @@ Options = dict[
 class People(
     table_of(  # type: ignore[misc]  # a base that is made
         Population,
-        count=Annotated[Whole, Field(description="number of people; by default as many as there are starts")],
+        people=Annotated[Whole, Field(description="number of people; by default as many as there are starts")],
         starts=Annotated[
             Annotated[Text, Tag("text")] | Annotated[Positions, Tag("list")],
             one_of_kinds("the name of a CSV file, or a list of points [x, y] and of tables with the key 'first'"),
             Field(
                 description="CSV file beside this one with the columns x and y in m, or a list of points [x, y] and of "
-                "grids; of more than count, some are drawn"
+                "grids; of more than people, some are drawn"
             ),
         ],
     )

@@ -24,7 +24,7 @@ def room(
     *,
     side: float = 5.0,
     door_width: float = 0.82,
-    count: int = 20,
+    people: int = 20,
     time_limit: float = 60.0,
     population: People | Mapping[str, Any] | None = None,
     target: Target = "path",
@@ -35,7 +35,7 @@ def room(
     Parameters
     ----------
     side, door_width : m.
-    count : number of people; ignored if a ``population`` is given.
+    people : number of people; ignored if a ``population`` is given.
     time_limit : s; people still inside then are unfinished.
     target : what people walk to, see `Scenario`.
     exit_line : m, how far beyond the door (before it if negative) people are counted and removed.
@@ -55,14 +55,14 @@ def room(
         walls = [[(side, 0.0), (side, low)], [(side, high), (side, side)]]
         line = [(side + exit_line, -1.0), (side + exit_line, side + 1.0)]
     geometry = Geometry.from_polygon(area, exits={"door": line}, thin_walls=walls)
-    people = as_people(population) or Population(count)
-    title = f"square room of {side:g} m, one door of {door_width:g} m, {people.count} people in a hurry"
-    return Scenario("room-v0", geometry, people, time_limit, title, PECOL, target)
+    crowd = as_people(population) or Population(people)
+    title = f"square room of {side:g} m, one door of {door_width:g} m, {crowd.people} people in a hurry"
+    return Scenario("room-v0", geometry, crowd, time_limit, title, PECOL, target)
 
 
 def lin_room(
     *,
-    count: int = 200,
+    people: int = 200,
     desired_speed: float = 1.0,
     side: float = 15.0,
     door_width: float = 1.0,
@@ -76,7 +76,7 @@ def lin_room(
 
     Parameters
     ----------
-    count : number of people; ignored, like ``desired_speed`` [m/s], if a ``population`` is given.
+    people : number of people; ignored, like ``desired_speed`` [m/s], if a ``population`` is given.
     side, door_width : m.
     exit_depth : m, how thick the wall is: people are out at x = side + exit_depth.
     target : what people walk to, see `Scenario`; the paper does not say.
@@ -95,15 +95,15 @@ def lin_room(
     if out > side:
         area.append(box(side, low, out, high))
     geometry = Geometry.from_polygon(area, exits={"door": [(out, low), (out, high)]})
-    people = as_people(population) or Population(
-        count,
+    crowd = as_people(population) or Population(
+        people,
         radius=Uniform(0.25, 0.35),
         mass=Uniform(60.0, 80.0),
         desired_speed=Uniform(speed, speed),
         relaxation_time=Uniform(0.5, 0.5),
     )
-    title = f"square room of {side:g} m, one exit of {door_width:g} m, {people.count} people"
-    return Scenario("lin-room-v0", geometry, people, time_limit, title, LIN, target, blocked_after)
+    title = f"square room of {side:g} m, one exit of {door_width:g} m, {crowd.people} people"
+    return Scenario("lin-room-v0", geometry, crowd, time_limit, title, LIN, target, blocked_after)
 
 
 def _door(name: str, side: float, width: float) -> tuple[float, float, float]:

@@ -56,7 +56,7 @@ _REAR = _FRONT + ROWS * _PITCH  # m    where the last row ends
 
 def theatre(
     *,
-    count: int = 101,
+    people: int = 101,
     crowded: tuple[int, int, int] = (5, 5, 15),
     hold: float = 0.0,
     commits: bool = False,
@@ -68,7 +68,7 @@ def theatre(
 
     Parameters
     ----------
-    count : number of people, on seats that are always the same; ignored if a ``population`` is given.
+    people : number of people, on seats that are always the same; ignored if a ``population`` is given.
     crowded : this many people in rectangle 1, 2 or 3 turn the others away: from A to B (1 and 2), or from B to A (3).
     hold : s, a rule stays on for so long at least; 0 is the literal reading of the paper.
     commits : people who have been turned away do not come back when the rule is off.  In an aisle they meet the others
@@ -83,25 +83,25 @@ def theatre(
     """
     if isinstance(crowded, str) or not isinstance(crowded, Sequence) or len(crowded) != 3:
         refuse("theatre: crowded", crowded, "three numbers of people, one for each rectangle")
-    most = [whole(f"theatre: crowded[{k}]", people) for k, people in enumerate(crowded)]
+    most = [whole(f"theatre: crowded[{k}]", many) for k, many in enumerate(crowded)]
     hold, commits = number("theatre: hold", hold, NOT_NEGATIVE, "s"), flag("theatre: commits", commits)
     stair_speed = number("theatre: stair_speed", stair_speed, POSITIVE, "m/s")
-    people = as_people(population) or Population(
-        count,
+    crowd = as_people(population) or Population(
+        people,
         radius=Uniform(0.2, 0.25),
         mass=Uniform(60.0, 100.0),
         desired_speed=Uniform(1.2, 2.0),
         relaxation_time=Uniform(0.1, 0.5),
         response_time=Uniform(0.0, 4.0),
-        starts=seats()[taken_seats(count)],
+        starts=seats()[taken_seats(people)],
     )
     route_set = zip(("1", "2", "3"), most, ("B", "B", "A"), strict=True)
     return Scenario(
         "theatre-v0",
         plan(),
-        people,
+        crowd,
         time_limit,
-        f"movie theatre (synthetic), {len(seats())} seats, {people.count} people, routes A and B",
+        f"movie theatre (synthetic), {len(seats())} seats, {crowd.people} people, routes A and B",
         REFERENCE,
         zones=tuple(SpeedZone(stairs, stair_speed) for stairs in ("upper aisle", "lower aisle", "flight")),
         rules=tuple(ControlRule(where, many, way, hold=hold, commits=commits) for where, many, way in route_set),
@@ -114,7 +114,7 @@ def seats() -> Floats:
     return np.column_stack([_FRONT + row * _PITCH + 0.5 * (_PITCH - _DEPTH), _AISLE + (number + 0.5) * _SEAT])
 
 
-def taken_seats(count: int) -> list[int]:
+def taken_seats(people: int) -> list[int]:
     """Return which seats are taken: evenly spread behind the empty rows or, if there are too few, over all rows.
 
     Raises
@@ -123,11 +123,11 @@ def taken_seats(count: int) -> list[int]:
         If there are more people than seats.
     """
     everything = len(seats())
-    count = whole("theatre: count", count, Range(1, everything).because("the number of seats"))
+    people = whole("theatre: people", people, Range(1, everything).because("the number of seats"))
     first = EMPTY_ROWS * SEATS_A_ROW
-    first = first if count <= everything - first else 0
+    first = first if people <= everything - first else 0
     there = everything - first
-    return [first + n for n in range(there) if (n + 1) * count // there > n * count // there]
+    return [first + n for n in range(there) if (n + 1) * people // there > n * people // there]
 
 
 def plan() -> Geometry:

@@ -95,7 +95,7 @@ def test_more_cores_than_a_node_has_are_refused(nodes):
 
 
 def test_runs_are_the_same_runs_when_a_node_is_killed_meanwhile(nodes, executor):
-    place = make_scenario("room-v0", count=8)
+    place = make_scenario("room-v0", people=8)
     expected = run_episodes(place, 12, scheme="dem", seed=3)
     doomed, counts = nodes.add_node(num_cpus=1, object_store_memory=100_000_000), []
 

@@ -126,7 +126,7 @@ pressed = []
 
 
 def large(scheme, threads):
-    place = make_scenario("room-v0", count=4050, side=42.0)
+    place = make_scenario("room-v0", people=4050, side=42.0)
     bodies, position = place.population.draw(np.random.default_rng(0), place.geometry)
     return Simulation(place.geometry, bodies, make_state(position), scheme=scheme, threads=threads)
 
@@ -171,7 +171,7 @@ def stepped(env, steps=3):
 
 def threaded(**options):
     """Return a batch of which physics and observations are shared out."""
-    env = CrowdEnv("room-v0", num_envs=4, count=260, side=14.0, scheme="dem", threads=2, **options)
+    env = CrowdEnv("room-v0", num_envs=4, people=260, side=14.0, scheme="dem", threads=2, **options)
     env.reset(0)
     env.step(None)
     return env

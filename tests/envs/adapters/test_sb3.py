@@ -13,7 +13,7 @@ from crowd_env import CrowdEnv, RewardWeights, make_scenario
 from crowd_env.agents.learned import PPOSettings, make_ppo
 from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer, vec_env
 
-SMALL = {"count": 6, "time_limit": 4.0}
+SMALL = {"people": 6, "time_limit": 4.0}
 
 
 def make(num_envs=3, **options):
@@ -96,7 +96,7 @@ def test_a_seed_of_its_own():
 
 
 def test_it_is_a_vecenv_of_one_slot_per_pedestrian():
-    env = CrowdEnv([make_scenario("room-v0", count=4), make_scenario("room-v0", count=7)], num_envs=2, autoreset=True)
+    env = CrowdEnv([make_scenario("room-v0", people=4), make_scenario("room-v0", people=7)], num_envs=2, autoreset=True)
     venv = CrowdVecEnv(env)
     assert venv.num_envs == 11 and venv.reset().shape == (11, env.layout.size)
     assert venv.get_attr("decision_dt", [0, 3]) == [0.1, 0.1]
@@ -176,7 +176,7 @@ def test_plain_ppo_with_discrete_actions_runs_on_it():
 
 def test_it_learns_not_to_stand_still():
     """A policy that starts at standing still finds the way within seconds: signs and masks are right."""
-    env = CrowdEnv("room-v0", num_envs=8, autoreset=True, count=4, time_limit=5.0)
+    env = CrowdEnv("room-v0", num_envs=8, autoreset=True, people=4, time_limit=5.0)
     model = make_ppo(env, PPOSettings(n_steps=32, batch_size=512, n_epochs=5, learning_rate=3e-3), seed=0)
     with torch.no_grad():
         model.policy.action_net.bias.zero_()

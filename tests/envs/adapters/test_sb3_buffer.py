@@ -16,7 +16,7 @@ from crowd_env import CrowdEnv, RewardWeights
 from crowd_env.agents.learned import PPOSettings, make_ppo
 from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer, SlotRewards, Slots
 
-SMALL = {"count": 6, "time_limit": 4.0}
+SMALL = {"people": 6, "time_limit": 4.0}
 
 
 def make(num_envs=3, **options):
@@ -155,7 +155,7 @@ def test_advantages_are_those_of_hand_made_gae():
     """Value 0 after getting out, value of the last observation after the time limit, next value in between."""
     gamma, lam = 0.9, 0.8
     settings = PPOSettings(n_steps=40, batch_size=64, n_epochs=1, gamma=gamma, gae_lambda=lam, log_std_init=-1.0)
-    env = CrowdEnv("room-v0", num_envs=3, autoreset=True, count=6, time_limit=2.9)
+    env = CrowdEnv("room-v0", num_envs=3, autoreset=True, people=6, time_limit=2.9)
     model = make_ppo(env, settings, seed=0)
     with torch.no_grad():
         model.policy.value_net.bias += 3.0  # so that every bootstrap counts
@@ -190,7 +190,7 @@ def test_who_has_left_still_gets_what_the_team_earns_later():
     gamma, share = 0.9, 0.5
     settings = PPOSettings(n_steps=60, batch_size=64, n_epochs=1, gamma=gamma, gae_lambda=1.0, log_std_init=-1.0)
     reward = RewardWeights({"time": 1.0}, share)
-    env = CrowdEnv("room-v0", num_envs=3, autoreset=True, count=6, time_limit=2.9, reward=reward)
+    env = CrowdEnv("room-v0", num_envs=3, autoreset=True, people=6, time_limit=2.9, reward=reward)
     model = make_ppo(env, settings, seed=0)
     with torch.no_grad():
         model.policy.value_net.bias -= 3.0
@@ -253,7 +253,7 @@ def test_what_having_left_is_worth_follows_the_rewards_if_some_terms_are_shared(
 
 def test_learning_with_shared_time_runs_and_pays_those_who_have_left():
     reward = {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0}, "team_share": 0.5, "shared": ["time"]}
-    env = CrowdEnv("room-v0", num_envs=3, autoreset=True, count=6, time_limit=2.9, reward=reward)
+    env = CrowdEnv("room-v0", num_envs=3, autoreset=True, people=6, time_limit=2.9, reward=reward)
     model = make_ppo(env, PPOSettings(n_steps=60, batch_size=64, n_epochs=1, gae_lambda=1.0), seed=0)
     witness = Witness()
     model.learn(60 * 18, callback=witness)

@@ -98,12 +98,12 @@ def test_doors_rules_and_fields_too(scheme, strategy):
 @every_scheme
 def test_large_crowds_beside_small_ones_too(scheme, monkeypatch):
     monkeypatch.setattr(crowd_env.physics.spatial_order, "MANY", 40)
-    places = [make_scenario("room-v0", count=count, side=6.0) for count in (60, 12)]
+    places = [make_scenario("room-v0", people=count, side=6.0) for count in (60, 12)]
     goes_on(lambda: CrowdEnv(places, num_envs=2, scheme=scheme, frame="world"))
 
 
 def test_a_crowd_of_more_than_a_thousand_too():
-    goes_on(lambda: CrowdEnv("room-v0", count=1050, side=26.0, scheme="dem"), before=4, after=4)
+    goes_on(lambda: CrowdEnv("room-v0", people=1050, side=26.0, scheme="dem"), before=4, after=4)
 
 
 def test_the_episodes_that_follow_too():
@@ -202,7 +202,7 @@ def test_nothing_can_be_replaced_behind_the_back_of_those_who_look(name):
         ({"scheme": "nsm1"}, "scheme"),
         ({"dt": 0.005}, "dt"),
         ({"num_envs": 2}, "env_start"),
-        ({"count": 19}, "env_start"),
+        ({"people": 19}, "env_start"),
         ({"side": 7.0}, "place"),
     ],
 )

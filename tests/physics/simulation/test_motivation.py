@@ -10,7 +10,7 @@ SIZES = pytest.mark.parametrize(("count", "side"), [(20, 5.0), (1000, 24.0)], id
 
 
 def crowd(count, side, **options):
-    env = CrowdEnv("room-v0", count=count, side=side, scheme="dem", manner="calm", **options)
+    env = CrowdEnv("room-v0", people=count, side=side, scheme="dem", manner="calm", **options)
     env.reset(seed=4)
     return env.simulation
 
@@ -22,7 +22,7 @@ def after(simulation, steps):
 
 @SIZES
 def test_a_motivation_that_is_set_is_the_one_that_people_could_have_had_from_the_start(count, side):
-    drawn = crowd(count, side, population={"count": count, "push": 0.6, "time_gap": 0.5})
+    drawn = crowd(count, side, population={"people": count, "push": 0.6, "time_gap": 0.5})
     as_usual, told = crowd(count, side), crowd(count, side)
     told.set_motivation(0, push=0.6, time_gap=np.full(count, 0.5))
     usual, pushed = after(as_usual, 30), after(told, 30)
@@ -49,7 +49,7 @@ def test_it_counts_at_once_and_a_checkpoint_holds_it(count, side):
 
 
 def test_only_that_environment_and_only_what_is_given_until_it_restarts():
-    env = CrowdEnv("room-v0", num_envs=2, manner="hurried", population={"count": 6, "push": (0.2, 0.4)})
+    env = CrowdEnv("room-v0", num_envs=2, manner="hurried", population={"people": 6, "push": (0.2, 0.4)})
     env.reset(seed=1)
     bodies, simulation = env.simulation.bodies, env.simulation
     before = bodies.push.copy()

@@ -91,7 +91,7 @@ def test_along_a_straight_way_not_even_the_interval_shows():
 
 def rooms(keeps, people: int = 20) -> np.ndarray:
     """Return how long [s] each of many draws of the room takes to empty."""
-    scenario = make_scenario("room-v0", count=people)
+    scenario = make_scenario("room-v0", people=people)
     drawn = [scenario.population.draw(np.random.default_rng(seed), scenario.geometry) for seed in range(TURNS)]
     columns = {
         name: np.concatenate([getattr(bodies, name) for bodies, _ in drawn])

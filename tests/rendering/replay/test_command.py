@@ -23,7 +23,7 @@ def replay(*arguments: str | Path) -> tuple[int, str]:
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenario = make_scenario("room-v0")
-    few = replace(scenario, population=scenario.population.changed(count=5))
+    few = replace(scenario, population=scenario.population.changed(people=5))
     path = tmp_path_factory.mktemp("recordings") / "room.sqlite"
     record(few, path, seed=2, contacts=True)
     return path
@@ -51,7 +51,7 @@ def test_a_run_makes_the_page_of_its_first_evacuation(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
     assert f"page: {page} (" in " ".join(result.stderr.split())
     recording = record(
-        make_scenario("room-v0", population=make_scenario("room-v0").population.changed(count=6)), seed=7
+        make_scenario("room-v0", population=make_scenario("room-v0").population.changed(people=6)), seed=7
     )
     (found,) = read_page(page)
     np.testing.assert_allclose(found["exit_time"], recording.exit_time, atol=0.51e-4)

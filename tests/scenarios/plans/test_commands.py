@@ -47,8 +47,8 @@ def test_policies_are_trained_on_a_plan(plan):
     config = _begun(given, seed=0)
     assert config["options"] == {"exits": [CM], "unit": "cm"} and config["people"] == 9
     place = place_of(json.loads(json.dumps(config)))
-    assert place.population.count == 9 and place.geometry.area == pytest.approx(48.0)
-    assert task_of(config).place(7).population.count == 7
+    assert place.population.people == 9 and place.geometry.area == pytest.approx(48.0)
+    assert task_of(config).place(7).population.people == 7
     assert extended(config, {"exit": [CM], "unit": "cm"}, [], "run") == config
     with pytest.raises(ValueError, match=r"--unit is mm, but run was begun with cm"):
         extended(config, {"unit": "mm"}, [], "run")

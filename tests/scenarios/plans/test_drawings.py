@@ -220,7 +220,7 @@ def test_a_region_may_be_called_like_an_exit(tmp_path):
     box_of(space, 1, 1, 3, 3, "distributions-hall")
     path = tmp_path / "plan.dxf"
     document.saveas(path)
-    place = make_scenario(path, count=3)
+    place = make_scenario(path, people=3)
     assert place.exits == ("hall",) and place.population.parts[0].start_region == "hall (area)"
 
 

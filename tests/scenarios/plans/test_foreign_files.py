@@ -130,8 +130,8 @@ def test_a_scenario_of_vadere(tmp_path):
     assert plan.walkable.area == pytest.approx(48.0 - 1.0 - 2.5)
     assert list(plan.exits) == ["target-3"] and plan.starts == {"source-1": 4, "source-2": 2}
     place = make_scenario(plan.path)
-    assert [(part.count, part.start_region) for part in place.population.parts] == [(4, "source-1"), (2, "source-2")]
-    assert make_scenario(plan.path, count=9).population.count == 9
+    assert [(part.people, part.start_region) for part in place.population.parts] == [(4, "source-1"), (2, "source-2")]
+    assert make_scenario(plan.path, people=9).population.people == 9
 
 
 @pytest.mark.parametrize("absorbs", [{"absorbing": False}, {"absorber": {"enabled": False}}])
@@ -146,7 +146,7 @@ def test_sources_that_let_in_more_than_there_is_room_for_are_told(tmp_path):
     said = pytest.warns(UserWarning, match="the file says 5000 people; 5 start in the start areas of the plan")
     with pytest.warns(UserWarning, match="one after the other"), said:
         place = make_scenario(path)
-    assert place.population.count == 5
+    assert place.population.people == 5
 
 
 @pytest.mark.parametrize("name", ["room.json", "room.scenario"])
@@ -172,16 +172,16 @@ def test_names_and_scenario_files_are_no_plans(tmp_path):
 
 def test_python_takes_what_the_command_line_takes(tmp_path):
     path = room_drawing(tmp_path / "room.dxf", 0, 100.0)
-    env = CrowdEnv(str(path), unit="cm", count=4, scheme="dem")
+    env = CrowdEnv(str(path), unit="cm", people=4, scheme="dem")
     env.reset(seed=0)
     assert env.num_people == 4 and env.scenarios[0].geometry.area == pytest.approx(48.0)
     others = ["0,100,0,220"]
     with pytest.warns(UserWarning, match="left out for those that are given"):
-        place = make_scenario(path, unit="cm", exits=others, population={"count": 7, "radius": 0.2})
-    assert place.population.count == 7 and place.geometry.exits[0, 0, 0] == 0.0
+        place = make_scenario(path, unit="cm", exits=others, population={"people": 7, "radius": 0.2})
+    assert place.population.people == 7 and place.geometry.exits[0, 0, 0] == 0.0
     with pytest.warns(UserWarning, match="left out for those that are given"):
         assert scenario_from_wkt(path, others, Population(7), unit="cm").exits == ("exit-0",)
-    with pytest.raises(ValueError, match=r"has no option 'side'; known: exits, unit, count, population, time_limit"):
+    with pytest.raises(ValueError, match=r"has no option 'side'; known: exits, unit, people, population, time_limit"):
         make_scenario(path, side=3.0)
 
 

@@ -24,7 +24,7 @@ def test_it_is_understood_and_people_get_out(name, tmp_path):
     path = written(tmp_path, odd.text)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        place = make_scenario(path, exits=[odd.exit] if odd.exit else [], count=3, time_limit=60.0)
+        place = make_scenario(path, exits=[odd.exit] if odd.exit else [], people=3, time_limit=60.0)
     assert place.geometry.area == pytest.approx(odd.area, abs=0.02 if odd.area < 100 else 0.1)
     notes = " / ".join(str(one.message) for one in said)
     assert bool(notes) == bool(odd.note), notes
@@ -61,6 +61,6 @@ def test_given_exits_take_the_place_of_those_in_the_file(tmp_path):
 def test_people_start_in_the_start_areas_of_the_file(tmp_path):
     path = written(tmp_path, ODD["JuPedSim's converter"].text)
     with pytest.warns(UserWarning, match="1 area to start in"):
-        place = make_scenario(path, count=8)
+        place = make_scenario(path, people=8)
     (part,) = place.population.parts
-    assert (part.count, part.start_region) == (8, "start-0")
+    assert (part.people, part.start_region) == (8, "start-0")

@@ -34,7 +34,7 @@ def test_order_is_reduced_by_that_of_shuffled_directions():
 
 def test_streams_walk_towards_each_other_at_half_the_density():
     one, two = (counterflow.corridor(two_ways) for two_ways in (False, True))
-    assert one.population.count == two.population.count == 200
+    assert one.population.people == two.population.people == 200
     area = one.geometry.area_of("in west")
     assert 200 / area == pytest.approx(1.5) and two.geometry.area_of("in east") == pytest.approx(area)
     _, position = two.population.draw(np.random.default_rng(0), two.geometry)

@@ -89,7 +89,7 @@ def rooms(setting: Setting) -> Verdict:
         pass
     taken = crowds.simulation.state.exit_index.reshape(setting.draws, -1)
     wanted = np.repeat(
-        [place.exit_names.index(str(group.route)) for group in groups], [group.count for group in groups]
+        [place.exit_names.index(str(group.route)) for group in groups], [group.people for group in groups]
     )
     right = float((taken == wanted).mean())
     return Verdict(right == 1.0, f"{100 * right:.0f} % of {len(wanted)} people took their exit", {"share": right})
