@@ -23,7 +23,7 @@ Way = Callable[[Scenario], Callable[[int], Driver]]
 def record_beside(
     ways: Mapping[str, Way], place: Scenario, seed: int, progress: Callable[[int], object] | None = None
 ) -> list[Recording]:
-    """Return one evacuation of each of the ways, from the same people in the same places; their names are what films show them as.
+    """Return one evacuation of each of the ways, from the same people in the same places, called as films show them.
 
     The last tells how long all are worth looking at.
 

@@ -87,7 +87,8 @@ class Film:
 
         assert self.path is not None  # else it is not asked for
         with progress_bar("film, frames") as progress:
-            write_film(self.path, episode.record, titles=[run.title], width=self.width, fps=self.fps, speed=self.speed, progress=progress)
+            options: dict[str, Any] = {"width": self.width, "fps": self.fps, "speed": self.speed}
+            write_film(self.path, episode.record, titles=[run.title], progress=progress, **options)
         return said_of(self.path)
 
 

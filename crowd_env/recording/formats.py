@@ -29,6 +29,15 @@ FORMATS: dict[str, Format] = {
 }
 
 
+RECORDINGS = "recordings"  # the folder of a folder of runs in which their recordings lie
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """Return the finished recordings in a folder of runs, in the order of their names."""
+    found = (folder / RECORDINGS).glob("*")
+    return sorted(path for path in found if path.suffix in FORMATS and not path.stem.endswith(".part"))
+
+
 def check_writable(what: str, path: str | Path) -> Path:
     """Return the path of a recording that is about to be written; ``what`` names it in errors.
 
@@ -83,7 +92,9 @@ def load(path: str | Path) -> Recording:
 
 def _no_parquet(path: Path) -> Path:
     if path.suffix.lower() == ".parquet":
-        raise ValueError(f"{path}: Parquet is no format of recordings any more; take .h5, which pandas and PedPy read too")
+        raise ValueError(
+            f"{path}: Parquet is no format of recordings any more; take .h5, which pandas and PedPy read too"
+        )
     return path
 
 

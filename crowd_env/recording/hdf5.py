@@ -44,7 +44,10 @@ class Hdf5Writer:
         if first.contacts is not None:
             self._table("contacts", _CONTACT)
         self._file.create_dataset("people", data=_people(first))
-        attributes: dict[str, Any] = {"wkt_geometry": area_with_aprons(first).wkt, "place": json.dumps(plain_place(first))}
+        attributes: dict[str, Any] = {
+            "wkt_geometry": area_with_aprons(first).wkt,
+            "place": json.dumps(plain_place(first)),
+        }
         attributes |= {"facts": json.dumps(first.facts), "producer": "crowd_env", "fps": 1.0 / first.frame_interval}
         for name, value in attributes.items():
             self._file.attrs[name] = value

@@ -173,6 +173,8 @@ class Recording:
             return np.asarray((1.0 - part) * values[here] + part * values[then])
 
         angle = None if self.angle is None else between(self._steady_angle)
+        if angle is not None and first == 0:
+            angle = self._steady_angle[then]  # people face their way from the first step on
         return Moment(person, between(self.position), between(self.velocity), pressure, angle)
 
     def peak_time(self) -> float:
@@ -233,7 +235,8 @@ def joined(parts: Sequence[Recording]) -> Recording:
     found = [part.contacts for part in parts if part.contacts is not None]
     if found:
         columns["contacts"] = FrameContacts(
-            starts([one.start for one in found]), *(np.concatenate(column) for column in list(zip(*found, strict=True))[1:])
+            starts([one.start for one in found]),
+            *(np.concatenate(column) for column in list(zip(*found, strict=True))[1:]),
         )
     return replace(parts[-1], **columns, frame_start=starts([part.frame_start for part in parts]))
 

@@ -56,7 +56,9 @@ class EgressStrip:
             out = np.sort(recording.exit_time[recording.exit_time <= until])
             times = np.concatenate([[0.0], np.repeat(out, 2), [until]])
             count = len(recording.radius) - np.repeat(np.arange(len(out) + 1), 2)
-            draw.line([self._at(*corner) for corner in zip(times.tolist(), count.tolist(), strict=True)], color, width=2)
+            draw.line(
+                [self._at(*corner) for corner in zip(times.tolist(), count.tolist(), strict=True)], color, width=2
+            )
             self._dot(image, self._at(until, int(count[-1])), color)
             label = f"{count[-1]}" if time < recording.end or count[-1] else f"{recording.end:.1f} s"
             x, y = self._at(until, int(count[-1]))

@@ -102,7 +102,9 @@ def _several(recordings: Recording | Sequence[Recording], titles: Sequence[str])
     if not titles:
         titles = titles_of(found, [f"recording {k + 1}" for k in range(len(found))])[2]
         if len(found) == 1:
-            titles = [" · ".join(str(found[0].facts[name]) for name in ("scenario", "scheme") if name in found[0].facts)]
+            titles = [
+                " · ".join(str(found[0].facts[name]) for name in ("scenario", "scheme") if name in found[0].facts)
+            ]
     return _Films(found, list(titles))
 
 
@@ -217,7 +219,9 @@ def _panel(renderer: Renderer, recording: Recording, time: float, *, title: str,
     seen, inside, count = recording.at(time), int(recording.inside(time)), len(recording.radius)
     status = f"{inside} of {count} inside"
     if time >= recording.end:
-        status = f"{inside} still inside after {recording.end:.1f} s" if inside else f"all out after {recording.end:.1f} s"
+        status = (
+            f"{inside} still inside after {recording.end:.1f} s" if inside else f"all out after {recording.end:.1f} s"
+        )
     return renderer.draw(
         seen.position,
         recording.radius[seen.person],

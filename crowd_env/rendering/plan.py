@@ -68,7 +68,9 @@ def draw_plan(geometry: Geometry, layout: Layout) -> "Image":
     image = PIL.Image.new("RGB", (layout.width, layout.height), BACKGROUND)
 
     def fill(shapes: Iterable[tuple[Floats, Sequence[Floats]]], color: Color) -> None:
-        _fill(image, [(layout.pixels(shell), [layout.pixels(hole) for hole in holes]) for shell, holes in shapes], color)
+        _fill(
+            image, [(layout.pixels(shell), [layout.pixels(hole) for hole in holes]) for shell, holes in shapes], color
+        )
 
     pixel = 1.0 / layout.scale
     with_walls: Any = geometry.walkable.buffer(layout.wall * pixel, join_style="mitre")

@@ -97,7 +97,9 @@ def force_network_figure(
     axes = figure.add_axes((0.0, _FOOTER / size[1], 1.0, layout.height / size[1]))
     extent = (0, layout.width, layout.height, 0)
     axes.imshow(np.asarray(_with_people(plan, forces, layout)), extent=extent, interpolation="none")
-    axes.imshow(_walls_only(np.asarray(plan)), extent=extent, interpolation="none", zorder=4)  # lines end where the wall begins
+    axes.imshow(
+        _walls_only(np.asarray(plan)), extent=extent, interpolation="none", zorder=4
+    )  # lines end where the wall begins
     axes.set_axis_off()
     pressing = np.flatnonzero(forces.force > 0.0)
     pressing = pressing[np.argsort(forces.force[pressing])]  # the largest on top
