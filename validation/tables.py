@@ -311,7 +311,6 @@ def variants(source: Source) -> Grid:
         "",
         *(f"--door-width {width}" for width in (0.78, 0.86, 0.9)),
         *(f"--target {target}" for target in ("centre", "nearest", "width")),
-        *(f"--exit-line {line}" for line in (-0.1, 1)),
         *("--side 8", "--dt 0.005", "--dt 0.001 --stiffness 1.2e6", "--stiffness 1.2e4", "--k-normal 80", "--seed 50"),
     ]
     rows = [
