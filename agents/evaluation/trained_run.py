@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from crowd_env.analysis.results.report import named
 from crowd_env.core.files.json_file import json_number, write_json
 from crowd_env.scenarios.titles import run_title
 
@@ -19,7 +20,7 @@ from ..networks import NETWORK, network_digest
 from ..rules import StrategyPolicy
 from ..trained import SAMPLED, LearnedPolicy, load_trained
 from ..training_config import judged_place, physics_of, task_of
-from .comparison import last_times, minus_first, ratio
+from .comparison import last_times, mean_times, minus_first, paired, ratio
 from .entries import RULE, controller_entry, make_entries
 from .evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from .folder import EvaluationFolder, settings_of
@@ -65,7 +66,7 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     kept = EvaluationFolder(folder / f"held-out-{runs}", settings_of(place, runs, 0, task if own else None))
     results = compare(entries, place, [scheme], runs=runs, threads=threads, folder=kept)
     rule, learned = results[0], results[-1]
-    rows = [task_row(task, place, result, results) if own else result.row() for result in results]
+    rows = [task_row(task, place, one, results) if own else one.row() | _beside(one, learned) for one in results]
     content = {
         "config": config,
         "task": task.identity() if own else None,
@@ -77,6 +78,13 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     }
     write_json(folder / RESULTS, content)
     return results
+
+
+def _beside(result: Evaluation, learned: Evaluation) -> dict[str, Any]:
+    """Return the times of a policy, of everybody, and how much longer the learned one takes on the same draws."""
+    of = {"last": last_times, "mean": mean_times}
+    more = {name: paired(times(learned), times(result)) for name, times in of.items()}
+    return {**{name: named(times(result)) for name, times in of.items()}, "learned_minus_this": more}
 
 
 def _named(config: Mapping[str, Any]) -> tuple[str, ...]:

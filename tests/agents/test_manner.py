@@ -11,6 +11,7 @@ from crowd_env.agents.controllers import RandomController
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.rules import StrategyPolicy
+from crowd_env.core.files.json_file import write_json
 
 CALM = hall(manner="calm")
 
