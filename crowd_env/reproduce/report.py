@@ -62,16 +62,12 @@ def show_names(as_json: bool) -> None:
     for paper in PAPERS.values():
         for name, figure in paper.figures.items():
             table.add_row(name, figure.title, _duration(figure.cpu_time), end_section=name == list(paper.figures)[-1])
-    sharing = [name for name, paper in PAPERS.items() if any(figure.runs for figure in paper.figures.values())]
     for name, paper in PAPERS.items():
-        shared = "; they share runs" if name in sharing else ""
-        table.add_row(name, f"all of {paper.title}{shared}", _duration(paper.cpu_time))
+        table.add_row(name, f"all of {paper.title}", _duration(paper.cpu_time))
     table.add_row("all", "all papers", _duration(sum(paper.cpu_time for paper in PAPERS.values())))
     console = _console()
     console.print(table)
-    console.print(
-        f"about: time on one core with the default draws; runs of {', '.join(sharing)} spread over the cores and are kept."
-    )
+    console.print("about: time on one core with the default draws; evacuations spread over the cores and are kept.")
 
 
 def _duration(seconds: float) -> str:

@@ -4,13 +4,11 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
-import numpy as np
-
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme, make_scheme
+from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.settings import TARGET_HELP, Settings, flag, option
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios import make_scenario
-from crowd_env.scenarios.groups import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
 
 SchemeName = Literal["dem", "nsm1", "nsm1-inertial", "nsm2-printed"]  # those of Table 5; it has one NSM1, its text two
@@ -73,22 +71,16 @@ class PecolSettings(Settings):
         assert isinstance(scheme, NSM1)
         return scheme
 
-    def check(self, schemes: Collection[str]) -> None:
-        """Raise ValueError, before anything runs, if the room, the crowd or the step cannot be used with the schemes.
+    def cases(self, schemes: Collection[str]) -> dict[str, Case]:
+        """Return the draws of the room under every scheme.
 
-        An option that none of the schemes knows is refused too.
+        Raises
+        ------
+        ValueError
+            If an option is given that none of the schemes knows.
         """
         for name, owner in _SCHEME_OF_OPTION.items():
             if name in self.changed() and owner not in schemes:
                 raise ValueError(f"{flag(name)} belongs to {owner}; it changes nothing for {', '.join(schemes)}")
-        room = self.room()
-        room.field()
-        room.population.draw(np.random.default_rng([self.seed, 0]), room.geometry)
-        bodies = extreme_bodies(room.population)
-        for name in schemes:
-            scheme = self.contact(name)
-            limit = scheme.stable_dt(bodies)
-            if self.dt > limit:
-                raise ValueError(
-                    f"--dt {self.dt:g} s is above the stable step of {name}, {limit:.4g} s: {scheme.info.stable_step}"
-                )
+        room, seeds = self.room(), range(self.seed, self.seed + self.runs)
+        return {name: Case(f"room-{name}", room, self.contact(name), seeds, self.dt) for name in schemes}
