@@ -20,14 +20,14 @@ _CLOSE = 0.10
 _DRAWS = 10  # of the page
 _VARIANTS = (
     "",
-    *(f"--door-width {width}" for width in (0.78, 0.86, 0.9)),
-    *(f"--target {target}" for target in ("centre", "nearest", "width")),
-    *(f"--exit-line {line}" for line in (-0.1, 1)),
-    "--side 8",
-    "--dt 0.005",
-    "--dt 0.001 --stiffness 1.2e6",
-    "--stiffness 1.2e4",
-    "--k-normal 80",
+    *(f"--set door_width={width}" for width in (0.78, 0.86, 0.9)),
+    *(f"--set target={target}" for target in ("centre", "nearest", "width")),
+    *(f"--set exit_line={line}" for line in (-0.1, 1)),
+    "--set side=8",
+    "--set dt=0.005",
+    "--set dt=0.001 --set stiffness=1.2e6",
+    "--set stiffness=1.2e4",
+    "--set k_normal=80",
     "--seed 50",
 )
 _SCHEMES = ("dem", "nsm1", "nsm2", "nsm2-printed")

@@ -3,13 +3,13 @@
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import closing
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
 
 from crowd_env.cli.console import AsJson
-from crowd_env.cli.paper_options import takes_settings
 from crowd_env.core.console import check_folder, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.core.executors import Executor, all_cores, make_executor
 from crowd_env.core.files.store import Store
@@ -25,7 +25,6 @@ _KEPT = "Evacuations, which are kept and shared by figures"
 
 
 @app.command()
-@takes_settings(PAPERS)
 def reproduce(
     name: Annotated[
         str,
@@ -34,6 +33,14 @@ def reproduce(
             help=f"{', '.join(FIGURES)}; those of one paper: {', '.join(PAPERS)}; of every paper: all; what they are: list.",
         ),
     ],
+    runs: Annotated[
+        int | None, typer.Option(help="Number of draws; default 10 (lin), 50 (pecol), 100 (the theatre).")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Draw k has the seed SEED + k; default 0.")] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Change a setting of the paper; list says which there are."),
+    ] = None,
     as_json: AsJson = False,
     out: Annotated[
         Path, typer.Option(help="Folder for the CSV files, the figure and, in its folder runs, the runs that are kept.")
@@ -52,7 +59,6 @@ def reproduce(
             "--ray", help="Spread the draws over a Ray cluster, see docs/ray.md. Results do not depend on it."
         ),
     ] = False,
-    **options: Any,
 ) -> None:
     """Redo a table or figure of a paper, Pécol et al. 2011 or Lin, Ma, Lo, and print its numbers beside ours.
 
@@ -62,18 +68,19 @@ def reproduce(
 
     Examples: crowd-env reproduce table3
 
-    crowd-env reproduce table5 --runs 50 --door-width 0.9
+    crowd-env reproduce table5 --runs 50 --set door_width=0.9
 
-    crowd-env reproduce lin-fig7 --preset literal --runs 5
+    crowd-env reproduce lin-fig7 --set preset=literal --runs 5
     """
     if name == "list":
         show_names(as_json)
         return
-    options |= {"workers": workers, "fresh": fresh, "ray": ray}
+    options = {"runs": runs, "seed": seed, "workers": workers, "fresh": fresh, "ray": ray}
     results: list[Result] = []
     stopped: str | None = None
     with friendly_errors():
         given = {key: value for key, value in options.items() if value is not None and value is not False}
+        given |= dict(_setting(text) for text in set_ or ())
         chosen = _select(name, given, out)
         store = Store(out / "runs")
         with closing(_executor(given)) as executor, store.alone():
@@ -93,6 +100,21 @@ def reproduce(
     if stopped is not None:
         done = ", ".join(result.name for result in results)
         interrupted(stopped + (f"; whole: {done}" if done else ""))
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    """Return the name and the value of NAME=VALUE.
+
+    Raises
+    ------
+    ValueError
+        If no paper has such a setting, or its value is of another kind.
+    """
+    name, equals, value = text.partition("=")
+    known = {one.name: paper.settings for paper in PAPERS.values() for one in fields(paper.settings)}
+    if not equals or name not in known:
+        raise ValueError(f"--set {text}: name a setting and its value, NAME=VALUE; known: {', '.join(known)}")
+    return name, known[name].read(name, value)
 
 
 class _Chosen(NamedTuple):

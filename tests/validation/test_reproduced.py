@@ -1,10 +1,9 @@
 """The tables of docs/reproduce.md: figures of the reports in their cells, and what is said of them follows from them."""
 
 import pytest
-from lin_runs import invented
+from lin_runs import made_of, stuck
 
-from crowd_env.reproduce import PAPERS, Work
-from crowd_env.reproduce.lin2016.record import Record
+from crowd_env.reproduce import PAPERS
 from crowd_env.reproduce.pecol2011.evacuations import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED
 from validation.pages import Sources
@@ -14,14 +13,12 @@ from validation.reproduced import TABLES, clearance, flows, lin, theatre, varian
 @pytest.fixture
 def source():
     """Return what comes of a figure of Lin, Ma, Lo, made of ten invented runs of each configuration."""
-    return Sources(lambda line: reported(line, invented))
+    return Sources(reported)
 
 
-def reported(line, outcome):
+def reported(line, **outcome):
     paper, name = PAPERS["lin"], line.removeprefix("crowd_env reproduce ")
-    settings, figure = paper.settings_of(name, {}), paper.figures[name]
-    records = {run: outcome(run) for run in figure.runs(settings)}
-    return figure.reproduce(settings, Work(lambda count: None, records)).as_json()
+    return made_of(paper.figures[name], paper.settings_of(name, {}), **outcome).as_json()
 
 
 def test_clearance_times_and_blocked_draws_by_speed(source):
@@ -46,11 +43,9 @@ def test_what_the_paper_prints_stands_beside_what_comes_out(source):
 
 
 def test_nothing_out_is_no_number():
-    def stuck(line):
-        return reported(line, lambda run: Record((), run.count, 0.0, invented(run).snapshots))
-
-    assert clearance(Sources(stuck))[0][1:] == ["b10"] * 9 and flows(Sources(stuck))[0][1:] == ["– b10"] * 8
-    cells = {(row[0], row[1]): row[3:] for row in lin(Sources(stuck))}
+    source = Sources(lambda line: reported(line, outcome=stuck))
+    assert clearance(source)[0][1:] == ["b10"] * 9 and flows(source)[0][1:] == ["– b10"] * 8
+    cells = {(row[0], row[1]): row[3:] for row in lin(source)}
     assert cells["4", "A = 300 N"] == ["b10", "NOT reproduced"]
     assert cells["10", "fastest above 1.6 m/s"] == ["–; 60 of 60 draws blocked", "NOT reproduced"]
 
@@ -68,7 +63,7 @@ def test_other_readings_of_the_room_are_other_commands():
     assert cells[0] == ["(none)", "2.50", "2.50", "2.50", "2.50", "–", "3/3/3/3"]
     assert (
         asked[0] == "crowd_env reproduce table5"
-        and asked[1].endswith("table5 --door-width 0.78")
+        and asked[1].endswith("table5 --set door_width=0.78")
         and len(cells) == len(asked) + 1
     )
 

@@ -7,7 +7,7 @@ from crowd_env.envs.rollout import Recorder
 from crowd_env.physics import Hertz, SocialForce
 from crowd_env.physics.hertz import DampingUnit
 from crowd_env.reproduce.evacuations import Case
-from crowd_env.reproduce.settings import TARGET_HELP, Settings, flag, option
+from crowd_env.reproduce.settings import TARGET_HELP, Settings, option
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios import make_scenario
 
@@ -96,7 +96,5 @@ class LinSettings(Settings):
         text = (
             f"walls: friction {friction:g}, social force {social:g} N{', as asked for' if own else fitted[self.preset]}"
         )
-        rest = [
-            f"{flag(k)} {v}" for k, v in self.changed().items() if k not in ("preset", "wall_friction", "wall_social")
-        ]
+        rest = [f"{k} {v}" for k, v in self.changed().items() if k not in ("preset", "wall_friction", "wall_social")]
         return "; ".join([f"{self.runs} draw{'s' if self.runs > 1 else ''} each", text, *rest])

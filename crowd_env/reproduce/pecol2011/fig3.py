@@ -28,7 +28,7 @@ def reproduce(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) ->
         "exits its regression uses, and draws this figure for NSM2 only.",
         *room_remarks(settings, done),
     ]
-    title = f"{scheme.upper()}, door {100 * settings.door_width:g} cm, {len(one.exit_times)} runs of {settings.n}"
+    title = f"{scheme.upper()}, door {100 * settings.door_width:g} cm, {len(one.exit_times)} runs of {settings.people}"
     return Result(
         "fig3",
         f"{TITLE} ({scheme})",

@@ -32,7 +32,7 @@ class PecolSettings(Settings):
     scheme: SchemeName = option("nsm2-printed", f"Scheme that fig3 draws: {', '.join(get_args(SchemeName))}")
     door_width: float = option(0.82, "Width of the door, m")
     side: float = option(5.0, "Side of the square room, m")
-    n: int = option(20, "Number of people")
+    people: int = option(20, "Number of people")
     target: Target = option("path", TARGET_HELP)
     exit_line: float = option(0.0, "How far beyond the door people are counted and removed, m")
     stiffness: float = option(1.2e5, "k of dem, N/m")
@@ -41,13 +41,13 @@ class PecolSettings(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.n < _FEWEST:
-            raise ValueError(f"--n is {self.n}; a flow is a slope and needs at least {_FEWEST} people")
+        if self.people < _FEWEST:
+            raise ValueError(f"--set people is {self.people}; a flow is a slope and needs at least {_FEWEST} people")
 
     @property
     def time_limit(self) -> float:
         """Time [s] at which a run ends, finished or not: 60 s, or 3 s a person if that is longer."""
-        return max(60.0, 3.0 * self.n)
+        return max(60.0, 3.0 * self.people)
 
     def room(self) -> Scenario:
         """Return the room."""
@@ -55,7 +55,7 @@ class PecolSettings(Settings):
             "room-v0",
             side=self.side,
             door_width=self.door_width,
-            people=self.n,
+            people=self.people,
             time_limit=self.time_limit,
             target=self.target,
             exit_line=self.exit_line,

@@ -51,7 +51,9 @@ def reproduce(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) ->
         "a slope.",
         *room_remarks(settings, done),
     ]
-    title = f"Flow through a door of {100 * settings.door_width:g} cm, {settings.runs} draws of {settings.n} people"
+    title = (
+        f"Flow through a door of {100 * settings.door_width:g} cm, {settings.runs} draws of {settings.people} people"
+    )
     raw = {"exit-times": raw_times(done)}
     return Result("table5", TITLE, rows, raw, lambda: flows(done, title), remarks, settings.changed(), "1/s")
 
