@@ -100,7 +100,7 @@ def warmup(
         with progress_bar("compiling", len(chosen)) as progress:
             for name in chosen:
                 begin = time.monotonic()
-                env = CrowdEnv("room-v0", scheme=name, manner=manner)
+                env = CrowdEnv("room-v0", physics=name, walking=manner)
                 env.reset(seed=0)
                 env.step(None)
                 seconds[name] = round(time.monotonic() - begin, 2)

@@ -75,7 +75,7 @@ def read_head(
         "every": every * env.decision_dt,
         "run": run,
         "seed": seed,
-        "strategy": env.strategy,
+        "strategy": env.routing.strategy,
         "manner": plain_manner(simulation.manner),
         "outline": plain_outline(simulation.outline),
         "time_limit": float(env.time_limit[e]),

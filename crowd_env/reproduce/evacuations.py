@@ -13,6 +13,7 @@ from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.store import Store
 from crowd_env.envs.rollout import Episode, Recorder, make_batches, simulate_batch
+from crowd_env.envs.settings import Physics, Routing
 from crowd_env.physics import ContactScheme
 from crowd_env.physics.simulation.arguments import check_step
 from crowd_env.scenarios.groups import extreme_bodies
@@ -106,10 +107,9 @@ def evacuate(
             only=[run for run in range(len(case.seeds)) if run not in found[key]],
             at_once=1 if case.place.population.people >= _MANY else None,
             workers=executor.workers,
-            scheme=case.scheme,
-            dt=case.dt,
+            physics=Physics(case.scheme, case.dt),
+            routing=Routing(signs=case.rules),
             decision_dt=case.decision_dt,
-            rules=case.rules,
         )
         pieces += [(key, batch) for batch in batches]
     pieces.sort(

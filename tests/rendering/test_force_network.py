@@ -88,7 +88,7 @@ def test_a_row_of_people_hands_on_what_each_adds():
 
 
 def test_forces_are_those_of_one_environment_in_its_own_numbers():
-    env = CrowdEnv("room-v0", num_envs=2, scheme="dem")
+    env = CrowdEnv("room-v0", num_envs=2, physics="dem")
     env.reset(seed=3)
     for _ in range(20):
         env.step(None)
@@ -181,7 +181,7 @@ def test_nobody_who_presses_is_a_picture_too(geometry, tmp_path):
 
 
 def test_a_simulation_is_drawn_as_it_stands(tmp_path):
-    env = CrowdEnv("room-v0", scheme="hertz")
+    env = CrowdEnv("room-v0", physics="hertz")
     env.reset(seed=1)
     for _ in range(15):
         env.step(None)
@@ -202,7 +202,7 @@ def test_nonsense_is_refused(bad, tmp_path):
 def test_the_forces_of_a_run_are_the_mean_of_the_last_decision_before_the_moment():
     place = make_scenario("room-v0")
     told = forces_of_run(place, "dem", seed=2, at=1.95)
-    env = CrowdEnv("room-v0", scheme="dem")
+    env = CrowdEnv("room-v0", physics="dem")
     env.reset([2])
     for _ in range(20):
         env.step(None)
@@ -219,7 +219,7 @@ def test_the_forces_of_a_run_are_the_mean_of_the_last_decision_before_the_moment
 
 def test_without_a_moment_it_is_that_of_the_hardest_push_or_the_end_of_a_blocked_run():
     place = make_scenario("room-v0")
-    env = CrowdEnv(place, scheme="dem")
+    env = CrowdEnv(place, physics="dem")
     env.reset([4])
     borne = []
     while not env.finished.all():
@@ -241,7 +241,7 @@ def test_an_evacuation_that_was_seen_is_not_run_twice_and_is_that_of_its_strateg
     alone = forces_of_run(place, "dem", seed=4, strategy="nearest")
     assert told.time == alone.time and (told.force == alone.force).all()
     assert len(steps) == steps[0][1] - 1 == round(told.time / 0.1) - 1  # all decisions but the one that is looked into
-    env = CrowdEnv(place, scheme="dem", strategy="nearest")
+    env = CrowdEnv(place, physics="dem", routing="nearest")
     env.reset([4])
     for _ in range(round(told.time / 0.1)):
         env.step(None)

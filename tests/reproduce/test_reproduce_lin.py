@@ -13,6 +13,7 @@ import pytest
 from evacuations import evacuated
 from lin_runs import episode
 
+from crowd_env import make_scenario
 from crowd_env.core.executors import Processes, Serial
 from crowd_env.core.files.store import Store
 from crowd_env.core.kernels import jit
@@ -43,7 +44,7 @@ def same(found, expected):
 
 def test_a_run_is_the_evacuation_of_the_run_command(tmp_path):
     (one,) = run(LinSettings(1, seed=3).case(12, 1.5), tmp_path)
-    env = evacuated("lin-room-v0", scheme="hertz", people=12, desired_speed=1.5, seed=[3])
+    env = evacuated(make_scenario("lin-room-v0", desired_speed=1.5), physics="hertz", people=12, seed=[3])
     np.testing.assert_array_equal(one.exit_time, env.simulation.state.exit_time)
     assert one.metrics.unfinished == 0 and np.isnan(one.metrics.blocked_since)
 

@@ -116,7 +116,7 @@ def test_both_rest_on_the_same_draws_which_are_those_of_the_run_command(tmp_path
     cases = table7.cases(settings)
     runs = evacuate(cases, Store(tmp_path), Serial(), progress=counts.append)
     ruled, free = Egress(runs["yes"]), Egress(runs["no"])
-    env = evacuated("theatre-v0", scheme=SCHEME, seed=[3])
+    env = evacuated("theatre-v0", physics=SCHEME, seed=[3])
     np.testing.assert_array_equal(ruled.time.ravel(), env.simulation.state.exit_time)
     assert sum(counts) == 2 and free.ruled.sum() == 0 and free.turned.sum() == 0
     assert not np.array_equal(free.time, ruled.time)

@@ -7,6 +7,7 @@ import numpy as np
 
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.rollout import Episode, rollout
+from crowd_env.envs.settings import arguments_of
 from crowd_env.physics import ContactScheme
 from crowd_env.physics.pressure import ContactForces, contact_forces, mean_contact_forces
 from crowd_env.scenarios.scenario import Scenario
@@ -40,7 +41,7 @@ def forces_of_run(
     if at is not None and not (np.isfinite(at) and at > 0):
         raise ValueError(f"the moment of the forces is {at!r} s; it must be > 0 and finite")
     options["scheme"] = scheme
-    env = CrowdEnv(scenario, **options)
+    env = CrowdEnv(scenario, **arguments_of(options))
     if at is None:
         if seen is None:
             (seen,) = rollout(scenario, 1, seed=seed, recorder=LoadRecorder(), **options)
