@@ -218,11 +218,12 @@ def clogging(source: Source) -> Grid:
 
 def frozen(source: Source) -> Grid:
     """One row a variant of Lin's room: how many draws block at each multiple of v*, and where half of them do."""
-    columns = {"friction of people": "{friction:g}", "A, N": "{A, N:g}", "φ": "{phi:g}", "v*, m/s": "{v*, m/s:.2f}"}
+    names = {"friction of people": "friction:g", "A, N": "A, N:g", "φ": "phi:g", "v*, m/s": "v*, m/s:.2f"}
+    columns = {head: "{{more[{}]:{}}}".format(*name.split(":")) for head, name in names.items()}
     for at in ("blocked at 1.2 v*", "blocked at 1.4 v*"):
-        columns[at] = f"{{{at}}} of {{draws}} ({{{at}, least share:%}} to {{{at}, most:%}} %)"
-    columns["half block at"] = "{half block at, v*:.2f} v* = {half block at, m/s:.2f} m/s"
-    return grid((row["more"] for row in source.rows("frozen")), **columns)
+        columns[at] = f"{{more[{at}]}} of {{more[draws]}} ({{more[{at}, least share]:%}} to {{more[{at}, most]:%}} %)"
+    columns["half block at"] = "{more[half block at, v*]:.2f} v* = {more[half block at, m/s]:.2f} m/s"
+    return grid(source.rows("frozen"), **columns)
 
 
 def strategies(source: Source) -> Grid:
