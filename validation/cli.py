@@ -150,7 +150,7 @@ def _run(name: str, setting: Setting, finished: Finished | None) -> list[Row]:
 
     def keep(complete: bool) -> None:
         if finished is not None and rows:
-            finished.keep(name, setting, rows, complete, time.process_time() - began)
+            finished.keep_rows(name, setting, rows, complete, time.process_time() - began)
 
     try:
         for one in CASES[name].run(setting):

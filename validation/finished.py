@@ -12,7 +12,8 @@ from typing import Any
 from crowd_env import SCHEMES
 from crowd_env.core.arrays.headway import MANNERS, make_manner
 from crowd_env.core.arrays.outline import make_outline
-from crowd_env.core.files.json_file import read_json, write_json
+from crowd_env.core.files.json_file import read_json
+from crowd_env.core.files.store import Store
 from crowd_env.core.kernels import jit
 from validation.cases.case import DISC, Row, Setting, plain
 
@@ -22,15 +23,8 @@ def of_bodies(folder: Path, outline: Any) -> Path:
     return folder if outline == DISC else folder / str(outline)
 
 
-class Finished:
+class Finished(Store):
     """The folder of a run: ``CASE/SCHEME-MANNER.json``, or ``OUTLINE/CASE/SCHEME-MANNER.json``."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-
-    def path(self, case: str, setting: Setting) -> Path:
-        """Return the file of a case under a setting."""
-        return of_bodies(self.folder, setting.outline) / case / f"{setting.scheme}-{setting.manner}.json"
 
     def rows(self, case: str, setting: Setting) -> list[Row] | None:
         """Return the rows of a case under a setting; None if they are not here, or not all of them.
@@ -39,23 +33,12 @@ class Finished:
         ------
         ValueError
             If they are those of another number of draws, seed, manner or version of the compiled physics, or of runs with
-            recordings where now there are none; or if the file is broken.
+            recordings where now there are none.
         """
-        path = self.path(case, setting)
-        if not path.exists():
-            return None
-        content = read_json(path)
-        try:
-            complete, made_by, rows = content["complete"], content["made_by"], [Row(**one) for one in content["rows"]]
-        except (KeyError, TypeError):
-            raise ValueError(f"{path} does not hold rows of a case; choose another --out, or remove it") from None
-        for name, value in identity(setting).items():
-            if made_by.get(name) != value:
-                other = ("recordings", "no recordings")[value] if name == "recordings" else _OTHER[name]
-                raise ValueError(f"{path} was finished with {other}; choose another --out, or remove it")
-        return rows if complete else None
+        content = self.load(_name(case, setting), identity(setting))
+        return [Row(**one) for one in content["rows"]] if content is not None and content["complete"] else None
 
-    def keep(self, case: str, setting: Setting, rows: list[Row], complete: bool, seconds: float) -> None:
+    def keep_rows(self, case: str, setting: Setting, rows: list[Row], complete: bool, seconds: float) -> None:
         """Write the rows of a case under a setting, whole or not at all; a file that holds more of them stays as it is.
 
         Parameters
@@ -63,25 +46,15 @@ class Finished:
         complete : these are all of them.
         seconds : s, processor time of this process that they took.
         """
-        path = self.path(case, setting)
-        if not complete and path.exists() and len(read_json(path)["rows"]) > len(rows):
+        before = None if complete else self.load(_name(case, setting))
+        if before is not None and len(before["rows"]) > len(rows):
             return
-        content = {
-            "complete": complete,
-            "made_by": identity(setting),
-            "seconds": round(seconds, 1),
-            "rows": [one._asdict() for one in rows],
-        }
-        write_json(path, content)
+        content = {"complete": complete, "seconds": round(seconds, 1), "rows": [one._asdict() for one in rows]}
+        self.keep(_name(case, setting), content, identity(setting))
 
 
-_OTHER = {
-    "draws": "another number of draws",
-    "seed": "another seed",
-    "walking": "other numbers of the manner",
-    "outline": "other bodies",
-    "kernels": "another version of the compiled physics",
-}
+def _name(case: str, setting: Setting) -> str:
+    return str(of_bodies(Path(), setting.outline) / case / f"{setting.scheme}-{setting.manner}")
 
 
 def identity(setting: Setting) -> dict[str, Any]:

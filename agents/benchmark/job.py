@@ -6,9 +6,9 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from crowd_env import ObservationLayout, Scenario
-from crowd_env.core.files.claim import claimed
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import json_number, read_json, write_json
+from crowd_env.core.files.store import claimed
 
 from .. import make_policy
 from ..drivers import policy_driver

@@ -1,5 +1,6 @@
 """The folder of an evaluation: the result of each policy and scheme is kept as soon as it is known."""
 
+import functools
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -8,21 +9,21 @@ from urllib.parse import quote
 
 import numpy as np
 
+import crowd_env
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
 from crowd_env.analysis.results.measurements import CELL, Grid, Maps, Measured, RunMeasurements
 from crowd_env.core.arrays.headway import plain_manner
 from crowd_env.core.arrays.outline import plain_outline
-from crowd_env.core.files.array_file import read_arrays, write_arrays
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.fingerprint import fingerprint
-from crowd_env.core.files.json_file import read_json, write_json
+from crowd_env.core.files.store import Store
 
 from ..networks import network_digest
+from ..runs import versions
 from ..tasks.task import Task
 from .comparison import last_times
 from .entries import Entry
 from .evaluation import Evaluation
-from .fingerprint import source_stamp
 
 _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"
@@ -56,15 +57,32 @@ def _made_by(entry: Entry, scheme: str) -> dict[str, Any]:
     """Return what else a result depends on: the network, the scheme with its parameters and time step, and the code."""
     contact = make_scheme(scheme)
     network = None if entry.source is None else network_digest(entry.source)
-    return {"network": network, "scheme": fingerprint(contact), "dt": contact.info.default_dt, "code": source_stamp()}
+    facts = {"network": network, "scheme": fingerprint(contact), "dt": contact.info.default_dt}
+    return {**facts, "code": source_stamp(), "fields": list(EpisodeMetrics._fields)}
 
 
-class EvaluationFolder:
+def _name(entry: Entry, scheme: str) -> str:
+    return f"{_KEPT}/{_plain(entry.name)}-{_plain(scheme)}"
+
+
+@functools.cache
+def source_stamp() -> str:
+    """Return a hash of every source file of ``crowd_env`` and ``agents``, and of the versions of what they calculate with."""
+    folders = Path(crowd_env.__file__).parent, Path(__file__).parents[1]
+    sources = {
+        path.relative_to(folder.parent).as_posix(): path.read_bytes()
+        for folder in folders
+        for path in folder.rglob("*.py")
+    }
+    return fingerprint(sources, versions())
+
+
+class EvaluationFolder(Store):
     """Results of one scenario, one number of runs and one seed; policies and schemes may be added.
 
     Parameters
     ----------
-    path : made if it does not exist.
+    settings : of `settings_of`.
 
     Raises
     ------
@@ -72,66 +90,37 @@ class EvaluationFolder:
         If the folder holds results with other settings.
     """
 
-    def __init__(self, path: Path, settings: dict[str, Any]) -> None:
-        self.path = path
-        try:
-            (path / _KEPT).mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ValueError(f"cannot write to the folder {path}: {error.strerror}") from None
-        known = path / _SETTINGS
-        if not known.exists():
-            write_json(known, settings)
-            return
-        before = read_json(known)
-        if not isinstance(before, dict):
-            raise ValueError(f"{known} does not hold the settings of an evaluation; take another folder")
-        if before != settings:
-            other = next(name for name in {**settings, **before} if before.get(name) != settings.get(name))
-            raise ValueError(
-                f"{path} holds an evaluation with another {other} ({before.get(other)}, now {settings.get(other)}); "
-                "take another folder"
-            )
+    def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
+        super().__init__(folder, settings, about=_SETTINGS)
 
-    def load(self, entry: Entry, scheme: str) -> Evaluation | None:
+    def load_result(self, entry: Entry, scheme: str) -> Evaluation | None:
         """Return the kept result of a policy under a scheme.
 
         None if there is nothing, if the result was made by another network, scheme or code, or if the file is damaged.
         """
-        path = self._file(entry, scheme)
-        if not path.exists():
-            return None
+        kept = self.load(_name(entry, scheme), _made_by(entry, scheme), redo=True)
         try:
-            kept, facts = read_arrays(path)
-            if facts["made_by"] != _made_by(entry, scheme) or facts["fields"] != list(EpisodeMetrics._fields):
-                return None
-            return _evaluation(entry.name, scheme, kept, facts)
-        except Exception:  # a damaged file fails in a dozen ways: zip, zlib, npy header, JSON, shapes; it is made anew
+            return None if kept is None else _evaluation(entry.name, scheme, kept)
+        except Exception:  # arrays of a damaged file, of other shapes
             return None
 
-    def save(self, entry: Entry, scheme: str, result: Evaluation) -> None:
+    def keep_result(self, entry: Entry, scheme: str, result: Evaluation) -> None:
         """Keep a result, whole or not at all."""
         measured = result.measured
         assert measured is not None
-        facts = {name: getattr(measured, name) for name in _NUMBERS} | {
-            "made_by": _made_by(entry, scheme),
-            "fields": list(EpisodeMetrics._fields),
+        content = {name: getattr(measured, name) for name in (*_NUMBERS, *_ARRAYS)} | {
             "time_limit": result.time_limit,
             "exit_names": result.exit_names,
             "origin": measured.grid.origin,
             "constants": result.constants,
-        }
-        arrays = {name: getattr(measured, name) for name in _ARRAYS} | {
             "episodes": np.array(result.episodes, dtype=np.float64),
             "exit_times": np.array(result.exit_times),
             "ended": result.ended,
             "maps": np.stack(measured.maps),
         }
         if result.learned is not None:
-            arrays["learned"] = result.learned
-        write_arrays(self._file(entry, scheme), arrays, facts)
-
-    def _file(self, entry: Entry, scheme: str) -> Path:
-        return self.path / _KEPT / f"{_plain(entry.name)}-{_plain(scheme)}.npz"
+            content["learned"] = result.learned
+        self.keep(_name(entry, scheme), content, _made_by(entry, scheme))
 
     def write_runs(self, results: Sequence[Evaluation], seed: int) -> None:
         """Write ``runs.csv``, one line a run."""
@@ -158,7 +147,7 @@ class EvaluationFolder:
                 numbers = [_text(v) for v in (last, most, *episode, way, *peaks)]
                 by_exit = [int((names[k] == name).sum()) for name in exits]
                 rows.append([result.policy, result.scheme, k, seed + k, *numbers, *by_exit])
-        write_csv(self.path / "runs.csv", header, rows)
+        write_csv(self.folder / "runs.csv", header, rows)
 
     def draw(self, results: Sequence[Evaluation], scenario: Scenario) -> list[Path]:
         """Draw the egress curves of each scheme and the maps of each policy under it; return the paths."""
@@ -171,7 +160,7 @@ class EvaluationFolder:
             for k in range(1, max(len(those), 2), _CURVES - 1):  # the first policy in every figure
                 curves = _curves([those[0], *those[k : k + _CURVES - 1]])
                 number = "" if k == 1 else f"-{1 + k // (_CURVES - 1)}"
-                made.append(egress_curves(self.path / f"egress-{_plain(scheme)}{number}.png", curves, title=title))
+                made.append(egress_curves(self.folder / f"egress-{_plain(scheme)}{number}.png", curves, title=title))
             made += [self._draw_maps(result, those, scenario) for result in those]
         return made
 
@@ -199,18 +188,18 @@ class EvaluationFolder:
             note += "Pressure: contact force on the person there over circumference, 0 while nobody is there."
         name = f"heat-{_plain(result.policy)}-{_plain(result.scheme)}.png"
         title = f"{result.policy}, {scenario.name}, {result.scheme}, {result.runs} runs"
-        return heat_maps(self.path / name, scenario.geometry, maps, title=title, note=note)
+        return heat_maps(self.folder / name, scenario.geometry, maps, title=title, note=note)
 
 
-def _evaluation(policy: str, scheme: str, kept: dict[str, np.ndarray], facts: dict[str, Any]) -> Evaluation:
+def _evaluation(policy: str, scheme: str, kept: dict[str, Any]) -> Evaluation:
     """Return the evaluation that a file holds."""
     whole = {name for name, kind in EpisodeMetrics.__annotations__.items() if kind is int}
     episodes = []
     for values in kept["episodes"]:
         row = dict(zip(EpisodeMetrics._fields, values.tolist(), strict=True))
         episodes.append(EpisodeMetrics(**{name: int(v) if name in whole else v for name, v in row.items()}))
-    grid = Grid(tuple(facts["origin"]), kept["maps"].shape[1:])
-    of_runs: dict[str, Any] = {name: kept[name] for name in _ARRAYS} | {name: facts[name] for name in _NUMBERS}
+    grid = Grid(tuple(kept["origin"]), kept["maps"].shape[1:])
+    of_runs: dict[str, Any] = {name: kept[name] for name in (*_ARRAYS, *_NUMBERS)}
     measured = Measured(maps=Maps(*kept["maps"]), grid=grid, **of_runs)
     return Evaluation(
         policy,
@@ -218,10 +207,10 @@ def _evaluation(policy: str, scheme: str, kept: dict[str, np.ndarray], facts: di
         episodes,
         list(kept["exit_times"]),
         kept["ended"],
-        facts["time_limit"],
-        tuple(facts["exit_names"]),
+        kept["time_limit"],
+        tuple(kept["exit_names"]),
         measured,
-        facts["constants"],
+        kept["constants"],
         kept.get("learned"),
     )
 

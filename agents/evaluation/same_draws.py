@@ -34,14 +34,14 @@ def compare(
     """
     executor = executor or Serial()
     pairs = [(entry, scheme) for scheme in schemes for entry in entries]
-    results = [None if folder is None else folder.load(*pair) for pair in pairs]
+    results = [None if folder is None else folder.load_result(*pair) for pair in pairs]
     todo = [k for k, result in enumerate(results) if result is None]
 
     def finished(number: int, result: Evaluation) -> None:
         k = todo[number]
         results[k] = result
         if folder is not None:
-            folder.save(*pairs[k], result)
+            folder.keep_result(*pairs[k], result)
         if not notes.is_terminal:  # no bar there: say in lines how far it is
             title = f"{k + 1}/{len(pairs)} {result.policy}, {result.scheme}"
             notes.print(f"{title}: mean exit time {mean_times(result).mean():.2f} s", markup=False)

@@ -8,12 +8,12 @@ from typing import Any
 
 import typer
 
-from crowd_env.analysis.results.config import difference, run_config
+from crowd_env.analysis.results.config import FREE, run_config
 from crowd_env.analysis.results.folder import ResultsFolder
-from crowd_env.cli.console import claim
 from crowd_env.core.checks import counted
 from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.core.files.json_file import read_json
+from crowd_env.core.files.store import difference
 from crowd_env.envs.rollout import Episode
 from crowd_env.physics import ContactScheme
 from crowd_env.rendering.libraries import require_libraries
@@ -70,14 +70,14 @@ def config_of(
         files=files,
     )
     if given["config"] is not None:
-        other = difference(read_json(given["config"]), config)
+        other = difference(read_json(given["config"]), config, FREE)
         if other:
             notes.print(f"note: not what {given['config']} says: {other}", style="yellow", markup=False, soft_wrap=True)
     return config
 
 
-def open_folder(context: typer.Context, out: Path, place: Scenario, config: dict[str, Any]) -> ResultsFolder:
-    """Return the folder, which is this command's alone, after saying what it holds, and whether its figure cannot be drawn.
+def open_folder(context: typer.Context, out: Path, config: dict[str, Any]) -> tuple[ResultsFolder, list[Episode]]:
+    """Return the folder, which is this command's alone, and its runs, after saying how many, and if its figure cannot be drawn.
 
     Raises
     ------
@@ -85,32 +85,38 @@ def open_folder(context: typer.Context, out: Path, place: Scenario, config: dict
         If it cannot be written, holds something else, or another command writes there.
     """
     check_folder("--out", out)
-    claim(context, "--out", out, out / ".lock")
-    folder = ResultsFolder(out, place, config)
-    if folder.finished:
+    folder = ResultsFolder(out, config)
+    context.with_resource(folder.alone())
+    finished = folder.finished()
+    if finished:
         runs = counted(config["runs"], "run", "runs")
-        notes.print(f"{out}: {len(folder.finished)} of {runs} are finished", markup=False, soft_wrap=True)
+        notes.print(f"{out}: {len(finished)} of {runs} are finished", markup=False, soft_wrap=True)
     try:
         require_libraries(".png")
     except ModuleNotFoundError as error:
         notes.print(f"no {CURVES}: {error}", style="yellow", markup=False, soft_wrap=True)
-    return folder
+    return folder, finished
 
 
 def keep_in(folder: ResultsFolder) -> Callable[[Sequence[Episode]], None]:
     """Return what keeps finished runs; a folder that cannot be written stops no run: the figures are still to be told."""
+    writes = True
 
     def keep(episodes: Sequence[Episode]) -> None:
+        nonlocal writes
         try:
-            folder.keep(episodes)
+            if writes:
+                folder.keep_runs(episodes)
         except OSError as error:
-            why = error.strerror or error
+            writes, why = False, error.strerror or error
             notes.print(f"note: cannot write into {folder.folder}: {why}", style="yellow", markup=False, soft_wrap=True)
 
     return keep
 
 
-def write_results(folder: ResultsFolder, title: str, figures: dict[str, Any], episodes: Sequence[Episode]) -> None:
+def write_results(
+    folder: ResultsFolder, place: Scenario, title: str, figures: dict[str, Any], episodes: Sequence[Episode]
+) -> None:
     """Write everything there is of the runs, and say where it is.
 
     Raises
@@ -118,7 +124,7 @@ def write_results(folder: ResultsFolder, title: str, figures: dict[str, Any], ep
     OSError
         If something cannot be written.
     """
-    paths = folder.finish(episodes, figures)
+    paths = folder.finish(place, episodes, figures)
     try:
         from crowd_env.rendering.figures import egress_curves
 

@@ -2,7 +2,6 @@
 
 import json
 import time
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -209,23 +208,22 @@ def run(
         recorders = [output.recorder(first) for output in outputs]
         here = config_of(context.params, place, contact, options)
         writer = recording.recorder(context, runs, seed, {"rules": rules})
-        folder = None if out is None else open_folder(context, out, place, here)
+        folder, kept = (None, []) if out is None else open_folder(context, out, here)
         begin = time.monotonic()
-        with nullcontext() if folder is None else folder:
-            done = evacuate(
-                first.title,
-                place,
-                runs,
-                seed=seed,
-                workers=workers,
-                first=recorders,
-                recorder=writer,
-                recorded=recording.numbers(runs),
-                kept=[] if folder is None else folder.finished,
-                keep=None if folder is None else keep_in(folder),
-                scheme=contact,
-                **options,
-            )
+        done = evacuate(
+            first.title,
+            place,
+            runs,
+            seed=seed,
+            workers=workers,
+            first=recorders,
+            recorder=writer,
+            recorded=recording.numbers(runs),
+            kept=kept,
+            keep=None if folder is None else keep_in(folder),
+            scheme=contact,
+            **options,
+        )
         figures = report(place, contact, done.episodes, dt=dt, strategy=strategy)
         if done.stopped is not None:
             figures["interrupted_of"] = done.stopped.runs
@@ -239,7 +237,7 @@ def run(
             Console(highlight=False).print(f"[yellow]check:[/] {escape(figures['doubts'])}", soft_wrap=True)
     with friendly_errors():
         if folder is not None:
-            write_results(folder, first.title, figures, done.episodes)
+            write_results(folder, place, first.title, figures, done.episodes)
         for run in sorted(done.records):
             notes.print(f"recording: {done.records[run]}", markup=False, soft_wrap=True)
         if done.stopped is not None:

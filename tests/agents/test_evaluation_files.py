@@ -15,8 +15,7 @@ from crowd_env import SCHEMES, DoorEvent, Groups, Normal, SpeedZone, Uniform, ma
 from crowd_env.agents.evaluation import evaluation
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
-from crowd_env.agents.evaluation.fingerprint import source_stamp
-from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
+from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of, source_stamp
 from crowd_env.agents.evaluation.routing import evaluate_controller
 from crowd_env.agents.trained import LearnedController
 from crowd_env.core.files.fingerprint import fingerprint
@@ -78,28 +77,32 @@ def test_an_interrupted_evaluation_goes_on_and_ends_as_if_it_had_not_been(small,
 def test_a_kept_result_is_the_result(tmp_path):
     (entry,) = make_entries(["fastest"], SMALL)
     result, folder = run("fastest"), EvaluationFolder(tmp_path, settings_of(SMALL, 3, 0))
-    assert folder.load(entry, "nsm2") is None
-    folder.save(entry, "nsm2", result)
-    read = folder.load(entry, "nsm2")
+    assert folder.load_result(entry, "nsm2") is None
+    folder.keep_result(entry, "nsm2", result)
+    read = folder.load_result(entry, "nsm2")
     assert read.row() == result.row() and repr(read.episodes) == repr(result.episodes)
     np.testing.assert_array_equal(read.measured.maps.density_mean, result.measured.maps.density_mean)
     np.testing.assert_array_equal(read.exit_times, result.exit_times)
     assert read.measured.grid == result.measured.grid and read.exit_names == result.exit_names
-    assert folder.load(entry, "dem") is None
+    assert folder.load_result(entry, "dem") is None
     for path in (tmp_path / "kept").iterdir():
         path.write_bytes(path.read_bytes()[:100])
-    assert folder.load(entry, "nsm2") is None
+    assert folder.load_result(entry, "nsm2") is None
 
 
-@pytest.mark.parametrize(
-    ("scenario", "runs", "seed", "what"),
-    [(SMALL, 4, 0, "runs"), (SMALL, 3, 1, "seed"), (hall(count=13), 3, 0, "digest"), (RULED, 3, 0, "digest")],
-)
-def test_a_folder_does_not_mix_what_cannot_be_compared(tmp_path, scenario, runs, seed, what):
-    EvaluationFolder(tmp_path, settings_of(SMALL, 3, 0))
-    EvaluationFolder(tmp_path, settings_of(hall(), 3, 0))
-    with pytest.raises(ValueError, match=f"another {what} .*take another folder"):
-        EvaluationFolder(tmp_path, settings_of(scenario, runs, seed))
+def test_a_folder_does_not_mix_what_cannot_be_compared(kept):
+    folder, _, _ = kept
+    here = folder.identity
+    assert EvaluationFolder(folder.folder, settings_of(hall(count=3), 1, 0)).identity == here
+    others = {
+        "runs": settings_of(hall(count=3), 4, 0),
+        "seed": settings_of(hall(count=3), 1, 1),
+        "digest": settings_of(hall(count=13), 1, 0),
+    }
+    for what, settings in others.items():
+        with pytest.raises(ValueError, match=f"{what} is .* there and .* here; name another folder"):
+            EvaluationFolder(folder.folder, settings)
+    assert settings_of(RULED, 1, 0)["digest"] != settings_of(SMALL, 1, 0)["digest"]
 
 
 def test_the_digest_is_of_everything_that_decides_a_result():
@@ -156,24 +159,26 @@ def kept(tmp_path):
     scenario = hall(count=3)
     (entry,) = make_entries(["shortest"], scenario)
     folder, result = EvaluationFolder(tmp_path, settings_of(scenario, 1, 0)), run("shortest", scenario, runs=1)
-    folder.save(entry, "nsm2", result)
+    folder.keep_result(entry, "nsm2", result)
     return folder, entry, result
 
 
 def test_what_other_code_or_another_scheme_computed_is_computed_anew(kept, monkeypatch):
     folder, entry, _ = kept
-    assert folder.load(entry, "nsm2") is not None
+    assert folder.load_result(entry, "nsm2") is not None
     with monkeypatch.context() as patch:
         patch.setattr("crowd_env.agents.evaluation.folder.source_stamp", lambda: "other")
-        assert folder.load(entry, "nsm2") is None
+        assert folder.load_result(entry, "nsm2") is None
     monkeypatch.setitem(SCHEMES, "nsm2", replace(SCHEMES["nsm2"], social=SocialForce()))
-    assert folder.load(entry, "nsm2") is None
+    assert folder.load_result(entry, "nsm2") is None
 
 
 def test_the_stamp_of_the_code_is_of_all_its_sources(tmp_path, monkeypatch):
     before = source_stamp()
     copied = tmp_path / "crowd_env"
-    shutil.copytree(Path(crowd_env.__file__).parent, copied, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        Path(crowd_env.__file__).parent, copied, symlinks=True, ignore=shutil.ignore_patterns("__pycache__")
+    )
     monkeypatch.setattr(crowd_env, "__file__", str(copied / "__init__.py"))
     assert source_stamp.__wrapped__() == before
     for name in ("physics/nsm2.py", "envs/reward.py", "envs/metrics.py"):
@@ -185,20 +190,20 @@ def test_the_stamp_of_the_code_is_of_all_its_sources(tmp_path, monkeypatch):
 
 def test_a_damaged_file_is_computed_anew(kept):
     folder, entry, result = kept
-    (path,) = (folder.path / "kept").iterdir()
+    (path,) = (folder.folder / "kept").iterdir()
     whole, rng, read = path.read_bytes(), np.random.default_rng(0), 0
     for bit in rng.integers(0, 8 * len(whole), 150):
         harmed = bytearray(whole)
         harmed[bit // 8] ^= 1 << (bit % 8)
         path.write_bytes(bytes(harmed))
-        found = folder.load(entry, "nsm2")  # no error, whatever broke
+        found = folder.load_result(entry, "nsm2")  # no error, whatever broke
         if found is not None:
             read += 1
             assert found.row() == result.row()
     assert read < 50
     for content in (b"", b"no zip", whole[:500]):
         path.write_bytes(content)
-        assert folder.load(entry, "nsm2") is None
+        assert folder.load_result(entry, "nsm2") is None
 
 
 # -------------------------------------------------------------------------------------------------------------- learned
@@ -215,10 +220,10 @@ def test_a_learned_network_is_a_policy_named_after_its_file(tmp_path):
     assert result.policy == "quick" and result.row()["walked"]["mean"] > 0
     assert [one.name for one in make_entries([str(path), str(other)], SMALL)] == [str(path), str(other)]
     folder = EvaluationFolder(tmp_path / "out", settings_of(SMALL, 2, 0))
-    folder.save(entry, "nsm2", result)
-    assert folder.load(entry, "nsm2") is not None
+    folder.keep_result(entry, "nsm2", result)
+    assert folder.load_result(entry, "nsm2") is not None
     random_policy(1).save(path)
-    assert folder.load(entry, "nsm2") is None  # another network under the same name
+    assert folder.load_result(entry, "nsm2") is None  # another network under the same name
 
 
 def test_a_learned_controller_is_a_policy_for_the_place_it_was_trained_for(tmp_path):

@@ -66,9 +66,9 @@ def test_the_manner_of_a_mixed_crowd_is_that_of_the_others():
 def test_a_kept_result_says_who_has_learned(tmp_path):
     (entry,) = make_entries(["follow"], SMALL, learned_share=0.5)
     folder, result = EvaluationFolder(tmp_path, settings_of(SMALL, 3, 0, learned_share=0.5)), mixed("follow", 0.5)
-    folder.save(entry, "nsm2", result)
-    assert folder.load(entry, "nsm2").row() == result.row()
-    with pytest.raises(ValueError, match="another learned_share"):
+    folder.keep_result(entry, "nsm2", result)
+    assert folder.load_result(entry, "nsm2").row() == result.row()
+    with pytest.raises(ValueError, match=r"learned_share is 0\.5 there"):
         EvaluationFolder(tmp_path, settings_of(SMALL, 3, 0, learned_share=0.25))
 
 

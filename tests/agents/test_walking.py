@@ -262,6 +262,6 @@ def test_a_kept_result_holds_the_share_that_was_found(tmp_path):
     (entry,) = make_entries(["rule-best-speed"], place)
     result = run("rule-best-speed", place, runs=1)
     folder = EvaluationFolder(tmp_path / "kept", settings_of(place, 1, 0))
-    folder.save(entry, "nsm2", result)
-    kept = folder.load(entry, "nsm2")
+    folder.keep_result(entry, "nsm2", result)
+    kept = folder.load_result(entry, "nsm2")
     assert kept.row() == result.row() and kept.constants == result.constants != {}

@@ -8,14 +8,14 @@ import pytest
 from commands import call
 
 from crowd_env.cli import evacuations
-from crowd_env.core.files.claim import claimed
+from crowd_env.core.files.store import claimed
 
 RUN = "run room-v0 --n 3 --runs 1 --scheme dem"
 # Takes a lock, says so, and waits until it is killed.
 HOLDS = """
 import sys, time
 from pathlib import Path
-from crowd_env.core.files.claim import claimed
+from crowd_env.core.files.store import claimed
 with claimed(Path(sys.argv[1])) as ours:
     print(ours, flush=True)
     time.sleep(600)
@@ -46,7 +46,7 @@ def test_a_claim_leaves_nothing_behind_but_what_was_written(tmp_path):
 
 @pytest.mark.parametrize(("option", "name"), [("--out", "out"), ("--record", "run.sqlite")])
 def test_the_second_command_is_told_and_runs_nothing(option, name, tmp_path, monkeypatch):
-    path = tmp_path / name
+    path, what = tmp_path / name, "place" if option == "--record" else "folder"
     lock = path / ".lock" if option == "--out" else tmp_path / f".{name}.lock"
     with monkeypatch.context() as patch, claimed(lock) as ours:
         assert ours
@@ -54,8 +54,8 @@ def test_the_second_command_is_told_and_runs_nothing(option, name, tmp_path, mon
         patch.setattr(evacuations, "run_episodes", None)
         told = call(f"{RUN} {option} {path}")
         assert (told.exit_code, told.stdout) == (2, "") and sorted(tmp_path.rglob("*")) == before
-        said = f"error: {option} {path}: another command is writing there; let it end, or name another place\n"
-        assert told.stderr == said
+        said = f"{path}: another command is writing there; let it end, or name another {what}\n"
+        assert told.stderr.removeprefix("error: ").removeprefix("--record ") == said
     assert call(f"{RUN} {option} {path}").exit_code == 0
     assert path.exists() and not lock.exists()
 
@@ -70,7 +70,7 @@ def test_where_there_are_no_locks_it_is_said_and_gone_on(error, tmp_path, monkey
     def no_locks(_):
         raise error
 
-    monkeypatch.setattr("crowd_env.core.files.claim._lock", no_locks)
+    monkeypatch.setattr("crowd_env.core.files.store._lock", no_locks)
     told = call(f"{RUN} --out {tmp_path / 'out'}")
     assert told.exit_code == 0 and (tmp_path / "out" / "runs.csv").exists()
     expected = f"note: {tmp_path / 'out'} has no file locks: see to it that no other command writes there"

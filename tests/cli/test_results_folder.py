@@ -10,7 +10,7 @@ from crowd_env.cli import evacuations
 from crowd_env.envs.rollout import RunsInterrupted, run_episodes
 
 RUN = "run two-exit-hall-v0 --scheme dem --n 6 --seed 3"
-FILES = {"config.json", "exits.csv", "nt.csv", "nt.png", "runs.csv", "summary.json"}
+FILES = {"config.json", "exits.csv", "nt.csv", "nt.png", "runs", "runs.csv", "summary.json"}
 
 
 def tables(folder):
@@ -79,11 +79,11 @@ def test_what_is_whole_is_not_computed_again_but_to_be_filmed(whole, tmp_path, m
 
 
 def test_a_folder_of_another_command_is_refused(whole):
-    before = {path: path.read_bytes() for path in whole.iterdir()}
+    before = {path: path.read_bytes() for path in whole.rglob("*.*")}
     refused = call(f"{RUN} --runs 4 --strategy nearest --out {whole}")
     assert refused.exit_code == 2 and refused.stdout == "" and refused.stderr.count("\n") == 1
-    assert "holds runs of another command: strategy is shortest there and nearest here" in refused.stderr
-    assert {path: path.read_bytes() for path in whole.iterdir()} == before
+    assert "holds results of another command: strategy is shortest there and nearest here" in refused.stderr
+    assert {path: path.read_bytes() for path in whole.rglob("*.*")} == before
 
 
 def test_a_mistake_makes_no_folder(tmp_path):
@@ -103,19 +103,20 @@ def test_an_error_loses_no_run_that_was_finished(monkeypatch, tmp_path):
     monkeypatch.setattr(evacuations, "run_episodes", fails)
     result = call(f"{RUN} --runs 6 --out {tmp_path}")
     assert result.exit_code == 2 and result.stderr == "error: a process has died\n"
-    assert len((tmp_path / "runs.csv").read_text().splitlines()) == 1 + 3
+    assert len(list((tmp_path / "runs").iterdir())) == 3
 
 
 def test_a_full_disk_loses_no_figures(monkeypatch, tmp_path):
-    def full(folder, *_):
-        raise OSError(28, "No space left on device", str(folder / "exits.csv"))
+    def full(path, content):
+        raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr("crowd_env.analysis.results.folder.write_tables", full)
+    monkeypatch.setattr("crowd_env.core.files.store.write_json", full)
+    monkeypatch.setattr("crowd_env.analysis.results.folder.write_json", full)
     result = call(f"{RUN} --runs 3 --out {tmp_path} --json")
     assert result.exit_code == 2 and json.loads(result.stdout)["runs"] == 3
     assert result.stderr.splitlines() == [
         f"note: cannot write into {tmp_path}: No space left on device",
-        f"error: {tmp_path / 'exits.csv'}: No space left on device",
+        f"error: {tmp_path / 'config.json'}: No space left on device",
     ]
 
 

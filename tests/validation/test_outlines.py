@@ -149,7 +149,7 @@ def test_rows_of_other_shoulders_are_not_taken(asked, tmp_path, monkeypatch):
     words = ("made-up", "--schemes", "hertz", "--out", tmp_path, "--outline", "torso")
     run(*words)
     monkeypatch.setitem(OUTLINES, "torso", make_outline({"discs": [[0.0, 0.1, 0.2], [0.0, -0.1, 0.2]]}))
-    assert "was finished with other bodies" in run(*words).stderr
+    assert "was made by another command: outline" in run(*words).stderr
 
 
 # -------------------------------------------------------------------------------------------------------- the tables
@@ -157,7 +157,7 @@ def test_rows_of_other_shoulders_are_not_taken(asked, tmp_path, monkeypatch):
 
 def keep(folder, case, outline, manner, draws=5, **more):
     setting = Setting("hertz", manner, draws=draws, outline=outline)
-    Finished(folder).keep(case, setting, [row(case, setting, None, "", "", "", **more)], True, 1.0)
+    Finished(folder).keep_rows(case, setting, [row(case, setting, None, "", "", "", **more)], True, 1.0)
 
 
 def page_of(tmp_path, name):

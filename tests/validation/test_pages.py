@@ -142,7 +142,7 @@ def of_cases(tmp_path, name, rows):
     for case, some in rows.items():
         for scheme, manner in {(one["scheme"], one["manner"]) for one in some}:
             mine = [Row(**one) for one in some if (one["scheme"], one["manner"]) == (scheme, manner)]
-            finished.keep(case, Setting(scheme, manner), mine, True, 1.0)
+            finished.keep_rows(case, Setting(scheme, manner), mine, True, 1.0)
     return finished_page(tmp_path, name)
 
 

@@ -1,4 +1,4 @@
-"""What a command ran: everything that decides its results, to be kept beside them and compared with another command."""
+"""What a command ran: everything that decides its results, to be kept beside them."""
 
 import hashlib
 import platform
@@ -19,7 +19,7 @@ from crowd_env.scenarios.scenario import Scenario
 DECISION_DT = 0.1  # s  that of `CrowdEnv`, unless it is told another
 
 # Parts of a config in which two commands may differ and still go on with each other's runs.
-_FREE = ("runs", "platform", "command", "arguments", "files")
+FREE = ("runs", "platform", "command", "arguments", "files")
 
 
 def run_config(
@@ -73,28 +73,6 @@ def run_config(
         "arguments": plain(dict(arguments or {})),
         "files": {str(path.absolute()): _sha256(path) for path in files},
     }
-
-
-def difference(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
-    """Return in words the first thing in which two configs differ, of those that decide results; "" if in none."""
-    for name in dict.fromkeys((*here, *there)):
-        if name in _FREE:
-            continue
-        if there.get(name) != here.get(name):
-            return _words(name, there.get(name), here.get(name))
-    return ""
-
-
-def _words(name: str, there: Any, here: Any) -> str:
-    if name == "fingerprint":
-        return "the plan, its routes or its rules are others"
-    if isinstance(there, dict) and isinstance(here, dict):
-        key = next(key for key in dict.fromkeys((*here, *there)) if there.get(key) != here.get(key))
-        return _words(f"{name}.{key}", there.get(key), here.get(key))
-    if isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
-        k = next(k for k, pair in enumerate(zip(there, here, strict=True)) if pair[0] != pair[1])
-        return _words(f"{name}[{k}]" if len(here) > 1 else name, there[k], here[k])
-    return f"{name} is {there} there and {here} here"
 
 
 def _sha256(path: Path) -> str:

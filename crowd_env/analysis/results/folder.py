@@ -1,115 +1,96 @@
-"""A folder of results that is whole at any moment: an interrupted command goes on with the runs that stand in it."""
+"""The runs of one command in a folder: what was finished is kept, and the same command goes on with it."""
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
-from crowd_env.analysis.results.config import difference
-from crowd_env.analysis.results.tables import EXITS, RUNS, read_tables, write_curve, write_tables
-from crowd_env.core.files.json_file import read_json, write_json
+import numpy as np
+
+from crowd_env.analysis.results.config import FREE
+from crowd_env.analysis.results.tables import RUNS, write_curve, write_tables
+from crowd_env.core.files.json_file import json_number, write_json
+from crowd_env.core.files.store import Store
+from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.rollout import Episode
 from crowd_env.scenarios.scenario import Scenario
 
-CONFIG, SUMMARY = "config.json", "summary.json"
+CONFIG, SUMMARY, KEPT = "config.json", "summary.json", "runs"
 
-# Tables are written as a whole, so that each time costs as much as all runs have become: seldom enough that it is a twentieth
-# of the time at most, and not more often than every other second.
-_PAUSE, _SHARE = 2.0, 0.05  # s
+_ARRAYS = ("exit_time", "exit_index", "radius", "desired_speed")
 
 
-class ResultsFolder:
-    """Keeps the runs of one command; as a context manager it writes those that an error leaves unwritten.
+class ResultsFolder(Store):
+    """A folder of finished runs of one place, a file each, by their seeds.
 
     Parameters
     ----------
-    folder : where; it need not exist.
-    scenario : what is evacuated.
     config : of `crowd_env.analysis.results.config.run_config`.
-
-    Attributes
-    ----------
-    finished : the runs that the folder held when it was opened.
 
     Raises
     ------
     ValueError
-        If the folder holds results of something else, or of more runs, or cannot be read.  Nothing has been written.
+        If the folder holds results of something else, or tables of version 0.1.0, which kept no runs.
     """
 
-    def __init__(self, folder: Path, scenario: Scenario, config: dict[str, Any]) -> None:
-        self.folder, self._scenario, self._config = folder, scenario, config
-        self.finished: list[Episode] = []
-        self._due = 0.0
-        self._unwritten = False
-        if (folder / CONFIG).exists():
-            there = read_json(folder / CONFIG)
-            if not isinstance(there, dict):
-                raise ValueError(f"{folder / CONFIG} is not the config of runs; name another folder")
-            other = difference(there, config)
-            if other:
-                raise ValueError(f"{folder} holds runs of another command: {other}; name another folder")
-            self.finished = read_tables(folder, scenario)
-        else:
-            taken = [name for name in (RUNS, EXITS) if (folder / name).exists()]
-            if taken:
-                raise ValueError(f"{folder} holds {taken[0]} without {CONFIG}; name another folder")
-        if self.finished and self.finished[-1].run >= config["runs"]:
-            most = self.finished[-1].run + 1
-            raise ValueError(f"{folder} holds {most} runs already; ask for as many, or name another folder")
-        self._episodes = {episode.run: episode for episode in self.finished}
+    def __init__(self, folder: Path, config: dict[str, Any]) -> None:
+        super().__init__(folder, config, about=CONFIG, free=FREE)
+        if (folder / RUNS).exists() and not (folder / KEPT).exists():
+            raise ValueError(
+                f"{folder} holds {RUNS} without the runs that it is made of, as version 0.1.0 left it; run the command again, "
+                "into another folder"
+            )
 
-    def keep(self, episodes: Sequence[Episode]) -> None:
-        """Take finished runs, and write the tables if they have not been written for a while.
+    def finished(self) -> list[Episode]:
+        """Return the runs of the config that are here, in the order of their numbers."""
+        assert self.identity is not None
+        first, runs = self.identity["seed"], self.identity["runs"]
+        kept = ((run, self.load(f"{KEPT}/{first + run}")) for run in range(runs))
+        return [decode(run, content) for run, content in kept if content is not None]
+
+    def keep_runs(self, episodes: Sequence[Episode]) -> None:
+        """Write runs that have just ended.
 
         Raises
         ------
         OSError
             If they cannot be written.
         """
-        self._episodes.update({episode.run: episode for episode in episodes})
-        self._unwritten = True
-        begin = time.monotonic()
-        if begin >= self._due:
-            try:
-                self._write()
-            finally:  # a full disk is not tried again at once
-                end = time.monotonic()
-                self._due = end + max(_PAUSE, (end - begin) / _SHARE)
+        for episode in episodes:
+            self.keep(f"{KEPT}/{episode.seed}", encode(episode))
 
-    def finish(self, episodes: Sequence[Episode], summary: dict[str, Any]) -> list[Path]:
-        """Write everything of the runs there are, and return the paths.
-
-        Parameters
-        ----------
-        episodes : all that are finished; an interruption may have come before `keep` was given the last.
-        summary : figures of `crowd_env.analysis.results.report.report`.
+    def finish(self, scenario: Scenario, episodes: Sequence[Episode], summary: dict[str, Any]) -> list[Path]:
+        """Write tables, the curve N(t) and the ``summary``; return the paths.
 
         Raises
         ------
         OSError
             If something cannot be written.
         """
-        self._episodes = {episode.run: episode for episode in episodes}
-        paths = [*self._write(), write_curve(self.folder, self._in_order()), self.folder / SUMMARY]
+        # An interruption may have come before the last of them were kept.
+        self.keep_runs([one for one in episodes if self.path(f"{KEPT}/{one.seed}") is None])
+        write_json(self.about, self.identity)  # with the number of runs, and the command, of now
         write_json(self.folder / SUMMARY, summary)
-        return [*paths, self.folder / CONFIG]
+        paths = [*write_tables(self.folder, scenario, episodes), write_curve(self.folder, episodes)]
+        return [*paths, self.folder / SUMMARY, self.about]
 
-    def __enter__(self) -> "ResultsFolder":
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if error is not None and self._unwritten:
-            self._write()
+def encode(episode: Episode) -> dict[str, Any]:
+    """Return a run, ready for JSON to the last bit, without what a recorder kept of it."""
+    numbers = {name: [json_number(one) for one in getattr(episode, name).tolist()] for name in _ARRAYS}
+    metrics = {name: json_number(one) for name, one in episode.metrics._asdict().items()}
+    return {
+        "seed": episode.seed,
+        "end": episode.end,
+        "time_limit": episode.time_limit,
+        "metrics": metrics,
+        **numbers,
+    }
 
-    def _write(self) -> list[Path]:
-        write_json(self.folder / CONFIG, self._config)  # first: without it the tables belong to nothing
-        paths = write_tables(self.folder, self._scenario, self._in_order())
-        self._unwritten = False
-        return paths
 
-    def _in_order(self) -> list[Episode]:
-        return [self._episodes[run] for run in sorted(self._episodes)]
+def decode(run: int, content: dict[str, Any]) -> Episode:
+    """Return the run of the number ``run`` that was encoded."""
+    index = np.array(content["exit_index"], dtype=np.int64)
+    told: dict[str, Any] = {name: np.array(content[name], dtype=np.float64) for name in _ARRAYS if name != "exit_index"}
+    told |= {name: content[name] for name in ("seed", "end", "time_limit")}
+    metrics: dict[str, Any] = {name: float("nan") if one is None else one for name, one in content["metrics"].items()}
+    return Episode(run, metrics=EpisodeMetrics(**metrics), exit_index=index, **told)

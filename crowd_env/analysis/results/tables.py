@@ -1,14 +1,13 @@
-"""Finished runs as two tables, and back again to the last bit: ``runs.csv``, a row a run, and ``exits.csv``, a row a person."""
+"""Finished runs as two tables: ``runs.csv``, a row a run, and ``exits.csv``, a row a person."""
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from crowd_env.analysis.results.egress import QUANTILES, egress
 from crowd_env.analysis.results.report import exit_names, time_of_share
-from crowd_env.core.files.csv_table import Row, Table, read_table, write_csv
+from crowd_env.core.files.csv_table import write_csv
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.rollout import Episode
 from crowd_env.scenarios.scenario import Scenario
@@ -16,23 +15,15 @@ from crowd_env.scenarios.scenario import Scenario
 RUNS, EXITS, CURVE = "runs.csv", "exits.csv", "nt.csv"
 
 # Columns of runs.csv with their units, after run and seed; those of `EpisodeMetrics` have its names.
-_WHOLE = ("unfinished", "escaped", "unconverged")
 _RUN_COLUMNS = ("run", "seed", "people", "end", "time_limit", "t95", *EpisodeMetrics._fields)
-_EXIT_COLUMNS = ("run", "time", "exit", "out", "person", "radius", "desired_speed", "group")
-# Older tables lack this column: of those who stayed inside they hold one row a run, with the time of its end.
-_UNTIL = "until"
+_EXIT_COLUMNS = ("run", "time", "exit", "out", "person", "radius", "desired_speed", "group", "until")
 
 
 def write_tables(folder: Path, scenario: Scenario, episodes: Sequence[Episode]) -> list[Path]:
-    """Write both tables, each whole or not at all, and return their paths.
-
-    The exits come first, so that a run that stands in ``runs.csv`` has its exits.
-    """
+    """Write both tables, each whole or not at all, and return their paths."""
     groups = _groups(scenario)
-    exits = write_csv(
-        folder / EXITS, (*_EXIT_COLUMNS, _UNTIL), (row for one in episodes for row in _exits(scenario, groups, one))
-    )
-    return [write_csv(folder / RUNS, _RUN_COLUMNS, map(_run, episodes)), exits]
+    rows = (row for one in episodes for row in _exits(scenario, groups, one))
+    return [write_csv(folder / RUNS, _RUN_COLUMNS, map(_run, episodes)), write_csv(folder / EXITS, _EXIT_COLUMNS, rows)]
 
 
 def write_curve(folder: Path, episodes: Sequence[Episode]) -> Path:
@@ -41,25 +32,6 @@ def write_curve(folder: Path, episodes: Sequence[Episode]) -> Path:
     columns = ("time", "inside_mean", *(f"inside_q{round(100 * share):02d}" for share in QUANTILES))
     rows = np.column_stack([curve.time, curve.mean, curve.quantiles])
     return write_csv(folder / CURVE, columns, ([f"{value:.10g}" for value in row] for row in rows))
-
-
-def read_tables(folder: Path, scenario: Scenario) -> list[Episode]:
-    """Return the runs of a folder, in the order of their numbers; none if it has no table yet.
-
-    Raises
-    ------
-    ValueError
-        If a table is not as `write_tables` leaves it; the file and row are named.
-    """
-    if not (folder / RUNS).exists():
-        return []
-    runs = read_table(folder / RUNS, "the finished runs", _RUN_COLUMNS, "SI units", "a run")
-    exits = read_table(folder / EXITS, "the exit times", _EXIT_COLUMNS, "SI units", "a person")
-    of_run: dict[str, list[Row]] = {}
-    for row in exits.rows:
-        of_run.setdefault(row.cells["run"], []).append(row)
-    found = [_episode(scenario, runs, row, exits, of_run.get(row.cells["run"], [])) for row in runs.rows]
-    return sorted(found, key=lambda episode: episode.run)
 
 
 def _groups(scenario: Scenario) -> np.ndarray:
@@ -95,37 +67,5 @@ def _exits(scenario: Scenario, groups: np.ndarray, episode: Episode) -> list[tup
 
 
 def _cell(value: float | int) -> str:
-    """Return a number so that reading it gives the same one; nan is an empty cell."""
+    """Return a number with all of its digits; nan is an empty cell."""
     return "" if value != value else str(value)
-
-
-def _episode(scenario: Scenario, runs: Table, row: Row, exits: Table, rows: Sequence[Row]) -> Episode:
-    what = f"row {row.number}"
-
-    def value(name: str) -> Any:
-        number = float("nan") if row.cells[name] == "" else runs.number(row, name, what)
-        return number if name not in _WHOLE else int(number)
-
-    metrics = EpisodeMetrics(**{name: value(name) for name in EpisodeMetrics._fields})
-    people = scenario.population.people
-    columns = np.full((3, people), np.nan)  # exit time, radius, desired speed
-    index = np.full(people, -1, dtype=np.int64)
-    told = [one for one in rows if one.cells["person"]]
-    try:
-        for one in told:
-            k, out, what = int(one.cells["person"]), one.cells["out"] == "1", f"row {one.number}"
-            columns[:, k] = [
-                exits.number(one, name, what) if out or one.cells[name] else float("nan")
-                for name in ("time", "radius", "desired_speed")
-            ]
-            if out:
-                index[k] = scenario.geometry.exit_names.index(one.cells["exit"])
-        number, seed = int(row.cells["run"]), int(row.cells["seed"])
-    except (ValueError, IndexError):
-        raise ValueError(f"{exits.path}: the exits of run {row.cells['run']!r} are not those of this place") from None
-    count = int((index >= 0).sum())
-    if count + metrics.unfinished != people:
-        raise ValueError(
-            f"{exits.path}: run {number} has {count} exits; {people} people without {metrics.unfinished} were expected"
-        )
-    return Episode(number, seed, metrics, columns[0], index, columns[1], columns[2], value("time_limit"), value("end"))

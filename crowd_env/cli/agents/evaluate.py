@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import closing, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -198,7 +198,7 @@ def main(
         if out is not None:
             require_libraries(".png")  # says now, not after the work, that the drawing library is missing
             folder = EvaluationFolder(out, settings)
-        with closing(_executor(ray, threads)) as executor:
+        with closing(_executor(ray, threads)) as executor, nullcontext() if folder is None else folder.alone():
             options: dict[str, Any] = {"seed": seed, "threads": threads, "folder": folder, "executor": executor}
             results = compare(entries, place, schemes, runs=runs, **options)
         figures = summary(results, place, settings, chosen)
@@ -275,10 +275,10 @@ def _place(
 def _write(
     folder: EvaluationFolder, results: list[Evaluation], figures: dict[str, Any], scenario: Scenario, first_seed: int
 ) -> None:
-    write_json(folder.path / "rows.json", figures)
+    write_json(folder.folder / "rows.json", figures)
     folder.write_runs(results, first_seed)
     pictures = folder.draw(results, scenario)
-    notes.print(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.path}/", markup=False, soft_wrap=True)
+    notes.print(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.folder}/", markup=False, soft_wrap=True)
 
 
 def _show(results: list[Evaluation], title: str, place: Scenario, task: Task | None) -> None:

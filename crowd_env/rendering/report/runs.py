@@ -4,9 +4,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from crowd_env.analysis.results.folder import CONFIG
+from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
 from crowd_env.analysis.results.report import report
-from crowd_env.analysis.results.tables import RUNS, read_tables
 from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json
@@ -105,9 +104,9 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
         other = config["version"] != __version__
         why = f"they were made by version {config['version']}" if other else "its file has changed since"
         raise ValueError(f"{folder}: {scenario.name} is not what these runs were made of: {why}; run them again")
-    episodes = read_tables(folder, scenario)
+    episodes = ResultsFolder(folder, config).finished()
     if not episodes:
-        raise ValueError(f"{folder / RUNS} holds no finished run; the command that began it goes on with it")
+        raise ValueError(f"{folder / KEPT} holds no finished run; the command that began it goes on with it")
     figures = report(scenario, scheme, episodes, dt=config["dt"], strategy=config["strategy"])
     return Runs("", folder, config, scenario, scheme, episodes, figures)
 

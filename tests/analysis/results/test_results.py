@@ -1,6 +1,5 @@
 """The folder of results: what stands in it is what was run, and an interrupted command goes on with it."""
 
-import csv
 import json
 from dataclasses import replace
 
@@ -10,14 +9,15 @@ from repository import ROOT
 
 from crowd_env import Groups, Population, make_scenario
 from crowd_env.analysis.exit_times import read_exits
-from crowd_env.analysis.results.config import difference, run_config
+from crowd_env.analysis.results.config import FREE, run_config
 from crowd_env.analysis.results.egress import egress
 from crowd_env.analysis.results.folder import ResultsFolder
 from crowd_env.analysis.results.report import report, time_of_share
-from crowd_env.analysis.results.tables import read_tables, write_curve, write_tables
+from crowd_env.analysis.results.tables import write_curve, write_tables
 from crowd_env.analysis.results.tally import Tally
 from crowd_env.core.executors import Processes
-from crowd_env.core.files.csv_table import read_table, write_csv
+from crowd_env.core.files.csv_table import read_table
+from crowd_env.core.files.store import difference as differs
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.physics import make_scheme
 
@@ -45,6 +45,10 @@ def episodes(place):
     return run_episodes(place, 3, scheme="dem", seed=2, strategy="nearest")
 
 
+def difference(there, here):
+    return differs(there, here, FREE)
+
+
 def same(found, expected):
     """Return whether runs are the same to the last bit."""
     for one, other in zip(found, expected, strict=True):
@@ -55,12 +59,6 @@ def same(found, expected):
         np.testing.assert_array_equal(one.radius, other.radius)
         np.testing.assert_array_equal(one.desired_speed, other.desired_speed)
     return True
-
-
-def test_tables_are_read_back_to_the_last_bit(place, episodes, tmp_path):
-    assert read_tables(tmp_path, place) == []
-    write_tables(tmp_path, place, episodes)
-    assert same(read_tables(tmp_path, place), episodes)
 
 
 def test_the_exits_are_those_that_clogging_reads(place, episodes, tmp_path):
@@ -83,24 +81,6 @@ def test_a_row_a_person_tells_who_it_was(place, episodes, tmp_path):
         body = place.population.draw(np.random.default_rng(2 + int(row["run"])), place.geometry)[0]
         k = int(row["person"])
         assert (float(row["radius"]), float(row["desired_speed"])) == (body.radius[k], body.desired_speed[k])
-
-
-def test_tables_of_older_versions_are_read(place, episodes, tmp_path):
-    write_tables(tmp_path, place, episodes)
-    with (tmp_path / "exits.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    stayed = {row["run"]: [row["run"], row.pop("until"), "", "0", *4 * [""]] for row in rows if row["out"] == "0"}
-    out = [list(row.values())[:8] for row in rows if row["out"] == "1"]
-    columns = ("run", "time", "exit", "out", "person", "radius", "desired_speed", "group")
-    write_csv(tmp_path / "exits.csv", columns, [*out, *stayed.values()])
-    for found, expected in zip(read_tables(tmp_path, place), episodes, strict=True):
-        inside = np.isnan(expected.exit_time)
-        np.testing.assert_array_equal(found.exit_time, expected.exit_time)
-        np.testing.assert_array_equal(found.radius, np.where(inside, NAN, expected.radius))
-    assert [run.until for run in read_exits(tmp_path / "exits.csv")] == [episode.end for episode in episodes]
-    found = read_tables(tmp_path, place)
-    write_tables(tmp_path, place, found)  # as a folder that is gone on with
-    assert same(read_tables(tmp_path, place), found)
 
 
 def test_n_of_t_counts_those_inside_and_a_run_that_has_ended_stays_as_it_was(tmp_path):
@@ -177,22 +157,23 @@ def test_a_tally_tells_of_a_run_under_way(place, monkeypatch):
 
 
 def test_a_folder_goes_on_with_the_runs_it_has(place, episodes, tmp_path):
-    first = ResultsFolder(tmp_path / "out", place, config(place))
-    assert first.finished == [] and not (tmp_path / "out").exists()
-    first.keep(episodes[:1])
-    again = ResultsFolder(tmp_path / "out", place, config(place))
-    assert same(again.finished, episodes[:1])
-    again.keep(episodes[1:])
-    paths = again.finish(episodes, {"runs": 3})
-    assert {path.name for path in paths} == {path.name for path in (tmp_path / "out").iterdir()}
-    assert same(ResultsFolder(tmp_path / "out", place, config(place, runs=5)).finished, episodes)
-    with pytest.raises(ValueError, match="holds 3 runs already"):
-        ResultsFolder(tmp_path / "out", place, config(place, runs=2))
+    out = tmp_path / "out"
+    first = ResultsFolder(out, config(place))
+    assert first.finished() == [] and not out.exists()
+    first.keep_runs(episodes[:1])
+    again = ResultsFolder(out, config(place))
+    assert same(again.finished(), episodes[:1])
+    again.keep_runs(episodes[1:])
+    paths = again.finish(place, episodes, {"runs": 3})
+    assert {path.name for path in paths} | {"runs"} == {path.name for path in out.iterdir()}
+    assert same(ResultsFolder(out, config(place, runs=5)).finished(), episodes)
+    assert same(ResultsFolder(out, config(place, runs=2)).finished(), episodes[:2])
 
 
 def test_a_folder_of_something_else_is_refused_and_left_alone(place, episodes, tmp_path):
-    ResultsFolder(tmp_path, place, config(place)).keep(episodes)
-    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    folder = ResultsFolder(tmp_path, config(place))
+    folder.keep_runs(episodes)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.json")}
     other = replace(place, time_limit=30.0)
     for changed, words in (
         (config(place, seed=3), "seed is 2 there and 3 here"),
@@ -200,12 +181,15 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(place, episodes, t
         (config(place, dt=0.005), "dt is 0.01 there and 0.005 here"),
         (config(other), "time_limit is 20.0 there and 30.0 here"),
     ):
-        with pytest.raises(ValueError, match=f"holds runs of another command: .*{words}"):
-            ResultsFolder(tmp_path, place, changed)
-    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
-    (tmp_path / "config.json").unlink()
-    with pytest.raises(ValueError, match=r"holds runs.csv without config.json"):
-        ResultsFolder(tmp_path, place, config(place))
+        with pytest.raises(ValueError, match=f"holds results of another command: .*{words}; name another folder"):
+            ResultsFolder(tmp_path, changed)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.json")} == before
+
+
+def test_a_folder_of_version_0_1_0_is_refused_with_the_way_out(place, episodes, tmp_path):
+    write_tables(tmp_path, place, episodes)
+    with pytest.raises(ValueError, match=r"as version 0\.1\.0 left it; run the command again, into another folder"):
+        ResultsFolder(tmp_path, config(place))
 
 
 def test_configs_differ_in_what_decides_results_alone(place):
@@ -216,12 +200,4 @@ def test_configs_differ_in_what_decides_results_alone(place):
     thinner = replace(place, population=Groups((Population(4, name="quick", radius=0.2), place.population.parts[1])))
     assert difference(here, config(thinner)) == "population[0].radius.high is 0.25 there and 0.2 here"
     other = replace(place, geometry=make_scenario("room-v0").geometry, target="nearest")
-    assert difference(here, config(other)) == "the plan, its routes or its rules are others"
-
-
-def test_a_damaged_table_is_named(place, episodes, tmp_path):
-    write_tables(tmp_path, place, episodes)
-    lines = (tmp_path / "exits.csv").read_text().splitlines()
-    (tmp_path / "exits.csv").write_text("\n".join(lines[:2] + lines[3:]))
-    with pytest.raises(ValueError, match=r"exits.csv: run 0 has 3 exits; 7 people without 3 were expected"):
-        read_tables(tmp_path, place)
+    assert difference(here, config(other)).startswith(f"fingerprint is {here['fingerprint']} there and ")

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -135,9 +136,7 @@ def test_no_name_becomes_markup(tmp_path: Path) -> None:
 
 def test_an_unfinished_folder_and_another_version_are_said(folders: Path, tmp_path: Path) -> None:
     copy = tmp_path / "some"
-    copy.mkdir()
-    for name in ("runs.csv", "exits.csv", "config.json"):
-        (copy / name).write_text((folders / "nearest" / name).read_text("utf-8"), "utf-8")
+    shutil.copytree(folders / "nearest", copy)
     config = json.loads((copy / "config.json").read_text("utf-8"))
     (copy / "config.json").write_text(json.dumps({**config, "runs": 50, "version": "0.0.9"}), "utf-8")
     code, _, said = command("report", copy, "-o", tmp_path / "report.html", "--no-maps")

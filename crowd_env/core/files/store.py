@@ -1,0 +1,217 @@
+"""A folder of finished pieces of work: a command that is stopped at any time, even by ``kill -9``, goes on where it was.
+
+Every piece is a file that appears whole or not at all.  An identity says what decided it: the configuration, the stamp of the
+code, the versions.  What has another identity is never mixed with what is made now.  A lock keeps a second command out.
+"""
+
+import errno
+import json
+import os
+import warnings
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from crowd_env.core.files.array_file import read_arrays, write_arrays
+from crowd_env.core.files.json_file import read_json, write_json
+
+_LOCK = ".lock"
+_MADE_BY = "made_by"
+# What systems and file systems without locks answer.
+_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL)
+
+
+class Store:
+    """Keeps pieces of work by their names.
+
+    Parameters
+    ----------
+    folder : where; it is made with the first piece.
+    identity : what decides all pieces, ready for JSON; None = each piece says so itself, as its ``made_by``.
+    about : name of the file that holds the identity.
+    free : entries of the identity in which two commands may differ and still go on with each other's pieces.
+
+    Raises
+    ------
+    ValueError
+        If the folder has another identity.  Nothing has been written.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        identity: Mapping[str, Any] | None = None,
+        *,
+        about: str = "identity.json",
+        free: Collection[str] = (),
+    ) -> None:
+        self.folder, self.about = folder, folder / about
+        self.identity = None if identity is None else _as_json(identity)
+        self._free, self._begun = free, False
+        self._check()
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep other commands from writing into the folder until the block ends.
+
+        Raises
+        ------
+        ValueError
+            If another command writes there now, or has made the folder its own meanwhile.
+        """
+        with claimed(self.folder / _LOCK) as ours:
+            if not ours:
+                raise ValueError(f"{self.folder}: another command is writing there; let it end, or name another folder")
+            self._check()
+            yield
+
+    def load(self, name: str, made_by: Mapping[str, Any] | None = None, *, redo: bool = False) -> dict[str, Any] | None:
+        """Return the content of a piece; None if it is not here or damaged.
+
+        Parameters
+        ----------
+        made_by : what must have decided it.
+        redo : a piece that something else decided is as good as none.
+
+        Raises
+        ------
+        ValueError
+            If something else decided it, unless it may be ``redo``-ne.
+        """
+        path = self.path(name)
+        if path is None:
+            return None
+        try:
+            content = _read(path)
+            there = content.pop(_MADE_BY, {})
+        except Exception:  # a damaged file fails in a dozen ways: zip, zlib, header of an array, JSON
+            return None
+        other = "" if made_by is None else difference(there, _as_json(made_by))
+        if not other:
+            return content
+        if redo:
+            return None
+        raise ValueError(f"{path} was made by another command: {other}; name another folder, or remove it")
+
+    def keep(self, name: str, content: Mapping[str, Any], made_by: Mapping[str, Any] | None = None) -> None:
+        """Write a piece, whole or not at all: as JSON, or, if its content names arrays, as ``.npz``.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written.
+        """
+        if self.identity is not None and not self._begun:  # first: without it the pieces belong to nothing
+            write_json(self.about, self.identity)
+            self._begun = True
+        arrays = {key: value for key, value in content.items() if isinstance(value, np.ndarray)}
+        facts = {key: value for key, value in content.items() if key not in arrays}
+        if made_by is not None:
+            facts = {_MADE_BY: made_by, **facts}
+        if arrays:
+            write_arrays(self.folder / f"{name}.npz", arrays, facts)
+        else:
+            write_json(self.folder / f"{name}.json", facts)
+
+    def path(self, name: str) -> Path | None:
+        """Return the file of a piece; None if there is none."""
+        files = (self.folder / f"{name}{suffix}" for suffix in (".json", ".npz"))
+        return next((file for file in files if file.exists()), None)
+
+    def _check(self) -> None:
+        if self.identity is None or not self.about.exists():
+            return
+        there = read_json(self.about)
+        if not isinstance(there, dict):
+            raise ValueError(f"{self.about} does not say what decided the results there; name another folder")
+        other = difference(there, self.identity, self._free)
+        if other:
+            raise ValueError(f"{self.folder} holds results of another command: {other}; name another folder")
+
+
+def _read(path: Path) -> dict[str, Any]:
+    if path.suffix == ".json":
+        return dict(read_json(path))
+    arrays, facts = read_arrays(path)
+    return {**facts, **arrays}
+
+
+def _as_json(content: Any) -> Any:
+    """Return plain data as reading a file gives it back."""
+    return json.loads(json.dumps(content, allow_nan=False))
+
+
+def difference(there: Mapping[str, Any], here: Mapping[str, Any], free: Collection[str] = ()) -> str:
+    """Return in words the first thing in which two identities differ, but for what is ``free``; "" if in none."""
+    for name in dict.fromkeys((*here, *there)):
+        if name not in free and there.get(name) != here.get(name):
+            return _words(name, there.get(name), here.get(name))
+    return ""
+
+
+def _words(name: str, there: Any, here: Any) -> str:
+    if isinstance(there, dict) and isinstance(here, dict):
+        key = next(key for key in dict.fromkeys((*here, *there)) if there.get(key) != here.get(key))
+        return _words(f"{name}.{key}", there.get(key), here.get(key))
+    if isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
+        k = next(k for k, pair in enumerate(zip(there, here, strict=True)) if pair[0] != pair[1])
+        return _words(f"{name}[{k}]" if len(here) > 1 else name, there[k], here[k])
+    return f"{name} is {there} there and {here} here"
+
+
+@contextmanager
+def claimed(path: Path) -> Iterator[bool]:
+    """Hold the lock file ``path`` as long as the block lasts, and say whether this process alone has it.
+
+    The lock falls with the process, however that ends.  A file that a killed process has left is not locked.  The file is
+    removed at the end, and so are the folders that were made for it and are empty.  Where the file system has no locks, a
+    warning says so, and every process has the claim.
+    """
+    made = [folder for folder in path.parents if not folder.exists()]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    file = _locked(path)
+    if file is None:
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        with suppress(OSError):
+            path.unlink()  # while it is locked: no other process can have taken the new one for the old one
+        file.close()
+        with suppress(OSError):  # something has been written there
+            for folder in made:
+                folder.rmdir()
+
+
+def _locked(path: Path) -> IO[str] | None:
+    """Return the open file, locked where there are locks; None if another process has it."""
+    while True:
+        file = path.open("w")
+        try:
+            _lock(file)
+        except (BlockingIOError, PermissionError):
+            file.close()
+            return None
+        except (ImportError, OSError) as error:
+            if isinstance(error, OSError) and error.errno not in _NO_LOCKS:
+                file.close()
+                raise
+            told = f"{path.parent} has no file locks: see to it that no other command writes there"
+            warnings.warn(told, stacklevel=4)
+            return file
+        try:
+            if os.fstat(file.fileno()).st_ino == path.stat().st_ino:
+                return file
+        except FileNotFoundError:
+            pass
+        file.close()  # its owner has removed it between our opening and our locking: lock the next one
+
+
+def _lock(file: IO[str]) -> None:
+    import fcntl  # of POSIX systems
+
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
