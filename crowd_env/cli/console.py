@@ -17,7 +17,6 @@ from crowd_env.core.console import check_place
 OF_PLACE, OF_PEOPLE, OF_PHYSICS, OF_RUNS, OF_OUTPUT = "Place", "People", "Physics", "Runs", "Output"
 
 _WIDTH = 100  # letters of a table that no terminal shows
-_SHOWN = 12  # items in a cell
 
 
 def complete_from(names: Iterable[str]) -> Callable[[str], list[str]]:
@@ -94,12 +93,6 @@ def show_table(
     for row, label in enumerate(next(iter(columns.values()))):
         table.add_row(label, *(cells[label] for cells in columns.values()), end_section=row in sections)
     console.print(table)
-
-
-def listed(items: Sequence[str], separator: str = "\n", most: int = _SHOWN) -> str:
-    """Return the first few items, and how many more there are."""
-    more = [f"and {len(items) - most} more"] if len(items) > most else []
-    return separator.join([*items[:most], *more])
 
 
 def check_picture(option: str, path: Path, suffixes: Sequence[str], *, makes_folder: bool = False) -> None:

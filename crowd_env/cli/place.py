@@ -12,6 +12,7 @@ import typer
 from crowd_env.cli.console import OF_PEOPLE, OF_PHYSICS, OF_PLACE, OF_RUNS, complete_from
 from crowd_env.core.arrays.headway import MANNERS
 from crowd_env.core.arrays.state import MOTIVATION
+from crowd_env.core.checks import known
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
@@ -126,7 +127,7 @@ def place_of(given: Mapping[str, Any]) -> Setting:
     ValueError
         If there is no such place, something in its file is wrong, or an option does not suit it.
     """
-    changes = _changes(given.get("set") or ())
+    changes = split_changes(given.get("set"))
     named = given.get("physics") or "nsm2"
     scheme = _own(named) if ".py:" in named else make_scheme(named)
     owners = {
@@ -136,8 +137,8 @@ def place_of(given: Mapping[str, Any]) -> Setting:
     }
     for name in changes:
         if not any(name in names for names in owners.values()):
-            known = "; ".join(f"{who} has {', '.join(names)}" for who, names in owners.items())
-            raise ValueError(f"--set {name}: nothing has this name; {known}")
+            there = "; ".join(f"{who} has {', '.join(names)}" for who, names in owners.items())
+            raise ValueError(f"--set {name}: nothing has this name; {there}")
     drawn, of_physics, _ = ({name: changes[name] for name in names if name in changes} for names in owners.values())
     outline, social = drawn.pop("outline", None), of_physics.pop("social", None)
     found = read_place(
@@ -220,7 +221,9 @@ def people_options(
     number = people if recorded is None else len(recorded)
     if number is not None:
         found["people"] = number
-    return found | {_DRAWN[name]: _range(name, text) for name, text in (drawn or {}).items()}
+    for name, text in (drawn or {}).items():
+        found[_DRAWN[known("property of people", name, _DRAWN, "--set: ")]] = _range(name, text)
+    return found
 
 
 def plan_options(name: str, exits: Sequence[str] | None, unit: str | None) -> dict[str, Any]:
@@ -247,9 +250,16 @@ def files_of(given: Mapping[str, Any]) -> dict[str, Path]:
     return {name: Path(file) for name, file in named.items()}
 
 
-def _changes(texts: Sequence[str]) -> dict[str, str]:
+def split_changes(texts: Sequence[str] | None) -> dict[str, str]:
+    """Return what --set changes, by names.
+
+    Raises
+    ------
+    ValueError
+        If one is no NAME=VALUE, or a name is set twice.
+    """
     found: dict[str, str] = {}
-    for text in texts:
+    for text in texts or ():
         name, sign, value = (part.strip() for part in text.partition("="))
         if not (name and sign and value):
             raise ValueError(f"--set {text}: this must be NAME=VALUE, such as speed=1.5")
@@ -281,7 +291,7 @@ def _range(name: str, text: str) -> Uniform:
 
 
 def _own(text: str) -> ContactScheme:
-    """Return the contact scheme of a file of one's own, such as ``my_law.py:MyLaw``: an object, or a class without arguments."""
+    """Return the contact scheme in a file, such as ``my_law.py:MyLaw``: an object, or a class that takes no arguments."""
     file, _, name = text.rpartition(":")
     path = Path(file).resolve()
     if not path.is_file():

@@ -10,7 +10,7 @@ from repository import ROOT
 from typer.testing import CliRunner
 
 from crowd_env import SCENARIOS, SCHEMES
-from crowd_env.analysis.results.report import doubts, report
+from crowd_env.analysis.figures import doubts, report
 from crowd_env.cli.main import app
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import make_scenario

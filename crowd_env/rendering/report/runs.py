@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from crowd_env.analysis.figures import report
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
-from crowd_env.analysis.results.report import report
 from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json
@@ -30,7 +30,7 @@ class Runs(NamedTuple):
     scenario: Scenario
     scheme: ContactScheme
     episodes: list[Episode]
-    figures: dict[str, Any]  # of `crowd_env.analysis.results.report.report`
+    figures: dict[str, Any]  # of `crowd_env.analysis.figures.report`
 
     @property
     def draw(self) -> str:
