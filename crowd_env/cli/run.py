@@ -36,10 +36,10 @@ crowd-env run room-v0 --physics nsm2 --runs 50 --json
 
 crowd-env run my_room.wkt --exit 5,2,5,3 --people 40 --set speed=1.5
 
-crowd-env run my_room.wkt --exit 5,2,5,3 --people 40 --out results --record 1
+crowd-env run my_room.wkt --exit 5,2,5,3 --people 40 --out results
 """
 
-_RECORDING = "recording.sqlite"
+_RECORDINGS = "recordings"
 
 
 def run(
@@ -78,7 +78,7 @@ def run(
         str | None,
         typer.Option(
             metavar="N|all",
-            help="Record the first N runs, or all, into --out: who is where when.",
+            help="Record the first N runs, or all, into --out: who is where when; default 1.",
             rich_help_panel=OF_OUTPUT,
         ),
     ] = None,
@@ -101,7 +101,8 @@ def run(
             from crowd_env.recording import RunRecorder
 
             facts = {"rules": options["rules"]}
-            recorder = RunRecorder(out / _RECORDING, runs=recorded, contacts=contacts, seed=seed, facts=facts)
+            path = out / _RECORDINGS / ("run-0.sqlite" if len(recorded) == 1 else "run.sqlite")
+            recorder = RunRecorder(path, runs=recorded, contacts=contacts, seed=seed, facts=facts)
         begin = time.monotonic()
         done = evacuate(
             run_title(place, scheme.info.name),
@@ -148,10 +149,10 @@ def _recorded(record: str | None, runs: int, out: Path | None) -> frozenset[int]
     ValueError
         If the option is not understood, or there is no folder for the recordings.
     """
-    if record is None:
-        return frozenset()
     if out is None:
+        if record is None:
+            return frozenset()
         raise ValueError("--record needs a folder: give --out too")
-    if record != "all" and not (record.isdecimal() and 1 <= int(record) <= runs):
-        raise ValueError(f"--record is {record!r}; it must be all, or how many of the {runs} runs, from 1")
-    return frozenset(range(runs if record == "all" else int(record)))
+    if record not in (None, "all") and not (record.isdecimal() and int(record) <= runs):
+        raise ValueError(f"--record is {record!r}; it must be all, or how many of the {runs} runs")
+    return frozenset(range(runs if record == "all" else int(record or 1)))

@@ -258,7 +258,7 @@ def test_a_moment_after_the_end_is_refused():
 
 def test_the_first_run_can_be_drawn(tmp_path):
     path = tmp_path / "out.png"
-    words = f"run --n 6 --runs 1 --scheme dem --force-network {path} --at 1.5 --around 2"
+    words = f"run --people 6 --runs 1 --physics dem --force-network {path} --at 1.5 --around 2"
     result = CliRunner().invoke(app, words.split())
     assert result.exit_code == 0, result.output
     assert path.read_bytes()[:4] == b"\x89PNG"
@@ -266,7 +266,7 @@ def test_the_first_run_can_be_drawn(tmp_path):
 
 
 def test_figures_are_printed_before_a_picture_that_cannot_be_drawn(tmp_path):
-    words = f"run --n 3 --runs 1 --scheme dem --force-network {tmp_path / 'a.png'} --at 50 --json"
+    words = f"run --people 3 --runs 1 --physics dem --force-network {tmp_path / 'a.png'} --at 50 --json"
     result = CliRunner().invoke(app, words.split())
     assert result.exit_code == 2 and json.loads(result.stdout)["runs"] == 1
     assert "the evacuation was over after" in result.stderr and result.stderr.count("\n") == 1

@@ -52,7 +52,7 @@ def test_a_table_replaces_what_stands_between_its_marks_and_nothing_else(tmp_pat
         "| `dem` | 0.01 | 0.0186 / 12.3 | 2.5 | 4.44 ± 0.55 | 2.00 ± 0.25 | 34 people in 3 of 50 runs | 3.0 |" in lines
     )
     assert "3.04 for `dem` (here 2.00, −34 %)" in lines[-3]
-    assert asked[:2] == [f"crowd_env run room-v0 --scheme dem --runs 50{step}" for step in ("", " --dt 0.001")]
+    assert asked[:2] == [f"crowd_env run room-v0 --physics dem --runs 50{step}" for step in ("", " --set dt=0.001")]
     assert len(asked) == len(set(asked))  # the sentences run nothing anew
 
 

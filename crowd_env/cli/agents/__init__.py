@@ -32,14 +32,12 @@ RENAMED: Mapping[str, str] = MappingProxyType(
         "--strategy": "--routing NAME",
         "--no-rules": "--set signs=no",
         **{f"--{name}": f"--set {name}=VALUE" for name in ("speed", "radius", "outline", "social", "dt")},
-        **dict.fromkeys(
-            ("--film", "--film-width", "--film-fps", "--film-speed"), "--out DIR --record 1, then crowd-env film DIR"
-        ),
-        "--html": "--out DIR --record 1, then crowd-env replay DIR",
-        **dict.fromkeys(("--force-network", "--at", "--around"), "--out DIR --record 1, then crowd-env forces DIR"),
+        **dict.fromkeys(("--film", "--film-width", "--film-fps", "--film-speed"), "--out DIR, then crowd-env film DIR"),
+        "--html": "--out DIR, then crowd-env replay DIR",
+        **dict.fromkeys(("--force-network", "--at", "--around"), "--out DIR, then crowd-env forces DIR"),
         "--record-runs": "--record N, or --record all",
-        "--record-contacts": "--record N, which records contacts unless --no-contacts is given",
-        "--every": "--record N, which records every decision",
+        "--record-contacts": "--out DIR, which records contacts unless --no-contacts is given",
+        "--every": "--out DIR, which records every decision",
     }
 )
 

@@ -25,11 +25,11 @@ PLAN = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
 def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of three folders of runs: two strategies on the same draws, and another place."""
     home = tmp_path_factory.mktemp("reported")
-    hall = ("run", "two-exit-hall-v0", "--n", 8, "--runs", 3, "--manner", "hurried")
+    hall = ("run", "two-exit-hall-v0", "--people", 8, "--runs", 3, "--crowd", "hurried")
     for words in (
         (*hall, "--strategy", "nearest", "--out", home / "nearest"),
         (*hall, "--strategy", "shortest", "--out", home / "shortest"),
-        ("run", "room-v0", "--n", 4, "--runs", 2, "--scheme", "dem", "--out", home / "room"),
+        ("run", "room-v0", "--people", 4, "--runs", 2, "--physics", "dem", "--out", home / "room"),
     ):
         code, _, said = command(*words)
         assert code == 0, said
@@ -122,7 +122,7 @@ def test_no_name_becomes_markup(tmp_path: Path) -> None:
     home.mkdir()
     plan = home / "$x_<img src=x>.wkt"
     plan.write_text(PLAN, "utf-8")
-    runs = ("run", plan, "--exit", "6,1,6,2.2", "--n", 3, "--runs", 1)
+    runs = ("run", plan, "--exit", "6,1,6,2.2", "--people", 3, "--runs", 1)
     assert command(*runs, "--out", home / "<b>one")[0] == 0
     assert command(*runs, "--out", home / "_$two")[0] == 0
     page = tmp_path / "report.html"
