@@ -167,6 +167,11 @@ def judged_place(config: Mapping[str, Any]) -> Scenario:
     return replace(place, manner=config["manner"], outline=config["outline"])
 
 
+def physics_of(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options of `evaluate` under which a run is validated: those it was trained with."""
+    return {name: config[name] for name in ("scheme", "dt", "decision_dt", "strategy", "manner", "outline")}
+
+
 def facts_of(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the file of a network says of its training."""
     facts = ("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "seed", "versions")

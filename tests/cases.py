@@ -20,31 +20,35 @@ def looped(
     """
     words = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
     cases = list(cases)
-
-    def named(k: int, case: Any) -> str:
-        if callable(ids):
-            return str(ids(case))
-        return str(ids[k]) if ids else ", ".join(f"{word}={value!r}" for word, value in of(case).items())
-
-    def of(case: Any) -> dict[str, Any]:
-        return dict(zip(words, case if len(words) > 1 else (case,), strict=True))
+    values = [dict(zip(words, case if len(words) > 1 else (case,), strict=True)) for case in cases]
+    if ids is None:
+        called = [", ".join(f"{word}={value!r}" for word, value in case.items()) for case in values]
+    else:
+        called = [str(ids(case)) for case in cases] if callable(ids) else [str(name) for name in ids]
 
     def decorate(test: Callable[..., Any]) -> Callable[..., Any]:
+        # A loop around a loop is one loop over all pairs.
+        once, inner = getattr(test, "looped", (test, [("", {})]))
+        pairs = [
+            (", ".join(filter(None, [name, within])), {**case, **part})
+            for name, case in zip(called, values, strict=True)
+            for within, part in inner
+        ]
+
         def run(subtests: Any, **fixtures: Any) -> None:
-            assert cases, "no case to run"
-            own = {"subtests": subtests} if takes_subtests else {}
-            for k, case in enumerate(cases):
-                with subtests.test(msg=named(k, case)):
-                    test(**own, **of(case), **fixtures)
+            assert pairs, "no case to run"
+            for name, case in pairs:
+                with subtests.test(msg=name):
+                    once(**case, **fixtures)
 
         signature = inspect.signature(test)
-        takes_subtests = "subtests" in signature.parameters  # of a loop within this one
         kept = [p for name, p in signature.parameters.items() if name not in {*words, "subtests"}]
         first = inspect.Parameter("subtests", inspect.Parameter.KEYWORD_ONLY)
         kept = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in kept]
         run.__dict__.update(test.__dict__)  # marks
         run.__signature__ = signature.replace(parameters=[first, *kept])  # type: ignore[attr-defined]
         run.__name__, run.__doc__, run.__module__ = test.__name__, test.__doc__, test.__module__
+        run.looped = (once, pairs)  # type: ignore[attr-defined]
         return run
 
     return decorate

@@ -3,8 +3,9 @@
 import re
 import shlex
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import pytest
 from repository import ROOT
 
 FRONT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md")]
@@ -58,6 +59,14 @@ def blocks_of(page: Path) -> list[Block]:
 def blocks(kind: str) -> list[Block]:
     """Return all blocks of a kind."""
     return [block for page in PAGES for block in blocks_of(page) if block.kind == kind]
+
+
+def tried(kind: str) -> list[Any]:
+    """Return all blocks of a kind as cases of a test: those of the README before a change lands, the others at night."""
+    marks = {True: pytest.mark.more, False: pytest.mark.nightly}
+    return [
+        pytest.param(block, id=called(block), marks=marks[block.page.name == "README.md"]) for block in blocks(kind)
+    ]
 
 
 def commands_of(block: Block) -> list[Command]:

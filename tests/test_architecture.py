@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from cases import looped
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
@@ -16,6 +17,8 @@ else:
     import tomli as tomllib  # pytest brings it
 
 from repository import ROOT
+
+pytestmark = pytest.mark.more
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 SOURCES = sorted(path for folder in ("crowd_env", "agents") for path in (ROOT / folder).rglob("*.py"))
@@ -56,7 +59,7 @@ def only_in_extras() -> set[str]:
     return {OTHERWISE_IMPORTED.get(name, name.replace("-", "_")) for name in names}
 
 
-@pytest.mark.parametrize(
+@looped(
     ("program", "asked"),
     [
         ("import crowd_env", {}),

@@ -23,6 +23,7 @@ LARGEST = 400_000  # bytes: code hosts show no larger ones, and every execution 
 OF_A_MACHINE = re.compile(
     r"(?<![\w.])/(?:Users|home|opt|private|root|tmp|usr|var|work)/|0x[0-9a-f]{6,}|Warning|\x1b|s of computing"
 )
+pytestmark = pytest.mark.more
 each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
 
@@ -39,6 +40,7 @@ def text_of(cell):
     return "\n".join(found)
 
 
+@pytest.mark.nightly
 @each_notebook
 def test_a_notebook_runs(path):
     if "import pedpy" in path.read_text(encoding="utf-8"):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 
 from crowd_env.core.arrays.outline import OUTLINES, Outline, make_outline, plain_outline, room_of
 
@@ -35,7 +36,7 @@ def drawn(rng, count):
     return tuple((*rng.normal(0, 0.15, 2), rng.uniform(0.03, 0.2)) for _ in range(count))
 
 
-@pytest.mark.parametrize("seed", range(12))
+@looped("seed", range(12))
 def test_area_centroid_and_inertia_are_those_of_a_fine_grid(seed):
     discs = TORSO.discs if seed == 0 else drawn(np.random.default_rng(seed), 1 + seed % 7)
     area, center, polar = moments(discs)
@@ -63,7 +64,7 @@ def test_one_disc_is_a_disc_wherever_it_is_given():
         assert (shape.x[0], shape.y[0], shape.radius[0], shape.reach, shape.inertia) == (0.0, 0.0, 1.0, 1.0, 0.5)
 
 
-@pytest.mark.parametrize(("mass", "inertia", "discs"), LEMONS)
+@looped(("mass", "inertia", "discs"), LEMONS)
 def test_the_moment_of_inertia_of_lemons(mass, inertia, discs):
     discs = [*discs, *((x, -y, r) for x, y, r in discs if y > 0 and (x, -y, r) not in list(map(tuple, discs)))]
     area, _, _ = moments(discs)
@@ -91,7 +92,7 @@ def test_names_and_plain_data_lead_to_the_same_outline():
     assert hash(given) == hash(make_outline(table))
 
 
-@pytest.mark.parametrize(
+@looped(
     ("wrong", "says"),
     [
         ("square", "unknown outline 'square'; known: disc, torso"),

@@ -4,7 +4,10 @@ import importlib
 import re
 
 import pytest
+from cases import looped
 from repository import ROOT
+
+pytestmark = pytest.mark.more
 
 DOCS = ROOT / "docs"
 PAGES = sorted(
@@ -39,7 +42,7 @@ def test_every_page_is_in_the_site():
     assert sorted(reached) == PAGES
 
 
-@pytest.mark.parametrize(
+@looped(
     "module",
     [
         "crowd_env",

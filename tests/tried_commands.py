@@ -24,8 +24,7 @@ from typer.testing import CliRunner
 
 import benchmarks.cli
 from benchmarks.measuring import Row
-from crowd_env.agents.benchmark import algorithms, job
-from crowd_env.agents.benchmark.algorithms import ALGORITHMS
+from crowd_env.agents import benchmark
 from crowd_env.agents.evaluation import same_draws
 from crowd_env.agents.pretrained import load
 from crowd_env.agents.rules import ShortestPath
@@ -44,7 +43,7 @@ ADDED = {
     "lin-fig4": ["--workers", "1"],
     "--scenario": ["--people", str(FEW)],
     "crowd_env.cli.agents.submit": ["--robustness-runs", "0"],
-    "crowd_env.agents.benchmark": ["--runs", "1", "--validation-runs", "1", "--baselines", "rule"],
+    "crowd_env.agents.benchmark": ["--runs", "1", "--baselines", "rule"],
     "--peers": ["scaling"],  # one case alone
     "benchmarks.report": ["--page", "performance.md"],  # a copy
 }
@@ -147,9 +146,8 @@ def short_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
         for steps in range(2):
             watch.goes_on(steps, ShortestPath)
 
-    quick = {name: one._replace(train=learned) for name, one in ALGORITHMS.items()}
-    monkeypatch.setattr(algorithms, "ALGORITHMS", quick)
-    monkeypatch.setattr(job, "ALGORITHMS", quick)
+    quick = {name: one._replace(train=learned) for name, one in benchmark.ALGORITHMS.items()}
+    monkeypatch.setattr(benchmark, "ALGORITHMS", quick)
 
     for backend in learn.BACKENDS:
         monkeypatch.setitem(learn.BACKENDS, backend, trained)

@@ -5,37 +5,22 @@ pushed, and a flow, so that no number holds for all of them: what the rule does 
 scheme makes of a crowd that does its worst.
 """
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from crowd_env import Scenario
 
 from ..tasks.floors import LARGEST_RECORDED_FLOW, exit_widths, touching_flow
 from ..walking import RuleAtShare
 from .entries import RULE
-from .evaluation import Evaluation
 
 _OVERLAP, _OVERLAP_MM = 1.25, 1.0  # the deepest of many draws scatters: so many times the rule's, and so much more
 _SPEED, _FLOW, _HURRY = 1.25, 1.1, 1.05  # times what is allowed
 
-
-class _Check(NamedTuple):
-    name: str
-    value: float
-    most: float
-    unit: str
-    because: str  # of `most`
-
-    @property
-    def passed(self) -> bool:
-        return self.value <= self.most
-
-    @property
-    def said(self) -> str:
-        return f"{self.name} is {self.value:.3g}{self.unit}, more than {self.most:.3g}{self.unit}: {self.because}"
+Row = Mapping[str, Any]  # of `Evaluation.row`
 
 
-def credibility(result: Evaluation, results: Sequence[Evaluation], place: Scenario) -> dict[str, Any]:
+def credibility(row: Row, rows: Sequence[Row], place: Scenario) -> dict[str, Any]:
     """Return whether what a policy did can be believed: ``ok`` and the ``reasons``, ready for JSON.
 
     Nobody may have escaped.  The deepest overlap and the largest speed of anyone may be a quarter more than under the rule at
@@ -46,43 +31,40 @@ def credibility(result: Evaluation, results: Sequence[Evaluation], place: Scenar
 
     Parameters
     ----------
-    results : measured, of all policies on the same draws; without the rule among those under the same scheme ``ok`` is None
-        unless something is wrong in itself.
+    row, rows : as `Evaluation.row` returns them, measured, of this policy and of all policies on the same draws; without the
+        rule among those under the same scheme ``ok`` is None unless something is wrong in itself.
     """
-    beside = [one for one in results if one.scheme == result.scheme]
-    rule = next((one for one in beside if one.policy == RULE), None)
-    row = result.row()
+    beside = [one for one in rows if one["scheme"] == row["scheme"]]
+    rule = next((one for one in beside if one["policy"] == RULE), None)
     reasons = [f"{row['escaped']} people were outside of the walls"] if row["escaped"] else []
     if rule is not None:
-        best = [one for one in beside if one.policy in (RULE, RuleAtShare.name)]
-        reasons += [one.said for one in _checks(row, rule.row(), [one.row() for one in best], place) if not one.passed]
-    if reasons or rule is not None:
-        return {"ok": not reasons, "reasons": reasons}
-    return {"ok": None, "reasons": [f"not held against the rule: it is not among the policies (add {RULE})"]}
+        best = [one for one in beside if one["policy"] in (RULE, RuleAtShare.name)]
+        reasons += [
+            f"{name} is {value:.3g}{unit}, more than {most:.3g}{unit}: {because}"
+            for name, value, most, unit, because in _checks(row, rule, best, place)
+            if value > most
+        ]
+    elif not reasons:
+        return {"ok": None, "reasons": [f"not held against the rule: it is not among the policies (add {RULE})"]}
+    return {"ok": not reasons, "reasons": reasons}
 
 
-def _checks(row: dict[str, Any], rule: dict[str, Any], best: Sequence[dict[str, Any]], place: Scenario) -> list[_Check]:
+def _checks(row: Row, rule: Row, best: Sequence[Row], place: Scenario) -> list[tuple[str, float, float, str, str]]:
+    """Return what is checked: name, value, the most that is believed, its unit, and why."""
     wanted = max(part.desired_speed.high for part in place.population.parts)
     overlap, speed = _OVERLAP * 1e3 * rule["max_overlap"] + _OVERLAP_MM, _SPEED * max(rule["max_speed"], wanted)
     hurry = _HURRY * max(1.0, rule["hurry"]["max"])
-    flow, because = _largest_flow(best, place)
+    flow, whose = _largest_flow(best, place)
+    own = "the rule's with 5 % more, at least 1"
     return [
-        _Check(
-            "the deepest overlap", 1e3 * row["max_overlap"], overlap, " mm", "a quarter and 1 mm more than the rule's"
-        ),
-        _Check("the largest speed", row["max_speed"], speed, " m/s", "a quarter more than the rule's, or than desired"),
-        _Check(
-            "someone's mean speed over the desired",
-            row["hurry"]["max"],
-            hurry,
-            "",
-            "the rule's with 5 % more, at least 1",
-        ),
-        _Check("the flow", row["flow"]["mean"] or 0.0, _FLOW * flow, " /s", because),
+        ("the deepest overlap", 1e3 * row["max_overlap"], overlap, " mm", "a quarter and 1 mm more than the rule's"),
+        ("the largest speed", row["max_speed"], speed, " m/s", "a quarter more than the rule's, or than desired"),
+        ("someone's mean speed over the desired", row["hurry"]["max"], hurry, "", own),
+        ("the flow", row["flow"]["mean"] or 0.0, _FLOW * flow, " /s", f"a tenth more than {whose}"),
     ]
 
 
-def _largest_flow(best: Sequence[dict[str, Any]], place: Scenario) -> tuple[float, str]:
+def _largest_flow(best: Sequence[Row], place: Scenario) -> tuple[float, str]:
     """Return the largest flow [1/s] that is believed, without tolerance, and whose it is."""
     width = float(exit_widths(place).sum())
     flows = {
@@ -92,4 +74,4 @@ def _largest_flow(best: Sequence[dict[str, Any]], place: Scenario) -> tuple[floa
     if min((row["unfinished_runs"] / row["runs"] for row in best), default=0.0) >= 0.5:
         flows["people one behind the other, touching, at full speed (the rule gets stuck)"] = touching_flow(place)
     whose = max(flows, key=lambda name: flows[name])
-    return flows[whose], f"a tenth more than {whose}"
+    return flows[whose], whose

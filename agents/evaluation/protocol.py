@@ -1,6 +1,6 @@
 """What is said of every policy on a task: the same figures, in the same order, for every task."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.table import Table
@@ -14,11 +14,27 @@ from .credible import credibility
 from .evaluation import Evaluation
 from .report import add_row, new_table, percent, with_first
 
-_MEASURED = ("walked", "max_density", "max_pressure", "crushed_share", "crushed_time", "pressure_is_force", "hurry")
+_MEANS = ("contact_impulse", "mean_exit_learned", "mean_exit_others")  # the last two of mixed crowds
+_FIGURES = (
+    *("max_speed", "escaped", "blocked_share", "unfinished_share", "learned_share", "max_overlap", "constants"),
+    *("walked", "max_density", "max_pressure", "crushed_share", "crushed_time", "pressure_is_force", "hurry"),
+)
 
 
 def task_row(task: Task, place: Scenario, result: Evaluation, results: Sequence[Evaluation]) -> dict[str, Any]:
-    """Return the figures of one of the ``results`` on a task, ready for JSON, in SI units.
+    """Return the `task_figures` of one of the ``results`` on a task, beside the first of them."""
+    first = next(one for one in results if one.scheme == result.scheme)
+    row = result.row() | {"mean_exit": named(mean_times(result))}
+    return {
+        **task_figures(task.name, place, row, [one.row() for one in results]),
+        "minus_first": minus_first(result, first),
+    }
+
+
+def task_figures(
+    task: str, place: Scenario, row: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Return the figures of a policy on a task, ready for JSON, in SI units.
 
     ``blocked`` counts the runs that ended because nobody had got out for ``blocked_after`` of the task, ``unfinished`` all runs
     in which somebody was left inside, blocked ones included.  ``clearing_time``, of the last person, is over the runs that
@@ -30,34 +46,26 @@ def task_row(task: Task, place: Scenario, result: Evaluation, results: Sequence[
     ``crushed_share`` the share of people for whom it once exceeded the 1600 N/m of an injury, ``crushed_time`` [s] for how long
     in all.  Where ``pressure_is_force`` is false, the scheme has no forces that anyone would feel.  ``learned_share`` is of the
     people whom the policy moves; the others follow the rule of the task.  ``credible`` holds the result against the rule.
+
+    Parameters
+    ----------
+    row, rows : of `Evaluation.row`, of the policy and of all beside it; the first with ``mean_exit`` too.
     """
-    row = result.row()
     return {
-        "task": task.name,
-        "policy": result.policy,
-        "scheme": result.scheme,
+        "task": task,
+        "policy": row["policy"],
+        "scheme": row["scheme"],
         "people": place.population.people,
-        "runs": result.runs,
+        "runs": row["runs"],
         "blocked": row["blocked_runs"],
         "unfinished": row["unfinished_runs"],
         "clearing_time": _mean(row["evacuation_time"]),
-        "mean_exit": _mean(named(mean_times(result))),
+        "mean_exit": _mean(row["mean_exit"]),
         "flow": row["flow"]["mean"],
-        "max_speed": row["max_speed"],
-        "escaped": row["escaped"],
-        "blocked_share": row["blocked_share"],
-        "unfinished_share": row["unfinished_share"],
         "left": row["unfinished"],
-        "learned_share": row["learned_share"],
-        **{
-            name: _mean(row[name]) for name in ("mean_exit_learned", "mean_exit_others") if name in row
-        },  # in a mixed crowd
-        "contact_impulse": _mean(row["contact_impulse"]),
-        **{name: row[name] for name in _MEASURED if name in row},  # of runs that were measured
-        "max_overlap": row["max_overlap"],
-        "constants": row["constants"],
-        "credible": credibility(result, results, place),
-        "minus_first": minus_first(result, next(one for one in results if one.scheme == result.scheme)),
+        **{name: _mean(row[name]) for name in _MEANS if name in row},
+        **{name: row[name] for name in _FIGURES if name in row},  # some are of runs that were measured
+        "credible": credibility(row, rows, place),
     }
 
 
@@ -95,7 +103,8 @@ def task_cells(result: Evaluation) -> list[str]:
 
 def credible_lines(results: Sequence[Evaluation], place: Scenario) -> list[str]:
     """Return whether results can be believed, in words, and what speaks against it."""
-    found = [(one, credibility(one, results, place)) for one in results]
+    rows = [one.row() for one in results]
+    found = [(one, credibility(row, rows, place)) for one, row in zip(results, rows, strict=True)]
     lines = []
     for ok, words in ((True, "Credible, held against the rule"), (None, "Not held against the rule, add rule")):
         names = [_named(one, results) for one, said in found if said["ok"] is ok]

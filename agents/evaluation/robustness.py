@@ -11,7 +11,7 @@ from crowd_env import Scenario
 from crowd_env.core.console import notes
 
 from ..runs import versions
-from ..tasks.task import Task
+from ..tasks.task import Task, place_digest
 from ..tasks.variations import Variation, variations
 from .entries import Entry, NotMixed, make_entries
 from .evaluation import Evaluation
@@ -35,17 +35,21 @@ class Trial(NamedTuple):
         """Return what results of the trial depend on beside policy and scheme."""
         return settings_of(self.place, runs, seed, task, self.variation.learned_share)
 
-    def facts(self, task: Task, runs: int, seed: int) -> dict[str, Any]:
+    def facts(self, task: Task) -> dict[str, Any]:
         """Return what the variation is, ready for JSON; the digest is of the place."""
-        one = self.variation
-        return {
-            "variation": one.name,
-            "about": one.about,
-            "scheme": self.scheme,
-            "people": self.place.population.people,
-            "learned_share": one.learned_share or 1.0,
-            "digest": self.settings(task, runs, seed)["digest"],
-        }
+        return facts_of_variation(task, self.variation, self.place)
+
+
+def facts_of_variation(task: Task, one: Variation, place: Scenario) -> dict[str, Any]:
+    """Return what a variation is, ready for JSON; the digest is of the place."""
+    return {
+        "variation": one.name,
+        "about": one.about,
+        "scheme": one.scheme or task.scheme,
+        "people": place.population.people,
+        "learned_share": one.learned_share or 1.0,
+        "digest": place_digest(place),
+    }
 
 
 Found = Sequence[tuple[Trial, Sequence[Evaluation]]]
@@ -114,7 +118,7 @@ def summary_of_trials(task: Task, found: Found, runs: int, seed: int) -> dict[st
         "task": task.identity(),
         "runs": runs,
         "seed": seed,
-        "variations": [trial.facts(task, runs, seed) for trial, _ in found],
+        "variations": [trial.facts(task) for trial, _ in found],
         "rows": [
             {**task_row(task, trial.place, one, results), "variation": trial.variation.name}
             for trial, results in found

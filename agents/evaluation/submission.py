@@ -1,199 +1,272 @@
-"""Submissions: all that a policy did on a task in one file, figures and every run, which can be held against the task again."""
+"""Submissions: all that a policy did on a task in one file, a line for each run, which can be held against the task again.
+
+What every policy stands beside, the rule at full and at its best speed, lies once for each task in a file of its own:
+``TASK.json`` beside the folder ``TASK`` with a file for each policy.  Figures are not kept: they are made of the runs.
+"""
 
 import json
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowd_env import EpisodeMetrics, Scenario
+from crowd_env.analysis.results.report import figures_of, named
 from crowd_env.core.files.atomic import write_text
-from crowd_env.core.files.json_file import json_number, read_json
+from crowd_env.core.files.json_file import read_json
 
 from .. import PRETRAINED
 from ..networks import network_digest
 from ..runs import versions
 from ..tasks import TASKS, Task
+from ..tasks.variations import variations
 from ..walking import RuleAtShare
 from .comparison import last_times, mean_times
 from .entries import RULE
-from .evaluation import HELD_OUT_SEED, Evaluation
-from .protocol import task_row
-from .robustness import Found, make_trials, summary_of_trials
+from .evaluation import Evaluation
+from .protocol import task_figures
+from .robustness import Found, facts_of_variation
 
-REFERENCES = (RULE, RuleAtShare.name)  # that every submission holds beside its policy, on the same draws
-FORMAT = 1
-_DIGITS = 7  # of figures
-_KEYS = ("format", "task", "policy", "seeds", "rows", "robustness", "runs", "versions")
+REFERENCES = (RULE, RuleAtShare.name)  # that every policy stands beside, on the same draws
+FORMAT = 2
+# Column of a run -> its digits.  The first four are numbers of people; of ``blocked``, whether the run was.
+_DIGITS = {
+    **dict.fromkeys(("unfinished", "blocked", "escaped", "crushed", "last_time", "mean_exit", "contact_impulse"), 5),
+    **dict.fromkeys(("crushed_time", "flow", "max_overlap", "max_speed", "max_pressure"), 4),
+}
+_COLUMNS = tuple(_DIGITS)
+_FIGURES = 6  # digits of other numbers
+# Figures of all runs that no line holds.
+_OF_ALL = ("constants", "pressure_is_force", "walked", "max_density", "hurry", "mean_exit_learned", "mean_exit_others")
+_KEYS = {"format", "task", "policies", "columns", "trials", "versions"}
+_RUNS = dict[str, np.ndarray]  # column -> (R,)
 
 
-def make_submission(
-    task: Task, policy: str, source: Path | None, results: Sequence[Evaluation], found: Found
-) -> dict[str, Any]:
-    """Return the submission of a policy, ready for JSON; nothing in it depends on how fast the machine is.
+def write_submissions(
+    folder: Path,
+    task: Task,
+    policies: Mapping[str, Path | None],
+    results: Sequence[Evaluation],
+    found: Found,
+) -> list[Path]:
+    """Write the file of a task's references and one for each policy; return the paths of the latter.
 
     Parameters
     ----------
-    policy : its name in ``results``.
-    source : file of its network, if it has one.
-    results : of the policy and of `REFERENCES` on the held-out draws of the task.
-    found : trials of at least the policy and the rule on the variations of the task, with their results; empty: none.
-    """
-    place = task.place()
-    named = dict.fromkeys((*REFERENCES, policy))
-    mine = [one for one in results if one.policy in named]
-    beside = [(trial, [one for one in those if one.policy in named]) for trial, those in found]
-    robustness = None
-    if beside:
-        runs = next(one.runs for _, those in beside for one in those)
-        robustness = summary_of_trials(task, beside, runs, 0)
-        robustness = {name: robustness[name] for name in ("runs", "variations", "rows")}
-    raw = [_runs_of(one, "task") for one in mine]
-    raw += [
-        _runs_of(one, trial.variation.name)
-        for trial, those in beside
-        for one in those
-        if trial.variation.name != "task"
-    ]
-    return {
-        "format": FORMAT,
-        "task": task.identity(),
-        "policy": {"name": policy, "sha256": None if source is None else network_digest(source)},
-        "seeds": {"first": HELD_OUT_SEED, "runs": mine[0].runs},
-        "rows": [task_row(task, place, one, mine) for one in mine],
-        "robustness": robustness,
-        "runs": raw,
-        "versions": versions(),
-    }
-
-
-def write_submission(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a submission, whole or not at all, with the figures of all runs in one line each."""
-    text = json.dumps(_rounded(content), indent=1, allow_nan=False)
-    text = re.sub(r"\[[^][{}\"]*\]", lambda found: "[" + " ".join(found[0][1:-1].split()) + "]", text)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, text + "\n")
-
-
-def read_submission(path: Path) -> dict[str, Any]:
-    """Return a submission that has been held against its task as it stands.
+    policies : names in ``results``, with the file of the network if there is one.
+    results : of the policies and of `REFERENCES` on the held-out draws of the task.
+    found : trials of at least the policies and the rule on the variations of the task, with their results; empty: none.
 
     Raises
     ------
     ValueError
-        If it cannot be read, is of an unknown task, of another version of it or of other draws, if its figures are not those of
-        its runs, or if it names a shipped policy but holds the digest of another network.
+        If the references that lie there did other things: they were made by other code.
     """
-    content = read_json(path)
-    if not isinstance(content, dict) or any(name not in content for name in _KEYS) or content["format"] != FORMAT:
-        raise ValueError(f"{path} is no submission (format {FORMAT}); crowd-env submit makes one")
+    trials = [{"variation": "task", **facts_of_variation(task, variations(task)[0], task.place())}]
+    judged = [results]
+    for trial, those in found:
+        if trial.variation.name != "task":
+            trials.append(trial.facts(task))
+            judged.append(those)
+
+    def content(named: Mapping[str, Path | None]) -> dict[str, Any]:
+        of = [
+            {**facts, "of": {one.policy: _kept(one) for one in those if one.policy in named}}
+            for facts, those in zip(trials, judged, strict=True)
+        ]
+        digests = {name: None if path is None else network_digest(path) for name, path in named.items()}
+        facts = {"format": FORMAT, "task": task.identity(), "policies": digests, "columns": list(_COLUMNS)}
+        return {**facts, "trials": of, "versions": versions()}
+
+    references, path = content(dict.fromkeys(REFERENCES)), folder / f"{task.name}.json"
+    if path.exists():
+        before, now = (_runs_of(one["trials"][0]["of"][RULE])["last_time"] for one in (read_json(path), references))
+        if len(before) != len(now) or not np.allclose(before, now, rtol=1e-4):
+            raise ValueError(f"{path}: the rule does other things here, so the code is another; submit all of it again")
+    write_content(path, references)
+    paths = []
+    for name, source in policies.items():
+        paths.append(folder / task.name / f"{name.replace('/', '-')}.json")
+        write_content(paths[-1], content({name: source}))
+    return paths
+
+
+def write_content(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a file of submissions, whole or not at all, with a line for each run."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(_rounded(content), indent=0, allow_nan=False)
+    write_text(path, re.sub(r"\[[^][{}\"]*\]", lambda found: "".join(found[0].split()), text) + "\n")
+
+
+def read_submission(path: Path) -> dict[str, Any]:
+    """Return a submission that has been held against its task as it stands, with the figures that its runs amount to.
+
+    ``rows`` are those of the policy and of `REFERENCES` in the task (`crowd_env.agents.evaluation.protocol.task_figures`),
+    ``robustness`` has those of the policy and the rule in all variations, over as many draws of the task as of the others;
+    ``runs`` holds the columns of all runs.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read, is of an unknown task, of another version or variation of it or of other draws, or if it names a
+        shipped policy but holds the digest of another network.
+    """
+    references = path.parent.with_suffix(".json")
+    content, beside = _read(path), _read(references)
     try:
-        _check(path, content)
-    except (KeyError, TypeError, IndexError, AttributeError) as error:
+        ((policy, digest),) = content["policies"].items()
+        task = TASKS[content["task"]["name"]]
+        if policy in PRETRAINED and network_digest(PRETRAINED[policy]) != digest:
+            raise ValueError(f"{path} names the shipped policy {policy}, but holds the digest of another network")
+        named = dict.fromkeys((*REFERENCES, policy))
+        rows: list[dict[str, Any]] = []
+        few: list[dict[str, Any]] = []
+        runs: list[dict[str, Any]] = []
+        least = min(len(one["runs"]) for trial in content["trials"] for one in trial["of"].values())
+        by_name = {one["variation"]: one for one in beside["trials"]}
+        for trial in content["trials"]:
+            of = {**by_name[trial["variation"]]["of"], **trial["of"]}
+            place = _now(task.name, repr(task)).places[trial["variation"]]
+            columns = {name: _runs_of(of[name]) for name in named if name in of}
+            if len({len(one["last_time"]) for one in columns.values()}) != 1:
+                raise ValueError(f"{path}: {trial['variation']} has other numbers of draws than {references.name}")
+            for found, count in ((rows, task.runs), (few, least)):
+                figures = [_figures(name, trial, of[name], columns[name], place, count) for name in columns]
+                found += [
+                    {**task_figures(task.name, place, one, figures), "variation": trial["variation"]} for one in figures
+                ]
+            runs += [{**trial, "policy": name, **one} for name, one in columns.items()]
+    except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:
+        if str(error).startswith(str(path)):
+            raise
         raise ValueError(f"{path} is damaged: {type(error).__name__} {error}") from None
-    return content
+    robust = [row for row in few if row["policy"] in (REFERENCES[0], policy)]
+    return {
+        "task": content["task"],
+        "policy": {"name": policy, "sha256": digest},
+        "seeds": {"first": task.seeds.start, "runs": task.runs},
+        "rows": [row for row in rows if row["variation"] == "task"],
+        "robustness": {"runs": least, "rows": robust} if len(content["trials"]) > 1 else None,
+        "runs": runs,
+        "versions": content["versions"],
+    }
 
 
-def _check(path: Path, content: dict[str, Any]) -> None:
+def _read(path: Path) -> dict[str, Any]:
+    """Return what a file holds, held against its task."""
+    content = read_json(path)
+    if not isinstance(content, dict) or not set(content) >= _KEYS or content["format"] != FORMAT:
+        raise ValueError(f"{path} is no submission (format {FORMAT}); crowd-env submit makes one")
     told = content["task"]
     if told["name"] not in TASKS:
         raise ValueError(f"{path} is of the task {told['name']!r}; known: {', '.join(TASKS)}")
     task = TASKS[told["name"]]
-    if told != task.identity():
+    now = _now(task.name, repr(task))
+    if told != now.identity:
         raise ValueError(
             f"{path} is of {task.name} version {told['version']} (digest {told['digest']}), which is version {task.version} "
-            f"(digest {task.digest()}) now: figures of two versions do not stand in one table; submit again"
+            f"(digest {now.identity['digest']}) now: figures of two versions do not stand in one table; submit again"
         )
-    seeds = content["seeds"]
-    if seeds["first"] != task.seeds.start or seeds["runs"] != task.runs:
+    if content["columns"] != list(_COLUMNS):
+        raise ValueError(f"{path} has other columns than {', '.join(_COLUMNS)}")
+    names = [one["variation"] for one in content["trials"]]
+    if names[:1] != ["task"] or (len(names) > 1 and names != list(now.facts)):
         raise ValueError(
-            f"{path} holds {seeds['runs']} draws from seed {seeds['first']}; the task has {task.runs} from {task.seeds.start}"
+            f"{path} holds other variations than {task.name} has now: {', '.join(now.facts)}; submit again"
         )
-    name, digest = content["policy"]["name"], content["policy"]["sha256"]
-    if name in PRETRAINED and network_digest(PRETRAINED[name]) != digest:
-        raise ValueError(f"{path} names the shipped policy {name}, but holds the digest of another network")
-    if name not in [row["policy"] for row in content["rows"]]:
-        raise ValueError(f"{path} has no row of its policy {name!r}")
-    if content["robustness"] is not None:
-        _check_variations(path, content, task)
-    for row in content["rows"]:
-        if row["runs"] != task.runs:
-            raise ValueError(f"{path} has a row of {row['runs']} draws; the task has {task.runs}")
-    robust = [] if content["robustness"] is None else content["robustness"]["rows"]
-    for variation, row in [*(("task", row) for row in content["rows"]), *((row["variation"], row) for row in robust)]:
-        _check_row(path, variation, row, content["runs"])
-
-
-def _check_variations(path: Path, content: dict[str, Any], task: Task) -> None:
-    """Raise ValueError unless the variations are those of the task as they stand."""
-    told = content["robustness"]["variations"]
-    now = [trial.facts(task, content["robustness"]["runs"], 0) for trial in make_trials(task, [RULE])]
-    for one, other in zip(told, now, strict=False):
-        if one != other:
+    for one in content["trials"]:
+        if {name: one[name] for name in one if name != "of"} != now.facts[one["variation"]]:
             raise ValueError(f"{path}: the variation {one['variation']!r} of {task.name} is another now; submit again")
-    if len(told) != len(now):
-        raise ValueError(f"{path} holds {len(told)} variations of {task.name}, which has {len(now)} now; submit again")
+    draws = {len(one["runs"]) for one in content["trials"][0]["of"].values()}
+    if draws != {task.runs}:
+        raise ValueError(f"{path} holds {max(draws, default=0)} draws; the task has {task.runs}")
+    return content
 
 
-def _check_row(path: Path, variation: str, row: dict[str, Any], raw: Sequence[dict[str, Any]]) -> None:
-    """Raise ValueError unless a row says what its runs say."""
-    what = f"{path}: {row['policy']} on {variation!r}"
-    runs = [one for one in raw if (one["policy"], one["variation"]) == (row["policy"], variation)]
-    if len(runs) != 1:
-        raise ValueError(f"{what} has no runs of its own")
-    of = {name: value[: row["runs"]] for name, value in runs[0].items() if isinstance(value, list)}
-    clearing = [time for time, left in zip(of["last_time"], of["unfinished"], strict=True) if not left]
-    said = {
-        "runs": len(of["last_time"]),
-        "blocked": sum(of["blocked"]),
-        "unfinished": sum(left > 0 for left in of["unfinished"]),
-        "left": sum(of["unfinished"]),
-        "escaped": sum(of["escaped"]),
-        "clearing_time": np.mean(clearing) if clearing else None,
-        "mean_exit": np.mean(of["mean_exit"]),
-        "max_speed": max(of["max_speed"]),
-        "max_overlap": max(of["max_overlap"]),
-    }
-    for name, value in said.items():
-        told = row[name]["mean"] if name in ("clearing_time", "mean_exit") else row[name]
-        if told != value and (told is None or value is None or abs(told - value) > 1e-5 * max(1.0, abs(value))):
-            raise ValueError(f"{what} says {name} {told}, its runs say {value}")
+class _Now(NamedTuple):
+    """A task as it stands."""
+
+    identity: dict[str, Any]
+    facts: dict[str, dict[str, Any]]  # by variation
+    places: dict[str, Scenario]
 
 
-def _runs_of(result: Evaluation, variation: str) -> dict[str, Any]:
-    """Return the figures of every run of a policy; ``last_time`` and ``mean_exit`` [s] count who is left until the limit."""
-    measured = result.measured
+@cache
+def _now(name: str, described: str) -> _Now:
+    """Return what a task is now; ``described`` tells two of one name apart."""
+    task = TASKS[name]
+    places = {one.name: one.place(task) for one in variations(task)}
+    facts = {one.name: facts_of_variation(task, one, places[one.name]) for one in variations(task)}
+    return _Now(task.identity(), facts, places)
+
+
+def _kept(result: Evaluation) -> dict[str, Any]:
+    """Return what a file holds of a policy in a variation."""
+    measured, row = result.measured, result.row()
     assert measured is not None
     columns = {
-        "last_time": last_times(result),
+        "blocked": np.isfinite(result.column("blocked_since")),
+        "crushed": (measured.crushed > 0.0).sum(axis=1),
+        "last_time": last_times(result),  # who is left counts until the limit, also below
         "mean_exit": mean_times(result),
-        "flow": result.column("flow"),
-        "contact_impulse": result.column("contact_impulse"),
-        "max_overlap": result.column("max_overlap"),
-        "max_speed": result.column("max_speed"),
         "max_pressure": measured.max_pressure,
         "crushed_time": measured.crushed.sum(axis=1),
     }
-    counts = {
-        "unfinished": result.column("unfinished"),
-        "blocked": np.isfinite(result.column("blocked_since")),
-        "escaped": result.column("escaped"),
-        "crushed": (measured.crushed > 0.0).sum(axis=1),
-    }
+    values = [columns[name] if name in columns else result.column(name) for name in _COLUMNS]
+    lines = [_line(run) for run in zip(*values, strict=True)]
+    return {**{name: row[name] for name in _OF_ALL if row.get(name) not in (None, {})}, "runs": lines}
+
+
+def _runs_of(kept: Mapping[str, Any]) -> _RUNS:
+    """Return the columns of the runs that a file holds."""
+    lines = [[np.nan if one == "-" else float(one or 0) for one in line.split(",")] for line in kept["runs"]]
+    return dict(zip(_COLUMNS, np.array(lines, dtype=np.float64).T, strict=True))
+
+
+def _figures(
+    policy: str, trial: Mapping[str, Any], kept: Mapping[str, Any], runs: _RUNS, place: Scenario, count: int
+) -> dict[str, Any]:
+    """Return the figures of a policy as `Evaluation.row` has them, made of its first ``count`` runs."""
+    runs = {name: values[:count] for name, values in runs.items()}
+    unknown = dict.fromkeys(EpisodeMetrics._fields, np.nan)
+    cleared = np.where(runs["unfinished"] == 0, runs["last_time"], np.nan)
+    since = np.where(runs["blocked"] > 0, 0.0, np.nan)
+    episodes = []
+    for k in range(len(cleared)):
+        known = {name: runs[name][k] for name in ("flow", "max_speed", "contact_impulse", "max_overlap")}
+        counts = {name: int(runs[name][k]) for name in ("unfinished", "escaped")}
+        known |= {"evacuation_time": cleared[k], "blocked_since": since[k]}
+        episodes.append(EpisodeMetrics(**(unknown | known | counts)))
+    crushed = runs["crushed"]
     return {
-        "variation": variation,
-        "policy": result.policy,
-        "scheme": result.scheme,
-        **{name: [int(one) for one in values] for name, values in counts.items()},
-        **{name: [json_number(one) for one in values.tolist()] for name, values in columns.items()},
+        "policy": policy,
+        "scheme": trial["scheme"],
+        "learned_share": trial["learned_share"],
+        "constants": {},
+        **figures_of(episodes),
+        "mean_exit": named(runs["mean_exit"]),
+        "contact_impulse": named(runs["contact_impulse"]),
+        "max_overlap": float(runs["max_overlap"].max()),
+        "max_pressure": {**named(runs["max_pressure"]), "max": float(runs["max_pressure"].max())},
+        "crushed_share": named(crushed / place.population.people),
+        "crushed_time": named(np.where(crushed > 0, runs["crushed_time"] / np.maximum(crushed, 1), np.nan)),
+        **{name: value for name, value in kept.items() if name != "runs"},
     }
+
+
+def _line(run: Sequence[float]) -> str:
+    """Return a run in few letters: nothing for 0, a dash for what is not known."""
+    rounded = zip(run, _DIGITS.values(), strict=True)
+    return ",".join(f"{float(one):.{n}g}".lstrip("0") if np.isfinite(one) else "-" for one, n in rounded)
 
 
 def _rounded(value: Any) -> Any:
-    """Return plain data with numbers of `_DIGITS` digits."""
+    """Return plain data with numbers of `_FIGURES` digits."""
     if isinstance(value, float):
-        return float(f"{value:.{_DIGITS}g}")
+        return float(f"{value:.{_FIGURES}g}")
     if isinstance(value, Mapping):
         return {name: _rounded(one) for name, one in value.items()}
     return [_rounded(one) for one in value] if isinstance(value, list) else value

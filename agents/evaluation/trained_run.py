@@ -18,7 +18,7 @@ from ..networks import NETWORK, network_digest
 from ..policy import Policy
 from ..rules import StrategyPolicy
 from ..trained import SAMPLED, LearnedPolicy
-from ..training_config import judged_place, task_of
+from ..training_config import judged_place, physics_of, task_of
 from .comparison import last_times, minus_first, ratio
 from .entries import RULE, make_entries
 from .evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
@@ -32,11 +32,6 @@ RESULTS = "results.json"
 # The first is what the others are compared with.
 _OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still", "random")), "random")
 _OF_SCENARIO = ("shortest", "stand-still", "random")
-
-
-def physics_of(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options of `evaluate` under which a run is validated: those it was trained with."""
-    return {name: config[name] for name in ("scheme", "dt", "decision_dt", "strategy", "manner", "outline")}
 
 
 def title_of(config: Mapping[str, Any]) -> str:

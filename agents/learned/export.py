@@ -1,17 +1,13 @@
 """From torch to plain numbers: what a policy does without drawing actions at random."""
 
-from collections.abc import Iterable
-from typing import Any, TypeVar
+from typing import Any
 
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
-from ..networks import MLP, Attention, BetaMLP, Network
+from ..networks import MLP, BetaMLP
 from .beta import BetaPolicy
-from .networks import NeighborAttention
-
-Layers = TypeVar("Layers", bound=MLP)
 
 
 def network_of(model: Any) -> MLP:
@@ -25,8 +21,12 @@ def network_of(model: Any) -> MLP:
     policy = model.policy
     if not isinstance(policy.pi_features_extractor, FlattenExtractor):
         raise ValueError("its network does not take flat observations")
-    kind = BetaMLP if isinstance(policy, BetaPolicy) else MLP
-    return _layers([*policy.mlp_extractor.policy_net, policy.action_net], kind)
+    layers = [*policy.mlp_extractor.policy_net, policy.action_net]
+    kinds = [nn.Linear, nn.Tanh] * (len(layers) // 2) + [nn.Linear]
+    if len(layers) != len(kinds) or not all(map(isinstance, layers, kinds)):
+        raise ValueError("its network is not made of linear layers with tanh between them")
+    arrays = [[getattr(one, name).detach().cpu().numpy() for one in layers[::2]] for name in ("weight", "bias")]
+    return (BetaMLP if isinstance(policy, BetaPolicy) else MLP)(tuple(arrays[0]), tuple(arrays[1]))
 
 
 def spread_of(model: Any) -> list[float] | None:
@@ -34,27 +34,3 @@ def spread_of(model: Any) -> list[float] | None:
     if not isinstance(model.policy.action_dist, DiagGaussianDistribution):
         return None
     return [float(one) for one in model.policy.log_std.detach().exp()]
-
-
-def plain(module: nn.Module) -> Network:
-    """Return an actor of `crowd_env.agents.learned.networks` as plain numbers: a copy, which later training does not change.
-
-    Raises
-    ------
-    ValueError
-        If it is neither layers of tanh units nor a `NeighborAttention`.
-    """
-    if not isinstance(module, NeighborAttention):
-        return _layers(module.children(), MLP)
-    parts = {name: _layers(getattr(module, name), MLP) for name in ("query", "token", "out")}
-    lead = module.lead.start if module.with_lead else None
-    return Attention(**parts, neighbors=module.neighbors.start, lead=lead, count=module.count)
-
-
-def _layers(modules: Iterable[nn.Module], kind: type[Layers]) -> Layers:
-    layers = list(modules)
-    kinds = [nn.Linear, nn.Tanh] * (len(layers) // 2) + [nn.Linear]
-    if len(layers) != len(kinds) or not all(map(isinstance, layers, kinds)):
-        raise ValueError("its network is not made of linear layers with tanh between them")
-    arrays = [[getattr(one, name).detach().cpu().numpy() for one in layers[::2]] for name in ("weight", "bias")]
-    return kind(tuple(arrays[0]), tuple(arrays[1]))

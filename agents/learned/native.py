@@ -9,8 +9,7 @@ from crowd_env.core.console import notes
 
 from ..evaluation.entries import RULE
 from ..evaluation.evaluation import HELD_OUT_SEED
-from ..evaluation.trained_run import physics_of
-from ..training_config import facts_of, judged_place, make_env, start_of
+from ..training_config import facts_of, judged_place, make_env, physics_of, start_of
 from .checkpoint import read_checkpoint
 from .cloning import clone
 from .ppo import PPOSettings, make_ppo

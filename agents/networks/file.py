@@ -16,9 +16,13 @@ from safetensors.numpy import save
 from crowd_env.core.checks import known
 from crowd_env.core.files.atomic import written
 
+from .beta import BetaMLP
+from .mlp import MLP
 from .network import Network
-from .registry import NETWORKS
 
+NETWORK = "best.safetensors"  # file in the folder of a training
+# Kind, as files call it -> network.
+NETWORKS: dict[str, type[Network]] = {one.kind: one for one in (MLP, BetaMLP)}
 FORMAT, VERSION = "crowd_env network", 2
 _FACTS = "crowd_env"  # key of the metadata
 _MOST_BYTES = 2**28  # of a file: a hundred times the networks made here
@@ -64,7 +68,7 @@ def read_network(path: Path) -> tuple[Network, dict[str, Any]]:
         raise ValueError(f"cannot read the network {path}: {error.strerror or error}") from None
     except Exception as error:  # a damaged file fails in many places: header, JSON, shapes
         said = f"it does not say its {error}" if isinstance(error, KeyError) else error
-        raise ValueError(f"{path} is not a network saved by train.py or agents.train_routing: {said}") from None
+        raise ValueError(f"{path} is not a network saved by a training: {said}") from None
 
 
 def network_digest(path: Path) -> str:

@@ -90,10 +90,8 @@ class Task:
 
     def configuration(self) -> dict[str, Any]:
         """Return everything that decides what happens in the task, as plain data."""
-        place = self.place()
-        held = {one.name: _plain(getattr(place, one.name)) for one in fields(place) if one.name not in _WORDS}
         return {
-            "scenario": held,
+            "scenario": plain_place(self.place()),
             "manner": _plain(make_manner(self.manner)),
             "scheme": [self.scheme, _plain(make_scheme(self.scheme))],
             "env": _plain(self.env_options(self.scheme)),
@@ -107,6 +105,16 @@ class Task:
     def identity(self) -> dict[str, Any]:
         """Return what files that were made for this very task note of it: name, version and digest."""
         return {"name": self.name, "version": self.version, "digest": self.digest()}
+
+
+def plain_place(place: Scenario) -> dict[str, Any]:
+    """Return everything in a scenario that decides what happens, as plain data."""
+    return {one.name: _plain(getattr(place, one.name)) for one in fields(place) if one.name not in _WORDS}
+
+
+def place_digest(place: Scenario) -> str:
+    """Return a hash of a scenario and of the manner of its people."""
+    return fingerprint(plain_place(place), _plain(place.manner_of_run()))
 
 
 def _plain(value: Any) -> Any:

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import looped
 from evaluations import call, hall, run
 
 from crowd_env import Uniform, make_scheme
 from crowd_env.agents import POLICIES
-from crowd_env.agents.evaluation.credible import credibility
+from crowd_env.agents.evaluation import credible
 from crowd_env.agents.evaluation.protocol import credible_lines
 from crowd_env.agents.rules import ShortestPath
 from crowd_env.agents.tasks import TASKS, Task
@@ -17,6 +18,10 @@ from crowd_env.agents.tasks.floors import exit_widths, touching_flow
 
 ROOM = {"scenario": "room-v0", "options": {"side": 5.0, "door_width": 0.8}, "people": 20, "scheme": "dem", "dt": 0.01}
 SMALL = Task("small", "a door", **ROOM, time_limit=30.0, blocked_after=20.0, runs=4, frozen="")
+
+
+def credibility(result, results, place):
+    return credible.credibility(result.row(), [one.row() for one in results], place)
 
 
 class Ghosts(ShortestPath):
@@ -67,7 +72,7 @@ def crowd():
     return place, rule, other
 
 
-@pytest.mark.parametrize(
+@looped(
     ("figures", "reason"),
     [
         ({"escaped": 1}, "4 people were outside of the walls"),

@@ -2,13 +2,18 @@
 
 import json
 import re
+import shutil
 from dataclasses import replace
 
 import pytest
+from cases import looped
 from evaluations import random_policy
 from typer.testing import CliRunner
 
-from crowd_env.agents.evaluation.submission import read_submission, write_submission
+from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.evaluation.protocol import task_row
+from crowd_env.agents.evaluation.same_draws import compare
+from crowd_env.agents.evaluation.submission import REFERENCES, read_submission, write_content
 from crowd_env.agents.networks import network_digest
 from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.cli.agents import submit
@@ -47,61 +52,78 @@ def files(tmp_path_factory):
     return folder / "out/small/follow.json", folder / "out/small/mine.json", folder / "mine.safetensors"
 
 
-def test_a_file_holds_the_policy_beside_the_rule_and_every_run(files):
+def test_a_file_holds_every_run_of_a_policy_beside_the_rule(files):
     rule, mine, network = files
     content = read_submission(rule)
     assert content["task"] == SMALL.identity() and content["policy"] == {"name": "follow", "sha256": None}
     assert content["seeds"] == {"first": 1_000_000, "runs": 3}
     assert [row["policy"] for row in content["rows"]] == ["rule", "rule-best-speed", "follow"]
     assert content["rows"][2]["credible"] == {"ok": True, "reasons": []}
-    assert {row["variation"] for row in content["robustness"]["rows"]} == {
-        "task",
-        "twice",
-        "slow",
-        "half-learned",
-        "half-hurried",
-    }
+    variations = {"task", "twice", "slow", "half-learned", "half-hurried"}
+    assert {row["variation"] for row in content["robustness"]["rows"]} == variations
+    assert {row["runs"] for row in content["robustness"]["rows"]} == {2}
     assert {one["policy"] for one in content["runs"]} == {"rule", "rule-best-speed", "follow"}
     assert all(len(one["last_time"]) == (3 if one["variation"] == "task" else 2) for one in content["runs"])
     learned = read_submission(mine)
     assert learned["policy"] == {"name": "mine", "sha256": network_digest(network)}
     assert learned["rows"][0] == content["rows"][0]  # the same rule on the same draws
-    assert not re.search(r"second|machine_speed", json.dumps(content["rows"]))
+    assert not re.search(r"second|machine_speed", rule.read_text())
 
 
-def changed(files, tmp_path, change):
+def test_its_figures_are_those_of_an_evaluation(files):
+    """To the digits that a line holds."""
+    place = SMALL.place()
+    entries = make_entries([*REFERENCES, "follow"], place, SMALL)
+    results = compare(entries, place, ["nsm2"], runs=3)
+    for result, found in zip(results, read_submission(files[0])["rows"], strict=True):
+        expected = task_row(SMALL, place, result, results)
+        for name, value in found.items():
+            if name not in ("variation", "constants"):
+                _near(value, expected[name], name)
+
+
+def _near(value, expected, name):
+    if isinstance(expected, dict):
+        for key in value:
+            _near(value[key], expected[key], f"{name} {key}")
+    elif isinstance(expected, list):
+        for one, other in zip(value, expected, strict=True):
+            _near(one, other, name)
+    else:
+        assert value == (expected if not isinstance(expected, float) else pytest.approx(expected, rel=2e-3)), name
+
+
+def changed(files, folder, change):
     content = json.loads(files[0].read_text())
     change(content)
-    path = tmp_path / "changed.json"
-    write_submission(path, content)
+    path = folder / "small" / "changed.json"
+    write_content(path, content)
+    shutil.copy(files[0].parent.with_suffix(".json"), folder / "small.json")
     return path
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
+def _cut(trial, by=1):
+    trial["of"]["follow"]["runs"] = trial["of"]["follow"]["runs"][:-by]
+
+
+@looped(
+    "change, message",
     [
         (lambda c: c["task"].update(version=2), r"is of small version 2 .* which is version 1 .* submit again"),
         (lambda c: c["task"].update(digest="0"), r"is of small version 1 \(digest 0\), which is version 1"),
         (lambda c: c["task"].update(name="moon"), "is of the task 'moon'; known: competitive-door"),
-        (lambda c: c["seeds"].update(first=7), "holds 3 draws from seed 7; the task has 3 from 1000000"),
-        (lambda c: c["rows"][2].update(blocked=1), "follow on 'task' says blocked 1, its runs say 0"),
-        (lambda c: c["rows"][2]["clearing_time"].update(mean=1.0), "says clearing_time 1.0, its runs say"),
-        (lambda c: c["robustness"]["rows"][-1].update(escaped=2), "'half-hurried' says escaped 2, its runs say 0"),
+        (lambda c: c["trials"][1].update(digest="0"), "the variation 'twice' of small is another now"),
+        (lambda c: c["trials"].pop(), "holds other variations than small has now: task, twice"),
+        (lambda c: _cut(c["trials"][0]), "holds 2 draws; the task has 3"),
+        (lambda c: _cut(c["trials"][1]), "twice has other numbers of draws than small.json"),
+        (lambda c: c["columns"].pop(), "has other columns than unfinished, blocked"),
         (
-            lambda c: c["robustness"]["variations"][1].update(digest="0"),
-            "the variation 'twice' of small is another now",
-        ),
-        (lambda c: c["robustness"]["variations"].pop(), "holds 4 variations of small, which has 5 now"),
-        (lambda c: c["runs"].pop(0), "rule on 'task' has no runs of its own"),
-        (
-            lambda c: c["policy"].update(name="competitive-door/ppo"),
+            lambda c: c.update(policies={"competitive-door/ppo": "0"}),
             "names the shipped policy competitive-door/ppo, but",
         ),
-        (lambda c: c["policy"].update(name="nobody"), "has no row of its policy 'nobody'"),
-        (lambda c: c["robustness"]["rows"][0].update(unfinished=1), "rule on 'task' says unfinished 1, its runs say 0"),
-        (lambda c: c["rows"][1].update(runs=2), "has a row of 2 draws; the task has 3"),
-        (lambda c: c["rows"][1].pop("runs"), "is damaged: KeyError 'runs'"),
-        (lambda c: c.pop("runs"), "is no submission"),
+        (lambda c: c["trials"][0]["of"]["follow"].pop("hurry"), "is damaged: KeyError 'hurry'"),
+        (lambda c: c.pop("trials"), "is no submission"),
+        (lambda c: c.update(format=1), "is no submission"),
     ],
 )
 def test_what_does_not_fit_is_refused(files, tmp_path, change, message):
@@ -115,15 +137,17 @@ def test_a_new_version_of_the_task_refuses_files_of_the_old_one(files, monkeypat
         read_submission(files[0])
 
 
-def test_fewer_draws_are_a_trial(tmp_path):
-    code, _, _ = call("--task", "small", "--policy", "rule", "--runs", 2, "--robustness-runs", 0, "--out", tmp_path)
-    assert code == 0
-    with pytest.raises(ValueError, match="holds 2 draws"):
-        read_submission(tmp_path / "small/rule.json")
+def test_another_rule_in_the_folder_is_refused(files, tmp_path):
+    content = json.loads(files[0].parent.with_suffix(".json").read_text())
+    runs = content["trials"][0]["of"]["rule"]["runs"]
+    runs[0] = runs[0].replace(",", ",9", 5)
+    write_content(tmp_path / "small.json", content)
+    code, _, err = call("--task", "small", "--policy", "follow", "--robustness-runs", 0, "--out", tmp_path)
+    assert code == 2 and "the rule does other things here" in err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
+@looped(
+    "arguments, message",
     [
         (("--task", "moon", "--policy", "rule"), "unknown task 'moon'"),
         (("--task", "small", "--policy", "dance"), "unknown policy 'dance'"),

@@ -4,7 +4,7 @@ import json
 
 import pytest
 from outputs import compare
-from shown import blocks, called, commands_of, named
+from shown import blocks, commands_of, named, tried
 from tried_commands import attempt, evaluate_nothing, workplace
 
 # Pages whose evaluations take long, even of few people, and end where their runs would begin.  The two commands of a task are
@@ -24,7 +24,7 @@ def run_block(block, monkeypatch, folder):
             compare(command, printed)
 
 
-@pytest.mark.parametrize("block", blocks("console"), ids=called)
+@pytest.mark.parametrize("block", tried("console"))
 def test_commands_do_what_they_are_shown_for(block, monkeypatch, tmp_path):
     ended = evaluate_nothing(monkeypatch) if named(block.page) in LONG else None
     run_block(block, monkeypatch, tmp_path)
@@ -38,5 +38,6 @@ def test_strategies_are_compared_under_all_schemes(monkeypatch, tmp_path):
     assert (tmp_path / "comparison" / "rows.json").exists()
 
 
+@pytest.mark.more
 def test_pages_that_are_shortened_are_there():
     assert "docs/tasks/competitive-door.md" in LONG and "docs/tasks/README.md" not in LONG

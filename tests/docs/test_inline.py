@@ -7,11 +7,14 @@ from importlib.util import find_spec
 
 import pytest
 import typer
+from cases import looped
 from installations import check_make, check_pip
 from repository import ROOT
 from shown import PAGES, blocks_of, named
 
 from crowd_env.cli.main import app
+
+pytestmark = pytest.mark.more
 
 # Programs that are called as `python -m NAME` -> the module with its command line.
 COMMAND_LINES = {
@@ -66,7 +69,7 @@ def check_words(command, words):
     command.make_parser(context).parse_args([*left, *("a value" for _ in named_alone)])
 
 
-@pytest.mark.parametrize("page", [page for page, found in SENTENCES.items() if found], ids=named)
+@looped("page", [page for page, found in SENTENCES.items() if found], ids=named)
 def test_commands_in_sentences_are_understood(page):
     for sentence in SENTENCES[page]:
         words = shlex.split(sentence)

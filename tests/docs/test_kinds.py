@@ -3,8 +3,11 @@
 import re
 
 import pytest
+from cases import looped
 from repository import ROOT
 from shown import PAGES, blocks, blocks_of, called, commands_of, named
+
+pytestmark = pytest.mark.more
 
 # Kind of block -> the test that would be red if one of them were wrong.
 TRIED = {
@@ -18,7 +21,7 @@ TRIED = {
 WITH_FORMULAS = ("docs/clogging.md", "docs/physics.md")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
+@looped("page", PAGES, ids=named)
 def test_every_block_is_of_a_kind_that_is_tried(page):
     unknown = [called(block) for block in blocks_of(page) if block.kind not in TRIED]
     assert not unknown, f"no test tries these; known kinds: {', '.join(TRIED)}"
@@ -26,12 +29,12 @@ def test_every_block_is_of_a_kind_that_is_tried(page):
     assert len(fences) == 2 * len(blocks_of(page)), "a fence is not closed, or is indented otherwise than its end"
 
 
-@pytest.mark.parametrize("test", sorted(set(TRIED.values())))
+@looped("test", sorted(set(TRIED.values())))
 def test_what_tries_them_is_there(test):
     assert (ROOT / "tests" / test).exists()
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
+@looped("page", PAGES, ids=named)
 def test_only_formulas_are_shown_by_indentation_alone(page):
     text = page.read_text(encoding="utf-8")
     for block in blocks_of(page):
@@ -41,7 +44,7 @@ def test_only_formulas_are_shown_by_indentation_alone(page):
     assert not [one for one in indented if "=" not in one or re.search(r"^\s*(\$|>>>|import|from|def) ", one, re.M)]
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.rst")), ids=named)
+@looped("page", sorted((ROOT / "docs").rglob("*.rst")), ids=named)
 def test_pages_of_the_reference_show_no_code(page):
     """They take examples from docstrings; a block here would be tried by nothing."""
     text = page.read_text(encoding="utf-8")
@@ -50,12 +53,12 @@ def test_pages_of_the_reference_show_no_code(page):
     )
 
 
-@pytest.mark.parametrize("block", blocks("console"), ids=called)
+@looped("block", blocks("console"), ids=called)
 def test_consoles_hold_commands_and_their_output(block):
     assert commands_of(block)
 
 
-@pytest.mark.parametrize("block", blocks("{include}"), ids=called)
+@looped("block", blocks("{include}"), ids=called)
 def test_what_is_included_is_there(block):
     (line,) = [line for line in block.page.read_text(encoding="utf-8").splitlines() if line.startswith("```{include}")]
     assert (block.page.parent / line.split()[1]).exists()

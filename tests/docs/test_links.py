@@ -3,11 +3,14 @@
 import re
 
 import pytest
+from cases import looped
 from repository import ROOT
 from shown import PAGES, named
 
+pytestmark = pytest.mark.more
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
+
+@looped("page", PAGES, ids=named)
 def test_links_lead_somewhere(page):
     text = page.read_text(encoding="utf-8")
     links = re.findall(r"\]\(([^)#\s]+)", text) + re.findall(r'src="([^"]+)"', text)
@@ -16,7 +19,7 @@ def test_links_lead_somewhere(page):
     assert not missing
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=named)
+@looped("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=named)
 def test_files_that_are_named_exist(page):
     """The changelog names what was there at its time."""
     text = page.read_text(encoding="utf-8")

@@ -5,10 +5,10 @@ import re
 
 import pytest
 from repository import ROOT
-from shown import blocks, called
+from shown import blocks, tried
 
 
-@pytest.mark.parametrize("block", blocks("python"), ids=called)
+@pytest.mark.parametrize("block", tried("python"))
 def test_python_blocks_run(block, monkeypatch, tmp_path):
     for library in set(re.findall(r"^import (pandas|pedpy)", block.text, re.MULTILINE)):
         pytest.importorskip(library, reason=f"{library} is not installed; `make test` does, for Python 3.11 and newer")
@@ -23,6 +23,7 @@ def test_the_readme_has_a_short_example_to_begin_with():
     assert len(block.text.splitlines()) <= 12
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("name", ["own_policy", "room_picture", "shipped_policy"])
 def test_examples_run(name, monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(str(ROOT))

@@ -1,13 +1,16 @@
 """Scenario files that the pages show are read, take the options that they declare, and hold the people that they name."""
 
 import pytest
+from cases import looped
 from installations import tomllib
 from shown import blocks, called
 
 from crowd_env import CrowdEnv, make_scenario
 
+pytestmark = pytest.mark.more
 
-@pytest.mark.parametrize("block", blocks("toml"), ids=called)
+
+@looped("block", blocks("toml"), ids=called)
 def test_scenarios_are_read_and_placed(block, tmp_path):
     path = tmp_path / "foyer.toml"
     path.write_text(block.text, encoding="utf-8")

@@ -2,6 +2,7 @@
 
 import re
 
+import pytest
 from repository import ROOT
 
 from crowd_env.envs.action import DISCRETE
@@ -10,6 +11,8 @@ from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.terms import TERMS
 from crowd_env.envs.reward import REWARDS, RewardWeights
 from crowd_env.physics import SCHEMES
+
+pytestmark = pytest.mark.more
 
 
 def table(page, first_column):

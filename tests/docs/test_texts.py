@@ -7,11 +7,14 @@ import re
 
 import numpy as np
 import pytest
+from cases import looped
 from repository import ROOT
 from shown import blocks, called, named
 
 from crowd_env import SCHEMES, ObservationLayout
 from crowd_env.rendering.replay.pack import Column, pack
+
+pytestmark = pytest.mark.more
 
 ARCHITECTURE, REPLAY = "docs/architecture.md", "docs/replay.md"
 
@@ -40,7 +43,7 @@ def test_the_drawing_of_the_rooms_names_rooms_and_all_schemes():
     assert re.findall(r"[a-z0-9-]+", last) == list(SCHEMES)
     rooms = {path.stem for path in (ROOT / "crowd_env").rglob("*") if path.suffix in ("", ".py")}
     drawn = set(re.findall(r"[a-z]+(?=[ ─►]|$)", drawing.partition("CONTACTS")[0])) - {"direction"}
-    assert {"scenario", "navigation", "neighbors"} <= drawn
+    assert {"scenario", "routing", "neighbors"} <= drawn
     assert drawn <= rooms | {"metrics", "reward"}
 
 
@@ -52,11 +55,11 @@ def test_the_drawing_of_a_step_names_files_and_stages_that_exist():
         assert list((ROOT / "crowd_env").rglob(file.replace("<scheme>", "*"))), file
     stages = [name for name in re.findall(r"^ {14}([a-z_]+)(?:, [a-z]+)?  ", drawing, re.MULTILINE) if name != "the"]
     assert len(stages) >= 5
-    assert set(stages) <= functions("physics") | functions("simulation") | functions("_kernels")
+    assert set(stages) <= functions("physics") | functions("core")
     assert f"observation (P, {ObservationLayout().size}) float32" in drawing
 
 
-@pytest.mark.parametrize("order", [0, 1, 2])
+@looped("order", [0, 1, 2])
 def test_columns_of_a_page_are_read_as_the_three_lines_say(order):
     (described,) = texts(REPLAY)
     assert [line.split(" = ")[0].strip() for line in described.splitlines()[:2]] == ["w", "d"]

@@ -15,6 +15,8 @@ from installations import EXTRAS, PROJECT
 from repository import ROOT
 from shown import blocks, commands_of
 
+pytestmark = pytest.mark.more
+
 LOCAL = r'src="(?!https?://)|\]\((?!https?://)'
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from crowds import every_scheme, plain, tight
 
 from crowd_env import (
@@ -56,8 +57,8 @@ def press(place, start, force, name, *, steps=200, velocity=None, **options):
 
 
 @every_scheme
-@pytest.mark.parametrize("force", [3e4, 1e7])
-@pytest.mark.parametrize("toward", [(-1, 0), (0, -1), (-1, -1), (0.3, -1)])
+@looped("force", [3e4, 1e7])
+@looped("toward", [(-1, 0), (0, -1), (-1, -1), (0.3, -1)])
 def test_walls_hold_however_hard_one_is_pressed(name, force, toward):
     for place in (ROOM, WEDGE):
         simulation, seen = press(place, [[0.6, 0.5], [3.0, 0.5]], force * np.array(toward), name, steps=80)
@@ -94,7 +95,7 @@ def test_overlaps_too_deep_to_be_taken_back_in_a_step_are_named_as_the_reason():
 
 
 @every_scheme
-@pytest.mark.parametrize("place", [SLIM, THIN], ids=["2 cm thick", "without thickness"])
+@looped("place", [SLIM, THIN], ids=["2 cm thick", "without thickness"])
 def test_slim_and_thin_walls_hold_from_both_sides(name, place):
     start = np.array([[1.7, 0.5], [1.7, 1.2], [2.3, 0.5], [2.3, 1.2]])
     side = np.sign(start[:, 0] - 2)
@@ -104,7 +105,7 @@ def test_slim_and_thin_walls_hold_from_both_sides(name, place):
 
 
 @every_scheme
-@pytest.mark.parametrize("place", [ROOM, SLIM, THIN], ids=["room", "slim", "thin"])
+@looped("place", [ROOM, SLIM, THIN], ids=["room", "slim", "thin"])
 def test_walls_hold_however_fast_one_comes(name, place):
     rng = np.random.default_rng(1)
     start = np.array([[x, y] for x in (0.4, 0.9, 1.4) for y in (0.4, 0.9, 1.4)])

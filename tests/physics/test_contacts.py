@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import looped
 from crowds import PLANS, every_scheme, half_plane, people, plain, scatter, tight, touches
 from shapely.geometry import box
 
@@ -39,8 +40,8 @@ def stand(geometry, position, *, scheme, radius=0.2, mass=80.0, dt=0.01):
 
 
 @every_scheme
-@pytest.mark.parametrize("plan", PLANS)
-@pytest.mark.parametrize("seed", range(4))
+@looped("plan", PLANS)
+@looped("seed", range(4))
 def test_contacts_are_those_of_brute_force(name, plan, seed):
     geometry, rng = PLANS[plan](), np.random.default_rng(seed)
     count = round(geometry.area * 2.2)
@@ -81,7 +82,7 @@ THIN = Geometry.from_polygon(box(0, 0, 6, 6), thin_walls=[[(1, 3), (3, 3), (5, 3
 
 
 @every_scheme
-@pytest.mark.parametrize("y", [1.7, 1.9, 1.9999999, 2.0, 2.0000001, 2.03, 2.05])
+@looped("y", [1.7, 1.9, 1.9999999, 2.0, 2.0000001, 2.03, 2.05])
 def test_a_door_jamb_is_touched_once_by_who_comes_along_the_wall(name, y):
     contacts = stand(DOOR, [4.81, y], scheme=tight_grain(name)).contacts()
     touching = contacts.gap < 0
@@ -93,7 +94,7 @@ def test_a_door_jamb_is_touched_once_by_who_comes_along_the_wall(name, y):
 
 
 @every_scheme
-@pytest.mark.parametrize("angle", np.linspace(-30, 120, 16))
+@looped("angle", np.linspace(-30, 120, 16))
 def test_the_corner_of_an_obstacle_is_touched_once_from_all_around(name, angle):
     # Around the corner (4, 4): the walls end at angle 0 (its right side) and 90 degrees (its top).
     angle = np.radians(angle)
@@ -109,8 +110,8 @@ def test_the_corner_of_an_obstacle_is_touched_once_from_all_around(name, angle):
 
 
 @every_scheme
-@pytest.mark.parametrize("x", [2.5, 2.95, 3.0, 3.0000001, 3.05, 3.5])
-@pytest.mark.parametrize("side", [1, -1])
+@looped("x", [2.5, 2.95, 3.0, 3.0000001, 3.05, 3.5])
+@looped("side", [1, -1])
 def test_a_straight_wall_of_two_pieces_is_touched_once_from_either_side(name, x, side):
     for height in (0.19, 0.05):  # however deep the touch, the center's own side counts
         contacts = stand(THIN, [x, 3 + height * side], scheme=tight_grain(name)).contacts()
@@ -150,7 +151,7 @@ def test_people_slide_along_a_wall_of_pieces_without_catching(name):
 
 
 @every_scheme
-@pytest.mark.parametrize("side", [1, -1])
+@looped("side", [1, -1])
 def test_a_thin_wall_pushes_to_the_side_one_stands_on(name, side):
     simulation = stand(THIN, [2.0, 3 + 0.2 * side], scheme=tight_grain(name))
     simulation.advance(external_force=np.array([[0.0, -200.0 * side]]), n_substeps=50)
@@ -159,7 +160,7 @@ def test_a_thin_wall_pushes_to_the_side_one_stands_on(name, side):
 
 
 @every_scheme
-@pytest.mark.parametrize("height", [0.15, 0.05, 0.0, -0.05, -0.09])
+@looped("height", [0.15, 0.05, 0.0, -0.05, -0.09])
 def test_a_center_pressed_through_the_wall_is_pushed_back_inside(name, height):
     if height < 0 and name.startswith("nsm1"):  # would have no overlap left at the end of the step
         with pytest.raises(FloatingPointError, match=r"would move 0.2\d m in one step near .*its radius of 0.2 m"):

@@ -9,6 +9,7 @@ import itertools
 
 import numpy as np
 import pytest
+from cases import looped
 from shapely.geometry import box
 
 from crowd_env.core.arrays.state import make_bodies, make_state
@@ -120,7 +121,7 @@ PEOPLE = [
 ]
 
 
-@pytest.mark.parametrize(("dt", "steps"), [(0.001, 200), (0.01, 40)])
+@looped(("dt", "steps"), [(0.001, 200), (0.01, 40)])
 def test_dem_is_the_law_written_plainly(dt, steps):
     rng = np.random.default_rng(5)
     position, velocity, target = (np.array(column, dtype=float) for column in zip(*PEOPLE, strict=True))

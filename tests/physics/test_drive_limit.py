@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from crowds import crowd_in, half_plane, plain
 
 from crowd_env import CrowdEnv
@@ -46,7 +47,7 @@ def test_people_start_and_brake_with_the_limit_and_walk_at_their_desired_speed(n
 
 
 @driven
-@pytest.mark.parametrize(("limit", "push"), [(LIMIT, LIMIT), (5000.0, 1600.0), (None, 1600.0)])
+@looped(("limit", "push"), [(LIMIT, LIMIT), (5000.0, 1600.0), (None, 1600.0)])
 def test_the_push_on_a_wall_is_the_limit_or_the_drive_if_that_is_less(name, limit, push):
     # Without the social force of the wall; what the drive gave is what the wall took and what moves, bouncing or not.
     scheme = replace(SCHEMES[name], social=None)

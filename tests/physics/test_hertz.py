@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import looped
 from crowds import converging, crowd_in, half_plane, l_shape, plain
 from scipy.integrate import solve_ivp
 
@@ -44,7 +45,7 @@ def test_stiffnesses_are_those_of_table_1():
     assert Hertz().tangential_stiffness == pytest.approx(4.571e6, rel=1e-3) == KT
 
 
-@pytest.mark.parametrize("closing", [0.5, 1.0, 2.0, 4.0])
+@looped("closing", [0.5, 1.0, 2.0, 4.0])
 def test_an_undamped_collision_is_elastic_and_meets_the_closed_forms(closing):
     simulation, deepest, strongest = collide(ELASTIC, closing, 1e-4)
     velocity = simulation.state.velocity
@@ -62,7 +63,7 @@ def test_the_printed_values_of_a_collision_at_2_and_half_a_meter_per_second():
         assert strongest == pytest.approx(force, rel=5e-3)
 
 
-@pytest.mark.parametrize(("dt", "error"), [(1e-3, 1e-4), (2e-3, 4e-4), (5e-3, 4e-3)])
+@looped(("dt", "error"), [(1e-3, 1e-4), (2e-3, 4e-4), (5e-3, 4e-3)])
 def test_the_error_of_an_elastic_collision_is_small_at_the_steps_in_use(dt, error):
     for closing in (0.7, 1.0, 1.9):
         simulation, _, _ = collide(ELASTIC, closing, dt)
@@ -92,7 +93,7 @@ def integrated_restitution(damping, closing=1.0, mass=35.0, reduced=0.15):
     return -solution.y_events[0][0, 1]
 
 
-@pytest.mark.parametrize(
+@looped(
     ("unit", "stated", "damping"),
     [
         ("rate per length", 0.9994, lambda alpha: alpha * 35 * 0.8),
@@ -161,7 +162,7 @@ def test_friction_turns_spin_into_motion_and_keeps_linear_momentum():
     np.testing.assert_allclose(bodies.mass @ state.velocity, 0.0, atol=1e-10)
 
 
-@pytest.mark.parametrize("spin", [(8.0, 8.0), (8.0, -3.0), (0.0, 0.0)])
+@looped("spin", [(8.0, 8.0), (8.0, -3.0), (0.0, 0.0)])
 def test_angular_momentum_changes_only_by_the_offset_of_the_contact_point(spin):
     # Eq 6 takes the lever arm r, the contact lies at about r - overlap/2: each step makes F_t times the overlap of it.
     radii, masses, dt = (0.28, 0.33), (65.0, 78.0), 1e-4
@@ -246,8 +247,8 @@ def test_the_force_of_helbing_is_2000_newtons_from_the_front_and_none_from_behin
     assert (rear, front) == (pytest.approx(-2000.0 * np.exp(-2), rel=1e-3), pytest.approx(0.0, abs=0.1))
 
 
-@pytest.mark.parametrize("behind", [0.0, 0.3, 1.0])
-@pytest.mark.parametrize("angle", [0.0, 1.0, 2.5])
+@looped("behind", [0.0, 0.3, 1.0])
+@looped("angle", [0.0, 1.0, 2.5])
 def test_helbings_form_is_equation_12(behind, angle):
     social, gap = SocialForce.helbing(1700.0, 0.07, behind), 0.05
     printed = 1700 * np.exp(-gap / 0.07) * (behind + (1 - behind) * (1 + np.cos(angle)) / 2)
@@ -271,7 +272,7 @@ def test_beyond_the_cut_off_nobody_is_noticed():
     np.testing.assert_array_equal(in_file(Hertz(social=social), 0.2001), 0.0)
 
 
-@pytest.mark.parametrize("share", [0.0, 300.0])
+@looped("share", [0.0, 300.0])
 def test_walls_push_only_if_asked_to(share):
     bodies = make_bodies([0.3], 70.0, desired_speed=1.0, relaxation_time=0.5)
     state = make_state([[0.35, 0.0]], [[-1.0, 0.0]])
@@ -291,7 +292,7 @@ def test_grains_have_no_social_force():
 
 
 @pytest.mark.parametrize("name", SCHEMES)
-@pytest.mark.parametrize("social", ["lin", "helbing"])
+@looped("social", ["lin", "helbing"])
 def test_a_crowd_with_a_social_force_keeps_its_distance_and_gets_out(name, social):
     place = make_scenario("room-v0", people=12)
     bodies, position = place.population.draw(np.random.default_rng(4), place.geometry)

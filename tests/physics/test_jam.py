@@ -9,6 +9,7 @@ from dataclasses import replace
 import clarabel
 import numpy as np
 import pytest
+from cases import looped
 from crowds import copied, people, scatter, tight, touches
 from scipy import sparse
 from shapely.geometry import box
@@ -64,7 +65,7 @@ def deepest(geometry, bodies, state):
 # --------------------------------------------------------------------------------------------- overlap and residual
 
 
-@pytest.mark.parametrize("goal", [(9.0, 9.0), (9.0, 4.5)], ids=["corner", "door"])
+@looped("goal", [(9.0, 9.0), (9.0, 4.5)], ids=["corner", "door"])
 @pytest.mark.parametrize("name", SCHEMES)
 def test_a_jam_of_100_stays_within_the_stated_overlap_and_residual(name, goal):
     geometry = closed_room(9.0) if goal == (9.0, 9.0) else door_room(9.0)
@@ -88,8 +89,8 @@ def test_a_jam_of_100_stays_within_the_stated_overlap_and_residual(name, goal):
     assert totals.residual[0] <= getattr(scheme, "tolerance", 0.0)
 
 
-@pytest.mark.parametrize("trial", ["spontaneous", "inertial"])
-@pytest.mark.parametrize("tolerance", [1e-1, 1e-3])
+@looped("trial", ["spontaneous", "inertial"])
+@looped("tolerance", [1e-1, 1e-3])
 def test_the_overlap_of_nsm1_follows_its_tolerance(trial, tolerance):
     geometry = closed_room(SIDE[20])
     bodies, state = start(geometry, 20)
@@ -102,7 +103,7 @@ def test_the_overlap_of_nsm1_follows_its_tolerance(trial, tolerance):
     assert max(worst) > 1e-12
 
 
-@pytest.mark.parametrize("solver", ["gauss-seidel", "accelerated"])
+@looped("solver", ["gauss-seidel", "accelerated"])
 def test_a_solver_out_of_iterations_says_so(solver):
     geometry = closed_room(SIDE[20])
     bodies, state = start(geometry, 20)
@@ -187,12 +188,12 @@ PROBLEMS = {
         (20, "accelerated"),
         (100, "gauss-seidel"),
         (100, "accelerated"),
-        (1000, "accelerated"),
+        pytest.param(1000, "accelerated", marks=pytest.mark.more),
         pytest.param(1000, "gauss-seidel", marks=pytest.mark.nightly),
     ],
 )
-@pytest.mark.parametrize("place", ["corner", "door"])
-@pytest.mark.parametrize("problem", PROBLEMS)
+@looped("place", ["corner", "door"])
+@looped("problem", PROBLEMS)
 def test_velocities_in_a_jam_agree_with_an_interior_point_solver(problem, place, count, solver):
     scheme, reference = PROBLEMS[problem]
     scheme = replace(tight(scheme, 1e-9), solver=solver)
@@ -214,7 +215,7 @@ def test_velocities_in_a_jam_agree_with_an_interior_point_solver(problem, place,
     np.testing.assert_allclose(state.velocity[inside], expected[inside], rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("trial", ["spontaneous", "inertial"])
+@looped("trial", ["spontaneous", "inertial"])
 def test_a_jam_of_1000_overlaps_by_less_than_a_fifth_of_a_millimeter_with_the_defaults(trial):
     side = SIDE[1000]
     geometry = door_room(side)

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from cases import looped
 from crowds import every_scheme
 from scipy.spatial import cKDTree
 from shapely.geometry import box
@@ -66,7 +67,7 @@ def steps(simulation, seconds):
 
 
 @every_scheme
-@pytest.mark.parametrize("threads", [2, 8])
+@looped("threads", [2, 8])
 def test_state_hash_for_any_number_of_threads_and_any_place_in_the_batch(name, threads):
     alone = crowd(name, 130)
     many = crowd(name, 130, environments=5, threads=threads)
@@ -93,7 +94,7 @@ def test_one_large_crowd_is_the_same_for_any_number_of_threads():
     assert len(hashes) == len(sums) == 1
 
 
-@pytest.mark.parametrize("threads", [1, 3])
+@looped("threads", [1, 3])
 def test_what_everyone_gets_is_what_the_contacts_say_across_slabs_too(threads):
     simulation = crowd("dem", 4200, threads=threads)
     simulation.advance(n_substeps=60)

@@ -6,6 +6,7 @@ Trajectories of crowds are chaotic, so symmetries are compared over a short time
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from crowds import (
     GRAIN_SCHEMES,
     converging,
@@ -134,7 +135,7 @@ def energy_excess(scheme, dt, before):
     return 1e-9 + 4 * np.sqrt(2 * 100.0 * before) * getattr(scheme, "tolerance", 0.0)
 
 
-@pytest.mark.parametrize("share", [1.0, 0.2])
+@looped("share", [1.0, 0.2])
 @every_grain_scheme
 def test_a_collision_gains_no_energy(name, share):
     dt = share * LAWS[name].info.default_dt
@@ -226,7 +227,7 @@ def walked():
 
 
 @every_scheme
-@pytest.mark.parametrize("motion", MOTIONS)
+@looped("motion", MOTIONS)
 def test_the_same_crowd_seen_from_elsewhere_does_the_same(name, motion, walked):
     geometry, bodies, start, end, command = walked(name)
     matrix, shift = MOTIONS[motion]

@@ -6,6 +6,7 @@ printed; 300 pi r^2 gives every digit of Table 3 (tests/reproduce).
 
 import numpy as np
 import pytest
+from cases import looped
 from crowds import half_plane, kinetic_energy, plain, tight
 
 from crowd_env.core.arrays.state import make_bodies, make_state
@@ -42,7 +43,7 @@ def close_to(rows, abs=1e-12):
 # ---------------------------------------------------------------------------------------------------------- Figure 2
 
 
-@pytest.mark.parametrize("steps_in_contact", [1, 2, 3, 4, 5])
+@looped("steps_in_contact", [1, 2, 3, 4, 5])
 def test_figure_2a_dem_is_elastic_at_special_stiffnesses(steps_in_contact):
     kappa = 2 * (1 - np.cos(np.pi / steps_in_contact))  # 4, 2, 1, 2 - sqrt(2), ...
     rows = trace(DEM(MASS * kappa / 0.1**2), 2 + steps_in_contact)
@@ -60,7 +61,7 @@ def test_figure_2c_nsm2_elastic_is_late_by_two_steps():
     assert rows == close_to([(0.4, -2), (0.2, -2), (0.2, 2), (0.4, 2), (0.6, 2)])
 
 
-@pytest.mark.parametrize("k_normal", [2 * MASS, MASS, 0.0])
+@looped("k_normal", [2 * MASS, MASS, 0.0])
 def test_figure_2d_nsm2_inelastic_stays_overlapped(k_normal):
     # 2m is exactly inelastic; below it the reaction takes what the dissipation leaves.
     rows = trace(NSM2(normal_dissipation=k_normal, reaction="printed"), 5)
@@ -79,8 +80,8 @@ def collide_pair(scheme, masses, velocities, *, gap=-1e-3):
     return state.velocity
 
 
-@pytest.mark.parametrize("k_normal", [0.0, 10.0, 79.9, 160.0, 1e3, 1e5, np.inf])
-@pytest.mark.parametrize("masses", [(80.0, 80.0), (60.0, 100.0), (84.8, 2000.0)])
+@looped("k_normal", [0.0, 10.0, 79.9, 160.0, 1e3, 1e5, np.inf])
+@looped("masses", [(80.0, 80.0), (60.0, 100.0), (84.8, 2000.0)])
 def test_restitution_of_a_pair_under_nsm2(k_normal, masses):
     reduced = 1 / (1 / masses[0] + 1 / masses[1])
     e = 1.0 if k_normal == np.inf else max(0.0, (k_normal - 2 * reduced) / (k_normal + 2 * reduced))
@@ -94,7 +95,7 @@ def test_restitution_of_a_pair_under_nsm2(k_normal, masses):
         assert kinetic_energy(bodies, after).sum() == pytest.approx(kinetic_energy(bodies, before).sum())
 
 
-@pytest.mark.parametrize(("k_normal", "mass"), [(0.0, 80.0), (160.0, 80.0), (1e3, 60.0), (1e5, 80.0), (np.inf, 100.0)])
+@looped(("k_normal", "mass"), [(0.0, 80.0), (160.0, 80.0), (1e3, 60.0), (1e5, 80.0), (np.inf, 100.0)])
 def test_restitution_at_a_wall_under_nsm2(k_normal, mass):
     e = 1.0 if k_normal == np.inf else max(0.0, (k_normal - 2 * mass) / (k_normal + 2 * mass))
     state = make_state([[0.199, 0.0]], [[-1.5, 0.5]])
@@ -109,7 +110,7 @@ def test_restitutions_of_table_4():
     assert (after[1, 0] - after[0, 0]) / 2 == pytest.approx(0.9984, abs=5e-5)
 
 
-@pytest.mark.parametrize("k_tangent", [0.0, 20.0, 80.0, 500.0])
+@looped("k_tangent", [0.0, 20.0, 80.0, 500.0])
 def test_tangential_law_of_nsm2(k_tangent):
     masses, reduced = (80.0, 80.0), 40.0
     after = collide_pair(
@@ -152,7 +153,7 @@ def test_a_separating_neighbor_can_take_up_energy_under_nsm2():
         assert (state.velocity**2).sum() == pytest.approx((1.0 + gain) * (before.velocity**2).sum(), abs=1e-9)
 
 
-@pytest.mark.parametrize("gap", [0.0, -0.02, 0.004])
+@looped("gap", [0.0, -0.02, 0.004])
 def test_nsm1_pair_moves_on_together_once_it_touches(gap):
     # The law: no overlap AFTER the step; perfectly inelastic, momentum kept.
     masses = np.array([60.0, 100.0])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import looped
 
 from crowd_env import DEM, NSM1, NSM2, SCHEMES, Geometry, Simulation, make_bodies, make_scheme, make_state
 
@@ -12,7 +13,7 @@ pytestmark = pytest.mark.kernels
 HALL = Geometry.from_polygon([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
 
 
-@pytest.mark.parametrize(
+@looped(
     ("scheme", "dt", "says"),
     [
         (DEM(), 0.04, r"dt = 0\.04 s is above the stable step of dem, 0\.03162 s .*: 2 / sqrt\(2 k / m_min\)"),
@@ -26,7 +27,7 @@ def test_a_step_that_is_too_long_names_the_bound_and_its_formula(scheme, dt, say
         Simulation(HALL, bodies, make_state([[5.0, 5.0]]), scheme=scheme, dt=dt)
 
 
-@pytest.mark.parametrize("share", [0.25, 0.5, 1.0])
+@looped("share", [0.25, 0.5, 1.0])
 def test_the_position_correction_takes_back_its_share_and_gives_no_velocity(share):
     # Two resting discs overlap by 40 mm: the lighter one gives way more, the center of mass stays.
     bodies = make_bodies([0.2, 0.2], [60.0, 90.0])
@@ -64,7 +65,7 @@ def test_only_without_inertia_are_impulses_no_forces():
     assert [name for name, scheme in SCHEMES.items() if not scheme.info.impulses_are_forces] == ["nsm1"]
 
 
-@pytest.mark.parametrize("dt", [0.01, 0.05])
+@looped("dt", [0.01, 0.05])
 def test_a_step_that_is_done_again_with_more_room_looks_up_directions_once(dt):
     # Near a round wall of many edges the lists hold more than they have room for at first.
     angles = np.linspace(0, 2 * np.pi, 1200, endpoint=False)

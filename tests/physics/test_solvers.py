@@ -3,6 +3,7 @@
 import numba
 import numpy as np
 import pytest
+from cases import looped
 from crowds import people, scatter
 from shapely.geometry import box
 
@@ -61,7 +62,7 @@ def natural_residual(simulation, free):
     return residual(np.zeros(len(mobility))), residual(contacts.impulse[:, 0])
 
 
-@pytest.mark.parametrize("share", [1e-1, 1e-3, 1e-6])
+@looped("share", [1e-1, 1e-3, 1e-6])
 def test_a_relative_tolerance_holds_for_the_residual_of_the_contacts(share):
     simulation = jam(NSM1(tolerance=10.0, relative_tolerance=share), steps=150)
     assert simulation.diagnostics.unconverged[0] == 0
@@ -74,7 +75,7 @@ def test_a_relative_tolerance_holds_for_the_residual_of_the_contacts(share):
     assert np.linalg.norm(solved) > 1e-5 * share * np.linalg.norm(none)  # and is what it stopped at
 
 
-@pytest.mark.parametrize("make", [NSM1, NSM2])
+@looped("make", [NSM1, NSM2])
 def test_both_tolerances_must_be_met(make):
     strict = jam(make(tolerance=1e-6, relative_tolerance=0.5), steps=60)
     assert strict.diagnostics.residual[0] <= 1e-6
@@ -96,7 +97,7 @@ def test_a_wall_does_not_move():
     np.testing.assert_array_equal(rows.velocity[len(mass)], 0.0)
 
 
-@pytest.mark.parametrize("factor", [0.0, 1.0, -1.0, 30.0])
+@looped("factor", [0.0, 1.0, -1.0, 30.0])
 def test_a_start_is_never_worse_than_none(factor):
     # In the energy that the solution minimises: 1/2 |v|_M^2 + P . bias.
     simulation = jam(NSM1())

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from cases import looped
 from crowds import copied, every_scheme, people, scatter
 from shapely.geometry import box
 
@@ -83,7 +84,7 @@ def test_an_open_door_is_not_there_bit_by_bit(name):
 
 
 @every_scheme
-@pytest.mark.parametrize(("door", "push"), [("gate", -1.0), ("east door", 1.0)])
+@looped(("door", "push"), [("gate", -1.0), ("east door", 1.0)])
 def test_nobody_passes_a_closed_door_however_hard_they_push(name, door, push):
     bodies, state = copied(*crowd(30))
     simulation = Simulation(
@@ -292,7 +293,7 @@ def test_rays_see_closed_doors_and_see_through_open_ones():
 # -------------------------------------------------------------------------------------------------------- wrong input
 
 
-@pytest.mark.parametrize(
+@looped(
     ("options", "message"),
     [
         ({"closed": ("x",)}, "unknown door 'x'; known: gate, west door, east door"),
@@ -308,7 +309,7 @@ def test_unknown_names_of_events_are_refused_in_one_sentence(options, message):
         route_set_of(**options)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("doors", "message"),
     [
         ({"west": [(5, 1), (5, 3)]}, "door 'west' has the name of an exit; it must close that exit"),

@@ -10,6 +10,7 @@ import numba
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from navigation_plans import RADIUS, exit_targets, shortest
 from scipy.optimize import minimize_scalar
 from shapely.geometry import LineString, Point, box
@@ -97,7 +98,7 @@ def shortest_way(geometry, points, goal):
 # ----------------------------------------------------------------------------------------------------- lengths of ways
 
 
-@pytest.mark.parametrize("goal", [None, "goal"])
+@looped("goal", [None, "goal"])
 @pytest.mark.parametrize("name", PLANS)
 def test_times_and_paths_are_the_shortest_to_exits_and_into_regions(name, goal):
     geometry, field, arrays = plan(name, goal)
@@ -119,7 +120,7 @@ def test_times_and_paths_are_the_shortest_to_exits_and_into_regions(name, goal):
 # ---------------------------------------------------------------------------------------------------------- speed maps
 
 
-@pytest.mark.parametrize("share", [0.4, 0.7])
+@looped("share", [0.4, 0.7])
 def test_ways_into_slow_ground_are_bent_as_snell_says(share):
     # The goal is a small disc 3 m deep in slow ground; the way is straight on either side of the line y = 4.
     geometry = Geometry.from_polygon(
@@ -156,7 +157,7 @@ def around(start, slow):
     return np.hypot(left - start[0], top - start[1]) + right - left + np.hypot(12 - right, top - 1.25)
 
 
-@pytest.mark.parametrize("share", [0.3, 0.6, 0.66, 0.72, 0.9])
+@looped("share", [0.3, 0.6, 0.66, 0.72, 0.9])
 def test_around_or_through_slow_ground_whatever_is_quicker(share):
     # From (2, 1) through two meters of slow ground it takes 8 + 2 / share, around 10.9: they break even at 0.69.
     slow = box(5, 0, 7, 3)
@@ -226,7 +227,7 @@ def test_nearest_is_the_exit_of_the_shortest_way_not_of_the_shortest_line():
 # ------------------------------------------------------------------------------------------------------------- comfort
 
 
-@pytest.mark.parametrize(("length", "avoids"), [(0.1, False), (1.0, True), (2.0, True)])
+@looped(("length", "avoids"), [(0.1, False), (1.0, True), (2.0, True)])
 def test_comfort_goes_around_stairs_when_the_detour_is_cheaper(length, avoids):
     # From (2, 1) with stairs of this length in the middle: through costs 3 m more for every meter of stairs.
     stairs = box(6 - length / 2, 0, 6 + length / 2, 3)
@@ -289,7 +290,7 @@ def test_regions_on_the_way_are_those_that_the_path_walks_through():
 # --------------------------------------------------------------------------------------------------------- wrong input
 
 
-@pytest.mark.parametrize(
+@looped(
     ("options", "message"),
     [
         ({"routes": [Route("a", ("north",))]}, "route 'a' names an unknown exit 'north'; known: west, east"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import looped
 from crowds import copied, every_scheme, joined, part, people, scatter
 from repository import ROOT
 from shapely.geometry import Point, box
@@ -126,7 +127,7 @@ def one_exit_times(route, manner, seed):
     return np.where(state.active, 90.0, np.nan_to_num(state.exit_time))
 
 
-@pytest.mark.parametrize("manner", ["competitive", "hurried"])
+@looped("manner", ["competitive", "hurried"])
 def test_with_one_exit_the_fastest_way_is_not_slower_than_the_shortest(manner):
     later = []
     for seed in range(6):
@@ -135,7 +136,7 @@ def test_with_one_exit_the_fastest_way_is_not_slower_than_the_shortest(manner):
     assert (np.mean(later, axis=0) < 0.04).all()  # weighed with a density that holds nobody up it is a quarter
 
 
-@pytest.mark.parametrize("radius", [0.2, 0.15])
+@looped("radius", [0.2, 0.15])
 def test_the_fastest_way_does_not_lead_through_a_thin_wall(radius):
     wall, door = [(5.1, 0), (5.1, 4.8)], [(10, 0.5), (10, 2)]
     quick = RoutePlan(
@@ -186,7 +187,7 @@ def corridor(zones):
 
 
 @every_scheme
-@pytest.mark.parametrize(
+@looped(
     ("zones", "speeds"),
     [
         ([SpeedZone("a", speed=0.5)], (1.5, 0.5, 0.5, 1.5, 1.5)),
@@ -237,7 +238,7 @@ def ruled(rules, *, waiting=3, walking=WALKING, **options):
     return simulate(rule_routes(*rules), position, route=1, speed=speed, **options)
 
 
-@pytest.mark.parametrize("waiting", [0, 1, 2, 3])
+@looped("waiting", [0, 1, 2, 3])
 def test_a_rule_is_on_at_so_many_and_sends_only_those_who_would_come_through(waiting):
     simulation = ruled([ControlRule("gate", 2, "left")], waiting=waiting)
     simulation.advance(n_substeps=1)
@@ -283,7 +284,7 @@ def test_a_rule_goes_off_below_and_not_before_hold():
         assert simulation.history.rule_on[0, 0] == (off_at is None)
 
 
-@pytest.mark.parametrize("commits", [False, True])
+@looped("commits", [False, True])
 def test_whoever_was_sent_another_way_keeps_to_it_if_the_rule_commits(commits):
     simulation = ruled([ControlRule("gate", 3, "left", commits=commits)])
     simulation.advance(n_substeps=30)

@@ -15,10 +15,9 @@ from crowd_env.core.executors import RayCluster
 
 from ...evaluation.entries import RULE
 from ...evaluation.evaluation import VALIDATION_SEED, evaluate
-from ...evaluation.trained_run import physics_of
 from ...networks import NETWORK
 from ...trained import LearnedPolicy
-from ...training_config import facts_of, judged_place, make_env
+from ...training_config import facts_of, judged_place, make_env, physics_of
 from ..rate import FallingRate
 from ..training import START, curve_line, curve_row, env_options_of, read_curve, score, write_curve
 

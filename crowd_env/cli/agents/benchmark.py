@@ -1,13 +1,11 @@
-"""One command for learning curves: train algorithms with several seeds on a task, judge them, and draw what came of it."""
+"""Train algorithms with several seeds on a task and judge them: ``crowd-env benchmark``."""
 
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from crowd_env.agents.benchmark.algorithms import ALGORITHMS
-from crowd_env.agents.benchmark.job import Job, Plan, do, fixed_policy, read_result
-from crowd_env.agents.benchmark.summary import draw, summarize, table
+from crowd_env.agents.benchmark import ALGORITHMS, Job, Plan, do, fixed_policy, read_result, summarize, table
 from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.tasks import PRESETS, make_preset, make_task
 from crowd_env.agents.training_config import RUNS, check_budget, check_libraries
@@ -16,7 +14,6 @@ from crowd_env.core.checks import Range, known, whole
 from crowd_env.core.console import friendly_errors, notes
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.json_file import write_json
-from crowd_env.rendering.libraries import require_libraries
 
 _BASELINES = (RULE, "density-cap", "follow", "zipper")
 _FOLDER = Path("benchmarks/results/learning")
@@ -31,62 +28,41 @@ def main(
     ] = "competitive-door",
     algorithms: Annotated[
         list[str] | None,
-        typer.Option(
-            "--algorithms",
-            metavar="NAME ...",
-            help="; ".join(f"{name}: {one.about}" for name, one in ALGORITHMS.items()),
-        ),
+        typer.Option(metavar="NAME ...", help="; ".join(f"{name}: {one.about}" for name, one in ALGORITHMS.items())),
     ] = None,
     baselines: Annotated[
         list[str] | None,
-        typer.Option(
-            "--baselines",
-            metavar="POLICY ...",
-            help="Policies to judge beside them.",
-            show_default=" ".join(_BASELINES),
-        ),
+        typer.Option(metavar="POLICY ...", help="Policies to judge beside them.", show_default=" ".join(_BASELINES)),
     ] = None,
     seeds: Annotated[int, typer.Option(help="Trainings of each algorithm, with the seeds 0, 1, ...")] = 10,
     minutes: Annotated[float, typer.Option(help="Processor time of each training, evaluations apart.")] = 2.0,
-    checkpoints: Annotated[
-        int, typer.Option(help="How often a policy is judged while it learns, its start apart.")
-    ] = 6,
-    validation_runs: Annotated[int, typer.Option(help="Validation draws of each checkpoint.")] = 12,
     runs: Annotated[int, typer.Option(help="Held-out draws of the final evaluation, in the task as it stands.")] = 40,
     out: Annotated[Path | None, typer.Option(help="Folder of the results.", show_default=f"{_FOLDER}/TASK")] = None,
     report_only: Annotated[bool, typer.Option("--report-only", help="Train nothing: report what there is.")] = False,
 ) -> None:
-    """Train algorithms on a task with several seeds each, and compare them by interquartile means, intervals and curves.
+    """Train algorithms on a task with several seeds each, and compare them by interquartile means and intervals.
 
-    Every result is a file of its own, written when it is whole, with the best network beside it: an interrupted command goes
-    on, several processes may share a folder, and more seeds or algorithms can be added later.
+    An interrupted command goes on, and more seeds or algorithms can be added later.
 
     Example: crowd-env benchmark --task competitive-door --algorithms ppo evolution --seeds 10
     """
     folder = _FOLDER / task if out is None else out
     with friendly_errors("the same command goes on"):
-        make_task(task)
         make_preset(task)
         chosen = [known("algorithm", name, ALGORITHMS) for name in algorithms or ALGORITHMS]
         beside = list(_BASELINES if baselines is None else baselines)
         for name in beside:
             fixed_policy(name, make_task(task))
         whole("--seeds", seeds, Range(1, 1000))
-        whole("--checkpoints", checkpoints)
-        whole("--validation-runs", validation_runs)
         whole("--runs", runs, RUNS)
         check_budget(minutes=minutes)
         check_libraries()
-        require_libraries(".png")
-        plan = Plan(task, minutes, checkpoints, validation_runs, runs)
+        plan = Plan(task, minutes, runs=runs)
         # Seed by seed: whenever it is stopped, all algorithms have about as many.
         jobs = [Job(name, seed) for seed in range(seeds) for name in chosen] + [Job(name, None) for name in beside]
-        for k, job in enumerate(jobs):
-            if report_only:
-                break
-            label = f"{k + 1}/{len(jobs)} {Path(job.file).stem}"
-            result = do(job, plan, folder)
-            notes.print(f"{label}: {_said(result)}", markup=False, highlight=False)
+        for k, job in enumerate([] if report_only else jobs):
+            said = _said(do(job, plan, folder))
+            notes.print(f"{k + 1}/{len(jobs)} {Path(job.file).stem}: {said}", markup=False, highlight=False)
         results: dict[str, list[dict[str, Any]]] = {}
         for job in jobs:
             if (folder / job.file).exists():
@@ -96,7 +72,6 @@ def main(
         rows = summarize(results)
         write_json(folder / "summary.json", {"plan": plan._asdict(), "rows": rows})
         write_text(folder / "table.md", table(rows))
-        draw(folder, results, task, make_task(task).people)
     typer.echo(table(rows), nl=False)
 
 

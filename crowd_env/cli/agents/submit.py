@@ -9,7 +9,7 @@ from crowd_env.agents.evaluation.entries import RULE, make_entries
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.robustness import Found, few_runs, judge_trial, make_trials
 from crowd_env.agents.evaluation.same_draws import compare
-from crowd_env.agents.evaluation.submission import REFERENCES, make_submission, write_submission
+from crowd_env.agents.evaluation.submission import REFERENCES, write_submissions
 from crowd_env.agents.tasks import TASKS, make_task
 from crowd_env.agents.trained import SAMPLED
 from crowd_env.agents.training_config import RUNS
@@ -51,8 +51,8 @@ def main(
 ) -> None:
     """Judge policies on the held-out draws of a task and on its variations; write one submission for each.
 
-    A submission holds task, version and digest, the policy with the digest of its network, the seeds, the figures of the policy
-    beside the rule at full and at its best speed on the same draws, every single run, and the versions of everything.
+    A submission holds a line for each run, and the digests of task and network.  The rule at full and at its best speed on the
+    same draws lie beside all policies of a task in TASK.json.
 
     Example:
 
@@ -76,10 +76,8 @@ def main(
         found: Found = [
             (one, judge_trial(chosen, one, compare, runs=few, threads=threads, out=folder)) for one in trials
         ]
-        of_policy = [entry for given, entry in zip(named, entries, strict=True) if given in policy]
-        for entry in of_policy:
-            path = out / task / f"{entry.name.replace('/', '-')}.json"
-            write_submission(path, make_submission(chosen, entry.name, entry.source, results, found))
+        sources = {entry.name: entry.source for given, entry in zip(named, entries, strict=True) if given in policy}
+        for path in write_submissions(out, chosen, sources, results, found):
             typer.echo(str(path))
 
 

@@ -7,6 +7,8 @@ from pieces_of_work import die, note, process, square, wait
 
 from crowd_env.core.executors import EXECUTORS, WorkerDied, make_executor
 
+pytestmark = pytest.mark.more
+
 HERE = [name for name in EXECUTORS if name != "ray"]  # tests/core/executors/test_cluster.py is about that
 
 

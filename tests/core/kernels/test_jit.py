@@ -15,6 +15,8 @@ from repository import ROOT
 
 from crowd_env.core.kernels import jit
 
+pytestmark = pytest.mark.more
+
 STAMP = "0123456789abcdef"
 PROGRAM = """
 import numpy as np

@@ -20,7 +20,7 @@ from crowd_env.physics import DEM, SCHEMES, SOCIAL_FORCES
 from crowd_env.physics.dem_lanes import partition
 from crowd_env.physics.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.kernels
+pytestmark = [pytest.mark.kernels, pytest.mark.more]
 KINDS = {**SCHEMES, **{f"dem-{name}": DEM(social=social) for name, social in SOCIAL_FORCES.items()}}
 PLACE = Geometry.from_polygon(
     box(0, 0, 6, 4),

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from cases import looped
 from numba import config
 
 from crowd_env import CrowdEnv
@@ -62,7 +63,7 @@ def make() -> Outer:
     return Outer(dt=0.5, inner=inner, steps=7, driving=True, count=np.zeros(3, dtype=np.int64))
 
 
-@pytest.mark.parametrize("by", [struct_ref, lambda tuple_: tuple_], ids=["reference", "tuple"])
+@looped("by", [struct_ref, lambda tuple_: tuple_], ids=["reference", "tuple"])
 def test_a_kernel_reads_and_writes_the_same_of_a_reference_as_of_the_tuple(by):
     outer = make()
     assert read(by(outer)) == (1.5 + 5.5, 5.0 + 2, 3_999_999_998, 7, 0.5, 1)
@@ -130,7 +131,7 @@ def test_empty_arrays_and_columns_of_one():
     assert read(struct_ref(make()._replace(inner=empty)))[0] == 0.0
 
 
-@pytest.mark.parametrize(
+@looped(
     ("field", "value", "word"),
     [
         ("count", np.zeros((4, 4))[:, 1], "count is ndarray"),
@@ -144,9 +145,7 @@ def test_what_no_kernel_could_read_is_named(field, value, word):
         struct_ref(make()._replace(**{field: value}))
 
 
-@pytest.mark.parametrize(
-    "copied", [copy.deepcopy, lambda thing: pickle.loads(pickle.dumps(thing))], ids=["copy", "pickle"]
-)
+@looped("copied", [copy.deepcopy, lambda thing: pickle.loads(pickle.dumps(thing))], ids=["copy", "pickle"])
 def test_a_copy_refers_to_arrays_of_its_own(copied):
     env = CrowdEnv("room-v0", scheme="dem")
     env.reset(seed=0)

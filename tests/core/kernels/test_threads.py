@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+from cases import looped
 
 from crowd_env import CrowdEnv, make_scenario
 from crowd_env.core.arrays.state import make_state
@@ -177,7 +178,7 @@ def threaded(**options):
     return env
 
 
-@pytest.mark.parametrize("how", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
+@looped("how", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
 def test_an_environment_with_threads_can_be_copied_and_pickled(how):
     env = threaded()
     other = how(env)

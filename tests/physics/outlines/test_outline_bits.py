@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from cases import looped
 from outlined_crowds import TORSO, before_a_door, grains
 from shapely.geometry import box
 
@@ -32,8 +33,8 @@ def has_friction(simulation):
     return (contacts.history[rows, 0] != 0.0).sum() > 50
 
 
-@pytest.mark.parametrize("threads", [1, 2, 3])
-@pytest.mark.parametrize("manner", [None, "hurried"])
+@looped("threads", [1, 2, 3])
+@looped("manner", [None, "hurried"])
 def test_alone_and_anywhere_in_a_batch_on_any_number_of_threads(threads, manner):
     options = {"density": PRESSED, "manner": manner}
     alone, many = before_a_door(90, **options), before_a_door(90, environments=4, threads=threads, **options)
@@ -44,7 +45,7 @@ def test_alone_and_anywhere_in_a_batch_on_any_number_of_threads(threads, manner)
     assert {moves(many, slice(90 * e, 90 * (e + 1))) for e in range(4)} == {moves(alone)}
 
 
-@pytest.mark.parametrize("count", [90, 1100])
+@looped("count", [90, 1100])
 def test_one_call_or_many(count):
     at_once, in_parts = (before_a_door(count, density=PRESSED) for _ in range(2))
     at_once.advance(n_substeps=200)
@@ -54,7 +55,7 @@ def test_one_call_or_many(count):
         np.testing.assert_array_equal(getattr(in_parts.state, name), getattr(at_once.state, name))
 
 
-@pytest.mark.parametrize("count", [90, 1100])
+@looped("count", [90, 1100])
 def test_a_run_that_goes_on_from_a_checkpoint(count):
     simulation = before_a_door(count, density=PRESSED)
     simulation.advance(n_substeps=130)
@@ -77,7 +78,7 @@ def test_a_checkpoint_of_another_outline_is_refused():
             before_a_door(30, outline=outline).restore(checkpoint)
 
 
-@pytest.mark.parametrize("count", [90, 1100])
+@looped("count", [90, 1100])
 def test_a_step_that_is_done_again_with_more_room_comes_out_alike(count, monkeypatch):
     # From few entries a person, so that neither the lists nor, at some step, the contacts of all discs fit.
     expected = before_a_door(count, density=9.0)
@@ -95,7 +96,7 @@ def test_a_step_that_is_done_again_with_more_room_comes_out_alike(count, monkeyp
     assert len(rooms) > 4
 
 
-@pytest.mark.parametrize("entries", range(2, 40, 3))
+@looped("entries", range(2, 40, 3))
 def test_contacts_that_do_not_fit_lose_no_history(entries, monkeypatch):
     # A heap of people with a soft skin: far more pairs of discs than of bodies.
     def heap(per_person):
@@ -161,7 +162,7 @@ def test_a_mirrored_crowd_mirrors_all_it_does():
 # ---------------------------------------------------------------------------------------------------------- inside
 
 
-@pytest.mark.parametrize("force", [0.0, 3e3, 1e5])
+@looped("force", [0.0, 3e3, 1e5])
 def test_nobody_gets_outside_however_hard_they_are_pressed(force):
     place = Geometry.from_polygon(
         box(0, 0, 6, 4),

@@ -8,6 +8,7 @@ import itertools
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from crowds import PLANS, half_plane
 from outlined_crowds import LIMP, TORSO, bodies_as_shapes, discs_of, grains
 from shapely.geometry import box
@@ -119,7 +120,7 @@ def crowd(seed, count, side, spread=0.0):
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("seed", [0, 2, 4])
+@looped("seed", [0, 2, 4])
 def test_whole_runs_with_walls_friction_and_ways(seed):
     # In a room of 2.2 m whose pillar has four corners: pressed together, and turning.
     place = Geometry.from_polygon(box(0, 0, 2.2, 2.2), obstacles=[box(1.0, 1.0, 1.2, 1.2)])
@@ -149,8 +150,8 @@ def test_whole_runs_with_walls_friction_and_ways(seed):
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("plan", PLANS)
-@pytest.mark.parametrize("count", [25, 120])
+@looped("plan", PLANS)
+@looped("count", [25, 120])
 def test_contacts_are_all_that_there_are(plan, count):
     # One person at most is deeper in a wall than a disc: on which side it then is, the next tests say.
     geometry = PLANS[plan]()
@@ -208,8 +209,8 @@ def pushed_back(geometry, position, angle, *, steps=3000):
     return simulation
 
 
-@pytest.mark.parametrize("depth", [0.02, 0.05, 0.1, 0.14])
-@pytest.mark.parametrize("side", [1, -1])
+@looped("depth", [0.02, 0.05, 0.1, 0.14])
+@looped("side", [1, -1])
 def test_a_shoulder_behind_a_wall_comes_back(depth, side):
     # Facing along the wall, one shoulder in it, up to deeper than the radius of its disc; a thin wall has two sides.
     breadth = 0.17 * (TORSO.shape.y + TORSO.shape.radius).max()

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from shapely.geometry import box
 from walking_crowds import NUMBERS, decided, decided_by, drawn_crowd, manner, standing
 
@@ -21,15 +22,15 @@ def ahead(gap, keeps=STRAIGHT, **options):
     return decided(*standing([[0, 0], [0.4 + gap, 0]], [[1, 0], [0, 0]], keeps, **options))[0]
 
 
-@pytest.mark.parametrize("time_gap", [0.4, 1.1])
-@pytest.mark.parametrize("push", [0.0, 0.3, 1.0])
-@pytest.mark.parametrize("gap", [-0.05, 0.0, 0.1, 0.5, 1.0, 1.9])
+@looped("time_gap", [0.4, 1.1])
+@looped("push", [0.0, 0.3, 1.0])
+@looped("gap", [-0.05, 0.0, 0.1, 0.5, 1.0, 1.9])
 def test_behind_someone_who_goes_nowhere_the_speed_is_the_gap_over_the_time_gap(time_gap, push, gap):
     velocity = ahead(gap, manner(strength=0.0, time_gap=time_gap, push=push))
     assert velocity == pytest.approx([np.clip(max(gap, 0.0) / time_gap, push * V0, V0), 0.0], abs=1e-12)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("way", "walks", "speed"),
     [
         ([1, 0], [0.0, 0.0], (0.5 - 0.1) / 1.2),  # who stands on the same way is left the standing gap
@@ -60,7 +61,7 @@ def test_nobody_beyond_the_range_of_sight_counts_and_nobody_behind():
     assert behind == pytest.approx([V0, 0.0])
 
 
-@pytest.mark.parametrize("width", [0.5, 0.86, 1.2])
+@looped("width", [0.5, 0.86, 1.2])
 def test_only_bodies_in_the_strip_count(width):
     for across, is_free in ((0.4 * width - 1e-6, False), (0.4 * width + 1e-6, True)):
         velocity = decided(*standing([[0, 0], [0.5, across]], [[1, 0], [0, 0]], manner(strength=0.0, width=width)))[0]
@@ -85,7 +86,7 @@ def test_people_step_aside_away_from_where_the_other_will_be_and_to_the_right_if
         assert np.sign(velocity[0, 1]) == expected
 
 
-@pytest.mark.parametrize("keep_right", [0.15, 0.0, -0.15])
+@looped("keep_right", [0.15, 0.0, -0.15])
 def test_oncoming_people_are_passed_on_the_right_unless_they_are_well_there(keep_right):
     for across in (-0.2, -0.1, -0.01, 0.01, 0.1, 0.2):
         two = standing([[0, 0], [0.6, across]], [[1, 0], [-1, 0]], manner(keep_right=keep_right))
@@ -240,7 +241,7 @@ def test_every_number_of_a_manner_matters():
 # --------------------------------------------------------------------------------------------------------------- overtaking
 
 
-@pytest.mark.parametrize(("walks", "overtakes"), [(0.6, True), (0.3, False)])
+@looped(("walks", "overtakes"), [(0.6, True), (0.3, False)])
 def test_someone_slower_is_overtaken_but_not_in_a_queue(walks, overtakes):
     velocity = decided(
         *standing([[0, 0], [0.9, 0.15]], [[1, 0], [1, 0]], STRAIGHT, velocity=[[1.0, 0.0], [walks, 0.0]])

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from shapely.geometry import box
 
 from crowd_env import Geometry, Simulation
@@ -227,7 +228,7 @@ MANNERS = [
 
 
 @pytest.mark.parametrize("manner", MANNERS, ids=["alert", "blunt"])
-@pytest.mark.parametrize("seed", range(3))
+@looped("seed", range(3))
 def test_a_decision_is_the_rule_written_plainly(manner, seed):
     simulation, asked = crowd(np.random.default_rng(seed), manner, scheme="dem")
     velocity, waited = expected_after(simulation, manner, **asked)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import looped
 from shapely.geometry import LineString, box
 from walking_crowds import manner, standing, steps
 
@@ -23,7 +24,7 @@ def test_a_queue_walks_as_fast_as_its_head_and_everyone_keeps_the_gap_of_that_sp
     assert simulation.diagnostics.max_overlap[0] == 0.0
 
 
-@pytest.mark.parametrize("time_gap", [0.6, 1.0])
+@looped("time_gap", [0.6, 1.0])
 def test_on_a_ring_everyone_walks_as_fast_as_the_gap_allows(time_gap):
     count, circumference = 20, 16.0
     radius, angle = circumference / (2 * np.pi), 2 * np.pi * np.arange(count) / count
@@ -46,7 +47,7 @@ def test_on_a_ring_everyone_walks_as_fast_as_the_gap_allows(time_gap):
     )
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.1, -0.15])
+@looped("offset", [0.0, 0.1, -0.15])
 @pytest.mark.parametrize("name", ["dem", "nsm2", "hertz"])
 def test_two_who_come_towards_each_other_in_a_corridor_pass(name, offset):
     corridor = Geometry.from_polygon(box(-10, -0.9, 10, 0.9))

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from cases import looped
 from crowds import every_scheme
 from walking_crowds import before_a_door, manner, steps
 
@@ -33,7 +34,7 @@ def moves(simulation, people=slice(None)):
 
 
 @every_scheme
-@pytest.mark.parametrize("threads", [1, 2, 3])
+@looped("threads", [1, 2, 3])
 def test_alone_and_anywhere_in_a_batch_on_any_number_of_threads(name, threads):
     alone = before_a_door(90, KEEPS, scheme=name, waited=2.0)
     many = before_a_door(90, KEEPS, scheme=name, waited=2.0, environments=4, threads=threads)
@@ -56,7 +57,7 @@ def test_a_large_crowd_that_threads_share():
 
 
 @every_scheme
-@pytest.mark.parametrize("count", [90, 1100])
+@looped("count", [90, 1100])
 def test_one_call_or_many(name, count):
     at_once, in_parts = (before_a_door(count, KEEPS, scheme=name, waited=2.0) for _ in range(2))
     for _ in range(2):
@@ -83,7 +84,7 @@ def test_people_in_the_order_of_space_decide_as_in_the_order_of_their_slots(name
 
 
 @every_scheme
-@pytest.mark.parametrize("count", [90, 1100])
+@looped("count", [90, 1100])
 def test_a_run_that_goes_on_from_a_checkpoint_between_two_decisions(name, count):
     simulation = before_a_door(count, KEEPS, scheme=name, waited=2.0)
     simulation.advance(n_substeps=steps(simulation, 0.27))
@@ -133,7 +134,7 @@ def test_an_environment_that_begins_anew_is_as_new_and_leaves_the_others_alone(n
         assert moves(batch, people) == moves(others, people)
 
 
-@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
+@looped("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
 def test_a_copy_of_an_environment_goes_on_alike(copied):
     env = CrowdEnv("room-v0", num_envs=2, scheme="dem", manner=KEEPS)
     env.reset([0, 1])

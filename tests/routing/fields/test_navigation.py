@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from navigation_plans import DOOR, PLANS, RADIUS, ROOM, exit_targets, plan, shortest
 
 from crowd_env.geometry.geometry import Geometry, join_boundaries
@@ -107,7 +108,7 @@ def around_jamb(point, jamb, to):
     return tangent + RADIUS * (between - np.arccos(RADIUS / distance))
 
 
-@pytest.mark.parametrize("start", [(1.0, 0.5), (2.5, 1.0), (0.5, 2.0), (3.5, 0.6)])
+@looped("start", [(1.0, 0.5), (2.5, 1.0), (0.5, 2.0), (3.5, 0.6)])
 def test_length_of_the_way_around_a_door_jamb_in_closed_form(start):
     exact = around_jamb(np.array(start), np.array([5, 2.09]), np.array([5, 2.09 + RADIUS]))
     path, _ = follow("room", start)
@@ -186,7 +187,7 @@ def test_direction_is_smooth_away_from_ridges():
         assert np.median(turn) < 0.3
 
 
-@pytest.mark.parametrize("wall", [[(0, 2.02), (4, 2.02)], [(2.02, 0), (2.02, 4)], [(0, 1), (3, 4)], [(1, 3), (3, 1)]])
+@looped("wall", [[(0, 2.02), (4, 2.02)], [(2.02, 0), (2.02, 4)], [(0, 1), (3, 4)], [(1, 3), (3, 1)]])
 def test_thin_wall_is_not_looked_through(wall):
     geometry = Geometry.from_polygon(ROOM, exits=[DOOR], thin_walls=[wall])
     arrays = join_fields([travel_time_field(geometry, RADIUS)], geometry.boundary)
@@ -237,7 +238,7 @@ def test_own_radius_decides_where_to_pass_the_door():
     assert stout == pytest.approx(np.array([1, 0.08]) / np.hypot(1, 0.08))
 
 
-@pytest.mark.parametrize("radius", [0.18, 0.32])
+@looped("radius", [0.18, 0.32])
 @pytest.mark.parametrize("name", ["room", "column before the door", "u-turn"])
 def test_people_of_other_radii_get_out_as_well(name, radius):
     geometry = plan(name)[0]

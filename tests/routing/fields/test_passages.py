@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from cases import looped
 from navigation_plans import DOOR, RADIUS, ROOM, plan
 from scipy import ndimage
 from shapely.geometry import MultiPolygon, box
@@ -20,7 +21,7 @@ def gap(width):
     return Geometry.from_polygon(box(0, 0, 8, 5), exits=[[[8, 2], [8, 3]]], obstacles=walls)
 
 
-@pytest.mark.parametrize("width", [0.50, 0.51, 0.53, 0.60])
+@looped("width", [0.50, 0.51, 0.53, 0.60])
 def test_passages_a_body_just_fits_through_are_found(width):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -75,7 +76,7 @@ def test_spacing_is_fine_in_a_room_and_bounded_in_a_hall():
     assert travel_time_field(plan("room")[0], RADIUS, spacing=0.1).travel_time.shape == (51, 51)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("build", "message"),
     [
         (

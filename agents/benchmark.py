@@ -1,0 +1,285 @@
+"""Algorithms beside each other over several seeds: train on a task, judge on held-out draws, sum up.
+
+Every result is one JSON file, written whole, with the best network beside it.  Several processes may share a folder.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+
+from crowd_env import Scenario
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.files.fingerprint import fingerprint
+from crowd_env.core.files.json_file import json_number, read_json, write_json
+from crowd_env.core.files.store import claimed
+from crowd_env.envs.metrics import share_interval
+
+from . import make_policy
+from .drivers import policy_driver
+from .evaluation.comparison import last_times, mean_times
+from .evaluation.entries import RULE
+from .evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate_driver
+from .evaluation.protocol import task_row
+from .policy import Policy
+from .rules import StrategyPolicy
+from .tasks import Task, make_task
+from .trained import NUMBERS, LearnedPolicy
+from .training_config import make_env, physics_of, place_of, start_of, task_config
+
+if TYPE_CHECKING:
+    from .learned.watch import Watch
+
+Results = Mapping[str, Sequence[Mapping[str, Any]]]  # name -> its finished results, one a seed
+_RAW = ("clearing_times", "mean_exits", "blocked_runs")
+_RESAMPLES = 20_000
+
+
+def _ppo(config: dict[str, Any], watch: "Watch") -> None:
+    from .learned.ppo import PPOSettings
+    from .learned.watch import train_ppo
+
+    start = None if config["start"] == RULE else start_of(config)
+    train_ppo(make_env(config), PPOSettings(**config["ppo"]), config["seed"], watch, start)
+
+
+def _evolution(config: dict[str, Any], watch: "Watch") -> None:
+    from .learned.evolution import evolve
+
+    evolve(place_of(config), physics_of(config), config["seed"], watch)
+
+
+class Algorithm(NamedTuple):
+    """A way to learn: trains one policy that all people share, in the training batch of a task's preset.
+
+    Parameters
+    ----------
+    about : a line for people.
+    train : takes the config of a run (`crowd_env.agents.training_config.task_config`) and the `Watch` that ends it.
+    start : what it begins at; None = as the preset has it, which may be a better rule that is cloned.
+    """
+
+    about: str
+    train: Callable[[dict[str, Any], "Watch"], None]
+    start: str | None = RULE
+
+
+ALGORITHMS: Mapping[str, Algorithm] = MappingProxyType(
+    {
+        "ppo": Algorithm("PPO by stable-baselines3, begun at the rule", _ppo),
+        "ppo-cloned": Algorithm("the same, begun as a training of the task is", _ppo, None),
+        "evolution": Algorithm("CMA-ES over eight constants of a local rule", _evolution),
+    }
+)
+
+
+class Plan(NamedTuple):
+    """What every job of a comparison shares."""
+
+    task: str
+    minutes: float  # of processor time for each training
+    checkpoints: int = 6  # beside the start
+    validation_runs: int = 12  # draws of each checkpoint
+    runs: int = 40  # held-out draws of the final evaluation
+
+
+class Job(NamedTuple):
+    """An algorithm with a seed, or a fixed policy without one."""
+
+    name: str
+    seed: int | None
+
+    @property
+    def file(self) -> str:
+        """Name of the file of its result."""
+        return f"{self.name}.json" if self.seed is None else f"{self.name}-seed{self.seed}.json"
+
+
+def do(job: Job, plan: Plan, folder: Path) -> dict[str, Any] | None:
+    """Return the result of a job: from its file if it is done, else do it; None if another process is about it.
+
+    Raises
+    ------
+    ValueError
+        If the file is of another plan.
+    """
+    path = folder / job.file
+    if not path.exists():
+        with claimed(folder / f".{path.stem}.claim") as mine:
+            if not mine:
+                return None
+            if not path.exists():
+                write_json(path, _fixed(job, plan) if job.seed is None else _trained(job, job.seed, plan, path))
+    return read_result(path, job, plan)
+
+
+def read_result(path: Path, job: Job, plan: Plan) -> dict[str, Any]:
+    """Return the result in a file.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read, or is of another plan.
+    """
+    found = read_json(path)
+    for name, value in _of_plan(job, plan).items():
+        given = found.get(name) if isinstance(found, dict) else None
+        if given != value:
+            raise ValueError(f"{path} has {name} {given!r}, here it is {value!r}; take another folder with --out")
+    return cast(dict[str, Any], found)
+
+
+def _of_plan(job: Job, plan: Plan) -> dict[str, Any]:
+    """Return what the file of a job says of its plan."""
+    told: dict[str, Any] = {"task": plan.task, "task_digest": make_task(plan.task).digest(), "runs": plan.runs}
+    if job.seed is not None:
+        told |= {name: getattr(plan, name) for name in ("minutes", "checkpoints", "validation_runs")}
+    return told
+
+
+def _fixed(job: Job, plan: Plan) -> dict[str, Any]:
+    """Judge a policy that is not trained here."""
+    return {**_of_plan(job, plan), "policy": job.name, **_final(fixed_policy(job.name, make_task(plan.task)), plan)}
+
+
+def fixed_policy(name: str, task: Task) -> Policy:
+    """Return a policy that is not trained here: the rule of the task, or what `crowd_env.agents.make_policy` takes."""
+    return StrategyPolicy(task.rule, name=RULE) if name == RULE else make_policy(name)
+
+
+def _trained(job: Job, seed: int, plan: Plan, path: Path) -> dict[str, Any]:
+    """Train, and judge the best policy of all checkpoints; a network is kept beside the result, under the same name."""
+    from .learned.watch import Watch
+
+    algorithm = ALGORITHMS[job.name]
+    config = task_config(plan.task, seed, start=algorithm.start)
+    place = place_of(config)
+
+    def judge(policy: Policy) -> dict[str, Any]:
+        return checkpoint(_evaluated(policy, place, plan.validation_runs, VALIDATION_SEED, physics_of(config)))
+
+    watch = Watch(60.0 * plan.minutes, judge, plan.checkpoints, config["decision_dt"])
+    algorithm.train(config, watch)
+    assert watch.best is not None  # the start is always judged
+    policy, row = watch.best
+    if isinstance(policy, LearnedPolicy):
+        policy.save(path.with_suffix(NUMBERS))
+    facts = {"algorithm": job.name, "seed": seed, "curve": watch.curve, "best": row}
+    return {**_of_plan(job, plan), **facts, **_final(policy, plan), "config": config}
+
+
+def checkpoint(result: Evaluation) -> dict[str, Any]:
+    """Return the figures of a checkpoint: ``order`` says which is better, fewer runs unfinished first, then sooner out."""
+    last = last_times(result)
+    cleared = result.column("unfinished") == 0
+    return {
+        "unfinished": int((~cleared).sum()),
+        "clearing_time": json_number(last[cleared].mean()) if cleared.any() else None,
+        "mean_exit": float(mean_times(result).mean()),
+        "order": [int((~cleared).sum()), float(last.mean())],
+    }
+
+
+def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
+    """Return the figures of a policy in the task as it stands, on held-out draws, and those of every run."""
+    task = make_task(plan.task)
+    options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
+    result = _evaluated(policy, task.place(), plan.runs, task.seeds.start, options, measure=True)
+    row = task_row(task, task.place(), result, [result])
+    del row["minus_first"], row["credible"]  # beside nothing else than itself
+    last = np.where(result.column("unfinished") == 0, last_times(result), np.nan)
+    raw = (last, mean_times(result), np.isfinite(result.column("blocked_since")))
+    runs = {name: [json_number(one) for one in values.astype(float)] for name, values in zip(_RAW, raw, strict=True)}
+    return {"final": row, "of_runs": runs, "constants": result.constants, "options": fingerprint(options)}
+
+
+def _evaluated(
+    policy: Policy, place: Scenario, runs: int, seed: int, options: dict[str, Any], *, measure: bool = False
+) -> Evaluation:
+    driver = policy_driver(policy, place, **options)
+    return evaluate_driver(driver, place, policy.name, options["scheme"], runs=runs, first_seed=seed, measure=measure)
+
+
+# ----------------------------------------------------------------------------------------------------------- what came out
+
+
+def interquartile_mean(values: np.ndarray) -> Floats:
+    """Return the mean of the middle half along the last axis; a quarter, rounded down, is cut off at each end."""
+    ordered = np.sort(values, axis=-1)
+    cut = ordered.shape[-1] // 4
+    return np.asarray(ordered[..., cut : ordered.shape[-1] - cut].mean(axis=-1))
+
+
+def bootstrap_interval(values: Sequence[float] | Floats) -> tuple[float, float]:
+    """Return the 95 % percentile bootstrap interval of the interquartile mean (Agarwal et al. 2021), always the same one.
+
+    One run has no interval: (nan, nan).
+    """
+    if len(values) < 2:
+        return float("nan"), float("nan")
+    drawn = np.random.default_rng(0).integers(0, len(values), (_RESAMPLES, len(values)))
+    low, high = np.quantile(interquartile_mean(np.asarray(values, dtype=np.float64)[drawn]), [0.025, 0.975])
+    return float(low), float(high)
+
+
+def summarize(results: Results) -> dict[str, Any]:
+    """Return a row for each algorithm or policy, ready for JSON.
+
+    ``clearing_time`` is the interquartile mean over seeds of the mean clearing time on held-out draws, of runs that cleared,
+    with its bootstrap interval over seeds; of a policy without seeds the mean over draws, with its interval over draws.
+    ``unfinished`` counts runs of all seeds, with Wilson's interval of their share.
+    """
+    rows = {}
+    for name, found in results.items():
+        times = [np.array(one["of_runs"]["clearing_times"], dtype=np.float64) for one in found]  # null is nan
+        of_seed = np.array([np.nanmean(one) if np.isfinite(one).any() else np.nan for one in times])
+        known = of_seed[np.isfinite(of_seed)]
+        unfinished, runs = sum(int(np.isnan(one).sum()) for one in times), sum(map(len, times))
+        seeds = "seed" in found[0]
+        middle = float(interquartile_mean(known)) if len(known) else np.nan
+        interval = bootstrap_interval(known) if seeds else found[0]["final"]["clearing_time"]["ci95"]
+        curves = [result["curve"][-1] for result in found if "curve" in result]
+        rows[name] = {
+            "seeds": len(found) if seeds else 0,
+            "clearing_time": {
+                "iqm": json_number(middle),
+                "ci95": [None if one is None else json_number(one) for one in interval],
+            },
+            "of_seeds": [json_number(value) for value in of_seed],
+            "unfinished": {"runs": unfinished, "of": runs, "ci95": list(share_interval(unfinished, runs))},
+            "mean_exit": float(np.mean([result["final"]["mean_exit"]["mean"] for result in found])),
+            "flow": json_number(np.mean([result["final"]["flow"] or np.nan for result in found])),
+            "steps": int(np.mean([row["steps"] for row in curves])) if curves else None,
+            "seconds": float(np.mean([row["seconds"] for row in curves])) if curves else None,
+        }
+    return rows
+
+
+def table(rows: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the rows as a table in Markdown, the soonest first."""
+    head = "policy", "seeds", "unfinished runs", "clearing time, s", "mean exit, s", "flow, 1/s", "decisions, 10⁶"
+    lines = [f"| {' | '.join((*head, 'training, CPU s'))} |", "| --- " * (len(head) + 1) + "|"]
+
+    def soonest(item: tuple[str, Mapping[str, Any]]) -> tuple[bool, float]:
+        middle = item[1]["clearing_time"]["iqm"]
+        return item[1]["unfinished"]["runs"] > 0, np.inf if middle is None else middle
+
+    for name, row in sorted(rows.items(), key=soonest):
+        time, left = row["clearing_time"], row["unfinished"]
+        low, high = time["ci95"]
+        between = "" if low is None or high is None else f" [{low:.1f}, {high:.1f}]"
+        share = " to ".join(f"{100 * bound:.0f}" for bound in left["ci95"])
+        cells = [
+            f"`{name}`",
+            str(row["seeds"] or "–"),
+            f"{left['runs']} of {left['of']} ({share} %)",
+            "–" if time["iqm"] is None else f"{time['iqm']:.1f}{between}",
+            f"{row['mean_exit']:.1f}",
+            "–" if row["flow"] is None else f"{row['flow']:.2f}",
+            "–" if row["steps"] is None else f"{row['steps'] / 1e6:.2f}",
+            "–" if row["seconds"] is None else f"{row['seconds']:.0f}",
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
