@@ -12,7 +12,7 @@ import typer
 from crowd_env.cli.console import OF_PEOPLE, OF_PHYSICS, OF_PLACE, OF_RUNS, complete_from
 from crowd_env.core.arrays.headway import MANNERS
 from crowd_env.core.arrays.state import MOTIVATION
-from crowd_env.core.checks import known
+from crowd_env.core.checks import flag, known
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
@@ -155,7 +155,7 @@ def place_of(given: Mapping[str, Any]) -> Setting:
     options: dict[str, Any] = {"strategy": given.get("routing") or "shortest", "dt": numbers.pop("dt", None)}
     if "max_drive" in numbers:
         options["max_drive"] = numbers.pop("max_drive")
-    options["rules"] = _value(changes.get("signs", "yes"))
+    options["rules"] = flag("--set signs", _value(changes.get("signs", "yes")))
     return Setting(place, replace(make_scheme(scheme, social), **numbers), options)
 
 

@@ -103,6 +103,8 @@ def run(
             facts = {"rules": options["rules"]}
             path = out / _RECORDINGS / ("run-0.sqlite" if len(recorded) == 1 else "run.sqlite")
             recorder = RunRecorder(path, runs=recorded, contacts=contacts, seed=seed, facts=facts)
+            there = {one.run for one in kept if (out / _RECORDINGS / f"run-{one.run}.sqlite").exists()}
+            recorded = recorded - there
         begin = time.monotonic()
         done = evacuate(
             run_title(place, scheme.info.name),

@@ -156,7 +156,7 @@ CASES = [
     # scenario files
     ("run missing.toml", "missing.toml No such file"),
     ("run crowd.toml", "crowd.toml 1000000000 people do not fit"),
-    ("run digits.toml", "count 1e+15"),
+    ("run digits.toml", "people 1e+15"),
     ("run columns.toml", "300000 columns 100000"),
     ("run seats.toml", "900000 columns 100000"),
     ("run walls.toml", "99999999 columns 100000"),

@@ -111,8 +111,8 @@ def test_warmup_compiles_the_crowd_that_is_asked_for(monkeypatch):
         ("--set spede=2", "--set spede: nothing has this name; the crowd has outline, speed, "),
         ("--set speed", "--set speed: this must be NAME=VALUE, such as speed=1.5"),
         ("--set speed=1 --set speed=2", "--set speed=2: speed is set twice"),
-        ("--set tolerance=much", "tolerance is 'much'"),
-        ("--set signs=maybe", "rules is 'maybe'"),
+        ("--physics nsm2 --set tolerance=much", "tolerance is 'much'"),
+        ("--set signs=maybe", "--set signs is 'maybe'"),
     ],
 )
 def test_what_is_unknown_is_answered_by_whom_it_concerns(options, says):

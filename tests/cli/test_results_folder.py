@@ -27,7 +27,11 @@ def whole(tmp_path_factory):
 
 def test_the_folder_holds_what_was_run_and_what_came_of_it(whole, tmp_path):
     told = call(f"{RUN} --runs 4 --out {tmp_path} --json")
-    assert told.exit_code == 0 and told.stderr.count("\n") == 1 and told.stderr.startswith("files: ")
+    assert (
+        told.exit_code == 0
+        and told.stderr.startswith("files: ")
+        and told.stderr.splitlines()[1:] == [f"recording: {tmp_path / 'recordings' / 'run-0.sqlite'}"]
+    )
     assert {path.name for path in tmp_path.iterdir()} == FILES
     assert json.loads(told.stdout) == json.loads((tmp_path / "summary.json").read_text())
     assert tables(tmp_path) == tables(whole)
@@ -73,7 +77,7 @@ def test_what_is_whole_is_computed_again_only_to_be_recorded(whole, monkeypatch)
     )
     before = tables(whole)
     assert call(f"{RUN} --runs 4 --out {whole} --record 0").exit_code == 0 and made == []
-    assert call(f"{RUN} --runs 4 --out {whole} --record 2").exit_code == 0 and made == [0, 1]
+    assert call(f"{RUN} --runs 4 --out {whole} --record 2").exit_code == 0 and made == [1]
     assert tables(whole) == before
 
 
@@ -95,7 +99,7 @@ def test_a_mistake_makes_no_folder(tmp_path):
 def test_an_error_loses_no_run_that_was_finished(monkeypatch, tmp_path):
     def fails(*_, only, keep=None, **options):
         found = run_episodes(*_, only=only[:2], keep=keep, **options)
-        if keep is not None:  # not the first one, alone
+        if len(only) > 1:  # not the first one, alone
             raise ValueError("a process has died")
         return found
 
@@ -155,12 +159,13 @@ def test_what_is_no_config_is_refused(text, tmp_path):
 # ---------------------------------------------------------------------------------------------------------- processes
 
 
+@pytest.mark.more
 def test_results_do_not_depend_on_the_number_of_processes(whole, monkeypatch, tmp_path):
     monkeypatch.setattr(evacuations, "_WORTH_A_PROCESS", 0.0)
     started = []
     processes = evacuations.Processes
     monkeypatch.setattr(evacuations, "Processes", lambda workers: started.append(workers) or processes(workers))
-    for workers, expected in ((1, []), (2, [2]), (3, [3])):
+    for workers, expected in ((1, []), (3, [3])):
         started.clear()
         assert call(f"{RUN} --runs 4 --workers {workers} --out {tmp_path / str(workers)}").exit_code == 0
         assert started == expected and tables(tmp_path / str(workers)) == tables(whole)

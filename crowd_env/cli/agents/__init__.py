@@ -48,7 +48,8 @@ class WithLearning(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that is typed; an option that it has no more is answered with the one it has now."""
         name, command, rest = super().resolve_command(ctx, args)
-        known = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
+        parameters = command.params if command is not None else ()
+        known = {option for parameter in parameters for option in (*parameter.opts, *parameter.secondary_opts)}
         for word in rest:
             option = word.partition("=")[0]
             if option in RENAMED and option not in known:
