@@ -11,6 +11,8 @@ from crowd_env.cli.agents import WithLearning
 from crowd_env.cli.clogging import EXAMPLES as CLOGGING_EXAMPLES
 from crowd_env.cli.clogging import clog
 from crowd_env.cli.console import AsJson, complete_from, show_table
+from crowd_env.cli.film import film
+from crowd_env.cli.forces import forces
 from crowd_env.cli.place import CrowdName
 from crowd_env.cli.plan import plan
 from crowd_env.cli.replay import replay
@@ -61,7 +63,9 @@ def list_names(as_json: AsJson = False) -> None:
 
 
 app.command()(plan)
+app.command("film")(film)
 app.command("replay")(replay)
+app.command("forces")(forces)
 app.command("report")(report)
 
 

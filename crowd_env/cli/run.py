@@ -39,8 +39,6 @@ crowd-env run my_room.wkt --exit 5,2,5,3 --people 40 --set speed=1.5
 crowd-env run my_room.wkt --exit 5,2,5,3 --people 40 --out results
 """
 
-_RECORDINGS = "recordings"
-
 
 def run(
     context: typer.Context,
@@ -99,11 +97,12 @@ def run(
         recorder = None
         if out is not None and recorded:
             from crowd_env.recording import RunRecorder
+            from crowd_env.recording.formats import RECORDINGS
 
             facts = {"rules": options["rules"]}
-            path = out / _RECORDINGS / ("run-0.sqlite" if len(recorded) == 1 else "run.sqlite")
+            path = out / RECORDINGS / ("run-0.sqlite" if len(recorded) == 1 else "run.sqlite")
             recorder = RunRecorder(path, runs=recorded, contacts=contacts, seed=seed, facts=facts)
-            there = {one.run for one in kept if (out / _RECORDINGS / f"run-{one.run}.sqlite").exists()}
+            there = {one.run for one in kept if (out / RECORDINGS / f"run-{one.run}.sqlite").exists()}
             recorded = recorded - there
         begin = time.monotonic()
         done = evacuate(
