@@ -57,7 +57,7 @@ class Spread:
         at = crowd * cells + self._grid.cell_of(position)
         place = at[:, None] + offset
         weights = np.broadcast_to(cover / (np.pi * REACH**2), place.shape)
-        density: Floats = np.bincount(place.ravel(), weights.ravel(), minlength=crowds * cells)
+        density = np.bincount(place.ravel(), weights.ravel(), minlength=crowds * cells).astype(np.float64)
         felt, pressed = np.zeros(crowds * cells), pressure > 0.0
         place = at[pressed][:, None] + self._felt
         np.maximum.at(felt, place.ravel(), np.repeat(pressure[pressed], len(self._felt)))
