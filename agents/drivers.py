@@ -9,7 +9,8 @@ import numpy as np
 from crowd_env import CrowdEnv, Scenario, Step
 from crowd_env.core.arrays.state import Bools
 from crowd_env.envs.rollout import Driver, run_episodes
-from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
+from crowd_env.envs.settings import arguments_of
 
 from .controllers import Controller
 from .policy import Policy
@@ -88,8 +89,9 @@ class PolicyBatches:
 
     def __call__(self, num_envs: int) -> Driver:
         """Return a batch of so many evacuations."""
-        mixed = {} if self.learned_share is None else {"manner_for": "ruled"}
-        env = CrowdEnv(self.scenario, num_envs=num_envs, **{**self.options, **mixed, **self.policy.env_options})
+        mixed = {} if self.learned_share is None else {"acts_on": "scripted"}
+        arguments = arguments_of({**self.options, **mixed, **self.policy.env_options})
+        env = CrowdEnv(self.scenario, num_envs=num_envs, **arguments)
         return PolicyDriver(self.policy, env, 1.0 if self.learned_share is None else self.learned_share)
 
 
@@ -139,7 +141,7 @@ class ControllerDriver(Driver):
 
     def __init__(self, controller: Controller, scenario: str | Scenario, **options: Any) -> None:
         self.controller = controller
-        self.batch = RoutingBatch(scenario, **options)
+        self.batch = RoutingBatch(**routing_arguments(scenario, **options))
         super().__init__(self.batch.env)
 
     def reset(self, seeds: list[int]) -> None:

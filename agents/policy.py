@@ -13,7 +13,7 @@ class Policy(Protocol):
     Attributes
     ----------
     name : what tables and plots call it.
-    env_options : options of `CrowdEnv` the policy was made for (frame, action, observation, manner); empty if any will do.
+    env_options : arguments of `CrowdEnv` the policy was made for (action, observation, walking); empty if any will do.
     """
 
     @property

@@ -4,6 +4,7 @@
 import copy
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, cast
 
@@ -140,7 +141,7 @@ class LearnedPolicy(_Learned):
             "kind": "policy",
             "observation": options["observation"].as_table(),
             "action": {
-                "kind": plain_action(options["action"]),
+                "kind": plain_action(replace(make_action(options["action"]), frame="path")),
                 "frame": options["frame"],
                 **({} if self.spread is None else {"spread": list(self.spread)}),
             },

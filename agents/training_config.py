@@ -13,6 +13,7 @@ from crowd_env.core.arrays.headway import plain_manner
 from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.checks import POSITIVE, Range, known, number, whole
 from crowd_env.core.files.json_file import read_json
+from crowd_env.envs.settings import arguments_of
 
 from . import POLICIES, make_policy
 from .evaluation.entries import RULE
@@ -197,8 +198,7 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
         place_of(config),
         num_envs=config["envs"] if envs is None else envs,
         autoreset=True,
-        threads=threads,
-        **{name: config[name] for name in options},
+        **arguments_of({"threads": threads, **{name: config[name] for name in options}}),
     )
 
 

@@ -127,7 +127,7 @@ class DensityCap(WalkingRule):
 @dataclass(frozen=True)
 class HeadwayRule(WalkingRule):
     """Keep a distance and step aside, as `crowd_env.core.arrays.headway` says: the manner of
-    ``CrowdEnv(manner=...)`` as a policy.
+    ``CrowdEnv(walking=...)`` as a policy.
 
     It wants the shortest path at full speed, in an environment that it asks to be made with its manner: how fast and on which
     side of that path people walk, the compiled rule decides.  It sees those in front within 2 m whom no wall hides.
@@ -152,7 +152,7 @@ class HeadwayRule(WalkingRule):
     @property
     def env_options(self) -> dict[str, Any]:
         """Options of `CrowdEnv`, the manner among them: without it people would walk on at full speed."""
-        return {**super().env_options, "manner": self.manner, "manner_for": "everyone"}
+        return {**super().env_options, "manner": self.manner, "acts_on": "everyone"}
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
         """Return full speed along the shortest path, whatever is seen: the rest is done by the environment."""

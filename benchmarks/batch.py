@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.measuring import Contender, Effort, Row, Sample, Stopwatch, in_turn, significant, times_better
 from benchmarks.peers import batch_rivals
-from crowd_env import SCHEMES, CrowdEnv
+from crowd_env import SCHEMES, CrowdEnv, Physics
 
 SIZES = ((256, 20), (256, 50))  # rooms of 5 m, people in each
 _SETTLE = 100  # decision steps
@@ -29,7 +29,9 @@ class Rooms:
 
     def __init__(self, scheme: str, rooms: int, people: int, settle: int, effort: Effort, threads: int = 1) -> None:
         self.name = scheme
-        self.env = CrowdEnv("room-v0", num_envs=rooms, scheme=scheme, autoreset=True, people=people, threads=threads)
+        self.env = CrowdEnv(
+            "room-v0", num_envs=rooms, physics=Physics(scheme, threads=threads), autoreset=True, people=people
+        )
         self.env.reset(seed=0)
         self._forward = np.tile(np.array([1.0, 0.0], dtype=np.float32), (self.env.num_people, 1))
         begin = time.process_time()

@@ -17,7 +17,7 @@ import numpy as np
 from pettingzoo import ParallelEnv
 
 from benchmarks.measuring import Effort, Row, Sample, in_turn, significant, times_better
-from crowd_env import parallel_env
+from crowd_env import make_scenario, parallel_env
 from crowd_env.envs.crowd import Step
 from crowd_env.envs.parallel import CrowdParallelEnv
 
@@ -53,7 +53,7 @@ def without_physics(env: CrowdParallelEnv) -> CrowdParallelEnv:
     env.reset(seed=0)
     recorded = env.env.step()
 
-    def step(action: Any = None, rule: Any = None) -> Step:
+    def step(action: Any = None, scripted: Any = None) -> Step:
         return recorded._replace(observation=recorded.observation.copy())
 
     env.env.step = step  # type: ignore[method-assign]
@@ -100,7 +100,7 @@ class Dictionaries:
 
 def rows(effort: Effort, agents: int = 200) -> list[Row]:
     """Return agent-steps per CPU second and their ratios to those of the empty environment."""
-    make = partial(parallel_env, "room-v0", scheme="nsm2", people=agents, side=15.0, door_width=1.0)
+    make = partial(parallel_env, make_scenario("room-v0", side=15.0, door_width=1.0), physics="nsm2", people=agents)
     env, interface = make(), without_physics(make())
     observations, _ = env.reset(seed=0)
     env.step({})

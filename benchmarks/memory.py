@@ -34,7 +34,7 @@ def rows(effort: Effort) -> list[Row]:
             what = f"{scheme}, {scene.people} people: {kind}"
             found.append(Row(what, significant(sums[kind] / scene.people, 3), "bytes/person"))
         found.append(Row(f"{scheme}, {scene.people} people: place", significant(sums["place"] / 1e6, 3), "MB"))
-    env = CrowdEnv("room-v0", num_envs=64, scheme="nsm2", autoreset=True)
+    env = CrowdEnv("room-v0", num_envs=64, physics="nsm2", autoreset=True)
     env.reset(seed=0)
     env.step(None)
     total = sum(array.nbytes for _, array in arrays(env))

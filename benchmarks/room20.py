@@ -23,7 +23,7 @@ def rows(effort: Effort) -> list[Row]:
 def environment(effort: Effort, scheme: str) -> list[Row]:
     """Return CPU seconds per simulated second of the environment, of many draws one after the other."""
     effort.tell(f"{scheme}: environment")
-    env = CrowdEnv("room-v0", scheme=scheme, time_limit=30.0)
+    env = CrowdEnv("room-v0", physics=scheme, time_limit=30.0)
     env.reset([0])
     env.step(None)
     best = float("inf")

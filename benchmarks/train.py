@@ -35,7 +35,7 @@ class Training:
         from crowd_env.agents.learned import make_ppo
 
         self.name = name
-        env = CrowdEnv("room-v0", num_envs=rooms, scheme="nsm2", autoreset=True)
+        env = CrowdEnv("room-v0", num_envs=rooms, physics="nsm2", autoreset=True)
         self.model = make_ppo(env, settings, seed=0)
         self.venv: Any = self.model.get_env()
         self.rollout = settings.n_steps * env.num_people

@@ -18,6 +18,8 @@ from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.terms import ObservationTerm
 from crowd_env.envs.parallel import CrowdParallelEnv, parallel_env
 from crowd_env.envs.reward import RewardWeights
+from crowd_env.envs.rollout import rollout
+from crowd_env.envs.settings import Physics, Routing, Walking
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
@@ -66,17 +68,20 @@ __all__ = [
     "ObservationTerm",
     "OneWay",
     "Outline",
+    "Physics",
     "Population",
     "Recording",
     "RewardTerm",
     "RewardWeights",
     "Route",
+    "Routing",
     "Scenario",
     "Simulation",
     "SocialForce",
     "SpeedZone",
     "Step",
     "Uniform",
+    "Walking",
     "contact_pressure",
     "crowd_pressure",
     "make_bodies",
@@ -88,6 +93,7 @@ __all__ = [
     "read_starts",
     "record",
     "register",
+    "rollout",
     "scenario_from_wkt",
 ]
 

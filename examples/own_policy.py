@@ -21,7 +21,7 @@ class Patient:
     name = "patient"
 
     def __init__(self) -> None:
-        self.env_options: dict[str, Any] = {"frame": "path"}
+        self.env_options: dict[str, Any] = {"action": "continuous"}
 
     def reset(self, env_mask: np.ndarray) -> None:
         """Nothing to forget."""

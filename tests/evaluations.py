@@ -47,7 +47,7 @@ def run(name, scenario=SMALL, scheme="nsm2", runs=3, **options):
 
 def recorded(scenario, steps=0, scheme="nsm2"):
     """Return environment and recorder of one evacuation after so many steps."""
-    env, recorder = CrowdEnv(scenario, scheme=scheme), MeasurementRecorder(scenario.geometry)
+    env, recorder = CrowdEnv(scenario, physics=scheme), MeasurementRecorder(scenario.geometry)
     env.reset([0])
     recorder.begin(env, [0])
     for _ in range(steps):

@@ -89,9 +89,21 @@ def _run(env: Any, steps: int, seed: int, ruled: float = 0.5) -> Scene:
         yield {**step._asdict(), **_seen(env.simulation)}
 
 
+def _said(scenario: Any, *, people: int | None = None, side: float | None = None, **settings: Any) -> dict[str, Any]:
+    """Return the arguments of an environment as this tree has them: it may be one from before they came in parts."""
+    options = {} if side is None else {"side": side}
+    try:
+        from crowd_env.envs.settings import arguments_of
+    except ImportError:
+        number = {} if people is None else {"count": people}
+        return {"scenario": scenario, **number, **options, **settings}
+    place = {"name": scenario, **options} if options else scenario
+    return {"scenario": place, "people": people, **arguments_of(settings)}
+
+
 def _episode(steps: int, *where: Any, ruled: float = 0.5, **options: Any) -> Scene:
     """Yield the start and the steps of a batch."""
-    env = crowd_env.CrowdEnv(*where, **options)
+    env = crowd_env.CrowdEnv(**_said(*where, **options))
     observation, _ = env.reset(7)
     yield {"observation": observation, "bodies": env.simulation.bodies, "state": env.simulation.state.copy()}
     yield from _run(env, steps, 11, ruled)
@@ -177,7 +189,7 @@ def checkpoint(scheme: str) -> Scene:
 
 
 def _taken_up(*where: Any, **options: Any) -> Scene:
-    first, second = (crowd_env.CrowdEnv(*where, **options) for _ in range(2))
+    first, second = (crowd_env.CrowdEnv(**_said(*where, **options)) for _ in range(2))
     first.reset(3)
     yield from _run(first, 15, 5)
     then = first.checkpoint()
@@ -252,7 +264,7 @@ def scenarios() -> Scene:
 
 def parallel() -> Scene:
     """PettingZoo: one agent per pedestrian, some without an action."""
-    env = crowd_env.parallel_env("two-exit-hall-v0", people=40, max_cycles=25, scheme="dem")
+    env = crowd_env.parallel_env(**_said("two-exit-hall-v0", people=40, max_cycles=25, scheme="dem"))
     for agent in env.possible_agents:
         env.action_space(agent).seed(int(agent.rpartition("_")[2]))
     observations, _ = env.reset(seed=4)
@@ -289,7 +301,7 @@ def gym() -> Scene:
 
 def routing() -> Scene:
     """One controller that sends people to exits and works the doors, alone and in a batch."""
-    options: dict[str, Any] = {"interval": 1.0, "time_limit": 8.0, "scheme": "dem"}
+    options = _said("two-exit-hall-v0", interval=1.0, time_limit=8.0, scheme="dem")
     yield from _gymnasium(gymnasium.make("crowd_env/Routing-v0", disable_env_checker=True, **options), 12)
     options |= {"scenario": _two_halls(), "doors": ("middle", "side"), "regions": ("left", "right")}
     yield from _gymnasium(gymnasium.make_vec("crowd_env/Routing-v0", num_envs=3, **options), 20)

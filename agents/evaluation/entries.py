@@ -9,7 +9,7 @@ from crowd_env import Scenario
 from crowd_env.core.arrays.headway import Manner
 from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.envs.rollout import Driver
-from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 
@@ -225,7 +225,7 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
     own = {key: value for key, value in found.options.items() if key not in of_the_run}
     own["sample_dt"] = SAMPLE
     try:
-        batch = RoutingBatch(scenario, **own)
+        batch = RoutingBatch(**routing_arguments(scenario, **own))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path} does not fit {scenario.name}: {error}") from None
     if found.network.inputs != batch.layout.size or found.choices.tolist() != batch.choices.tolist():

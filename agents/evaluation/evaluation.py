@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env import CrowdEnv, EpisodeMetrics, Scenario, make_scenario
+from crowd_env import CrowdEnv, EpisodeMetrics, Physics, Scenario, make_scenario
 from crowd_env.analysis.figures import column, figures_of, named
 from crowd_env.analysis.results.measurements import Measured, MeasurementRecorder
 from crowd_env.core.arrays.headway import Manner
@@ -272,7 +272,7 @@ def _warm_up(cell: Cell) -> None:
     key = (make_scheme(cell.scheme).info.name, headway is None, outline is None)
     if key in _warm:
         return
-    env = CrowdEnv("room-v0", scheme=cell.scheme, strategy="fastest", manner=headway, outline=outline)
+    env = CrowdEnv("room-v0", physics=Physics(cell.scheme, outline=outline), walking=headway, routing="fastest")
     env.reset(seed=0)
     env.step(None)
     _warm.add(key)

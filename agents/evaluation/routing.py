@@ -7,7 +7,7 @@ from crowd_env import Scenario
 from crowd_env.core.arrays.headway import plain_manner
 from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.envs.rollout import Driver
-from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 
 from ..controllers import Controller
 from ..drivers import ControllerDriver, policy_driver, sample_step
@@ -39,7 +39,7 @@ def evaluate_controller(
     ValueError
         If an option is unknown, out of range, or does not fit the others.
     """
-    one = RoutingBatch(scenario, **options)
+    one = RoutingBatch(**routing_arguments(scenario, **options))
     simulation, sample_dt = one.env.simulation, sample_step(one.interval, one.env.simulation.dt)
     driver: Callable[[int], Driver]
     if isinstance(controller, str):

@@ -50,8 +50,9 @@ def clone(model: Any, rule: WalkingRule, seed: int) -> float:
     while not isinstance(venv, CrowdVecEnv):
         venv = cast(Any, venv).venv
     env = venv.env
-    if env.frame != "path":
-        raise ValueError(f"policy {rule.name!r} cannot be cloned: it acts in the frame 'path', not in {env.frame!r}")
+    if env.action_kind.frame != "path":
+        frame = env.action_kind.frame
+        raise ValueError(f"policy {rule.name!r} cannot be cloned: it acts in the frame 'path', not in {frame!r}")
     rng = np.random.default_rng(seed)
     policy = model.policy
     if not isinstance(policy.action_dist, CategoricalDistribution | DiagGaussianDistribution):

@@ -76,7 +76,7 @@ def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path |
     log = None if log_folder is None else str(log_folder)
     model = new_ppo(CrowdVecEnv(env), settings, seed, rollout_buffer_class=MaskedRolloutBuffer, tensorboard_log=log)
     space, neutral = env.single_action_space, env.action_kind.neutral
-    if env.frame == "path":
+    if env.action_kind.frame == "path":
         bias = cast(torch.nn.Linear, model.policy.action_net).bias
         with torch.no_grad():
             if isinstance(model.policy, BetaPolicy):

@@ -11,6 +11,7 @@ from stable_baselines3 import PPO
 from crowd_env.core.console import notes
 from crowd_env.core.files.json_file import write_json
 from crowd_env.envs.adapters.sb3 import VectorVecEnv
+from crowd_env.envs.routing.batch import routing_arguments
 from crowd_env.envs.routing.env import RoutingVectorEnv
 
 from ..evaluation.comparison import last_times, mean_times
@@ -140,7 +141,7 @@ def train_controller(
     whether Ctrl-C ended it; then ``best.safetensors`` is the best so far.
     """
     settings = RoutingSettings()
-    env = RoutingVectorEnv(num_envs=envs, **options)
+    env = RoutingVectorEnv(num_envs=envs, **routing_arguments(**options))
     model = make_routing_ppo(env, settings, seed)
     callback = ControllerCallback(folder, options, max_seconds=seconds, **training)
     interrupted = False

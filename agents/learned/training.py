@@ -143,7 +143,7 @@ def curve_line(row: Mapping[str, float], steps: float) -> str:
 
 def env_options_of(env: CrowdEnv) -> dict[str, Any]:
     """Return what a policy trained in ``env`` must know of it."""
-    return {"frame": env.frame, "action": env.action_kind, "observation": env.layout}
+    return {"frame": env.action_kind.frame, "action": env.action_kind, "observation": env.layout}
 
 
 def score(row: dict[str, float]) -> tuple[float, float]:

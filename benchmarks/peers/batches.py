@@ -11,6 +11,7 @@ from typing import Any
 from benchmarks.measuring import Contender, Effort, Sample
 from benchmarks.peers import named, quiet
 from benchmarks.peers.walking import limit
+from crowd_env import make_scenario
 
 _PATIENCE = 3.0  # times the longest block: to set up and to make a first step
 _EPISODE = 200  # steps after which a PettingZoo environment is reset, which is not counted
@@ -100,7 +101,7 @@ def magent2_batches(rooms: int, people: int, effort: Effort) -> Iterator[Maker]:
     def build() -> Any:
         from magent2.environments import battle_v4
 
-        return battle_v4.parallel_env(map_size=45 if people <= 20 else 90)
+        return battle_v4.parallel_env(make_scenario("room-v0", map_size=45 if people <= 20 else 90))
 
     name = f"magent2 battle, {162 if people <= 20 else 648} agents"
     yield name, lambda: Stepped(name, "magent2", effort, _pettingzoo(build, 6))
@@ -112,7 +113,7 @@ def mpe2_batches(rooms: int, people: int, effort: Effort) -> Iterator[Maker]:
     def build() -> Any:
         from mpe2 import simple_spread_v3
 
-        return simple_spread_v3.parallel_env(N=people, max_cycles=_EPISODE + 1)
+        return simple_spread_v3.parallel_env(make_scenario("room-v0", N=people), max_cycles=_EPISODE + 1)
 
     name = f"mpe2 simple_spread, {people} agents"
     yield name, lambda: Stepped(name, "mpe2", effort, _pettingzoo(build, 1))

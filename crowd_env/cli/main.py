@@ -89,7 +89,7 @@ def warmup(
         with progress_bar("compiling", len(chosen)) as progress:
             for scheme in chosen:
                 begin = time.monotonic()
-                env = CrowdEnv("room-v0", scheme=scheme, manner=crowd)
+                env = CrowdEnv("room-v0", physics=scheme, walking=crowd)
                 env.reset(seed=0)
                 env.step(None)
                 seconds[scheme.info.name] = round(time.monotonic() - begin, 2)

@@ -59,6 +59,7 @@ class ActionKind:
     routes : how many exits and routes an action chooses among; None = it chooses none.  0, of a table such as that of
         "speeds-exits", is as many as the place has.
     dwell : s, whoever has taken another way keeps to it for so long.
+    frame : axes of the commands: "path", along the route, or "world", along x and y.
 
     Raises
     ------
@@ -72,6 +73,7 @@ class ActionKind:
     neutral: ArrayLike
     routes: int | None = None
     dwell: float = 0.0
+    frame: Frame = "path"
 
     def __post_init__(self) -> None:
         check_fields("action kind", self, routes=NOT_NEGATIVE, dwell=NOT_NEGATIVE)
@@ -239,7 +241,8 @@ ACTIONS: Mapping[str, ActionKind] = MappingProxyType(
 def make_action(kind: str | Mapping[str, Any] | ActionKind) -> ActionKind:
     """Return a kind of action by its name in ``ACTIONS``, the one of plain data, or the kind itself.
 
-    Plain data are a name and, of a kind with a `SpeedTable`, its parameters: ``{"name": "speeds", "speeds": [0, 0.5, 1]}``.
+    Plain data are a name, the ``frame`` and, of a kind with a `SpeedTable`, its parameters: ``{"name": "speeds", "speeds": [0,
+    0.5, 1]}``.
 
     Raises
     ------
@@ -254,9 +257,10 @@ def make_action(kind: str | Mapping[str, Any] | ActionKind) -> ActionKind:
         raise ValueError(f"action: key 'name' is missing; known action kinds: {', '.join(ACTIONS)}")
     named = ACTIONS[known("action kind", kind["name"], ACTIONS)]
     table = named.decode if isinstance(named.decode, SpeedTable) else None
-    check_keys("action", kind, ["name", *(asdict(table) if table else ())])
-    given = {key: value for key, value in kind.items() if key != "name"}
-    return replace(table, **given).kind(named.name) if table and given else named
+    check_keys("action", kind, ["name", "frame", *(asdict(table) if table else ())])
+    given = {key: value for key, value in kind.items() if key not in ("name", "frame")}
+    made = replace(table, **given).kind(named.name) if table and given else named
+    return replace(made, frame=kind["frame"]) if "frame" in kind else made
 
 
 def plain_action(kind: str | Mapping[str, Any] | ActionKind) -> str | dict[str, Any]:
@@ -268,13 +272,16 @@ def plain_action(kind: str | Mapping[str, Any] | ActionKind) -> str | dict[str, 
         If it is one of the user's own: plain data hold no functions.
     """
     kind = make_action(kind)
+    if kind.frame != "path":
+        plain = plain_action(replace(kind, frame="path"))
+        return {**({"name": plain} if isinstance(plain, str) else plain), "frame": kind.frame}
     named = ACTIONS.get(kind.name)
     if named is not None and isinstance(named.decode, SpeedTable) and isinstance(kind.decode, SpeedTable):
         if kind.decode == named.decode:
             return kind.name
         plain = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(kind.decode).items()}
         return {"name": kind.name, **plain}
-    if named is not kind:
+    if named is None or kind.decode is not named.decode or kind.space != named.space:
         raise ValueError(f"action kind {kind.name!r} is one of your own, which cannot be written as plain data")
     return kind.name
 
@@ -288,7 +295,7 @@ def fit_routes(kind: ActionKind, scenario: str, ways: Sequence[str]) -> ActionKi
         If it chooses among another number of them.
     """
     if kind.routes == 0 and isinstance(kind.decode, SpeedExitTable):
-        return replace(kind.decode, routes=len(ways)).kind(kind.name)
+        return replace(replace(kind.decode, routes=len(ways)).kind(kind.name), frame=kind.frame)
     if kind.routes not in (None, len(ways)):
         raise ValueError(
             f"action kind {kind.name!r} chooses among {kind.routes} exits and routes; {scenario} has {len(ways)}: "

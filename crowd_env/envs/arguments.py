@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -10,30 +10,35 @@ from crowd_env.core.arrays.headway import MANNERS, Headway, Manner, plain_manner
 from crowd_env.core.arrays.outline import OUTLINES, BodyShape, Outline, plain_outline
 from crowd_env.core.arrays.state import Bodies, Bools, make_bodies
 from crowd_env.core.checks import NOT_NEGATIVE, refuse, shown, whole
+from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
 
 Found = TypeVar("Found")
+
+Place: TypeAlias = str | Path | Mapping[str, Any] | Scenario
+"""How callers say what is evacuated: a name, a file, a table of a name and options, or a Scenario."""
 
 MOST_PEOPLE_IN_BATCH = 10_000_000
 NUMBERS = "biuf"  # kinds of dtype that an action may have
 
 
-def scenarios_of(scenario: Any) -> list[Any]:
-    """Return the scenarios, or their names or files; one alone is a list of one.
+def scenarios_of(scenario: Any, people: int | None = None) -> list[Scenario]:
+    """Return the scenarios of a batch, one alone as a list of one, with so many ``people`` each if that is given.
 
     Raises
     ------
     ValueError
         If it is something else, or there is none.
     """
-    if isinstance(scenario, str | Path | Scenario):
-        return [scenario]
-    if not isinstance(scenario, Iterable) or isinstance(scenario, Mapping | bytes):
-        refuse("scenario", scenario, "the name of a scenario, its file, a Scenario, or a list of them")
-    kinds = list(scenario)
-    if not kinds:
+    if isinstance(scenario, str | Path | Scenario | Mapping):
+        scenario = [scenario]
+    elif not isinstance(scenario, Iterable) or isinstance(scenario, bytes):
+        refuse("scenario", scenario, "the name of a scenario, its file, a Scenario, a table, or a list of them")
+    options = {} if people is None else {"people": people}
+    scenarios = [make_scenario(one, **options) for one in scenario]
+    if not scenarios:
         raise ValueError("no scenario; give at least one")
-    return kinds
+    return scenarios
 
 
 def one_manner(scenarios: Sequence[Scenario], manner: Manner | None) -> Headway | None:
@@ -45,7 +50,7 @@ def one_manner(scenarios: Sequence[Scenario], manner: Manner | None) -> Headway 
         If the manner is unknown, or the scenarios do not say the same.
     """
     found = [scenario.manner_of_run(manner) for scenario in scenarios]
-    walk = f"the people of one batch walk in one manner, not {{}}; say which: manner={next(iter(MANNERS))!r}"
+    walk = f"the people of one batch walk in one manner, not {{}}; say which: walking={next(iter(MANNERS))!r}"
     return _same(scenarios, found, plain_manner, walk)
 
 
@@ -58,7 +63,7 @@ def one_outline(scenarios: Sequence[Scenario], outline: BodyShape | None) -> Out
         If the outline is unknown, or the scenarios do not say the same.
     """
     found = [scenario.outline_of_run(outline) for scenario in scenarios]
-    have = f"the people of one batch have one outline, not {{}}; say which: outline={next(iter(OUTLINES))!r}"
+    have = f"the people of one batch have one outline, not {{}}; say which: physics=Physics(outline={next(iter(OUTLINES))!r})"
     return _same(scenarios, found, plain_outline, have)
 
 

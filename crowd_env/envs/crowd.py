@@ -2,19 +2,19 @@
 
 import copy
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.core.arrays.headway import Manner
-from crowd_env.core.arrays.outline import BodyShape, room_of
+from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.arrays.state import Bools, Floats, Ints, make_state
-from crowd_env.core.checks import COUNT, POSITIVE, Range, array, flag, known, number, text, whole
+from crowd_env.core.checks import COUNT, POSITIVE, Range, array, flag, number, whole
 from crowd_env.core.kernels.struct_ref import struct_ref
-from crowd_env.envs.action import FRAMES, ActionKind, Frame, make_action, to_command
+from crowd_env.envs.action import ActionKind, make_action, to_command
 from crowd_env.envs.arguments import (
+    Place,
     bodies_before_reset,
     check_size,
     one_manner,
@@ -30,16 +30,21 @@ from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.observation.view import allocate_route_ahead
 from crowd_env.envs.reward import RewardFunction, RewardWeights, Transition, make_weights
 from crowd_env.envs.route_choice import fit_to_ways, make_route_choice, take_routes
-from crowd_env.physics import ContactScheme, check_outline, make_scheme
+from crowd_env.envs.settings import (
+    AsPhysics,
+    AsRouting,
+    AsWalking,
+    Physics,
+    Routing,
+    Walking,
+    answers_unknown,
+    part_of,
+)
+from crowd_env.physics import check_outline
 from crowd_env.physics.simulation.arguments import check_step
 from crowd_env.physics.simulation.checkpoint import copy_arrays, require_checkpoint, write_arrays
 from crowd_env.physics.simulation.simulation import Simulation
-from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.groups import extreme_bodies
-from crowd_env.scenarios.scenario import Scenario
-
-_THREADS = Range(1, 1024)
-ActsOn = Literal["everyone", "ruled"]
 
 
 class Step(NamedTuple):
@@ -59,9 +64,9 @@ class CrowdEnv:
         (P, D) float32 in [-1, 1], columns as ``layout`` says.  The row of someone who gets out holds the last observation in
         that step, zeros afterwards.
     Action
-        (P, 2) in [-1, 1]: the desired velocity as a multiple of the own desired speed, in ``frame``; or (P,) 0..8, or what
-        another kind of action takes, which may choose an exit too.  Where ``rule`` is true, or if the action is None, the
-        pedestrian walks the shortest path instead.
+        (P, 2) in [-1, 1]: the desired velocity as a multiple of the desired speed; or (P,) 0..8, or what another kind of
+        action takes, which may choose an exit too.  Where ``scripted`` is true, or if the action is None, the pedestrian
+        walks the shortest path instead.
     Reward
         (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.  Those who are out get nothing but
         their ``team_share``.
@@ -77,33 +82,27 @@ class CrowdEnv:
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS``, a file, a Scenario, or a sequence of them, dealt out to the environments in turn.
+    scenario : name in ``SCENARIOS``, a file, a table ``{"name": "room-v0", "side": 8.0}`` of a name or file and the options of
+        that scenario, a Scenario, or a sequence of these, dealt out to the environments in turn.
+    people : number of people in each environment, instead of the scenario's.
     num_envs : number of environments E.
-    scheme : name in ``SCHEMES``, a scheme, or plain data: ``{"name": "nsm2", "tolerance": 1e-3, "social": "lin"}``.
-    dt, decision_dt : s, physics step (default: the scheme's) and decision step, a whole multiple of the first.
-    frame, action : axes of the actions, and a name in ``ACTIONS``, an `ActionKind`, or plain data such as
-        ``{"name": "speeds", "speeds": [0, 0.5, 1]}``: see `crowd_env.envs.action`.
+    physics : a `Physics`, a name in ``SCHEMES`` or a contact scheme, or a table of the fields of one of them.
+    walking : a `Walking`, a name in ``MANNERS`` or a `Headway`, or a table of the fields of one of them.
+    routing : a `Routing`, the name of a strategy, or a table of its fields.
+    action : a name in ``ACTIONS``, an `ActionKind`, or a table such as ``{"name": "speeds", "speeds": [0, 0.5, 1]}`` or
+        ``{"name": "continuous", "frame": "world"}``: see `crowd_env.envs.action`.
     observation, reward : layout and weights, or plain data: ``{"terms": ["velocity"], "rays": 16}``, ``{"time": 1.0}``.
+    decision_dt : s, decision step, a whole multiple of the physics step.
     time_limit : s, replaces the scenario's.
     autoreset : start a new episode in the step in which an environment finishes; the last observations of the finished one
         are then in ``info["final_observation"]``.
-    threads : spread environments over threads; results do not depend on it.
-    strategy, rules : how people choose their route, and whether the scenario's control rules are in force, see
-        `Scenario.route_set`.
-    manner : how people walk before they touch: a name in ``MANNERS``, a Headway, or a table of its parameters; by default as
-        the scenario says, and if that says nothing at full speed whatever is in front of them.
-    manner_for : whom the manner acts on.  "everyone": also those who have an action, which then says what one would do with
-        nobody in front.  "ruled": only those whom the rule leads; the others walk as their action says.
-    outline : shape of all bodies: a name in ``OUTLINES``, an Outline, or a table of its parameters; by default as the scenario
-        says, and if that says nothing they are discs.  Only `hertz` and `hertz-literal`, under which bodies turn, take another.
-    max_drive : N, the largest force with which a person drives forwards, by default as large as the papers make it (up to
-        2 kN); see `Simulation`.
-    scenario_options : options of the scenario if it is given by name.
 
     Raises
     ------
     ValueError
         If any of these is unknown, out of range, or does not fit together.
+    TypeError
+        If there is no such argument; the message says how it is said.
 
     Examples
     --------
@@ -114,52 +113,43 @@ class CrowdEnv:
     (80,)
     """
 
+    @answers_unknown()
     def __init__(
         self,
-        scenario: str | Scenario | Sequence[str | Scenario] = "room-v0",
+        scenario: Place | Sequence[Place] = "room-v0",
         *,
+        people: int | None = None,
         num_envs: int = 1,
-        scheme: str | Mapping[str, Any] | ContactScheme = "nsm2",
-        dt: float | None = None,
-        decision_dt: float = 0.1,
-        frame: Frame = "path",
+        physics: AsPhysics = "nsm2",
+        walking: AsWalking = None,
+        routing: AsRouting = "shortest",
         action: str | Mapping[str, Any] | ActionKind = "continuous",
         observation: ObservationLayout | Mapping[str, Any] | None = None,
         reward: RewardWeights | Mapping[Any, Any] | None = None,
+        decision_dt: float = 0.1,
         time_limit: float | None = None,
         autoreset: bool = False,
-        threads: int = 1,
-        strategy: str = "shortest",
-        rules: bool = True,
-        manner: Manner | None = None,
-        manner_for: ActsOn = "everyone",
-        outline: BodyShape | None = None,
-        max_drive: float | None = None,
-        **scenario_options: Any,
     ) -> None:
-        num_envs, threads = whole("num_envs", num_envs, COUNT), whole("threads", threads, _THREADS)
-        known("frame", frame, FRAMES)
-        known("manner_for", manner_for, get_args(ActsOn))
-        scheme = make_scheme(scheme)
-        dt = scheme.info.default_dt if dt is None else number("dt", dt, POSITIVE, "s")
+        num_envs = whole("num_envs", num_envs, COUNT)
+        self.physics = physics = part_of(Physics, physics)
+        self.walking = walking = part_of(Walking, walking)
+        self.routing = routing = part_of(Routing, routing)
+        scheme, dt, threads, strategy = physics.law, physics.step, physics.threads, routing.strategy
         decision_dt = number("decision_dt", decision_dt, POSITIVE, "s")
         self.n_substeps = parts_of("decision_dt", decision_dt, "physics steps of dt", dt)
         if time_limit is not None:
             time_limit = number("time_limit", time_limit, POSITIVE, "s")
-        rules, autoreset = flag("rules", rules), flag("autoreset", autoreset)
-        text("strategy", strategy, "the name of a strategy")
+        autoreset = flag("autoreset", autoreset)
         self.reward_weights, kind, layout = make_weights(reward), make_action(action), make_layout(observation)
-        self.scenarios = [make_scenario(kind, **scenario_options) for kind in scenarios_of(scenario)]
+        self.scenarios = scenarios_of(scenario, people)
         self.action_kind, self.layout, choosing = fit_to_ways(kind, layout, self.scenarios)
         self.num_envs = num_envs
         self.decision_dt = decision_dt
-        self.frame: Frame = frame
-        self.manner_for: ActsOn = manner_for
         self.autoreset = autoreset
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
         self.single_action_space = copy.deepcopy(self.action_kind.space)  # whoever seeds it seeds no other
         check_size(self.scenarios, num_envs)
-        shape = one_outline(self.scenarios, outline)
+        shape = one_outline(self.scenarios, physics.outline)
         check_outline(shape, scheme)
         for each in self.scenarios:
             check_step(scheme, extreme_bodies(each.population), dt, outline=shape)  # every draw, not only the first
@@ -167,28 +157,27 @@ class CrowdEnv:
         self.scenario_of_env = [self.scenarios[k] for k in which]
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
         bodies = bodies_before_reset(self.scenario_of_env)
-        people = len(bodies.radius)
+        slots = len(bodies.radius)
         self.env_start = bodies.env_start
         self.env_of_person = np.repeat(np.arange(num_envs), np.diff(self.env_start))
-        self.strategy = strategy
-        self.route_set = [each.route_set(strategy, rules=rules, ways=choosing) for each in self.scenarios]
+        self.route_set = [each.route_set(strategy, rules=routing.signs, ways=choosing) for each in self.scenarios]
         self._usual_route: list[Ints | None] = [None] * len(self.scenarios)  # known where it is that of every episode
         self.simulation = Simulation(
             [each.geometry for each in self.scenarios],
             bodies,
-            make_state(np.zeros((people, 2)), environments=num_envs),
+            make_state(np.zeros((slots, 2)), environments=num_envs),
             scheme=scheme,
             dt=dt,
             fields=self.route_set,
             geometry_of_env=which,
             threads=threads,
-            manner=one_manner(self.scenarios, manner),
+            manner=one_manner(self.scenarios, walking.manner),
             outline=shape,
-            max_drive=max_drive,
+            max_drive=physics.max_drive,
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
-        self._ahead = allocate_route_ahead(people)  # the observer writes it, the reward reads its potential
-        in_world = frame == "world"
+        self._ahead = allocate_route_ahead(slots)  # the observer writes it, the reward reads its potential
+        in_world = self.action_kind.frame == "world"
         routes_of_env = [self.route_set[k] for k in which]
         dwell = self.action_kind.dwell
         choice = make_route_choice(self.scenario_of_env, routes_of_env, self.env_start, dwell, used=choosing)
@@ -196,11 +185,11 @@ class CrowdEnv:
         self._observer = Observer(self.simulation, self.layout, self._ahead, ways, in_world=in_world, threads=threads)
         self._transition = struct_ref(
             Transition(
-                inside=np.zeros(people, dtype=np.bool_),
-                left=np.zeros(people, dtype=np.bool_),
-                travel_time_before=np.zeros(people),
+                inside=np.zeros(slots, dtype=np.bool_),
+                left=np.zeros(slots, dtype=np.bool_),
+                travel_time_before=np.zeros(slots),
                 travel_time_after=self._ahead.potential,
-                duration=np.zeros(people),
+                duration=np.zeros(slots),
                 impulse_magnitude=self.simulation.results.impulse_magnitude,
                 bodies=self.simulation.bodies,
                 state=self.simulation.state,
@@ -209,7 +198,7 @@ class CrowdEnv:
         time_limits = np.array([time_limit or each.time_limit for each in self.scenario_of_env])
         blocked_after = np.array([each.blocked_after for each in self.scenario_of_env])
         self._episode = init_episode(self._transition, time_limits, blocked_after)
-        self._reward = RewardFunction(self.reward_weights, people)
+        self._reward = RewardFunction(self.reward_weights, slots)
         self._started = False
         self._times_restored = 0
         self._interrupted = False  # a step was begun and never came to its end: Ctrl-C, or a crowd that diverged
@@ -270,13 +259,13 @@ class CrowdEnv:
             self._times_restored, self._interrupted = self.simulation.times_restored, False
         return observation, {}
 
-    def step(self, action: ArrayLike | None = None, rule: ArrayLike | None = None) -> Step:
+    def step(self, action: ArrayLike | None = None, scripted: ArrayLike | None = None) -> Step:
         """Advance every unfinished environment by one decision step.
 
         Parameters
         ----------
-        action : (P, 2) or, if discrete, (P,); rows of people who are out are ignored.  None: everyone follows the rule.
-        rule : (P,), true for those who follow the rule whatever their action.
+        action : (P, 2) or, if discrete, (P,); rows of people who are out are ignored.  None: everyone is scripted.
+        scripted : (P,), true for people who walk at full speed along their route whatever their action.
 
         Raises
         ------
@@ -290,7 +279,7 @@ class CrowdEnv:
             raise ValueError(
                 "the simulation alone was restored, the environment was not; restore or reset the environment"
             )
-        command, relative, gives_way = self._command(action, rule)
+        command, relative, gives_way = self._command(action, scripted)
         transition, episode = self._transition.fields, self._episode.fields
         if not self._interrupted:  # else this step goes on with the one before: who got out in between has left
             transition.inside[:], episode.step_start[:] = state.active, state.time
@@ -367,9 +356,9 @@ class CrowdEnv:
         if route is None:
             route_set = self.simulation.planner.route_set(e)  # as the doors stand at the start
             assert route_set is not None
-            chosen = scenario.choose(route_set, self.strategy, position)
+            chosen = scenario.choose(route_set, self.routing.strategy, position)
             self.simulation.send(e, chosen)
-            if not scenario.depends_on_place(self.strategy):
+            if not scenario.depends_on_place(self.routing.strategy):
                 self._usual_route[kind] = chosen
         self._choice.fields.chosen_at[self.people(e)] = -np.inf
         self._episode.fields.impulse[self.people(e)] = 0.0
@@ -379,15 +368,15 @@ class CrowdEnv:
         self.finished[e] = False
 
     def _command(
-        self, action: ArrayLike | None, rule: ArrayLike | None
+        self, action: ArrayLike | None, scripted: ArrayLike | None
     ) -> tuple[Floats | None, Bools | None, Bools | None]:
         if action is None:
             return None, None, None
         controlled = self.active
-        if rule is not None:
-            controlled &= ~array("rule", rule, (self.num_people,), "b")
+        if scripted is not None:
+            controlled &= ~array("scripted", scripted, (self.num_people,), "b")
         command, way = to_command(action, self.action_kind, controlled)
         if way is not None:
             take_routes(way, controlled, self._choice, self._transition.fields.state)
-        ruled = ~controlled
-        return command, (ruled if self.frame == "world" else None), (ruled if self.manner_for == "ruled" else None)
+        others, in_world = ~controlled, self.action_kind.frame == "world"
+        return command, (others if in_world else None), (others if self.walking.acts_on == "scripted" else None)

@@ -7,29 +7,30 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
+from typing_extensions import Unpack
 
 from crowd_env.core.arrays.state import Bools, as_grid
+from crowd_env.envs.arguments import Place
 from crowd_env.envs.batch import BatchStep
 from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.settings import EnvArguments, answers_unknown
 from crowd_env.envs.single_env import SingleEnv
-from crowd_env.envs.vector_env import BatchVectorEnv
-from crowd_env.scenarios.scenario import Scenario
+from crowd_env.envs.vector_env import BatchVectorEnv, mode_of
 
 
 class CrowdBatch:
-    """E rooms of N people each, the rows of a room's people side by side; see `CrowdEnv` for the parameters.
+    """E rooms of N people each, the rows of a room's people side by side.
 
     Raises
     ------
     ValueError
-        If rooms hold different numbers of people, or what `CrowdEnv` refuses.
+        If rooms hold different numbers of people.
     """
 
-    def __init__(
-        self, scenario: str | Scenario | Sequence[str | Scenario] = "room-v0", *, num_envs: int = 1, **options: Any
-    ) -> None:
-        self.env = CrowdEnv(scenario, num_envs=num_envs, **options)
+    def __init__(self, env: CrowdEnv) -> None:
+        self.env = env
         self.layout = self.env.layout
         sizes = np.diff(self.env.env_start)
         if (sizes != sizes[0]).any():
@@ -48,7 +49,7 @@ class CrowdBatch:
         return as_grid(self.env.reset(seed, mask)[0], self.env.num_envs)
 
     def step(self, actions: np.ndarray | None) -> BatchStep:
-        """Advance by one decision step; without actions (E, N, ...) everyone follows the rule."""
+        """Advance by one decision step; without actions (E, N, ...) everyone is scripted."""
         env, rooms = self.env, self.env.num_envs
         step = env.step(None if actions is None else actions.reshape(env.num_people, *actions.shape[2:]))
         final, active = step.info.get("final_observation"), env.active
@@ -74,7 +75,8 @@ class CrowdGymEnv(SingleEnv):
     """One room, one controller for all N people.
 
     Observation (N, D) and action (N, 2) (or N choices of 9) are the rows of `CrowdEnv`; the reward is the mean over the N
-    people.  An action of None lets everyone follow the rule.  Terminated when everyone is out, truncated at the time limit.
+    people.  Without an action (None) everyone is scripted.
+    Terminated when everyone is out, truncated at the time limit.
 
     The info of a step holds the terms of the reward, unweighted, as ``reward/<name>`` (N,); ``active`` (N,), true for people
     inside; ``diagnostics``, a dictionary of overlaps and of the solver's residual and iterations; and in the last step of an
@@ -82,12 +84,18 @@ class CrowdGymEnv(SingleEnv):
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS`` or a Scenario; by default "room-v0".
+    scenario : as `CrowdEnv` takes it; by default "room-v0".
     render_mode : None or "rgb_array".
-    options : everything else `CrowdEnv` takes.
+    **arguments : all others of `CrowdEnv`, but for ``num_envs`` and ``autoreset``.
     """
 
-    batch_class = CrowdBatch
+    batch: CrowdBatch
+
+    @answers_unknown(like=CrowdEnv)
+    def __init__(
+        self, scenario: Place = "room-v0", *, render_mode: str | None = None, **arguments: Unpack[EnvArguments]
+    ) -> None:
+        super().__init__(CrowdBatch(CrowdEnv(scenario, **arguments)), render_mode)
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Advance by one decision step.
@@ -108,11 +116,11 @@ class CrowdVectorEnv(BatchVectorEnv):
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS``, a Scenario, or several with the same number of people, dealt out in turn; by default
-        "room-v0".
+    scenario : as `CrowdEnv` takes it, or several with the same number of people, dealt out in turn; by default "room-v0".
     num_envs : number of rooms E.
     autoreset_mode : "SameStep", "NextStep" or "Disabled".
-    options : everything else `CrowdEnv` takes.
+    render_mode : None; a batch is not rendered.
+    **arguments : all others of `CrowdEnv`, but for ``autoreset``.
 
     Raises
     ------
@@ -120,11 +128,19 @@ class CrowdVectorEnv(BatchVectorEnv):
         If any of these is unknown, out of range, or does not fit together.
     """
 
-    batch_class = CrowdBatch
+    @answers_unknown(like=CrowdEnv)
+    def __init__(
+        self,
+        scenario: Place | Sequence[Place] = "room-v0",
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        render_mode: None = None,
+        **arguments: Unpack[EnvArguments],
+    ) -> None:
+        mode = mode_of(autoreset_mode)
+        env = CrowdEnv(scenario, num_envs=num_envs, autoreset=mode is AutoresetMode.SAME_STEP, **arguments)
+        super().__init__(CrowdBatch(env), mode, render_mode)
 
 
-def make_vec(
-    scenario: str | Scenario | Sequence[str | Scenario] = "room-v0", num_envs: int = 1, **options: Any
-) -> CrowdVectorEnv:
-    """Return many rooms as a natively batched Gymnasium VectorEnv; see `CrowdVectorEnv`."""
-    return CrowdVectorEnv(scenario, num_envs=num_envs, **options)
+make_vec = CrowdVectorEnv

@@ -9,14 +9,15 @@ import gymnasium
 import numpy as np
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
+from typing_extensions import Unpack
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import array, shown, whole
-from crowd_env.envs.arguments import NUMBERS, check_options
+from crowd_env.envs.arguments import NUMBERS, Place, check_options
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.global_state import StateLayout, StateReader
 from crowd_env.envs.lazy_infos import LazyInfos, write_infos
-from crowd_env.scenarios.scenario import Scenario
+from crowd_env.envs.settings import EnvArguments, answers_unknown
 
 RENDER_MODES = ("rgb_array", "human")
 
@@ -25,7 +26,7 @@ class CrowdParallelEnv(ParallelEnv):
     """One evacuation; every pedestrian is an agent, ``pedestrian_0`` to ``pedestrian_{N-1}``.
 
     Observation, action and reward of an agent are the rows of `CrowdEnv`.  An action of None, or none at all for an agent,
-    lets the rule decide: the pedestrian walks the shortest path.  Learned and ruled pedestrians can share a room.
+    makes it scripted: the pedestrian walks along the route at full speed.  Both kinds can share a room.
 
     A pedestrian who gets out leaves ``agents`` in that step, with a last observation and reward and ``terminated = True``.
     Later actions for that agent are ignored, whatever they are: clients with a fixed group of agents go on sending some.  At
@@ -36,10 +37,10 @@ class CrowdParallelEnv(ParallelEnv):
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS`` or a Scenario.
+    scenario : as `CrowdEnv` takes it.
     render_mode : None, "rgb_array" or "human".
     max_cycles : decision steps after which the episode is truncated; replaces ``time_limit``.
-    options : everything else `CrowdEnv` takes: scheme, dt, decision_dt, frame, action, observation, reward ...
+    **arguments : all others of `CrowdEnv`, but for ``num_envs`` and ``autoreset``.
 
     Attributes
     ----------
@@ -54,7 +55,7 @@ class CrowdParallelEnv(ParallelEnv):
     Examples
     --------
     >>> import crowd_env
-    >>> env = crowd_env.parallel_env("room-v0", scheme="nsm2")
+    >>> env = crowd_env.parallel_env("room-v0", people=30, physics="dem")
     >>> observations, infos = env.reset(seed=0)
     >>> while env.agents:
     ...     actions = {agent: env.action_space(agent).sample() for agent in env.agents}
@@ -63,20 +64,18 @@ class CrowdParallelEnv(ParallelEnv):
 
     metadata = {"name": "crowd_env", "render_modes": list(RENDER_MODES), "render_fps": 10, "is_parallelizable": True}
 
+    @answers_unknown(like=CrowdEnv)
     def __init__(
         self,
-        scenario: str | Scenario = "room-v0",
+        scenario: Place = "room-v0",
         *,
         render_mode: str | None = None,
         max_cycles: int | None = None,
-        **options: Any,
+        **arguments: Unpack[EnvArguments],
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; known: None, {', '.join(RENDER_MODES)}")
-        for name in ("num_envs", "autoreset"):
-            if name in options:
-                raise ValueError(f"a ParallelEnv is one evacuation; {name} belongs to CrowdEnv or crowd_env.make_vec")
-        self.env = CrowdEnv(scenario, num_envs=1, **options)
+        self.env = CrowdEnv(scenario, **arguments)
         if max_cycles is not None:
             self.max_cycles = max_cycles
         self.render_mode = render_mode
@@ -142,11 +141,11 @@ class CrowdParallelEnv(ParallelEnv):
             If an action is malformed or not finite or belongs to an agent that there never was, or before the first `reset`.
         """
         self._check_begun("the first step")
-        action, rule = self._gather(actions)
+        action, scripted = self._gather(actions)
         if not self.agents:
             return {}, {}, {}, {}, {}
         agents, slots = self.agents, self._slots
-        step = self.env.step(action, rule)
+        step = self.env.step(action, scripted)
         observations = dict(zip(agents, step.observation[slots], strict=True))
         rewards = dict(zip(agents, step.reward[slots].tolist(), strict=True))
         infos = LazyInfos(self._all_false, partial(write_infos, self._all_false, slots, step.info))
@@ -170,11 +169,11 @@ class CrowdParallelEnv(ParallelEnv):
             raise ValueError(f"call reset before {what}")
 
     def _gather(self, actions: Mapping[str, Any]) -> tuple[Floats, Bools | None]:
-        """Return actions by slot, and which slots (P,) follow the rule; None if none does."""
+        """Return actions by slot, and which slots (P,) are scripted; None if none is."""
         if not isinstance(actions, Mapping):
             raise ValueError(
                 f"actions is {shown(actions)}; it must be a dictionary of agents and their actions "
-                "(agents that are not in it follow the rule)"
+                "(agents that are not in it are scripted)"
             )
         gathered = np.zeros((self.env.num_people, *(self.env.single_action_space.shape or ())))
         if list(actions) != self.agents:
@@ -191,13 +190,13 @@ class CrowdParallelEnv(ParallelEnv):
         ):
             gathered[self._slots] = every
             return gathered, None
-        rule = np.ones(self.env.num_people, dtype=np.bool_)
+        scripted = np.ones(self.env.num_people, dtype=np.bool_)
         for agent, action in actions.items():
             if action is not None:
                 i = self._slot[agent]
                 gathered[i] = array(f"action of {agent}", action, gathered.shape[1:], NUMBERS)
-                rule[i] = False
-        return gathered, rule
+                scripted[i] = False
+        return gathered, scripted
 
     def state(self) -> np.ndarray:
         """Return the whole crowd (``state_layout.size``,) float32 for a centralized critic, see `StateLayout`.
@@ -251,14 +250,16 @@ def _stacked(actions: list[Any], shape: tuple[int, ...]) -> np.ndarray | None:
     return every if every.dtype.kind in NUMBERS and every.shape == (len(actions), *shape) else None
 
 
-def parallel_env(scenario: str | Scenario = "room-v0", **options: Any) -> CrowdParallelEnv:
-    """Return one evacuation as a PettingZoo ParallelEnv; see `CrowdParallelEnv`."""
-    return CrowdParallelEnv(scenario, **options)
+parallel_env = raw_env = CrowdParallelEnv
 
 
-def env(scenario: str | Scenario = "room-v0", **options: Any) -> Any:
-    """Return one evacuation as a PettingZoo AEC environment: agents act in turn, physics moves when all have acted."""
-    return parallel_to_aec(parallel_env(scenario, **options))
-
-
-raw_env = parallel_env
+@answers_unknown(like=CrowdParallelEnv)
+def env(
+    scenario: Place = "room-v0",
+    *,
+    render_mode: str | None = None,
+    max_cycles: int | None = None,
+    **arguments: Unpack[EnvArguments],
+) -> Any:
+    """Return a `CrowdParallelEnv` as a PettingZoo AEC environment: agents act in turn, then physics moves."""
+    return parallel_to_aec(CrowdParallelEnv(scenario, render_mode=render_mode, max_cycles=max_cycles, **arguments))

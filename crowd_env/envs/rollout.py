@@ -3,7 +3,7 @@
 import copy
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -13,6 +13,7 @@ from crowd_env.core.checks import NOT_NEGATIVE, whole
 from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.metrics import EpisodeMetrics
+from crowd_env.envs.settings import Physics, arguments_of, part_of
 from crowd_env.scenarios.scenario import Scenario
 
 # Evacuations and people simulated side by side: enough to fill a call, few enough to show progress.
@@ -111,7 +112,8 @@ def rollout(
     only : numbers of the runs that are wanted, 0 to ``runs`` - 1; by default all.
     at_once : most runs side by side under the rule; fewer end sooner, and are a little slower in all.
     threads : of the simulation, at most one an evacuation.
-    **options : of `crowd_env.envs.crowd.CrowdEnv`; a driver of one's own has made its environments already and takes none.
+    **options : arguments of `crowd_env.envs.crowd.CrowdEnv`, or flat settings, see `arguments_of`; a driver of one's own has
+        made its environments already and takes none.
 
     Raises
     ------
@@ -161,7 +163,12 @@ class _RuleDriver:
     options: dict[str, Any]
 
     def __call__(self, num_envs: int) -> Driver:
-        return Driver(CrowdEnv(self.scenario, num_envs=num_envs, threads=min(self.threads, num_envs), **self.options))
+        arguments = arguments_of(self.options)
+        physics = part_of(Physics, arguments.pop("physics", "nsm2"))
+        threads = min(max(self.threads, physics.threads), num_envs)
+        return Driver(
+            CrowdEnv(self.scenario, num_envs=num_envs, physics=replace(physics, threads=threads), **arguments)
+        )
 
 
 @dataclass(frozen=True, eq=False)

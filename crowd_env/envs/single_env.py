@@ -1,7 +1,7 @@
 """The base of this package's Gymnasium environments with one controller: the only row of a batch of one."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -9,7 +9,6 @@ import numpy as np
 from crowd_env.core.checks import array
 from crowd_env.envs.arguments import NUMBERS, check_options
 from crowd_env.envs.batch import Batch, BatchStep
-from crowd_env.scenarios.scenario import Scenario
 
 
 class SingleEnv(gymnasium.Env):
@@ -17,7 +16,7 @@ class SingleEnv(gymnasium.Env):
 
     Parameters
     ----------
-    scenario, options : of the batch; by default its own.
+    batch : of one environment.
     render_mode : None or "rgb_array".
 
     Attributes
@@ -27,26 +26,16 @@ class SingleEnv(gymnasium.Env):
     Raises
     ------
     ValueError
-        If any of these is unknown, out of range, or does not fit together.
+        If the render mode is unknown.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
-    batch_class: ClassVar[type[Any]]
-    batch: Batch
 
-    def __init__(
-        self, scenario: str | Scenario | None = None, *, render_mode: str | None = None, **options: Any
-    ) -> None:
+    def __init__(self, batch: Batch, render_mode: str | None = None) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"unknown render_mode {render_mode!r}; known: None, rgb_array")
-        for name in ("num_envs", "autoreset"):
-            if name in options:
-                raise ValueError(f"this is one environment; {name} belongs to a batch: gymnasium.make_vec")
-        if scenario is not None:
-            options["scenario"] = scenario
-        self.batch = self.batch_class(num_envs=1, **options)
-        self.env, self.layout = self.batch.env, self.batch.layout
-        self.observation_space, self.action_space = self.batch.observation_space, self.batch.action_space
+        self.batch, self.env, self.layout = batch, batch.env, batch.layout
+        self.observation_space, self.action_space = batch.observation_space, batch.action_space
         self.render_mode = render_mode
         self._canvas: Any = None
 

@@ -1,7 +1,7 @@
 """The base of this package's Gymnasium VectorEnvs: restarts, resets of some rows, infos as Gymnasium has them."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -12,7 +12,19 @@ from crowd_env.core.checks import array, known
 from crowd_env.envs.arguments import NUMBERS, reset_mask
 from crowd_env.envs.batch import Batch
 from crowd_env.envs.metrics import EpisodeMetrics
-from crowd_env.scenarios.scenario import Scenario
+
+
+def mode_of(mode: AutoresetMode | str) -> AutoresetMode:
+    """Return an `AutoresetMode`, which may be given by its value.
+
+    Raises
+    ------
+    ValueError
+        If there is no such mode.
+    """
+    if isinstance(mode, AutoresetMode):
+        return mode
+    return AutoresetMode(known("autoreset_mode", mode, [one.value for one in AutoresetMode]))
 
 
 class BatchVectorEnv(VectorEnv):
@@ -34,10 +46,9 @@ class BatchVectorEnv(VectorEnv):
 
     Parameters
     ----------
-    scenario, options : of the batch; by default its own.
-    num_envs : number of environments E.
+    batch : the environments; it restarts those that end if it is to be "SameStep".
+    mode : an `AutoresetMode`, see `mode_of`.
     render_mode : None; a batch is not rendered.
-    autoreset_mode : an `AutoresetMode` or its value.
 
     Attributes
     ----------
@@ -51,36 +62,15 @@ class BatchVectorEnv(VectorEnv):
 
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
 
-    batch_class: ClassVar[type[Any]]
-    batch: Batch
-
-    def __init__(
-        self,
-        scenario: str | Scenario | Sequence[str | Scenario] | None = None,
-        *,
-        num_envs: int = 1,
-        render_mode: None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-        **options: Any,
-    ) -> None:
+    def __init__(self, batch: Batch, mode: AutoresetMode, render_mode: None = None) -> None:
         if render_mode is not None:
             raise ValueError("a batch is not rendered; make one environment with a render_mode instead")
-        if "autoreset" in options:
-            raise ValueError("autoreset belongs to CrowdEnv; a VectorEnv takes autoreset_mode")
-        if not isinstance(autoreset_mode, AutoresetMode):
-            autoreset_mode = AutoresetMode(
-                known("autoreset_mode", autoreset_mode, [one.value for one in AutoresetMode])
-            )
-        mode = autoreset_mode
-        if scenario is not None:
-            options["scenario"] = scenario
-        self.batch = self.batch_class(num_envs=num_envs, autoreset=mode is AutoresetMode.SAME_STEP, **options)
-        self.env, self.layout = self.batch.env, self.batch.layout
+        self.batch, self.env, self.layout = batch, batch.env, batch.layout
         self.render_mode = None
-        self.num_envs = num_envs
+        self.num_envs = num_envs = batch.env.num_envs
         self.autoreset_mode = mode
         self.metadata = {**self.metadata, "autoreset_mode": mode}
-        self.single_observation_space, self.single_action_space = self.batch.observation_space, self.batch.action_space
+        self.single_observation_space, self.single_action_space = batch.observation_space, batch.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._begun = False

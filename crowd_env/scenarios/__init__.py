@@ -1,6 +1,8 @@
 """The scenarios that ship with crowd_env, by name; most are files in ``data``, written like anyone else's."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
 
@@ -36,23 +38,32 @@ SCENARIOS: dict[str, Callable[..., Scenario]] = {
 }
 
 
-def make_scenario(scenario: str | Path | Scenario, **options: Any) -> Scenario:
-    """Return a scenario by its name, or from a file, made with ``options``; or the scenario itself.
+def make_scenario(scenario: str | Path | Mapping[str, Any] | Scenario, **options: Any) -> Scenario:
+    """Return a scenario by its name, or from a file, made with ``options``; or the scenario itself, perhaps with other people.
 
     Parameters
     ----------
     scenario : a name in ``SCENARIOS``; a scenario file (.toml or .json); or a floor plan (WKT, GeoJSON, DXF, the SQLite files
-        of JuPedSim, scenarios of Vadere), whose options are those of `crowd_env.scenarios.floor_plan.scenario_from_plan`.
+        of JuPedSim, scenarios of Vadere), whose options are those of `crowd_env.scenarios.floor_plan.scenario_from_plan`; or
+        a table ``{"name": "room-v0", "side": 8.0}`` of a name or file and its options.
 
     Raises
     ------
     ValueError
         If the name or an option is unknown (the message lists the known ones), or something in a file is wrong.
     """
+    if isinstance(scenario, Mapping):
+        if "name" not in scenario:
+            raise ValueError(f"scenario: key 'name' is missing; known scenarios: {', '.join(SCENARIOS)}")
+        options = {**{name: value for name, value in scenario.items() if name != "name"}, **options}
+        scenario = scenario["name"]
     if isinstance(scenario, Scenario):
+        people = options.pop("people", None)
         if options:
             raise ValueError(f"options {', '.join(options)} need a scenario name, not a finished scenario")
-        return scenario
+        if people is None:
+            return scenario
+        return replace(scenario, population=scenario.population.changed(people=people))
     if not isinstance(scenario, str | Path):
         refuse("scenario", scenario, "the name of a scenario, its file or a Scenario")
     kind = kind_of_place(scenario)
@@ -61,7 +72,9 @@ def make_scenario(scenario: str | Path | Scenario, **options: Any) -> Scenario:
     known = tuple(scenario_from_plan.__kwdefaults__ or ()) if kind == "plan" else tuple(options_of(str(scenario)))
     unknown = [option for option in options if option not in known]
     if unknown:
-        raise ValueError(f"{scenario} has no option {unknown[0]!r}; known: {', '.join(known)}")
+        near = get_close_matches(unknown[0], known, n=1)
+        said = f"did you mean {near[0]!r}? known" if near else "known"
+        raise ValueError(f"{scenario} has no option {unknown[0]!r}; {said}: {', '.join(known)}")
     return scenario_from_plan(scenario, **options) if kind == "plan" else SCENARIOS[str(scenario)](**options)
 
 

@@ -17,12 +17,17 @@ import typer
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
-from crowd_env import ObservationLayout  # the import registers the environments
+from crowd_env import ObservationLayout  # the import registers the environments, make_scenario
 
 LAYOUT = ObservationLayout(
     terms=("ahead",)
 )  # of the next one who is nearer the door: closeness, speed; how many there are
-ROOM = {"people": 30, "door_width": 0.6, "time_limit": 40.0, "observation": LAYOUT}
+ROOM = {
+    "scenario": {"name": "room-v0", "door_width": 0.6},
+    "people": 30,
+    "time_limit": 40.0,
+    "observation": LAYOUT,
+}
 Batch = Enum("Batch", {name: name for name in ("native", "sync", "async")})
 
 
@@ -34,7 +39,11 @@ def make_rooms(batch: Batch, rooms: int) -> VectorEnv:
         if batch is Batch["async"]:
             options["context"] = "spawn"  # each process imports this file: hence the guard at its end
         made = gymnasium.make_vec(
-            "crowd_env/room-v0", num_envs=rooms, vectorization_mode=batch.value, vector_kwargs=options, **ROOM
+            "crowd_env/room-v0",
+            num_envs=rooms,
+            vectorization_mode=batch.value,
+            **ROOM,
+            vector_kwargs=options,
         )
     return RecordEpisodeStatistics(made)
 

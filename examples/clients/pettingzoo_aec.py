@@ -15,7 +15,12 @@ from crowd_env import ObservationLayout
 LAYOUT = ObservationLayout(
     terms=("ahead",)
 )  # of the next one who is nearer the door: closeness, speed; how many there are
-ROOM = {"people": 30, "door_width": 0.6, "time_limit": 40.0, "observation": LAYOUT}
+ROOM = {
+    "scenario": {"name": "room-v0", "door_width": 0.6},
+    "people": 30,
+    "time_limit": 40.0,
+    "observation": LAYOUT,
+}
 
 
 def speed(observation: np.ndarray) -> np.ndarray:

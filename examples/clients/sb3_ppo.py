@@ -16,9 +16,8 @@ from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 
 # 30 people and a door that passes one at a time: if everybody presses, they block it; who waits for a turn gets out sooner.
 ROOM = {
-    "scenario": "room-v0",
+    "scenario": {"name": "room-v0", "door_width": 0.6},
     "people": 30,
-    "door_width": 0.6,
     "time_limit": 40.0,
     "action": "speeds",  # a choice among five speeds along the way out
     "reward": {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0}},

@@ -103,7 +103,7 @@ def test_everyone_walks_along_the_ways_of_the_rule_and_decides_as_often_as_the_t
         (entry,) = make_entries([name], place, task)
         env = entry.driver(place, "nsm2", 1)(1).env
         assert (env.decision_dt, env.simulation.dt) == (0.2, 0.005)
-        strategies[name] = env.strategy
+        strategies[name] = env.routing.strategy
         other = entry.driver(place, "hertz", 1)(1).env
         assert other.simulation.dt == make_scheme("hertz").info.default_dt
     assert strategies == {"rule": "fastest", "fastest": "fastest", "follow": "fastest", "shortest": "shortest"}

@@ -203,7 +203,7 @@ def test_a_controller_is_trained_and_judged_on_a_floor_plan(tmp_path, quick):
     told = call(*SMALL[2:], *place, "--runs", 1, "--out", tmp_path / "run")
     assert told.exit_code == 0, (told.output, told.exception)
     config = json.loads((tmp_path / "run" / "results.json").read_text())["config"]
-    assert (config["exits"], config["unit"], config["count"]) == (["0,150,0,250", "800,150,800,350"], "cm", 6)
+    assert (config["exits"], config["unit"], config["people"]) == (["0,150,0,250", "800,150,800,350"], "cm", 6)
     words = [
         str(word) for word in (*place, "--policies", "nearest", tmp_path / "run" / "best.safetensors", "--runs", 1)
     ]

@@ -244,7 +244,7 @@ def model():
     pytest.importorskip("stable_baselines3")
     from crowd_env.agents.learned import PPOSettings, make_ppo
 
-    env = CrowdEnv(SMALL, autoreset=True, frame="world", observation=NARROW)
+    env = CrowdEnv(SMALL, autoreset=True, action={"name": "continuous", "frame": "world"}, observation=NARROW)
     return make_ppo(env, PPOSettings(), seed=0)
 
 

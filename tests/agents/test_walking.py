@@ -7,7 +7,7 @@ import pytest
 from evaluations import call, hall, run
 from repository import ROOT
 
-from crowd_env import CrowdEnv, ObservationLayout
+from crowd_env import CrowdEnv, ObservationLayout, make_scenario
 from crowd_env.agents import POLICIES, DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, Zipper
 from crowd_env.agents.drivers import PolicyDriver, best_share
 from crowd_env.agents.evaluation.entries import make_entries
@@ -247,8 +247,8 @@ def test_a_driver_of_a_rule_goes_on_after_a_reset():
 
 
 def test_the_example_of_a_competitive_door_is_the_room_of_lin():
-    ours = CrowdEnv(ROOT / "examples" / "competitive_door.toml", scheme="hertz")
-    lin = CrowdEnv("lin-room-v0", scheme="hertz", people=100, desired_speed=2.0)
+    ours = CrowdEnv(ROOT / "examples" / "competitive_door.toml", physics="hertz")
+    lin = CrowdEnv(make_scenario("lin-room-v0", desired_speed=2.0), physics="hertz", people=100)
     for env in (ours, lin):
         env.reset([5])
         env.step(None)

@@ -18,7 +18,7 @@ GROUP = example.GROUP
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    monkeypatch.setitem(example.ROOM, "count", 4)
+    monkeypatch.setitem(example.ROOM, "people", 4)
     monkeypatch.setitem(example.ROOM, "time_limit", 15.0)
 
 

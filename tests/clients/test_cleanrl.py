@@ -15,7 +15,7 @@ SETTINGS = example.Settings(rooms=3, rollout=64)
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    monkeypatch.setitem(example.ROOM, "count", 6)
+    monkeypatch.setitem(example.ROOM, "people", 6)
     monkeypatch.setitem(example.ROOM, "time_limit", 4.0)
 
 
@@ -101,7 +101,7 @@ def test_the_same_seed_learns_the_same(capsys):
 
 @pytest.mark.nightly
 def test_it_learns_to_let_others_go_first(monkeypatch, capsys):
-    for name, value in (("count", 30), ("time_limit", 40.0)):
+    for name, value in (("people", 30), ("time_limit", 40.0)):
         monkeypatch.setitem(example.ROOM, name, value)
     example.main(seed=0)
     rule, learned = capsys.readouterr().out.splitlines()[-2:]

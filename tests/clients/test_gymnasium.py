@@ -17,7 +17,7 @@ NATIVE, SYNC = example.Batch.native, example.Batch.sync
 
 @pytest.fixture
 def small(monkeypatch):
-    monkeypatch.setitem(example.ROOM, "count", 6)
+    monkeypatch.setitem(example.ROOM, "people", 6)
 
 
 @pytest.mark.parametrize("patient", [False, True])

@@ -15,7 +15,7 @@ from crowd_env.envs.adapters.sb3 import CrowdVecEnv  # noqa: E402
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    monkeypatch.setitem(example.ROOM, "count", 6)
+    monkeypatch.setitem(example.ROOM, "people", 6)
     monkeypatch.setitem(example.ROOM, "time_limit", 6.0)
 
 

@@ -17,7 +17,7 @@ FORWARD = 4  # the choice of full speed along the way out
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    monkeypatch.setitem(example.ROOM, "count", COUNT)
+    monkeypatch.setitem(example.ROOM, "people", COUNT)
     monkeypatch.setitem(example.ROOM, "time_limit", 8.0)
 
 

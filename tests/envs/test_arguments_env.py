@@ -1,11 +1,14 @@
 """What `CrowdEnv` and its faces are given: refused in one sentence before anything is run, or taken as plain data."""
 
+import inspect
 import json
 import re
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
 import pytest
+from cases import looped
 from refusals import INF, NAN, NO_CHOICE, NO_FLAG, numeric, refuses, rows, table
 
 import crowd_env
@@ -14,82 +17,92 @@ from crowd_env import (
     SCENARIOS,
     CrowdEnv,
     CrowdGymEnv,
+    CrowdParallelEnv,
     CrowdVectorEnv,
     Geometry,
     ObservationLayout,
+    Physics,
     Population,
     RewardWeights,
+    Routing,
     Scenario,
     SocialForce,
+    Walking,
     contact_pressure,
     crowd_pressure,
-    make_scheme,
+    make_scenario,
     make_vec,
     parallel_env,
 )
 from crowd_env.envs.action import ACTIONS
+from crowd_env.envs.parallel import env as aec_env
+from crowd_env.envs.routing.env import RoutingEnv, RoutingVectorEnv
+from crowd_env.envs.settings import EnvArguments
+
+PARTS = {"dt": "physics", "threads": "physics", "acts_on": "walking", "signs": "routing"}
 
 
 def of(name, make=CrowdEnv, **others):
+    """Return what makes an environment of a value of an argument, or of a field of one of its parts."""
+    if name in PARTS:
+        return lambda value: make(**{**others, PARTS[name]: {name: value}})
     return lambda value: make(**{**others, name: value})
 
 
 @pytest.fixture(scope="module")
 def env():
-    made = CrowdEnv("room-v0", num_envs=2, people=3, scheme="dem")
+    made = CrowdEnv("room-v0", num_envs=2, people=3, physics="dem")
     made.reset([0, 1])
     return made
 
 
 CONSTRUCTOR = [
     *rows("CrowdEnv.scenario", of("scenario"), (None, 7, 1.5, True, Scenario, {"a": 1}, [7], [None], b"x")),
-    ("CrowdEnv of no scenario", lambda: CrowdEnv([]), ("no scenario",)),
-    ("CrowdEnv unknown scenario", lambda: CrowdEnv("nowhere"), ("'nowhere'", "room-v0")),
-    ("CrowdEnv unknown option", lambda: CrowdEnv(sides=3.0), ("'sides'", "side")),
-    ("CrowdEnv option of a Scenario", lambda: CrowdEnv(crowd_env.make_scenario("room-v0"), side=3.0), ("side", "name")),
+    ("no scenario", lambda: CrowdEnv([]), ("no scenario",)),
+    ("unknown scenario", lambda: CrowdEnv("nowhere"), ("'nowhere'", "room-v0")),
+    ("unknown option", lambda: CrowdEnv({"name": "room-v0", "sides": 3.0}), ("'sides'", "did you mean 'side'")),
+    ("option of a Scenario", lambda: make_scenario(make_scenario("room-v0"), side=3.0), ("side", "name")),
     *numeric("CrowdEnv.num_envs", of("num_envs"), "count"),
     *rows("CrowdEnv.num_envs", of("num_envs"), (10**9, 500_001)),
     *numeric("CrowdEnv.threads", of("threads"), "count"),
     *rows("CrowdEnv.threads", of("threads"), (10**6,)),
     *numeric("CrowdEnv.dt", of("dt"), "positive", or_none=True),
     *numeric("CrowdEnv.decision_dt", of("decision_dt"), "positive"),
-    ("CrowdEnv.decision_dt and dt", lambda: CrowdEnv(decision_dt=0.1, dt=0.03), ("decision_dt", "whole number", "0.03")),
-    ("CrowdEnv.dt tiny", lambda: CrowdEnv(decision_dt=1e300, dt=1e-300), ("decision_dt", "whole number")),
-    ("CrowdEnv.decision_dt short", lambda: CrowdEnv(decision_dt=0.004), ("decision_dt", "whole number")),
-    ("CrowdEnv.dt unstable", lambda: CrowdEnv(dt=1.0, decision_dt=1.0), ("dt = 1 s", "stable")),
-    ("CrowdEnv.dt unstable for dem", lambda: CrowdEnv(dt=0.1, scheme="dem"), ("dem", "stable step")),
-    ("CrowdEnv.door_width", lambda: CrowdEnv(door_width=0.3), ("0.30 m", "narrower", "0.40 m")),
+    ("decision_dt and dt", lambda: CrowdEnv(decision_dt=0.1, physics=Physics(dt=0.03)), ("whole number", "0.03")),
+    ("dt tiny", lambda: CrowdEnv(decision_dt=1e300, physics=Physics(dt=1e-300)), ("decision_dt", "whole number")),
+    ("decision_dt short", lambda: CrowdEnv(decision_dt=0.004), ("decision_dt", "whole number")),
+    ("dt unstable", lambda: CrowdEnv(physics=Physics(dt=1.0), decision_dt=1.0), ("dt = 1 s", "stable")),
+    ("dt unstable for dem", lambda: CrowdEnv(physics=Physics("dem", dt=0.1)), ("dem", "stable step")),
+    ("door_width", lambda: CrowdEnv({"name": "room-v0", "door_width": 0.3}), ("0.30 m", "narrower", "0.40 m")),
     *numeric("CrowdEnv.time_limit", of("time_limit"), "positive", or_none=True),
-    *rows("CrowdEnv.frame", of("frame"), (*NO_CHOICE, None)),
-    ("CrowdEnv.frame unknown", lambda: CrowdEnv(frame="polar"), ("'polar'", "path", "world")),
+    ("frame unknown", lambda: CrowdEnv(action={"name": "continuous", "frame": "polar"}), ("'polar'", "path", "world")),
     *rows("CrowdEnv.action", of("action"), (*NO_CHOICE, None)),
-    *rows("CrowdEnv.strategy", of("strategy"), (*NO_CHOICE, None)),
+    *rows("CrowdEnv.acts_on", of("acts_on"), (*NO_CHOICE, None)),
     *rows("CrowdEnv.autoreset", of("autoreset"), NO_FLAG),
-    *rows("CrowdEnv.rules", of("rules"), NO_FLAG),
-    *rows("CrowdEnv.scheme", of("scheme"), (None, 3, NSM2, ["nsm2"], b"nsm2", ...)),
-    ("CrowdEnv.scheme unknown", lambda: CrowdEnv(scheme="nsm3"), ("'nsm3'", "nsm2")),
-    ("CrowdEnv.scheme key", lambda: CrowdEnv(scheme={"name": "nsm2", "tolerence": 1}), ("'tolerence'", "tolerance")),
-    ("CrowdEnv.scheme social", lambda: CrowdEnv(scheme=NSM2(social="lim")), ("social", "'lim'", "lin", "helbing")),
+    *rows("CrowdEnv.signs", of("signs"), NO_FLAG),
+    *[(f"routing {value!r}", lambda value=value: CrowdEnv(routing=value), ("strategy",)) for value in (None, 3, b"x", "slow")],
+    *[(f"physics {value!r}", lambda value=value: CrowdEnv(physics=value), ("scheme",)) for value in (None, 3, NSM2, ["nsm2"])],
+    *[(f"walking {value!r}", lambda value=value: CrowdEnv(walking=value), ("manner",)) for value in (3, ["calm"], "slow")],
+    ("scheme unknown", lambda: CrowdEnv(physics="nsm3"), ("'nsm3'", "nsm2")),
+    ("scheme key", lambda: CrowdEnv(physics={"name": "nsm2", "tolerence": 1}), ("'tolerence'", "tolerance")),
+    ("scheme social", lambda: CrowdEnv(physics=NSM2(social="lim")), ("social", "'lim'", "lin", "helbing")),
     *rows("CrowdEnv.observation", of("observation"), ("velocity", ["velocity"], 3, True, ObservationLayout, RewardWeights())),
-    ("CrowdEnv.observation key", lambda: CrowdEnv(observation={"term": ["push"]}), ("observation", "'term'", "terms")),
-    ("CrowdEnv.observation terms", lambda: CrowdEnv(observation={"terms": "push"}), ("observation", "terms", "('push',)")),
-    ("CrowdEnv.observation unknown", lambda: CrowdEnv(observation={"terms": ["smell"]}), ("'smell'", "velocity")),
-    ("CrowdEnv.observation number", lambda: CrowdEnv(observation={"rays": 2.5}), ("observation", "rays", "2.5")),
+    ("observation key", lambda: CrowdEnv(observation={"term": ["push"]}), ("observation", "'term'", "terms")),
+    ("observation terms", lambda: CrowdEnv(observation={"terms": "push"}), ("observation", "terms", "('push',)")),
+    ("observation unknown", lambda: CrowdEnv(observation={"terms": ["smell"]}), ("'smell'", "velocity")),
+    ("observation number", lambda: CrowdEnv(observation={"rays": 2.5}), ("observation", "rays", "2.5")),
     *rows("CrowdEnv.reward", of("reward"), ("time", ["time"], 3, True, RewardWeights, ObservationLayout())),
-    ("CrowdEnv.reward unknown", lambda: CrowdEnv(reward={"joy": 1.0}), ("'joy'", "progress")),
-    ("CrowdEnv.reward key", lambda: CrowdEnv(reward={"weights": {"time": 1.0}, "share": 1}), ("reward", "'share'", "weights")),
-    ("CrowdEnv.reward weight", lambda: CrowdEnv(reward={"time": "1"}), ("'time'", "'1'")),
-    *rows("CrowdEnv.population", of("population"), (20, "20", Population, [Population])),
-    ("CrowdEnv.population key", lambda: CrowdEnv(population={"number": 3}), ("population", "'number'", "people")),
-    ("CrowdEnv.population lacks", lambda: CrowdEnv(population={"radius": 0.2}), ("population", "'people' is missing")),
-    ("CrowdEnv.people", lambda: CrowdEnv(people=10**9), ("people", "1000000000")),
-    ("CrowdEnv.people too many", lambda: CrowdEnv(people=1000), ("1000 people do not fit",)),
-    *rows("CrowdEnv.people", of("people"), (2.5, "20", None, True, NAN, 0, -1)),
+    ("reward unknown", lambda: CrowdEnv(reward={"joy": 1.0}), ("'joy'", "progress")),
+    ("reward key", lambda: CrowdEnv(reward={"weights": {"time": 1.0}, "share": 1}), ("reward", "'share'", "weights")),
+    ("reward weight", lambda: CrowdEnv(reward={"time": "1"}), ("'time'", "'1'")),
+    ("population key", lambda: CrowdEnv({"name": "room-v0", "population": {"number": 3}}), ("'number'", "people")),
+    ("population lacks", lambda: CrowdEnv({"name": "room-v0", "population": {"radius": 0.2}}), ("'people' is missing",)),
+    ("too many people", lambda: CrowdEnv(people=1000), ("1000 people do not fit",)),
+    *rows("CrowdEnv.people", of("people"), (2.5, "20", True, NAN, 0, -1, 10**9)),
 ]  # fmt: skip
 
 MAKERS = {
     "make_vec": make_vec,
-    "CrowdVectorEnv": CrowdVectorEnv,
     "CrowdGymEnv": CrowdGymEnv,
     "parallel_env": parallel_env,
     "gymnasium.make": lambda **options: gymnasium.make("crowd_env/room-v0", **options),
@@ -102,22 +115,49 @@ FACES = [
         *rows(f"{name}.dt", of("dt", make), ("0.01", NAN, 0.0)),
         *rows(f"{name}.observation", of("observation", make), (["velocity"], 3)),
         *rows(f"{name}.reward", of("reward", make), ("time", ["time"])),
-        *rows(f"{name}.scheme", of("scheme", make), (NSM2, None)),
         *rows(f"{name}.time_limit", of("time_limit", make), ("60", INF)),
-        *rows(f"{name}.rules", of("rules", make), ("no",)),
-        *rows(f"{name}.people", of("people", make), (2.5, None, 10**9)),
-        (f"{name} option", lambda make=make: make(sides=3.0), ("'sides'",)),
+        *rows(f"{name}.people", of("people", make), (2.5, 10**9)),
     )
-] + [
-    row
-    for name in ("make_vec", "CrowdVectorEnv")
-    for row in rows(f"{name}.num_envs", of("num_envs", MAKERS[name]), (2.5, "2", 0, None, True, 10**9))
-]
+] + list(rows("make_vec.num_envs", of("num_envs", make_vec), (2.5, "2", 0, None, True, 10**9)))
 
 
-@table(CONSTRUCTOR, FACES)
-def test_what_makes_no_sense_is_refused_in_one_sentence(call, words):
+@looped("name,call,words", [*CONSTRUCTOR, *FACES])
+def test_what_makes_no_sense_is_refused_in_one_sentence(name, call, words):
     refuses(call, words)
+
+
+# An argument of an earlier version, or misspelt -> the word that its answer must hold.
+EARLIER = {
+    "scheme": "physics='dem'", "dt": "Physics('nsm2', dt=", "outline": "outline='torso'", "max_drive": "max_drive=300.0",
+    "threads": "threads=2", "manner": "walking='calm'", "manner_for": "acts_on='scripted'", "strategy": "routing='fastest'",
+    "rules": "signs=False", "frame": "'frame': 'world'", "count": "people=30", "n": "people=30", "max_driv": "max_drive=300.0",
+    "obsevation": "did you mean 'observation'?", "door_width": "make_scenario('room-v0', door_width=...)",
+}  # fmt: skip
+
+
+@looped("name,word", EARLIER.items())
+def test_an_argument_that_there_is_not_is_answered_by_how_it_is_said(name, word):
+    for make in (CrowdEnv, *MAKERS.values(), RoutingEnv, RoutingVectorEnv):
+        with pytest.raises(TypeError) as caught:
+            make(**{name: 1})
+        assert repr(name) in str(caught.value) and word in str(caught.value).partition("has no argument")[2]
+
+
+@looped("make", (CrowdGymEnv, CrowdParallelEnv, RoutingEnv))
+def test_one_environment_has_nothing_of_a_batch(make):
+    for name, words in {"num_envs": "make_vec", "autoreset": "autoreset_mode"}.items():
+        with pytest.raises(TypeError, match=f"has no argument '{name}'; say .*{words}"):
+            make(**{name: 2})
+
+
+def test_every_face_shows_the_same_arguments():
+    of_batch = {name: one for name, one in inspect.signature(CrowdEnv).parameters.items()}
+    assert len(of_batch) == 12
+    shared = {name: one for name, one in of_batch.items() if name not in ("num_envs", "autoreset")}
+    for make in (CrowdParallelEnv, parallel_env, aec_env, CrowdGymEnv, CrowdVectorEnv, make_vec):
+        theirs = inspect.signature(make).parameters
+        assert all(theirs[name].default == one.default for name, one in shared.items()), make
+    assert set(EnvArguments.__annotations__) == set(shared) - {"scenario"}
 
 
 PEOPLE = 6
@@ -157,15 +197,15 @@ def test_actions_that_are_none_are_refused(env, said, action):
     ],
 )
 def test_discrete_actions_that_are_none_are_refused(action, said):
-    discrete = CrowdEnv("room-v0", num_envs=2, people=3, scheme="dem", action="discrete")
+    discrete = CrowdEnv("room-v0", num_envs=2, people=3, physics="dem", action="discrete")
     discrete.reset([0, 1])
     refuses(lambda: discrete.step(action), ("action", said))
     assert not discrete.simulation.state.time.any()
 
 
-@pytest.mark.parametrize("rule", ["no", True, 1.0, np.zeros(PEOPLE), np.zeros(PEOPLE - 1, bool), ["no"] * PEOPLE, {}])
-def test_rules_that_are_no_flags_are_refused(env, rule):
-    refuses(lambda: env.step(np.zeros((PEOPLE, 2)), rule), ("rule",))
+@looped("scripted", ["no", True, 1.0, np.zeros(PEOPLE), np.zeros(PEOPLE - 1, bool), ["no"] * PEOPLE, {}])
+def test_who_is_scripted_is_said_by_flags(env, scripted):
+    refuses(lambda: env.step(np.zeros((PEOPLE, 2)), scripted), ("scripted",))
 
 
 @pytest.mark.parametrize("mask", ["no", True, [1, 0], np.zeros(3, bool), [0.5, 0.5], {}, [[True], [True]]])
@@ -196,7 +236,7 @@ def test_who_is_active_is_an_array_of_ones_own(env):
     before = env.active
     before[0] = False
     assert env.active.all()
-    one = CrowdEnv("room-v0", people=2, side=2.0, scheme="dem")
+    one = CrowdEnv(make_scenario("room-v0", side=2.0), people=2, physics="dem")
     one.reset(seed=0)
     inside = one.active
     while not one.finished.all():
@@ -255,11 +295,10 @@ def test_plans_that_are_none_are_refused(call, words):
 
 def test_plain_data_configure_an_environment():
     plain = CrowdEnv(
-        "room-v0",
-        scheme={"name": "nsm2", "tolerance": 1e-3, "social": "lin"},
+        make_scenario("room-v0", population={"people": 4, "radius": (0.2, 0.22), "mass": 70}),
+        physics={"name": "nsm2", "tolerance": 1e-3, "social": "lin"},
         observation={"terms": ["velocity", "walls"], "rays": 4},
         reward={"time": 1},
-        population={"people": 4, "radius": (0.2, 0.22), "mass": 70},
         num_envs=np.int64(2),
     )
     assert plain.simulation.scheme == NSM2(tolerance=1e-3, social=SocialForce())
@@ -272,19 +311,14 @@ def test_plain_data_configure_an_environment():
     assert whole.reward_weights == RewardWeights({"exit": 2.0})
 
 
-@pytest.mark.parametrize("name", MAKERS)
-def test_plain_data_configure_every_face(name):
-    made = MAKERS[name](people=2, scheme={"name": "dem"}, observation={"terms": ["velocity"]}, reward={"time": 1})
-    inner = made.unwrapped.env
-    assert inner.layout == ObservationLayout(("velocity",)) and inner.simulation.scheme == make_scheme("dem")
-
-
 TEXT = """{
-    "scheme": {"name": "nsm2", "tolerance": 1e-3, "social": "lin"},
+    "scenario": {"name": "room-v0", "population": {"people": 4, "radius": [0.2, 0.22], "mass": 70}},
+    "physics": {"scheme": {"name": "nsm2", "tolerance": 1e-3, "social": "lin"}, "threads": 1},
+    "walking": {"manner": "calm", "acts_on": "scripted"},
+    "routing": {"strategy": "nearest", "signs": false},
     "observation": {"terms": ["velocity", "walls"], "rays": 4},
     "reward": {"weights": {"time": 1, "contact": 0.05}, "team_share": 0.5},
-    "population": {"count": 4, "radius": [0.2, 0.22], "mass": 70},
-    "action": "discrete", "frame": "world", "time_limit": 3, "strategy": "nearest"
+    "action": {"name": "discrete", "frame": "world"}, "time_limit": 3
 }"""
 
 
@@ -292,18 +326,17 @@ TEXT = """{
 def test_a_json_text_configures_every_interface_as_objects_do(name):
     inner = MAKERS[name](**json.loads(TEXT)).unwrapped.env
     objects = CrowdEnv(
-        "room-v0",
-        scheme=NSM2(tolerance=1e-3, social=SocialForce()),
+        make_scenario("room-v0", population=Population(4, radius=(0.2, 0.22), mass=70.0)),
+        physics=NSM2(tolerance=1e-3, social=SocialForce()),
+        walking=Walking("calm", acts_on="scripted"),
+        routing=Routing("nearest", signs=False),
         observation=ObservationLayout(("velocity", "walls"), rays=4),
         reward=RewardWeights({"time": 1.0, "contact": 0.05}, 0.5),
-        population=Population(4, radius=(0.2, 0.22), mass=70.0),
-        action=ACTIONS["discrete"],
-        frame="world",
+        action=replace(ACTIONS["discrete"], frame="world"),
         time_limit=3.0,
-        strategy="nearest",
     )
     assert inner.layout == objects.layout and inner.reward_weights == objects.reward_weights
-    assert inner.simulation.scheme == objects.simulation.scheme and inner.action_kind is objects.action_kind
+    assert inner.simulation.scheme == objects.simulation.scheme and inner.action_kind == objects.action_kind
     seen = [env.reset([3])[0] for env in (inner, objects)]
     np.testing.assert_array_equal(*seen)
     for action in ([0, 1, 2, 8], [7, 0, 0, 0]):
@@ -312,9 +345,8 @@ def test_a_json_text_configures_every_interface_as_objects_do(name):
         np.testing.assert_array_equal(here.reward, there.reward)
 
 
-@pytest.mark.parametrize("name", MAKERS)
-@pytest.mark.parametrize(
-    ("text", "words"),
+@looped(
+    "text,words",
     [
         ('{"observation": {"terms": "velocity"}}', ("terms", "'velocity'", "tuple of names")),
         ('{"observation": {"terms": ["velocity", 3]}}', ("observation terms", "3", "name")),
@@ -324,15 +356,16 @@ def test_a_json_text_configures_every_interface_as_objects_do(name):
         ('{"reward": {"time": null}}', ("'time'", "None", "number")),
         ('{"reward": {"weights": null}}', ("weights", "None")),
         ('{"reward": {"tme": 1}}', ("'tme'", "known: progress")),
-        ('{"scheme": {"tolerance": 1e-3}}', ("contact scheme", "known: ")),
-        ('{"scheme": {"name": "nsm2", "tolerance": "1e-3"}}', ("tolerance", "'1e-3'")),
+        ('{"physics": {"tolerance": 1e-3}}', ("contact scheme", "known: ")),
+        ('{"physics": {"name": "nsm2", "tolerance": "1e-3"}}', ("tolerance", "'1e-3'")),
         ('{"action": {"name": "discreet"}}', ("action kind", "known: continuous, discrete")),
         ('{"action": {"name": "speeds", "speeds": [0, 0.5]}}', ("speeds", "rule")),
-        ('{"population": {"radius": 0.2}}', ("population", "'people' is missing")),
+        ('{"scenario": {"name": "room-v0", "population": {"radius": 0.2}}}', ("population", "'people' is missing")),
     ],
 )
-def test_each_mistake_in_a_json_text_is_one_sentence(name, text, words):
-    refuses(lambda: MAKERS[name](**json.loads(text)), words)
+def test_each_mistake_in_a_json_text_is_one_sentence(text, words):
+    for make in MAKERS.values():
+        refuses(lambda make=make: make(**json.loads(text)), words)
 
 
 def test_every_scenario_says_which_options_it_has():

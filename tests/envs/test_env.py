@@ -50,7 +50,7 @@ def alone(seed, **options):
 def lone_walker(start=(2.5, 2.5), **options):
     """One pedestrian in the room: 1.5 m/s, relaxation time 0.5 s."""
     people = Population(1, desired_speed=Uniform(1.5, 1.5), relaxation_time=Uniform(0.5, 0.5), starts=np.array([start]))
-    env = CrowdEnv("room-v0", population=people, **options)
+    env = CrowdEnv(make_scenario("room-v0", population=people), **options)
     env.reset(seed=0)
     return env
 
@@ -60,16 +60,16 @@ def lone_walker(start=(2.5, 2.5), **options):
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_an_episode_is_the_same_to_the_last_byte_for_the_same_seed_and_another_for_another(scheme):
-    assert alone(3, scheme=scheme) == alone(3, scheme=scheme)
-    assert alone(3, scheme=scheme) != alone(4, scheme=scheme)
+    assert alone(3, physics=scheme) == alone(3, physics=scheme)
+    assert alone(3, physics=scheme) != alone(4, physics=scheme)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_an_environment_is_the_same_alone_and_anywhere_in_a_batch(scheme):
     seeds = [7, 3, 11, 0, 3]
-    by_itself = {seed: alone(seed, scheme=scheme) for seed in set(seeds)}
-    assert play(CrowdEnv("room-v0", num_envs=5, scheme=scheme, **SMALL), seeds) == [by_itself[s] for s in seeds]
-    assert play(CrowdEnv("room-v0", num_envs=2, scheme=scheme, **SMALL), seeds[1:3]) == [by_itself[s] for s in (3, 11)]
+    by_itself = {seed: alone(seed, physics=scheme) for seed in set(seeds)}
+    assert play(CrowdEnv("room-v0", num_envs=5, physics=scheme, **SMALL), seeds) == [by_itself[s] for s in seeds]
+    assert play(CrowdEnv("room-v0", num_envs=2, physics=scheme, **SMALL), seeds[1:3]) == [by_itself[s] for s in (3, 11)]
 
 
 def test_an_environment_is_the_same_when_others_around_it_restart_by_themselves():
@@ -90,7 +90,7 @@ def test_people_who_start_where_they_just_stood_touch_their_neighbors_again():
     x, y = np.meshgrid(np.arange(1.0, 3.1, 0.402), np.arange(1.0, 3.1, 0.402))
     starts = np.column_stack([x.ravel(), y.ravel()])
     people = Population(len(starts), radius=Uniform(0.2, 0.2), starts=starts)
-    fresh, used = (CrowdEnv("room-v0", population=people) for _ in range(2))
+    fresh, used = (CrowdEnv(make_scenario("room-v0", population=people)) for _ in range(2))
     used.reset([1])
     used.step(np.zeros((len(starts), 2)))
     for env in (fresh, used):
@@ -179,7 +179,7 @@ def test_a_restart_by_itself_is_a_restart_by_hand():
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_everyone_ends_exactly_once_and_observations_stay_in_their_space(scheme):
-    env = CrowdEnv("room-v0", num_envs=4, scheme=scheme, people=20, time_limit=6.0)
+    env = CrowdEnv("room-v0", num_envs=4, physics=scheme, people=20, time_limit=6.0)
     observation, _ = env.reset(seed=1)
     rng = np.random.default_rng(0)
     terminated, truncated, finished = np.zeros(80, int), np.zeros(80, int), np.zeros(4, int)
@@ -251,7 +251,7 @@ def test_metrics_are_those_of_the_exit_times_seen():
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_no_action_is_the_action_to_walk_the_shortest_path_bit_for_bit(scheme):
-    envs = [CrowdEnv("room-v0", num_envs=2, scheme=scheme) for _ in range(2)]
+    envs = [CrowdEnv("room-v0", num_envs=2, physics=scheme) for _ in range(2)]
     straight = np.tile(np.float32([1, 0]), (40, 1))
     for env in envs:
         env.reset(seed=3)
@@ -265,7 +265,7 @@ def test_no_action_is_the_action_to_walk_the_shortest_path_bit_for_bit(scheme):
 
 @pytest.mark.parametrize("frame", ["path", "world"])
 def test_who_follows_the_rule_need_not_have_an_action(frame):
-    envs = [CrowdEnv("room-v0", frame=frame) for _ in range(2)]
+    envs = [CrowdEnv("room-v0", action={"name": "continuous", "frame": frame}) for _ in range(2)]
     rule = np.arange(20) % 2 == 0
     rng = np.random.default_rng(0)
     for env in envs:
@@ -286,7 +286,7 @@ def test_who_follows_the_rule_need_not_have_an_action(frame):
 @pytest.mark.parametrize("k", range(9))
 def test_each_discrete_action_does_what_it_says(k, frame):
     start = np.array([2.5, 4.0])
-    env = lone_walker(start, action="discrete", frame=frame)
+    env = lone_walker(start, action={"name": "discrete", "frame": frame})
     ahead = env.reset(seed=0)[0][0, env.layout["direction"]]
     env.step([k])
     moved = env.simulation.state.position[0] - start
@@ -302,7 +302,7 @@ def test_each_discrete_action_does_what_it_says(k, frame):
 def test_the_speed_wanted_is_the_length_of_the_action_times_the_desired_speed():
     """dv/dt = (v_d - v) / tau in steps of dt: v_n = v_d (1 - (1 - dt / tau)^n)."""
     for action, wanted in [((0.5, 0.0), (0.5, 0.0)), ((3.0, -4.0), (0.6, -0.8)), ((0.0, 1.0), (0.0, 1.0))]:
-        env = lone_walker(frame="world")
+        env = lone_walker(action={"name": "continuous", "frame": "world"})
         env.step([action])
         expected = 1.5 * np.array(wanted) * (1 - (1 - 0.01 / 0.5) ** 10)
         np.testing.assert_allclose(env.simulation.state.velocity[0], expected, atol=1e-12)

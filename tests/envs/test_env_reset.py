@@ -10,7 +10,7 @@ from crowd_env import CrowdEnv
 
 
 def test_environments_that_were_never_reset_are_not_simulated_and_pay_and_end_nothing():
-    env = CrowdEnv("room-v0", num_envs=3, scheme="dem", autoreset=True, time_limit=6.0)
+    env = CrowdEnv("room-v0", num_envs=3, physics="dem", autoreset=True, time_limit=6.0)
     observation, _ = env.reset([1, 2, 3], mask=[False, True, False])
     others = np.ones(60, dtype=bool)
     others[env.people(1)] = False
@@ -30,7 +30,7 @@ def test_environments_that_were_never_reset_are_not_simulated_and_pay_and_end_no
 
 
 def test_an_environment_reset_later_is_what_it_would_have_been_at_first():
-    late, fresh = (CrowdEnv("room-v0", num_envs=2, scheme="dem") for _ in range(2))
+    late, fresh = (CrowdEnv("room-v0", num_envs=2, physics="dem") for _ in range(2))
     late.reset([1, 2], mask=[True, False])
     for _ in range(5):
         late.step(None)

@@ -58,7 +58,7 @@ def test_a_control_rule_cannot_be_farmed():
         starts=np.array([[5.0, 3.5], [9.0, 2.0]]),
     )
     farm = Scenario("farm", place, people, 600.0, rules=(ControlRule("w", 1, "east"),))
-    env = CrowdEnv(farm, frame="world", scheme="nsm1", strategy="west")
+    env = CrowdEnv(farm, action={"name": "continuous", "frame": "world"}, physics="nsm1", routing="west")
     first = seen_time(env, env.reset(seed=0)[0])
     total, sent = 0.0, 0
     for k in range(300):
@@ -66,7 +66,7 @@ def test_a_control_rule_cannot_be_farmed():
         goal = 5.3 if (k // 30) % 2 == 0 else 6.7
         action = np.zeros((2, 2))
         action[0] = np.clip([goal - x[0, 0], 3.5 - x[0, 1]], -1, 1)
-        step = env.step(action, rule=np.array([False, True]))
+        step = env.step(action, scripted=np.array([False, True]))
         total += step.info["reward/progress"][1]
         sent += abs(step.info["reward/progress"][1]) > 0.3
         assert total <= first[1] + 1e-9
@@ -77,7 +77,7 @@ def test_a_control_rule_cannot_be_farmed():
 @pytest.mark.parametrize("strategy", ["shortest", "nearest", "west"])
 def test_a_door_that_closes_and_opens_again_pays_what_the_way_gets_longer(strategy):
     events = (DoorEvent("west door", opens=False, at=0.8), DoorEvent("west door", opens=True, at=2.0))
-    env = CrowdEnv(evacuation(8, door_events=events), scheme="dem", strategy=strategy)
+    env = CrowdEnv(evacuation(8, door_events=events), physics="dem", routing=strategy)
     first, paid = play(env)
     assert not env.active.any()
     np.testing.assert_allclose(paid.sum(axis=0), first, rtol=1e-5)
@@ -91,7 +91,7 @@ def test_a_switch_pays_the_difference_of_the_ways_at_that_place():
     """West to east from x = 4 m at 1.5 m/s: 4 m turn into 8 m, so that 2.67 s are paid, and the same back."""
     starts = np.array([[4.0, 2.0], [9.0, 2.0]])
     env = CrowdEnv(
-        evacuation(2, starts, routes=(Route("east", ("east",)),)), scheme="nsm1", strategy="west", num_envs=2
+        evacuation(2, starts, routes=(Route("east", ("east",)),)), physics="nsm1", routing="west", num_envs=2
     )
     env.reset(seed=0)
     still = np.zeros((4, 2))
@@ -108,7 +108,7 @@ def test_a_switch_pays_the_difference_of_the_ways_at_that_place():
 
 def test_replanning_the_fastest_way_pays_nothing():
     """The ways follow the crowd, but progress is counted on those of the empty place: no step pays more than is walked."""
-    env = CrowdEnv("two-exit-hall-v0", people=60, strategy="fastest", scheme="nsm1")
+    env = CrowdEnv("two-exit-hall-v0", people=60, routing="fastest", physics="nsm1")
     env.reset([5])
     speed, steps = env.simulation.bodies.desired_speed, []
     for _ in range(60):
@@ -126,7 +126,7 @@ def test_replanning_the_fastest_way_pays_nothing():
 def test_a_way_via_a_region_leads_on_to_the_exit():
     """Progress counts the whole way, so that reaching the region pays no more and no less than any other step."""
     routes = (Route("detour", exits=("west",), via="spot"),)
-    env = CrowdEnv(evacuation(6, routes=routes), scheme="nsm1", strategy="detour")
+    env = CrowdEnv(evacuation(6, routes=routes), physics="nsm1", routing="detour")
     env.reset([0])
     place, speed = env.simulation.state.position.copy(), env.simulation.bodies.desired_speed
     radius = env.simulation.bodies.radius
@@ -152,7 +152,7 @@ def test_whatever_happens_the_sum_is_that_of_the_ends():
     """Ways, doors and resets of others at random: what is paid so far is always the travel time at the start less that now."""
     routes = (Route("detour", via="spot"), Route("quick", strategy="fastest"))
     env = CrowdEnv(
-        evacuation(5, routes=routes), scheme="nsm1", num_envs=3, strategy="fastest", autoreset=True, time_limit=3.0
+        evacuation(5, routes=routes), physics="nsm1", num_envs=3, routing="fastest", autoreset=True, time_limit=3.0
     )
     rng = np.random.default_rng(4)
     env.reset(seed=1)

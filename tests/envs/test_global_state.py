@@ -29,7 +29,7 @@ def corridor(origin=(0.0, 0.0), *, doors=None, **options):
 
 
 def test_the_state_of_two_people_by_hand():
-    env = parallel_env(corridor(), strategy="nearest")
+    env = parallel_env(corridor(), routing="nearest")
     layout = env.state_layout
     assert (layout.people, layout.exits, layout.size) == (2, 2, 2 * 13 + 2 * 5 + 1)
     env.reset(seed=0)
@@ -57,7 +57,7 @@ def test_the_state_of_two_people_by_hand():
 
 
 def test_people_who_are_out_leave_the_exit_they_took_and_nothing_else():
-    env = parallel_env(corridor(), strategy="east")
+    env = parallel_env(corridor(), routing="east")
     env.reset(seed=0)
     layout = env.state_layout
     np.testing.assert_array_equal(layout.split(env.state()).people[:, layout["exit"]], [[0, 1], [0, 1]])
@@ -128,7 +128,7 @@ def test_the_state_is_everybody_where_the_exits_are_and_the_time_left(name):
 
 def test_its_size_depends_on_people_and_exits_alone():
     sizes = {
-        parallel_env("room-v0", strategy=strategy, **options).state_space.shape
+        parallel_env({"name": "room-v0", **options}, routing=strategy).state_space.shape
         for options in (
             {"people": 5},
             {"people": 5, "side": 9.0},

@@ -8,7 +8,7 @@ import pytest
 from refusals import refuses
 
 import crowd_env
-from crowd_env import MANNERS, CrowdEnv, Headway, make_scenario
+from crowd_env import MANNERS, CrowdEnv, Headway, Walking, make_scenario
 from crowd_env.analysis.figures import report
 from crowd_env.envs.parallel import env as aec_env
 from crowd_env.envs.rollout import run_episodes
@@ -44,27 +44,30 @@ def walked(env, steps=30, **reset):
 @through_every_door
 def test_every_door_takes_a_manner(make):
     assert make().simulation.manner is None
-    assert make(manner="calm").simulation.manner == MANNERS["calm"]
-    assert make(manner={"time_gap": 0.7}).simulation.manner == Headway(time_gap=0.7)
-    assert make(manner=Headway(push=0.5)).simulation.manner.push == 0.5
-    refuses(lambda: make(manner="slow"), ("unknown manner 'slow'", *MANNERS))
+    assert make(walking="calm").simulation.manner == MANNERS["calm"]
+    assert make(walking={"time_gap": 0.7}).simulation.manner == Headway(time_gap=0.7)
+    assert make(walking=Headway(push=0.5)).simulation.manner.push == 0.5
+    refuses(lambda: make(walking="slow"), ("unknown manner 'slow'", *MANNERS))
 
 
 def test_without_a_manner_nothing_changes_whatever_people_are_driven_by():
     usual = walked(CrowdEnv("room-v0"))
-    assert np.array_equal(usual, walked(CrowdEnv("room-v0", manner="competitive")))
-    assert np.array_equal(usual, walked(CrowdEnv("room-v0", population={"people": 20, "push": (0, 1), "time_gap": 2})))
-    assert not np.array_equal(usual, walked(CrowdEnv("room-v0", manner="calm")))
+    assert np.array_equal(usual, walked(CrowdEnv("room-v0", walking="competitive")))
+    assert np.array_equal(
+        usual, walked(CrowdEnv(make_scenario("room-v0", population={"people": 20, "push": (0, 1), "time_gap": 2})))
+    )
+    assert not np.array_equal(usual, walked(CrowdEnv("room-v0", walking="calm")))
 
 
 def test_the_manner_is_that_of_the_scenario_unless_the_run_says_another():
     calm = replace(make_scenario("room-v0"), manner="calm")
-    assert np.array_equal(walked(CrowdEnv(calm)), walked(CrowdEnv("room-v0", manner="calm")))
-    assert np.array_equal(walked(CrowdEnv(calm, manner="competitive")), walked(CrowdEnv("room-v0")))
+    assert np.array_equal(walked(CrowdEnv(calm)), walked(CrowdEnv("room-v0", walking="calm")))
+    assert np.array_equal(walked(CrowdEnv(calm, walking="competitive")), walked(CrowdEnv("room-v0")))
     refuses(
-        lambda: CrowdEnv([calm, "room-v0"], num_envs=2), ("one batch", "calm in room", "competitive in room", "manner=")
+        lambda: CrowdEnv([calm, "room-v0"], num_envs=2),
+        ("one batch", "calm in room", "competitive in room", "walking="),
     )
-    assert CrowdEnv([calm, "room-v0"], num_envs=2, manner="hurried").simulation.manner == MANNERS["hurried"]
+    assert CrowdEnv([calm, "room-v0"], num_envs=2, walking="hurried").simulation.manner == MANNERS["hurried"]
 
 
 def test_a_rollout_and_its_report_know_the_manner():
@@ -77,34 +80,44 @@ def test_a_rollout_and_its_report_know_the_manner():
 
 
 @pytest.mark.parametrize("frame", ["path", "world"])
-def test_a_manner_for_the_ruled_leaves_those_who_act_alone(frame):
+def test_a_manner_that_acts_on_the_scripted_leaves_those_who_act_alone(frame):
     ruled = np.arange(20) < 10
-    for manner_for in ("everyone", "ruled"):
-        env = CrowdEnv("room-v0", manner="calm", manner_for=manner_for, frame=frame)
+    for acts_on in ("everyone", "scripted"):
+        env = CrowdEnv(
+            "room-v0", walking=Walking("calm", acts_on=acts_on), action={"name": "continuous", "frame": frame}
+        )
         env.reset(seed=0)
         most, least = np.zeros(20), np.full(20, np.inf)
         for _ in range(20):
-            env.step(np.tile([1.0, 0.0], (20, 1)), rule=ruled)
+            env.step(np.tile([1.0, 0.0], (20, 1)), scripted=ruled)
             wanted = np.hypot(*env.simulation.history.walking_velocity.T) / env.simulation.bodies.desired_speed
             most, least = np.maximum(most, wanted), np.minimum(least, np.where(env.active, wanted, np.inf))
         assert (least[ruled] < 0.9).any() and (most <= 1.0 + 1e-12).all()
-        if manner_for == "ruled":
+        if acts_on == "scripted":
             np.testing.assert_allclose(least[~ruled], 1.0)
         else:
             assert (least[~ruled] < 0.9).any()
 
 
-def test_a_manner_for_nobody_known_is_refused():
-    refuses(lambda: CrowdEnv("room-v0", manner_for="learned"), ("unknown manner_for 'learned'", "everyone, ruled"))
+def test_a_manner_that_acts_on_nobody_known_is_refused():
+    refuses(
+        lambda: CrowdEnv("room-v0", walking=Walking(acts_on="learned")),
+        ("unknown acts_on 'learned'", "everyone, scripted"),
+    )
 
 
 def test_every_restart_draws_pushes_anew():
-    env = CrowdEnv("room-v0", num_envs=2, manner="calm", population={"people": 20, "push": (0.0, 0.5)}, autoreset=True)
+    env = CrowdEnv(
+        make_scenario("room-v0", population={"people": 20, "push": (0.0, 0.5)}),
+        num_envs=2,
+        walking="calm",
+        autoreset=True,
+    )
     env.reset(seed=0)
     first = env.simulation.bodies.push.copy()
     env.reset(mask=np.array([True, False]))
     assert (env.simulation.bodies.push[:20] != first[:20]).all()
     assert np.array_equal(env.simulation.bodies.push[20:], first[20:])
-    alone = CrowdEnv("room-v0", manner="calm", population={"people": 20, "push": (0.0, 0.5)})
+    alone = CrowdEnv(make_scenario("room-v0", population={"people": 20, "push": (0.0, 0.5)}), walking="calm")
     alone.reset(seed=0)
     assert np.array_equal(alone.simulation.bodies.push, first[:20])

@@ -16,7 +16,13 @@ FULL = ObservationLayout(tuple(TERMS), neighbors=7, rays=12, routes=1)
 
 def crowds(frame="path", layout=FULL, scheme="nsm2"):
     """Yield a batch of two different places at many moments, with what everyone has just perceived."""
-    env = CrowdEnv([make_scenario("room-v0"), CLUTTERED], num_envs=3, frame=frame, observation=layout, scheme=scheme)
+    env = CrowdEnv(
+        [make_scenario("room-v0"), CLUTTERED],
+        num_envs=3,
+        action={"name": "continuous", "frame": frame},
+        observation=layout,
+        physics=scheme,
+    )
     observation, _ = env.reset(seed=1)
     rng = np.random.default_rng(1)
     for k in range(45):
@@ -28,7 +34,11 @@ def crowds(frame="path", layout=FULL, scheme="nsm2"):
 
 def axes(env, observation):
     """Return the first axis (P, 2) of everyone's frame."""
-    return observation[:, env.layout["direction"]] if env.frame == "path" else np.tile([1.0, 0.0], (env.num_people, 1))
+    return (
+        observation[:, env.layout["direction"]]
+        if env.action_kind.frame == "path"
+        else np.tile([1.0, 0.0], (env.num_people, 1))
+    )
 
 
 def turned(vectors, axis):
@@ -77,7 +87,7 @@ def way_out_of_the_room(start, radius):
 
 
 def test_direction_and_travel_time_are_those_of_the_shortest_path():
-    env = CrowdEnv("room-v0", num_envs=10, population=Population(10, radius=Uniform(0.25, 0.25)))
+    env = CrowdEnv(make_scenario("room-v0", population=Population(10, radius=Uniform(0.25, 0.25))), num_envs=10)
     observation, _ = env.reset(seed=3)
     state, bodies = env.simulation.state, env.simulation.bodies
     free = state.position[:, 0] < 4.7  # nearer to the wall the path leads away from it first
@@ -90,7 +100,7 @@ def test_direction_and_travel_time_are_those_of_the_shortest_path():
 
 @pytest.mark.parametrize("scheme", ["dem", "nsm1-inertial", "nsm2"])
 def test_push_and_crush_are_the_impulses_of_the_contacts(scheme):
-    env = CrowdEnv([make_scenario("room-v0"), CLUTTERED], num_envs=3, scheme=scheme, decision_dt=0.01)
+    env = CrowdEnv([make_scenario("room-v0"), CLUTTERED], num_envs=3, physics=scheme, decision_dt=0.01)
     observation, _ = env.reset(seed=1)
     simulation, pushed = env.simulation, 0
     for k in range(250):
@@ -120,7 +130,12 @@ def test_push_and_crush_are_the_impulses_of_the_contacts(scheme):
 def test_momentum_changes_by_what_is_pushed_and_what_is_driven(scheme):
     """m (u' - u) = push + dt m (v_d e - u) / tau: nothing else acts."""
     layout = ObservationLayout(terms=("push", "velocity"))
-    options = {"scheme": scheme, "decision_dt": 0.01, "frame": "world", "observation": layout}
+    options = {
+        "physics": scheme,
+        "decision_dt": 0.01,
+        "action": {"name": "continuous", "frame": "world"},
+        "observation": layout,
+    }
     env = CrowdEnv("room-v0", num_envs=2, **options)
     env.reset(seed=1)
     state, bodies = env.simulation.state, env.simulation.bodies
@@ -236,7 +251,9 @@ def test_neighbors_at_equal_gaps_come_in_the_order_of_their_slots():
     starts = starts[np.random.default_rng(0).permutation(len(starts))]
     people = Population(len(starts), radius=Uniform(0.2, 0.2), starts=starts)
     layout = ObservationLayout(terms=("neighbors",), neighbors=2)
-    env = CrowdEnv("room-v0", population=people, frame="world", observation=layout)
+    env = CrowdEnv(
+        make_scenario("room-v0", population=people), action={"name": "continuous", "frame": "world"}, observation=layout
+    )
     observation, _ = env.reset(seed=0)
     for i in range(len(starts)):
         offset = starts - starts[i]
@@ -269,7 +286,12 @@ def test_a_turned_room_is_perceived_as_turned(frame):
         geometry = Geometry.from_polygon(turn(square), exits=[turn(door)], obstacles=[turn(block)])
         people = Population(30, radius=Uniform(0.2, 0.2), starts=turn(starts))
         layout = ObservationLayout(tuple(TERMS))
-        env = CrowdEnv(Scenario("turned", geometry, people, 60.0), scheme="dem", frame=frame, observation=layout)
+        env = CrowdEnv(
+            Scenario("turned", geometry, people, 60.0),
+            physics="dem",
+            action={"name": "continuous", "frame": frame},
+            observation=layout,
+        )
         shows.append([env.reset(seed=0)[0], *(env.step(None).observation for _ in range(9))])
     terms = {name: [np.array(show)[:, :, layout[name]].astype(float) for show in shows] for name in layout.terms}
     steps = terms["velocity"][0].shape[:2]

@@ -16,7 +16,7 @@ def on_a_line(*x, **options):
     """Return the environment and first observation of people on the center line of the 5 x 5 m room; the exit is at x = 5."""
     starts = np.column_stack([x, np.full(len(x), 2.5)])
     people = Population(len(x), radius=Uniform(0.2, 0.2), desired_speed=1.5, relaxation_time=0.01, starts=starts)
-    env = CrowdEnv("room-v0", population=people, observation=LAYOUT, **options)
+    env = CrowdEnv(make_scenario("room-v0", population=people), observation=LAYOUT, **options)
     return env, env.reset(seed=0)[0]
 
 
@@ -79,7 +79,12 @@ def expected_of(env):
 )
 def test_order_is_that_of_the_rest_of_the_own_route(places, other_ways, frame):
     """Also among people who follow another route: each is placed on the observer's own."""
-    env = CrowdEnv([make_scenario(place) for place in places], num_envs=2, frame=frame, observation=LAYOUT)
+    env = CrowdEnv(
+        [make_scenario(place) for place in places],
+        num_envs=2,
+        action={"name": "continuous", "frame": frame},
+        observation=LAYOUT,
+    )
     observation, _ = env.reset(seed=1)
     rng, met = np.random.default_rng(1), 0
     for k in range(80):

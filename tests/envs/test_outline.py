@@ -9,14 +9,13 @@ from refusals import refuses
 from shapely.geometry import box
 
 import crowd_env
-from crowd_env import OUTLINES, CrowdEnv, Geometry, Groups, Outline, Population, Scenario, make_scenario
+from crowd_env import OUTLINES, CrowdEnv, Geometry, Groups, Outline, Physics, Population, Scenario, make_scenario
 from crowd_env.analysis.figures import report
 from crowd_env.envs.parallel import env as aec_env
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios.starts import closest_pair
 
 TORSO = OUTLINES["torso"]
-ROOM = {"side": 6.0, "scheme": "hertz"}
 
 
 def sb3(**options):
@@ -40,12 +39,12 @@ DOORS = {
 
 @pytest.mark.parametrize("make", DOORS.values(), ids=DOORS)
 def test_every_door_takes_an_outline(make):
-    assert make(scheme="hertz").simulation.outline is None
-    assert make(scheme="hertz", outline="torso").simulation.outline == TORSO
+    assert make(physics="hertz").simulation.outline is None
+    assert make(physics=Physics("hertz", outline="torso")).simulation.outline == TORSO
     two = {"discs": [[0, 0.1, 0.1], [0, -0.1, 0.1]]}
-    assert make(scheme="hertz", outline=two).simulation.outline == Outline(two["discs"])
-    refuses(lambda: make(outline="square"), ("unknown outline 'square'", *OUTLINES))
-    refuses(lambda: make(scheme="nsm2", outline="torso"), ("nsm2 does not turn bodies", "'torso'", "hertz"))
+    assert make(physics=Physics("hertz", outline=two)).simulation.outline == Outline(two["discs"])
+    refuses(lambda: make(physics=Physics(outline="square")), ("unknown outline 'square'", *OUTLINES))
+    refuses(lambda: make(physics=Physics("nsm2", outline="torso")), ("nsm2 does not turn bodies", "'torso'", "hertz"))
 
 
 def walked(env, steps=10):
@@ -58,14 +57,14 @@ def walked(env, steps=10):
 def test_the_outline_is_that_of_the_scenario_unless_the_run_says_another():
     room = make_scenario("room-v0", side=6.0)
     torsos = replace(room, outline="torso")
-    named = walked(CrowdEnv(room, scheme="hertz", outline="torso"))
-    assert np.array_equal(walked(CrowdEnv(torsos, scheme="hertz")), named)
-    usual = walked(CrowdEnv(room, scheme="hertz"))
-    assert np.array_equal(walked(CrowdEnv(torsos, scheme="hertz", outline="disc")), usual)
+    named = walked(CrowdEnv(room, physics=Physics("hertz", outline="torso")))
+    assert np.array_equal(walked(CrowdEnv(torsos, physics="hertz")), named)
+    usual = walked(CrowdEnv(room, physics="hertz"))
+    assert np.array_equal(walked(CrowdEnv(torsos, physics=Physics("hertz", outline="disc"))), usual)
     assert not np.array_equal(usual, named)
     refuses(lambda: CrowdEnv(torsos), ("nsm2 does not turn bodies", "'torso'"))
     refuses(
-        lambda: CrowdEnv([torsos, room], num_envs=2, scheme="hertz"), ("one batch", "torso in room", "disc in room")
+        lambda: CrowdEnv([torsos, room], num_envs=2, physics="hertz"), ("one batch", "torso in room", "disc in room")
     )
 
 
@@ -84,7 +83,7 @@ def test_people_are_placed_with_room_to_turn():
     place = Geometry.from_polygon(box(0, 0, 8, 6), exits=[[(8, 2), (8, 4)]], regions={"left": box(0, 0, 4, 6)})
     for people in (Population(35), groups):
         scenario = Scenario("hall", place, people, 60.0, outline="torso")
-        env = CrowdEnv(scenario, scheme="hertz")
+        env = CrowdEnv(scenario, physics="hertz")
         env.reset(seed=1)
         position = env.simulation.state.position
         wide = TORSO.shape.reach * env.simulation.bodies.radius
@@ -101,7 +100,7 @@ def test_too_many_people_with_shoulders_are_refused_before_any_is_drawn():
 
 
 def test_a_new_episode_has_the_inertia_of_the_outline_and_faces_the_way():
-    env = CrowdEnv("room-v0", num_envs=2, outline="torso", side=6.0, scheme="hertz")
+    env = CrowdEnv(make_scenario("room-v0", side=6.0), num_envs=2, physics=Physics("hertz", outline="torso"))
     for seed in (0, 1):
         env.reset(seed=seed)
         bodies = env.simulation.bodies

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crowd_env import parallel_env
+from crowd_env import make_scenario, parallel_env
 
 SMALL = {"people": 8, "time_limit": 6.0}
 
@@ -12,7 +12,7 @@ SMALL = {"people": 8, "time_limit": 6.0}
 @pytest.mark.parametrize("kind", ["continuous", "discrete"])
 def test_no_action_and_none_leave_it_to_the_rule(frame, kind):
     def run(choose):
-        env = parallel_env(frame=frame, action=kind, **SMALL)
+        env = parallel_env(action={"name": kind, "frame": frame}, **SMALL)
         env.reset(seed=1)
         while env.agents:
             env.step(choose(env))
@@ -67,7 +67,7 @@ def test_none_among_the_actions_of_everybody_is_the_rule():
 
 def test_learned_and_ruled_pedestrians_share_a_room():
     """Those who want to stand do, though they are pushed; those who follow the rule get out."""
-    env = parallel_env(people=6, time_limit=20.0, side=10.0, scheme="dem")
+    env = parallel_env(make_scenario("room-v0", side=10.0), people=6, time_limit=20.0, physics="dem")
     env.reset(seed=4)
     standing = env.possible_agents[:2]
     start = env.env.simulation.state.position.copy()
@@ -79,7 +79,7 @@ def test_learned_and_ruled_pedestrians_share_a_room():
 
 
 def test_an_action_along_x_is_along_x_in_the_frame_of_the_world():
-    env = parallel_env(people=1, frame="world", action="discrete")
+    env = parallel_env(people=1, action={"name": "discrete", "frame": "world"})
     env.reset(seed=0)
     start = env.env.simulation.state.position[0].copy()
     env.step({"pedestrian_0": 2})  # two eighths of a turn: up

@@ -54,7 +54,7 @@ def total(steps, term):
 @pytest.mark.parametrize("scheme", ["dem", "nsm2"])
 @pytest.mark.parametrize("policy", [rule, drunk])
 def test_progress_sums_to_the_travel_time_from_the_start_whatever_the_way(policy, scheme):
-    env, first, steps = episodes(policy, scheme=scheme)
+    env, first, steps = episodes(policy, physics=scheme)
     out = np.isfinite(env.simulation.state.exit_time)
     assert out.sum() > 5 and (policy is rule or not out.all())
     np.testing.assert_allclose(total(steps, "progress")[out], first[out], atol=1e-9)
@@ -63,7 +63,7 @@ def test_progress_sums_to_the_travel_time_from_the_start_whatever_the_way(policy
 
 
 def test_the_first_travel_time_is_the_length_of_the_way_over_the_own_speed():
-    env = CrowdEnv("room-v0", frame="world")
+    env = CrowdEnv("room-v0", action={"name": "continuous", "frame": "world"})
     observation, _ = env.reset(seed=0)
     seen = observation[:, env.layout["travel_time"]][:, 0].astype(float)
     time = 5.0 * seen / (1.0 - seen)
@@ -76,7 +76,7 @@ def test_the_first_travel_time_is_the_length_of_the_way_over_the_own_speed():
 @pytest.mark.parametrize("policy", [rule, drunk])
 def test_heads_of_queues_are_charged_for_the_time_until_the_last_is_out(policy, scheme):
     """One at a time: together they pay for the clearing time, but for the rest of the steps in which a head gets out."""
-    env, _, steps = episodes(policy, scheme=scheme, reward={"head": 1.0, "time": 0.0})
+    env, _, steps = episodes(policy, physics=scheme, reward={"head": 1.0, "time": 0.0})
     charged = np.array([step.info["reward/head"] for _, step, _ in steps])
     np.testing.assert_allclose([step.reward for _, step, _ in steps], charged)
     for e in range(env.num_envs):
@@ -93,7 +93,7 @@ def test_heads_of_queues_are_charged_for_the_time_until_the_last_is_out(policy, 
 
 
 def test_the_head_is_nearest_by_its_route_and_every_route_has_one():
-    env = CrowdEnv("two-exit-hall-v0", strategy="nearest", num_envs=2)
+    env = CrowdEnv("two-exit-hall-v0", routing="nearest", num_envs=2)
     env.reset(seed=0)
     rng, routes = np.random.default_rng(0), set()
     for _ in range(20):

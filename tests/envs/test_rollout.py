@@ -29,7 +29,7 @@ def test_an_episode_is_the_evacuation_of_its_draw(two_at_once):
     episodes = run_episodes(room(), 5, scheme="dem", seed=7)
     assert [(episode.run, episode.seed) for episode in episodes] == [(k, 7 + k) for k in range(5)]
     for episode in episodes:
-        env = evacuated(room(), scheme="dem", seed=[episode.seed])
+        env = evacuated(room(), physics="dem", seed=[episode.seed])
         state = env.simulation.state
         assert repr(episode.metrics) == repr(env.metrics(0)) and episode.end == state.time[0]
         np.testing.assert_array_equal(episode.exit_time, state.exit_time)
@@ -115,7 +115,7 @@ def test_a_driver_of_ones_own_leads_the_batches(two_at_once):
 
     def driver(num_envs):
         made.append(num_envs)
-        return Idle(CrowdEnv(room(time_limit=1.0), num_envs=num_envs, scheme="dem"))
+        return Idle(CrowdEnv(room(time_limit=1.0), num_envs=num_envs, physics="dem"))
 
     episodes = run_episodes(room(time_limit=1.0), 5, driver=driver)
     assert made == [2, 1]  # a batch of the same size is used again

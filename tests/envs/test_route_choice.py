@@ -123,7 +123,7 @@ def test_only_those_inside_who_have_an_action_choose():
     env = hall()
     env.reset(seed=0)
     before = env.simulation.state.route.copy()
-    env.step(np.full(8, EAST), rule=np.arange(8) < 4)
+    env.step(np.full(8, EAST), scripted=np.arange(8) < 4)
     changed = env.simulation.state.route != before
     np.testing.assert_array_equal(changed, np.arange(8) >= 4)
 

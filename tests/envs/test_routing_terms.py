@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+from cases import looped
 from routing_places import corridor, hall
 
 from crowd_env import RewardTerm
@@ -88,8 +89,8 @@ def test_environments_with_own_terms_are_copied_and_restart_in_batches(copied):
     assert total > 12
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
+@looped(
+    "options,words",
     [
         ({"observation": ["count"]}, r"observation is \['count'\]; it must be a table of terms such as {'terms': \["),
         ({"observation": {"columns": 3}}, "observation: unknown key 'columns'; known: terms"),

@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 import routing_places
+from cases import looped
 from gymnasium.vector import AutoresetMode
 
 from crowd_env import CrowdEnv, CrowdVectorEnv, Uniform
@@ -73,8 +74,8 @@ def test_a_copy_goes_on_alike(make, copied):
 # -------------------------------------------------------------------------------------------------------------- errors
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
+@looped(
+    "options,words",
     [
         ({"regions": ["lobby"]}, "unknown region 'lobby'; known: start"),
         ({"regions": ["start", "start"]}, "region 'start' is named twice"),
@@ -99,13 +100,11 @@ def test_a_copy_goes_on_alike(make, copied):
         ({"reward": "mean"}, "reward is 'mean'; it must be a table of weights such as"),
         ({"reward": {"mean": "1"}}, "weight of reward term 'mean' is '1'; it must be a number"),
         ({"interval": 0.015}, "interval = 0.015 s is not a whole number of physics steps of dt = 0.01 s"),
-        ({"interval": 2.0, "dt": 0.03}, "interval = 2 s is not a whole number of physics steps"),
+        ({"interval": 2.0, "physics": {"dt": 0.03}}, "interval = 2 s is not a whole number of physics steps"),
         ({"interval": 0.0}, "interval between decisions is 0.0 s"),
         ({"reward": {"speed": 1.0}}, "unknown reward term 'speed'; known: mean, last"),
         ({"reward": {"mean": float("nan")}}, "weight of reward term 'mean' is nan"),
         ({"render_mode": "human"}, "unknown render_mode 'human'"),
-        ({"num_envs": 2}, "this is one environment; num_envs belongs to a batch: gymnasium.make_vec"),
-        ({"autoreset": True}, "this is one environment; autoreset belongs to a batch"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_a_sentence(options, words):

@@ -8,7 +8,7 @@ from shapely.geometry import box
 
 import crowd_env.physics.simulation.simulation
 import crowd_env.physics.spatial_order
-from crowd_env import CrowdEnv, Geometry, Population, Scenario, make_scenario
+from crowd_env import CrowdEnv, Geometry, Physics, Population, Scenario, make_scenario
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.workspace import allocate_workspace
 from crowd_env.routing.spec import DoorEvent
@@ -58,9 +58,10 @@ def room(count, side=6.0, **options):
 @every_scheme
 @pytest.mark.parametrize("threads", [1, 2])
 def test_small_and_large_crowds_beside_each_other_are_what_each_is_alone_and_fresh(scheme, threads, forty_are_many):
-    make = partial(CrowdEnv, scheme=scheme, frame="world")
+    make = partial(CrowdEnv, physics=scheme, action={"name": "continuous", "frame": "world"})
     places = [room(60), room(12), room(45), room(60)]
-    batch, steps = make(places, num_envs=4, threads=threads), 7  # beyond the second time that people are sorted
+    batch = make(places, num_envs=4, physics=Physics(scheme, threads=threads))
+    steps = 7  # beyond the second time that people are sorted
     expected = [play(make(place), [k + 1], steps)[0] for k, place in enumerate(places)]
     assert play(batch, [1, 2, 3, 4], steps) == expected
     for episode in range(8):
@@ -71,7 +72,7 @@ def test_small_and_large_crowds_beside_each_other_are_what_each_is_alone_and_fre
 @pytest.mark.parametrize("scheme", ["dem", "nsm2"])
 def test_the_tenth_episode_of_a_batch_that_restarts_by_itself_is_that_of_a_fresh_environment(scheme, forty_are_many):
     places = [room(60), room(12), make_scenario("two-exit-hall-v0", people=50)]
-    options = {"scheme": scheme, "time_limit": 0.2, "strategy": "fastest"}
+    options = {"physics": scheme, "time_limit": 0.2, "routing": "fastest"}
     batch = CrowdEnv(places, num_envs=3, autoreset=True, **options)
     batch.reset([1, 2, 3])
     for _ in range(18):
@@ -94,7 +95,7 @@ def test_the_tenth_episode_of_a_batch_that_restarts_by_itself_is_that_of_a_fresh
 
 @pytest.mark.parametrize("scheme", ["dem", "nsm2"])
 def test_a_crowd_of_more_than_a_thousand_is_the_same_in_its_second_episode_and_beside_a_small_room(scheme):
-    make = partial(CrowdEnv, scheme=scheme)
+    make = partial(CrowdEnv, physics=scheme)
     big, small = room(1050, side=26.0), room(20)
     used, steps = make([big, small], num_envs=2), 6
     play(used, [8, 9], steps)
@@ -115,8 +116,8 @@ def test_bodies_that_are_changed_by_hand_count_at_once_beside_a_large_crowd_too(
 
 
 def test_a_crowd_that_threads_share_is_the_same_in_its_second_episode():
-    make = partial(CrowdEnv, "room-v0", people=4050, side=48.0, scheme="dem")
-    used = make(threads=2)
+    make = partial(CrowdEnv, make_scenario("room-v0", side=48.0), people=4050, physics="dem")
+    used = make(physics=Physics("dem", threads=2))
     play(used, [8], 2)
     assert play(used, [1], 3) == play(make(), [1], 3)
 
@@ -130,7 +131,7 @@ def test_doors_that_lock_everyone_in_at_the_start_leave_no_ways_of_the_episode_b
     )
     events = (DoorEvent("west", True, at=0.3),)
     scene = Scenario("locked", place, Population(20), 100.0, closed_doors=("west", "east"), door_events=events)
-    fresh, used = (CrowdEnv(scene, scheme="dem") for _ in range(2))
+    fresh, used = (CrowdEnv(scene, physics="dem") for _ in range(2))
     play(used, [1], 6)
     assert play(used, [3], 6) == play(fresh, [3], 6)
 
@@ -140,13 +141,13 @@ def test_doors_that_lock_everyone_in_at_the_start_leave_no_ways_of_the_episode_b
 
 @pytest.mark.parametrize("place", ["two-exit-hall-v0", "supermarket-v0"])
 def test_the_first_observation_and_reward_are_by_the_ways_of_the_crowd_that_is_there(place):
-    fresh, used = (CrowdEnv(place, strategy="fastest", scheme="dem") for _ in range(2))
+    fresh, used = (CrowdEnv(place, routing="fastest", physics="dem") for _ in range(2))
     play(used, [1], 15)
     assert play(used, [5], 3) == play(fresh, [5], 3)
 
 
 def test_the_first_observation_after_a_restart_by_itself_is_by_the_ways_of_the_new_crowd():
-    options = {"strategy": "fastest", "scheme": "dem", "time_limit": 0.9}
+    options = {"routing": "fastest", "physics": "dem", "time_limit": 0.9}
     by_itself = CrowdEnv("two-exit-hall-v0", num_envs=2, autoreset=True, **options)
     fresh = CrowdEnv("two-exit-hall-v0", num_envs=2, **options)
     by_itself.reset([1, 2])
@@ -161,8 +162,8 @@ def test_the_first_observation_after_a_restart_by_itself_is_by_the_ways_of_the_n
 
 
 def test_others_go_on_with_the_ways_they_have_where_one_begins_anew():
-    batch = CrowdEnv("two-exit-hall-v0", num_envs=2, strategy="fastest", scheme="dem")
-    alone = CrowdEnv("two-exit-hall-v0", strategy="fastest", scheme="dem")
+    batch = CrowdEnv("two-exit-hall-v0", num_envs=2, routing="fastest", physics="dem")
+    alone = CrowdEnv("two-exit-hall-v0", routing="fastest", physics="dem")
     batch.reset([1, 2])
     alone.reset([2])
     for k in range(14):
@@ -190,7 +191,11 @@ def test_memory_that_runs_full_in_the_midst_of_a_step_changes_nothing(scheme, dt
             "allocate_workspace",
             partial(allocate_workspace, per_person=per_person),
         )
-        env = CrowdEnv(scene, scheme=scheme, dt=min(dt, SCHEMES[scheme].info.default_dt), frame="world")
+        env = CrowdEnv(
+            scene,
+            physics=Physics(scheme, dt=min(dt, SCHEMES[scheme].info.default_dt)),
+            action={"name": "continuous", "frame": "world"},
+        )
         before = len(env.simulation.workspace.neighbors.contact_distance)
         seen = play(env, [3], 12)
         grown.append(len(env.simulation.workspace.neighbors.contact_distance) > before)

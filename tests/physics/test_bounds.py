@@ -12,6 +12,7 @@ from crowd_env import (
     CrowdEnv,
     Geometry,
     Hertz,
+    Physics,
     Population,
     Scenario,
     Simulation,
@@ -151,7 +152,9 @@ def test_people_are_no_faster_than_anyone_ever_ran_and_grains_may_be(name):
 
 @every_scheme
 def test_the_largest_speed_is_that_of_any_step_since_the_start(name):
-    env = CrowdEnv("room-v0", scheme=name, dt=SCHEMES[name].info.default_dt, decision_dt=SCHEMES[name].info.default_dt)
+    env = CrowdEnv(
+        "room-v0", physics=Physics(name, dt=SCHEMES[name].info.default_dt), decision_dt=SCHEMES[name].info.default_dt
+    )
     env.reset(seed=1)
     seen = 0.0
     for _ in range(150):
@@ -268,7 +271,7 @@ def test_nobody_leaves_a_crowded_hall_but_by_the_door(name):
     small = {"radius": Uniform(0.1, 0.12), "mass": Uniform(30.0, 40.0)}
     for people, density, door, options in ((600, 3.0, 1.2, {}), (500, 11.0, 0.8, small)):
         dt = 0.001 if "hertz" in name else 0.005
-        env = CrowdEnv(hall(people, density, door, **options), scheme=name, dt=dt)
+        env = CrowdEnv(hall(people, density, door, **options), physics=Physics(name, dt=dt))
         env.reset(seed=3)
         lost, metrics = run_out(env, 40 if "hertz" in name else 100)
         assert (lost, metrics.escaped) == (0, 0)
@@ -277,7 +280,7 @@ def test_nobody_leaves_a_crowded_hall_but_by_the_door(name):
 
 def test_a_soft_wall_that_gives_way_by_a_radius_still_holds():
     # At a tenth of the stiffness a crowd of 600 does what 5000 do at the whole of it.
-    env = CrowdEnv(hall(600, 3.0, 0.8), scheme=DEM(stiffness=4e3))
+    env = CrowdEnv(hall(600, 3.0, 0.8), physics=DEM(stiffness=4e3))
     env.reset(seed=3)
     lost, metrics = run_out(env, 150)
     assert metrics.max_outside > 0.19  # somebody's center was at the wall
@@ -290,7 +293,7 @@ def test_the_printed_law_is_kept_under_its_name_and_ends_in_bounds_or_in_words()
     assert tight(SCHEMES["nsm2-printed"]).info.name == "nsm2-printed"
     speeds = {}
     for name in ("nsm2", "nsm2-printed"):
-        env = CrowdEnv(hall(1000, 3.1, 1.2), scheme=name)
+        env = CrowdEnv(hall(1000, 3.1, 1.2), physics=name)
         env.reset([0])
         lost, metrics = run_out(env, 60)
         assert (lost, metrics.escaped) == (0, 0)
@@ -308,7 +311,7 @@ def test_soak(name):
         for n, density, door in zip(people * 2, (2, 3, 4, 2.5, 4, 2, 3, 4), (0.8, 1.2, 2, 4) * 2, strict=True)
     ]
     for k, (n, density, door) in enumerate(cases):
-        env = CrowdEnv(hall(n, density, door), scheme=name)
+        env = CrowdEnv(hall(n, density, door), physics=name)
         env.reset([k])
         before = done
         while done - before < 1e7 / len(cases) and not env.finished.all():

@@ -8,7 +8,7 @@ import shapely
 from cases import looped
 from crowds import crowd_in, half_plane, plain
 
-from crowd_env import CrowdEnv
+from crowd_env import CrowdEnv, Physics
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, SCHEMES, make_scheme
@@ -113,13 +113,13 @@ def test_crowds_without_such_a_force_and_bad_limits_are_refused():
         one(plain(), (0.0, 0.0), "dem", max_drive=LIMIT, driving=False)
     for limit in (0.0, -1.0, np.inf, "strong"):
         with pytest.raises(ValueError, match=r"max_drive is .*; it must be "):
-            CrowdEnv("room-v0", max_drive=limit)
+            CrowdEnv("room-v0", physics=Physics(max_drive=limit))
 
 
 def test_people_in_an_environment_press_less_with_a_limit():
     pushed = []
     for limit in (None, 100.0):
-        env = CrowdEnv("room-v0", scheme="dem", max_drive=limit)
+        env = CrowdEnv("room-v0", physics=Physics("dem", max_drive=limit))
         env.reset(seed=0)
         pushed.append(sum(env.step(None) and env.simulation.results.impulse_magnitude.sum() for _ in range(30)))
     assert pushed[1] < 0.7 * pushed[0]

@@ -183,7 +183,7 @@ def test_a_simulation_that_was_listened_to_goes_on_alone(tmp_path):
 def test_large_crowds_are_the_same_bit_by_bit():
     """They lie in the order of space, which is made anew now and then, never for a listener."""
     place = make_scenario("room-v0", side=40.0, people=1200, door_width=2.0, time_limit=2.5)
-    plain, listened = (CrowdEnv(place, scheme="dem") for _ in range(2))
+    plain, listened = (CrowdEnv(place, physics="dem") for _ in range(2))
     told = []
     listened.simulation.listeners.append(lambda: told.append(float(listened.simulation.state.time[0])))
     for env in (plain, listened):

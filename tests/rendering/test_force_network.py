@@ -84,7 +84,7 @@ def test_a_row_of_people_hands_on_what_each_adds():
 
 
 def test_forces_are_those_of_one_environment_in_its_own_numbers():
-    env = CrowdEnv("room-v0", num_envs=2, scheme="dem")
+    env = CrowdEnv("room-v0", num_envs=2, physics="dem")
     env.reset(seed=3)
     for _ in range(20):
         env.step(None)
@@ -177,7 +177,7 @@ def test_nobody_who_presses_is_a_picture_too(geometry, tmp_path):
 
 
 def test_a_simulation_is_drawn_as_it_stands(tmp_path):
-    env = CrowdEnv("room-v0", scheme="hertz")
+    env = CrowdEnv("room-v0", physics="hertz")
     env.reset(seed=1)
     for _ in range(15):
         env.step(None)
@@ -197,7 +197,7 @@ def test_nonsense_is_refused(bad, tmp_path):
 
 def test_the_forces_of_a_recording_are_the_mean_since_the_frame_before():
     told = forces_of(record("room-v0", scheme="nsm2", seed=2, contacts=True), at=1.95)
-    env = CrowdEnv("room-v0", scheme="nsm2")
+    env = CrowdEnv("room-v0", physics="nsm2")
     env.reset([2])
     for _ in range(19):
         env.step(None)
@@ -218,7 +218,7 @@ def test_the_forces_of_a_recording_are_the_mean_since_the_frame_before():
 
 
 def test_without_a_moment_it_is_that_of_the_hardest_push_or_the_end_of_a_blocked_run():
-    env = CrowdEnv("room-v0", scheme="dem")
+    env = CrowdEnv("room-v0", physics="dem")
     env.reset([4])
     borne = []
     while not env.finished.all():

@@ -7,7 +7,7 @@ from cases import looped
 from outlined_crowds import TORSO, bodies_as_shapes, grains
 from shapely.geometry import box
 
-from crowd_env import CrowdEnv, Geometry
+from crowd_env import CrowdEnv, Geometry, Physics, make_scenario
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics.hertz import Hertz
 from crowd_env.physics.pressure import contact_forces
@@ -15,7 +15,6 @@ from crowd_env.recording import record
 from crowd_env.rendering.forces.network import force_network_figure
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.live import draw_env
-from crowd_env.scenarios import make_scenario
 
 ROOM = Geometry.from_polygon(box(0, 0, 4, 3))
 
@@ -49,7 +48,7 @@ def test_a_dot_shows_where_a_body_faces_and_discs_are_drawn_as_before():
 
 
 def test_environments_and_recordings_show_shoulders():
-    env = CrowdEnv("room-v0", scheme="hertz", outline="torso", side=6.0)
+    env = CrowdEnv(make_scenario("room-v0", side=6.0), physics=Physics("hertz", outline="torso"))
     env.reset(seed=0)
     for _ in range(8):
         env.step(None)

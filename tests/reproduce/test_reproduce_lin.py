@@ -15,6 +15,7 @@ from evacuations import evacuated
 from lin_runs import invented
 from reproductions import nothing
 
+from crowd_env import make_scenario
 from crowd_env.core.executors import Processes
 from crowd_env.physics import SCHEMES
 from crowd_env.reproduce import store as store_of_runs
@@ -35,7 +36,7 @@ SMALL = [
 
 def test_a_run_is_the_evacuation_of_the_run_command():
     run = Run(12, 1.5, seed=3)
-    env = evacuated("lin-room-v0", scheme="hertz", people=12, desired_speed=1.5, seed=[3])
+    env = evacuated(make_scenario("lin-room-v0", desired_speed=1.5), physics="hertz", people=12, seed=[3])
     assert run.simulate().exit_times == tuple(np.sort(env.simulation.state.exit_time).tolist())
     assert run.simulate().left == 0 and run.simulate().blocked_since is None
 

@@ -120,7 +120,7 @@ def test_both_rest_on_the_same_draws_which_are_those_of_the_run_command(monkeypa
     settings, counts = PecolSettings(runs=1, seed=3), []
     ruled = evacuate(settings, True, counts.append)
     assert evacuate(settings, True, counts.append) is ruled and sum(counts) == 2
-    env = evacuated("theatre-v0", scheme=SCHEME, seed=[3])
+    env = evacuated("theatre-v0", physics=SCHEME, seed=[3])
     np.testing.assert_array_equal(ruled.time.ravel(), env.simulation.state.exit_time)
     free = evacuate(settings, False, counts.append)
     assert sum(counts) == 3 and free.ruled.sum() == 0 and free.turned.sum() == 0

@@ -280,7 +280,7 @@ def test_rays_see_closed_doors_and_see_through_open_ones():
     layout = ObservationLayout(terms=("walls",), rays=4)
     people = Population(1, radius=Uniform(0.2, 0.2), starts=np.array([[6.5, 2.0]]))
     scenario = Scenario("doors", hall(), people, 30.0)
-    env = CrowdEnv(scenario, num_envs=2, observation=layout, frame="world")
+    env = CrowdEnv(scenario, num_envs=2, observation=layout, action={"name": "continuous", "frame": "world"})
     env.reset(seed=1)
     env.simulation.close_doors(1, ["gate"])
     rays = env._observer.observe(env.active) * SIGHT

@@ -74,7 +74,7 @@ def test_a_distribution_of_ones_own_that_leaves_its_bounds_is_refused_when_the_c
 
     from crowd_env import CrowdEnv
 
-    env = CrowdEnv("room-v0", population={"people": 3, "push": Liar(0.0, 1.0)})
+    env = CrowdEnv(make_scenario("room-v0", population={"people": 3, "push": Liar(0.0, 1.0)}))
     refuses(lambda: env.reset(seed=0), ("push of pedestrian 0 is 2", "[0, 1]"))
 
 

@@ -164,7 +164,7 @@ def test_toml_and_json_are_the_same(write):
 
 def test_a_file_runs_and_its_options_reach_it(write):
     name = write(FULL)
-    env = CrowdEnv(name, length=11.0, actors=10)
+    env = CrowdEnv(make_scenario(name, length=11.0, actors=10))
     assert env.num_people == 13 and env.scenarios[0].geometry.bounds[2] == 11.0
     env.reset(0)
     while not env.finished.all():

@@ -9,7 +9,7 @@ from commands import call, figures
 from crowds import clear
 from evacuations import evacuated
 
-from crowd_env import SCENARIOS, make_scenario
+from crowd_env import SCENARIOS, Routing, make_scenario
 from crowd_env.cli.place import read_place
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import about, options_of
@@ -81,7 +81,7 @@ def test_counter_flow_and_crossing_go_where_they_mean_to():
 
 def test_the_rule_of_the_floor_sends_people_east():
     def eastwards(rules):
-        env = evacuated("floor-v0", rules=rules, num_envs=4)
+        env = evacuated("floor-v0", routing=Routing(signs=rules), num_envs=4)
         return (np.array(env.scenarios[0].geometry.exit_names)[env.simulation.state.exit_index] == "east").sum()
 
     assert eastwards(True) > eastwards(False)
@@ -105,7 +105,7 @@ def test_unknown_options_list_the_known_ones(name):
 
 
 def test_names_are_registered():
-    env = gymnasium.make("crowd_env/counter-flow-v0", width=3.0)
+    env = gymnasium.make("crowd_env/counter-flow-v0", scenario=make_scenario("counter-flow-v0", width=3.0))
     env.reset(seed=0)
     env.close()
 
@@ -141,7 +141,7 @@ def test_run_keeps_seats_and_shares_people_out(tmp_path):
 def test_two_equal_exits_share_a_crowd_that_starts_beside_one_of_them(scheme):
     share, last = {}, {}
     for strategy in ("nearest", "fastest"):
-        env = evacuated("two-exit-hall-v0", num_envs=4, scheme=scheme, strategy=strategy, seed=[0, 1, 2, 3])
+        env = evacuated("two-exit-hall-v0", num_envs=4, physics=scheme, routing=strategy, seed=[0, 1, 2, 3])
         share[strategy] = (env.simulation.state.exit_index == 0).mean()
         last[strategy] = np.mean([env.metrics(e).evacuation_time for e in range(4)])
     assert 0.4 < share["fastest"] < 0.6 < 0.95 < share["nearest"]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from evacuations import evacuated
 
+from crowd_env import Routing
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.reproduce.pecol2011.theatre import IMPLIED, SCHEME
 from crowd_env.scenarios import make_scenario
@@ -113,7 +114,7 @@ def people_at(starts, response_time):
 def test_stairs_slow_everybody_to_half_a_meter_per_second():
     places = [(15.0, 0.6), (15.0, 8.4), (8.0, -1.1), (3.0, 5.0), (15.0, 10.0), (10.6, 4.5)]
     place = make_scenario("theatre-v0", population=people_at(places, Uniform(0.0, 0.0)))
-    env = CrowdEnv(place, rules=False)
+    env = CrowdEnv(place, routing=Routing(signs=False))
     env.reset(seed=0)
     while env.simulation.state.time[0] < 1.2:
         env.step(None)
@@ -166,7 +167,7 @@ def test_other_thresholds():
 
 
 def exits_of(options, rules=True):
-    env = evacuated("theatre-v0", scheme=SCHEME, rules=rules, time_limit=14.0, **options)
+    env = evacuated("theatre-v0", physics=SCHEME, routing=Routing(signs=rules), time_limit=14.0, **options)
     return env.simulation.state.exit_time.copy(), env.simulation.state.position.copy()
 
 
@@ -178,7 +179,7 @@ def test_rules_that_are_never_on_change_nothing():
 
 @pytest.mark.parametrize("scheme", [SCHEME, "nsm2", "dem"], ids=["reproduction", "nsm2", "dem"])
 def test_everybody_gets_out(scheme):
-    env = evacuated("theatre-v0", num_envs=2, scheme=scheme, seed=[5, 6])
+    env = evacuated("theatre-v0", num_envs=2, physics=scheme, seed=[5, 6])
     for e in range(2):
         metrics = env.metrics(e)
         assert metrics.unfinished == 0 and 40.0 < metrics.evacuation_time < 100.0
@@ -190,7 +191,7 @@ def test_rules_turn_nobody_away_from_the_fastest_way_which_is_faster_than_the_sh
     options = {"scheme": "dem", "num_envs": 3, "seed": [1, 2, 3]}
     shortest = evacuated("theatre-v0", **options).simulation.state.exit_time
     quick, free = (
-        evacuated("theatre-v0", strategy="fastest", rules=rules, **options).simulation.state.exit_time
+        evacuated("theatre-v0", routing=Routing("fastest", signs=rules), **options).simulation.state.exit_time
         for rules in (True, False)
     )
     np.testing.assert_array_equal(quick, free)

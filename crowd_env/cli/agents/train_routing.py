@@ -24,7 +24,7 @@ from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.checks import number, whole
 from crowd_env.core.console import friendly_errors, notes, progress_bar
 from crowd_env.core.files.json_file import write_json
-from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.scenarios import make_scenario
 
 _MOST_CELLS = 10_000  # nobody decides about more, and their names alone fill memory
@@ -136,7 +136,7 @@ def _check(options: dict[str, Any], seed: int, split: float, **budget: float) ->
     columns, rows = options["grid"]
     if columns * rows > _MOST_CELLS:
         raise ValueError(f"--grid is {columns} {rows}; it must have at most {_MOST_CELLS} cells")
-    batch = RoutingBatch(**options)
+    batch = RoutingBatch(**routing_arguments(**options))
     if len(batch.layout.routes) < 2:
         raise ValueError(f"scenario {batch.scenario.name!r} has one way out: there is nothing to choose")
     check_envs(int(budget["envs"]), batch.env.num_people)

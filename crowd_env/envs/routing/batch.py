@@ -3,6 +3,7 @@
 A batch over arrays; `crowd_env.envs.routing.env` gives it the interfaces of Gymnasium.
 """
 
+import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,11 +11,9 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.core.arrays.headway import Manner
-from crowd_env.core.arrays.outline import BodyShape
 from crowd_env.core.arrays.state import Bools, Floats, as_grid
 from crowd_env.core.checks import POSITIVE, array, number
-from crowd_env.envs.arguments import NUMBERS, parts_of
+from crowd_env.envs.arguments import NUMBERS, Place, parts_of
 from crowd_env.envs.batch import BatchStep
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.metrics import EpisodeMetrics
@@ -22,10 +21,9 @@ from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.routing.layout import RoutingLayout, check_names, make_terms
 from crowd_env.envs.routing.regions import grid_regions, named_regions
 from crowd_env.envs.routing.terms import RoutingView, make_weights
+from crowd_env.envs.settings import AsPhysics, AsWalking, Physics, Routing, answers_unknown, arguments_of, part_of
 from crowd_env.envs.terms import RewardTerm
-from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.routing.fields.field import NavigationField
-from crowd_env.scenarios.scenario import Scenario
 
 
 class RoutingBatch:
@@ -46,12 +44,17 @@ class RoutingBatch:
     choices : (R + D,) number of choices of each entry of an action.
     """
 
+    @answers_unknown()
     def __init__(
         self,
-        scenario: str | Scenario = "two-exit-hall-v0",
+        scenario: Place = "two-exit-hall-v0",
         *,
+        people: int | None = None,
         num_envs: int = 1,
         autoreset: bool = False,
+        physics: AsPhysics = "nsm2",
+        walking: AsWalking = None,
+        signs: bool = False,
         interval: float = 2.0,
         regions: Sequence[str] = (),
         grid: tuple[int, int] = (4, 2),
@@ -59,37 +62,26 @@ class RoutingBatch:
         doors: Sequence[str] = (),
         observation: Mapping[str, Any] | None = None,
         reward: Mapping[str | RewardTerm, float] | None = None,
-        rules: bool = False,
-        scheme: str | ContactScheme = "nsm2",
-        dt: float | None = None,
         time_limit: float | None = None,
-        threads: int = 1,
-        manner: Manner | None = None,
-        outline: BodyShape | None = None,
         sample_dt: float | None = None,
-        **scenario_options: Any,
     ) -> None:
         self.weights = make_weights(reward)
         terms = make_terms(observation)
         interval = number("the interval between decisions", interval, POSITIVE, "s")
-        dt = make_scheme(scheme).info.default_dt if dt is None else number("dt", dt, POSITIVE, "s")
-        parts_of("interval", interval, "physics steps of dt", dt)
+        physics = part_of(Physics, physics)
+        parts_of("interval", interval, "physics steps of dt", physics.step)
         sample_dt = interval if sample_dt is None else number("sample_dt", sample_dt, POSITIVE, "s")
         self.samples = parts_of("interval", interval, "samples of sample_dt", sample_dt)
         self.env = CrowdEnv(
             scenario,
+            people=people,
             num_envs=num_envs,
-            scheme=scheme,
-            dt=dt,
+            physics=physics,
+            walking=walking,
+            routing=Routing("nearest", signs=signs),  # until the controller says otherwise; makes a route of every exit
             decision_dt=sample_dt,
             observation=ObservationLayout(terms=("desired_speed",)),  # nobody reads it
             time_limit=time_limit,
-            threads=threads,
-            strategy="nearest",  # until the controller says otherwise; makes a route of every exit
-            rules=rules,
-            manner=manner,
-            outline=outline,
-            **scenario_options,
         )
         self.scenario = self.env.scenarios[0]
         geometry, route_set = self.scenario.geometry, self.env.route_set[0]
@@ -252,3 +244,15 @@ def _distance(field: NavigationField, position: Floats) -> Floats:
     rows, columns = field.travel_time.shape
     j, i = np.rint((position - field.origin) / field.spacing).astype(np.int64).T
     return field.travel_time[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
+
+
+def routing_arguments(scenario: Place = "two-exit-hall-v0", **settings: Any) -> dict[str, Any]:
+    """Return the arguments of a `RoutingBatch` for flat settings, as the files of controllers hold them.
+
+    ``rules`` are the signs; what no batch knows is an option of the scenario.  All else is as in `arguments_of`.
+    """
+    words = {"rules": "signs", "count": "people"}
+    known = inspect.signature(RoutingBatch).parameters
+    given = arguments_of({words.get(name, name): value for name, value in settings.items()})
+    options = {name: given.pop(name) for name in list(given) if name not in known}
+    return {"scenario": {"name": scenario, **options} if options else scenario, **given}

@@ -3,9 +3,15 @@
 The people walk by themselves; for a controller that moves every single body see `crowd_env.envs.gymnasium_env`.
 """
 
+from typing import Any
+
+from gymnasium.vector import AutoresetMode
+
+from crowd_env.envs.arguments import Place
 from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.settings import answers_unknown
 from crowd_env.envs.single_env import SingleEnv
-from crowd_env.envs.vector_env import BatchVectorEnv
+from crowd_env.envs.vector_env import BatchVectorEnv, mode_of
 
 
 class RoutingEnv(SingleEnv):
@@ -32,7 +38,9 @@ class RoutingEnv(SingleEnv):
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS`` or a Scenario, by default "two-exit-hall-v0"; its options may follow by name.
+    scenario : as `CrowdEnv` takes it; by default "two-exit-hall-v0".
+    people, physics, walking, time_limit : as `CrowdEnv` takes them.
+    signs : whether the scenario's control rules act as well.
     interval : s between decisions, a whole number of physics steps.
     regions : names of the scenario's regions to decide in; if none, the cells of a grid.
     grid : columns and rows of that grid over the bounding box; cells without floor are left out.
@@ -41,8 +49,6 @@ class RoutingEnv(SingleEnv):
     observation : the terms that are observed, ``{"terms": ["count", "queue"]}``; by default all.  `RoutingTerm` objects of your
         own may stand among the names.
     reward : weights of the terms, by default ``{"mean": 0.1, "last": 0.1}``.  `RewardTerm` objects of your own may be keys.
-    rules : whether the scenario's control rules act as well.
-    scheme, dt, time_limit, threads, manner, outline : as for `CrowdEnv`.
     render_mode : None or "rgb_array".
 
     Attributes
@@ -62,8 +68,13 @@ class RoutingEnv(SingleEnv):
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 5}
-    batch_class = RoutingBatch
     batch: RoutingBatch
+
+    @answers_unknown(like=RoutingBatch)
+    def __init__(
+        self, scenario: Place = "two-exit-hall-v0", *, render_mode: str | None = None, **arguments: Any
+    ) -> None:
+        super().__init__(RoutingBatch(scenario, **arguments), render_mode)
 
 
 class RoutingVectorEnv(BatchVectorEnv):
@@ -74,10 +85,11 @@ class RoutingVectorEnv(BatchVectorEnv):
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS`` or a Scenario; by default "two-exit-hall-v0".
+    scenario : as `CrowdEnv` takes it; by default "two-exit-hall-v0".
     num_envs : number of evacuations E.
     autoreset_mode : "SameStep", "NextStep" or "Disabled".
-    options : everything else `RoutingEnv` takes.
+    render_mode : None; a batch is not rendered.
+    **arguments : all others of `RoutingEnv`.
 
     Raises
     ------
@@ -85,5 +97,18 @@ class RoutingVectorEnv(BatchVectorEnv):
         If any of these is unknown, out of range, or does not fit together.
     """
 
-    batch_class = RoutingBatch
     batch: RoutingBatch
+
+    @answers_unknown(like=RoutingBatch)
+    def __init__(
+        self,
+        scenario: Place = "two-exit-hall-v0",
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        render_mode: None = None,
+        **arguments: Any,
+    ) -> None:
+        mode = mode_of(autoreset_mode)
+        batch = RoutingBatch(scenario, num_envs=num_envs, autoreset=mode is AutoresetMode.SAME_STEP, **arguments)
+        super().__init__(batch, mode, render_mode)

@@ -14,7 +14,17 @@ from numba import config
 from repository import ROOT
 from shapely.geometry import box
 
-from crowd_env import ControlRule, CrowdEnv, Geometry, ObservationLayout, Population, Route, Scenario, SpeedZone
+from crowd_env import (
+    ControlRule,
+    CrowdEnv,
+    Geometry,
+    ObservationLayout,
+    Physics,
+    Population,
+    Route,
+    Scenario,
+    SpeedZone,
+)
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics import DEM, SCHEMES, SOCIAL_FORCES
 from crowd_env.physics.dem_lanes import partition
@@ -52,7 +62,7 @@ def walked(env):
 def guided():
     """Return the same of people with routes, rules and zones, in two environments; in one of them a door is closed."""
     scenes = [HALL, replace(HALL, closed_doors=("west door",))]
-    return walked(CrowdEnv(scenes, num_envs=2, observation=ObservationLayout(rays=8), strategy="quick"))
+    return walked(CrowdEnv(scenes, num_envs=2, observation=ObservationLayout(rays=8), routing="quick"))
 
 
 def lattice(**options):
@@ -70,7 +80,7 @@ def lattice(**options):
 
 def measure():
     """Return all that plain Python and compiled code have to agree on."""
-    found = {name: walked(CrowdEnv("room-v0", scheme=scheme)) for name, scheme in KINDS.items()}
+    found = {name: walked(CrowdEnv("room-v0", physics=scheme)) for name, scheme in KINDS.items()}
     found |= {"guided": guided(), "large": {"position": lattice(threads=2)}}
     return {f"{name}: {kind}": value for name, kinds in found.items() for kind, value in kinds.items()}
 
@@ -97,7 +107,7 @@ def test_threads_that_share_a_crowd_wait_for_each_other_in_plain_python_too(monk
     monkeypatch.setattr(partition, "_MANY", 8)
     seen = []
     for threads in (1, 2, 5):
-        env = CrowdEnv("room-v0", scheme="dem", threads=threads)
+        env = CrowdEnv("room-v0", physics=Physics("dem", threads=threads))
         env.reset(seed=0)
         for _ in range(2):
             env.step(None)

@@ -147,7 +147,7 @@ def test_what_no_kernel_could_read_is_named(field, value, word):
 
 @looped("copied", [copy.deepcopy, lambda thing: pickle.loads(pickle.dumps(thing))], ids=["copy", "pickle"])
 def test_a_copy_refers_to_arrays_of_its_own(copied):
-    env = CrowdEnv("room-v0", scheme="dem")
+    env = CrowdEnv("room-v0", physics="dem")
     env.reset(seed=0)
     env.step(None)
     other = copied(env)
@@ -185,7 +185,7 @@ def test_kernels_of_references_come_from_the_cache_in_another_process(tmp_path):
         "import numpy as np\n"
         "from crowd_env import CrowdEnv\n"
         "from crowd_env.physics import dem\n"
-        "env = CrowdEnv('room-v0', scheme='dem'); env.reset(seed=0); env.step(None)\n"
+        "env = CrowdEnv('room-v0', physics='dem'); env.reset(seed=0); env.step(None)\n"
         "print(sum(dem._advance_range.stats.cache_hits.values()), sum(dem._advance_range.stats.cache_misses.values()))\n"
     )
     runs = [

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from cases import looped
 
-from crowd_env import CrowdEnv, make_scenario
+from crowd_env import CrowdEnv, Physics, make_scenario
 from crowd_env.core.arrays.state import make_state
 from crowd_env.core.kernels.threads import Workers
 from crowd_env.physics import DEM
@@ -148,7 +148,7 @@ def test_a_shared_crowd_goes_on_after_ctrl_c():
 
 @can_interrupt
 def test_a_step_goes_on_with_the_one_that_was_interrupted_and_nobody_is_lost():
-    env = CrowdEnv("room-v0", num_envs=2, scheme=Interrupted(), threads=2)
+    env = CrowdEnv("room-v0", num_envs=2, physics=Physics(Interrupted(), threads=2))
     env.reset([1, 2])
     paid, left = np.zeros(40), np.zeros(40, dtype=int)
     for k in range(200):
@@ -172,7 +172,9 @@ def stepped(env, steps=3):
 
 def threaded(**options):
     """Return a batch of which physics and observations are shared out."""
-    env = CrowdEnv("room-v0", num_envs=4, people=260, side=14.0, scheme="dem", threads=2, **options)
+    env = CrowdEnv(
+        make_scenario("room-v0", side=14.0), num_envs=4, people=260, physics=Physics("dem", threads=2), **options
+    )
     env.reset(0)
     env.step(None)
     return env

@@ -12,7 +12,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor, VecNormalize
 
-from crowd_env import CrowdEnv, RewardWeights
+from crowd_env import CrowdEnv, Physics, RewardWeights
 from crowd_env.agents.learned import PPOSettings, make_ppo
 from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer, SlotRewards, Slots
 
@@ -308,7 +308,7 @@ def test_a_model_saved_and_loaded_masks_by_the_environment_it_is_given(tmp_path)
 
 
 def test_a_model_in_an_environment_of_many_threads_can_be_saved(tmp_path):
-    model = make_model(make(4, threads=2)).learn(24 * 16)
+    model = make_model(make(4, physics=Physics(threads=2))).learn(24 * 16)
     model.save(tmp_path / "model.zip")
     assert PPO.load(tmp_path / "model.zip", device="cpu").num_timesteps == 24 * 16
 

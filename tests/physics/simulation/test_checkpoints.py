@@ -10,7 +10,7 @@ from shapely.geometry import box
 
 import crowd_env.physics.simulation.simulation
 import crowd_env.physics.spatial_order
-from crowd_env import CrowdEnv, Geometry, Population, Scenario, make_scenario
+from crowd_env import CrowdEnv, Geometry, Physics, Population, Scenario, make_scenario
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics import DEM, SCHEMES, SOCIAL_FORCES, make_scheme
 from crowd_env.physics.simulation.simulation import Simulation
@@ -83,14 +83,14 @@ def goes_on(make, before=7, after=7):
 
 @every_scheme
 def test_a_run_goes_on_as_if_nothing_had_been_in_between(scheme):
-    goes_on(lambda: CrowdEnv("room-v0", num_envs=2, scheme=scheme, frame="world"))
+    goes_on(lambda: CrowdEnv("room-v0", num_envs=2, physics=scheme, action={"name": "continuous", "frame": "world"}))
 
 
 @every_scheme
 @pytest.mark.parametrize("strategy", ["shortest", "fastest"])
 def test_doors_rules_and_fields_too(scheme, strategy):
     place = hall()
-    env = goes_on(lambda: CrowdEnv(place, num_envs=2, scheme=scheme, strategy=strategy))
+    env = goes_on(lambda: CrowdEnv(place, num_envs=2, physics=scheme, routing=strategy))
     assert env.simulation.state.time[0] > 1.3  # both doors have moved since then
     assert env.simulation.history.rule_on.shape == (2, 1)
 
@@ -99,23 +99,23 @@ def test_doors_rules_and_fields_too(scheme, strategy):
 def test_large_crowds_beside_small_ones_too(scheme, monkeypatch):
     monkeypatch.setattr(crowd_env.physics.spatial_order, "MANY", 40)
     places = [make_scenario("room-v0", people=count, side=6.0) for count in (60, 12)]
-    goes_on(lambda: CrowdEnv(places, num_envs=2, scheme=scheme, frame="world"))
+    goes_on(lambda: CrowdEnv(places, num_envs=2, physics=scheme, action={"name": "continuous", "frame": "world"}))
 
 
 def test_a_crowd_of_more_than_a_thousand_too():
-    goes_on(lambda: CrowdEnv("room-v0", people=1050, side=26.0, scheme="dem"), before=4, after=4)
+    goes_on(lambda: CrowdEnv(make_scenario("room-v0", side=26.0), people=1050, physics="dem"), before=4, after=4)
 
 
 def test_the_episodes_that_follow_too():
-    options = {"num_envs": 2, "time_limit": 1.0, "autoreset": True, "scheme": "dem"}
-    goes_on(lambda: CrowdEnv("two-exit-hall-v0", strategy="fastest", **options), before=5, after=15)
+    options = {"num_envs": 2, "time_limit": 1.0, "autoreset": True, "physics": "dem"}
+    goes_on(lambda: CrowdEnv("two-exit-hall-v0", routing="fastest", **options), before=5, after=15)
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
 def test_a_copy_of_an_environment_goes_on_alike_when_doors_and_growth_replace_arrays(copied, monkeypatch):
     few = partial(allocate_workspace, per_person=1)
     monkeypatch.setattr(crowd_env.physics.simulation.simulation, "allocate_workspace", few)
-    env = CrowdEnv(hall(), num_envs=2, scheme=DEM(social=SOCIAL_FORCES["lin"]), strategy="fastest")
+    env = CrowdEnv(hall(), num_envs=2, physics=DEM(social=SOCIAL_FORCES["lin"]), routing="fastest")
     env.reset([0, 1])
     other = copied(env)
     before = len(other.simulation.workspace.neighbors.owner)
@@ -139,7 +139,7 @@ def spoil(fields, rng):
 
 @every_scheme
 def test_what_is_to_come_depends_on_nothing_in_the_workspace(scheme):
-    env = CrowdEnv(hall(), num_envs=2, scheme=scheme)
+    env = CrowdEnv(hall(), num_envs=2, physics=scheme)
     env.reset([0, 1])
     seen(env, 4, np.random.default_rng(1))
     checkpoint = env.checkpoint()
@@ -150,7 +150,7 @@ def test_what_is_to_come_depends_on_nothing_in_the_workspace(scheme):
 
 
 def test_an_environment_that_goes_back_comes_to_its_end():
-    env = CrowdEnv("room-v0", scheme="dem")
+    env = CrowdEnv("room-v0", physics="dem")
     env.reset([0])
     for _ in range(5):
         env.step(None)
@@ -167,7 +167,7 @@ def test_an_environment_that_goes_back_comes_to_its_end():
 
 
 def test_whoever_holds_an_array_sees_that_moment():
-    env = CrowdEnv("room-v0", scheme="dem")
+    env = CrowdEnv("room-v0", physics="dem")
     env.reset([0])
     position, crush, radius = (
         env.simulation.state.position,
@@ -199,18 +199,18 @@ def test_nothing_can_be_replaced_behind_the_back_of_those_who_look(name):
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ({"scheme": "nsm1"}, "scheme"),
-        ({"dt": 0.005}, "dt"),
+        ({"physics": "nsm1"}, "scheme"),
+        ({"physics": Physics("dem", dt=0.005)}, "dt"),
         ({"num_envs": 2}, "env_start"),
         ({"people": 19}, "env_start"),
-        ({"side": 7.0}, "place"),
+        ({"scenario": {"name": "room-v0", "side": 7.0}}, "place"),
     ],
 )
 def test_a_checkpoint_of_another_environment_is_refused_before_anything_changes(change, what):
-    options = {"scheme": "dem", "num_envs": 1}
-    other = CrowdEnv("room-v0", **{**options, **change})
+    options = {"scenario": "room-v0", "physics": "dem", "num_envs": 1}
+    other = CrowdEnv(**{**options, **change})
     other.reset([1] * other.num_envs)
-    here = CrowdEnv("room-v0", **options)
+    here = CrowdEnv(**options)
     here.reset([0])
     before = here.simulation.state.copy()
     with pytest.raises(ValueError, match=f"^the checkpoint is of another simulation: its {what} is another"):
@@ -220,7 +220,7 @@ def test_a_checkpoint_of_another_environment_is_refused_before_anything_changes(
 
 
 def test_what_is_no_checkpoint_is_refused():
-    env = CrowdEnv("room-v0", scheme="dem")
+    env = CrowdEnv("room-v0", physics="dem")
     env.reset([0])
     with pytest.raises(TypeError, match=r"^restore takes a checkpoint\(\) of a simulation, not CrowdState$"):
         env.simulation.restore(env.simulation.state.copy())
@@ -229,7 +229,7 @@ def test_what_is_no_checkpoint_is_refused():
 
 
 def test_an_environment_does_not_go_on_when_the_simulation_alone_was_restored():
-    env = CrowdEnv("room-v0", scheme="dem")
+    env = CrowdEnv("room-v0", physics="dem")
     env.reset([0])
     saved, whole = env.simulation.checkpoint(), env.checkpoint()
     env.step(None)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from refusals import refuses
 
-from crowd_env import CrowdEnv
+from crowd_env import CrowdEnv, make_scenario
 
 SIZES = pytest.mark.parametrize(("count", "side"), [(20, 5.0), (1000, 24.0)], ids=["small", "sorted"])
 
 
 def crowd(count, side, **options):
-    env = CrowdEnv("room-v0", people=count, side=side, scheme="dem", manner="calm", **options)
+    env = CrowdEnv(make_scenario("room-v0", side=side), people=count, physics="dem", walking="calm", **options)
     env.reset(seed=4)
     return env.simulation
 
@@ -49,7 +49,9 @@ def test_it_counts_at_once_and_a_checkpoint_holds_it(count, side):
 
 
 def test_only_that_environment_and_only_what_is_given_until_it_restarts():
-    env = CrowdEnv("room-v0", num_envs=2, manner="hurried", population={"people": 6, "push": (0.2, 0.4)})
+    env = CrowdEnv(
+        make_scenario("room-v0", population={"people": 6, "push": (0.2, 0.4)}), num_envs=2, walking="hurried"
+    )
     env.reset(seed=1)
     bodies, simulation = env.simulation.bodies, env.simulation
     before = bodies.push.copy()

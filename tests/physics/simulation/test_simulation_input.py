@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from crowd_env import SCHEMES, CrowdEnv, Geometry, Population, Scenario, Uniform, make_scenario
+from crowd_env import SCHEMES, CrowdEnv, Geometry, Physics, Population, Scenario, Uniform, make_scenario
 from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.scenarios.groups import Groups, extreme_bodies
@@ -188,10 +188,10 @@ def test_no_draw_has_a_shorter_stable_step_than_the_one_that_is_checked(scheme, 
 def test_a_step_is_refused_if_any_draw_would_be_unstable_whatever_the_first_one_is():
     kinds = Uniform(0.2, 0.25), Uniform(60.0, 100.0)
     people = Groups((Population(10, *kinds, name="a"), Population(10, *kinds, name="b")))
-    for options in ({}, {"population": people}):
-        limit = SCHEMES["hertz"].stable_dt(extreme_bodies(options.get("population", Population(20))))
+    for place in (make_scenario("room-v0"), make_scenario("room-v0", population=people)):
+        limit = SCHEMES["hertz"].stable_dt(extreme_bodies(place.population))
         for _ in range(20):
             with pytest.raises(ValueError, match=r"^dt = 0.0125 s is above the stable step of hertz, 0.012"):
-                CrowdEnv("room-v0", scheme="hertz", dt=0.0125, decision_dt=0.1, **options)
+                CrowdEnv(place, physics=Physics("hertz", dt=0.0125), decision_dt=0.1)
         assert 0.012 < limit < 0.0125
-        CrowdEnv("room-v0", scheme="hertz", dt=0.012, decision_dt=0.12, **options)
+        CrowdEnv(place, physics=Physics("hertz", dt=0.012), decision_dt=0.12)

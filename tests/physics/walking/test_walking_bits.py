@@ -136,7 +136,7 @@ def test_an_environment_that_begins_anew_is_as_new_and_leaves_the_others_alone(n
 
 @looped("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
 def test_a_copy_of_an_environment_goes_on_alike(copied):
-    env = CrowdEnv("room-v0", num_envs=2, scheme="dem", manner=KEEPS)
+    env = CrowdEnv("room-v0", num_envs=2, physics="dem", walking=KEEPS)
     env.reset([0, 1])
     for _ in range(5):
         env.step(None)

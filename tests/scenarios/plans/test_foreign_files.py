@@ -172,7 +172,7 @@ def test_names_and_scenario_files_are_no_plans(tmp_path):
 
 def test_python_takes_what_the_command_line_takes(tmp_path):
     path = room_drawing(tmp_path / "room.dxf", 0, 100.0)
-    env = CrowdEnv(str(path), unit="cm", people=4, scheme="dem")
+    env = CrowdEnv(make_scenario(str(path), unit="cm"), people=4, physics="dem")
     env.reset(seed=0)
     assert env.num_people == 4 and env.scenarios[0].geometry.area == pytest.approx(48.0)
     others = ["0,100,0,220"]

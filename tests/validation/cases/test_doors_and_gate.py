@@ -79,7 +79,7 @@ def test_crowds_of_a_seed_are_the_same_for_every_scheme():
 
 def test_crowds_walk_as_environments_do():
     crowds = draw_crowds([doors.door(0.8, 24)], Setting("dem", "hurried", draws=1, strategy="shortest"))
-    env = CrowdEnv(doors.door(0.8, 24), scheme="dem", manner="hurried")
+    env = CrowdEnv(doors.door(0.8, 24), physics="dem", walking="hurried")
     env.reset([0])
     bodies, state = crowds.simulation.bodies, crowds.simulation.state
     env.simulation.restart(0, bodies._replace(env_start=np.array([0, len(bodies.radius)])), state.position.copy())
