@@ -16,11 +16,12 @@ from crowd_env.core.checks import flag, known
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
-from crowd_env.scenarios.floor_plan import PEOPLE, people_on, read_starts, scenario_on
+from crowd_env.scenarios.floor_plan import PEOPLE, people_on, scenario_on
 from crowd_env.scenarios.plans.reading import PLANS, read_plan
 from crowd_env.scenarios.plans.units import unit_in_meters
 from crowd_env.scenarios.population import DRAWN, Uniform
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.starts import read_starts
 from crowd_env.scenarios.titles import with_manner
 
 # What a command line says of a place.

@@ -43,7 +43,7 @@ def report(
         check_suffix(out, (".html",))
         check_place("--out", out)
         check_picture("--out", out.with_suffix(".png"), (".png",))  # the libraries that draw
-        runs = load_runs(folders, lambda config: place_of(config["arguments"])[:2])
+        runs = load_runs(folders, place_of)
         for remark in remarks_on(runs):
             notes.print(f"note: {remark}", style="yellow", markup=False, soft_wrap=True)
         measured = [of_one for one in runs if maps and (of_one := measure(one)) is not None]

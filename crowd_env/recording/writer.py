@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.geometry.aprons import add_aprons
+from crowd_env.geometry.boundary import add_aprons
 from crowd_env.recording.exits import APRON
 from crowd_env.recording.recording import Recording
 

@@ -14,8 +14,8 @@ from crowd_env.envs.rollout import Episode
 from crowd_env.physics import ContactScheme
 from crowd_env.scenarios.scenario import Scenario
 
-# Returns the place and the contact scheme that a config names.
-PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme]]
+# Returns the place and the contact scheme that the arguments of a config name, and more.
+PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme, Any]]
 
 # What tells runs apart, in the order in which it is looked for.
 _TELLING = ("scenario", "strategy", "scheme", "manner", "outline", "rules", "people", "seed")
@@ -97,7 +97,7 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
     if missing:
         raise ValueError(f"{folder / CONFIG} is not the config of crowd-env run: {missing[0]!r} is missing")
     try:
-        scenario, scheme = place_of(config)
+        scenario, scheme = place_of(config["arguments"])[:2]
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{folder}: the place of these runs cannot be read again: {error}") from None
     if fingerprint(scenario) != config["fingerprint"]:

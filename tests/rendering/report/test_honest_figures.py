@@ -98,7 +98,7 @@ def test_one_evacuation_is_one(folders: Path, tmp_path: Path) -> None:
 def test_a_dollar_in_the_name_of_a_plan_is_no_formula(name: str, tmp_path: Path) -> None:
     plan = tmp_path / name
     plan.write_text("POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))", "utf-8")
-    place = (plan, "--exit", "6,1,6,2.2", "--n", 3)
+    place = (plan, "--exit", "6,1,6,2.2", "--people", 3)
     assert command("plan", *place, "--out", tmp_path / "plan.png")[0] == 0
     code, _, said = command("run", *place, "--runs", 1, "--out", tmp_path / "runs")
     assert code == 0, said
