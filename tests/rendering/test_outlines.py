@@ -7,7 +7,7 @@ from cases import looped
 from outlined_crowds import TORSO, bodies_as_shapes, grains
 from shapely.geometry import box
 
-from crowd_env import CrowdEnv, Geometry, Physics, make_scenario
+from crowd_env import CrowdEnv, Geometry, Physics
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics.hertz import Hertz
 from crowd_env.physics.pressure import contact_forces
@@ -15,6 +15,7 @@ from crowd_env.recording import record
 from crowd_env.rendering.forces.network import force_network_figure
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.live import draw_env
+from crowd_env.scenarios import make_scenario
 
 ROOM = Geometry.from_polygon(box(0, 0, 4, 3))
 
