@@ -310,9 +310,16 @@ def variants(source: Source) -> Grid:
     """Return the flows of Table 5 with other readings of the room, and in how many runs people were left inside."""
     options = [
         "",
-        *(f"--door-width {width}" for width in (0.78, 0.86, 0.9)),
-        *(f"--target {target}" for target in ("centre", "nearest", "width")),
-        *("--side 8", "--dt 0.005", "--dt 0.001 --stiffness 1.2e6", "--stiffness 1.2e4", "--k-normal 80", "--seed 50"),
+        *(f"--set door_width={width}" for width in (0.78, 0.86, 0.9)),
+        *(f"--set target={target}" for target in ("centre", "nearest", "width")),
+        *(
+            "--set side=8",
+            "--set dt=0.005",
+            "--set dt=0.001 --set stiffness=1.2e6",
+            "--set stiffness=1.2e4",
+            "--set k_normal=80",
+            "--seed 50",
+        ),
     ]
     rows = [
         {"options": f"`{one}`" if one else "(none)", "r": _report(source, f"table5 {one}".strip())} for one in options
