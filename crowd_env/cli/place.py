@@ -1,7 +1,5 @@
 """What a command is about: a place, the people there, the physics between them and the routes that they take."""
 
-import importlib
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -13,6 +11,7 @@ from crowd_env.cli.console import OF_PEOPLE, OF_PHYSICS, OF_PLACE, OF_RUNS, comp
 from crowd_env.core.arrays.headway import MANNERS
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.checks import flag, known
+from crowd_env.core.files.own import load_own, names_own
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
@@ -130,7 +129,7 @@ def place_of(given: Mapping[str, Any]) -> Setting:
     """
     changes = split_changes(given.get("set"))
     named = given.get("physics") or "nsm2"
-    scheme = _own(named) if ".py:" in named else make_scheme(named)
+    scheme = make_scheme(load_own("--physics", named) if names_own(named) else named)
     owners = {
         "the crowd": ("outline", *_DRAWN),
         f"the physics {named}": ("dt", "max_drive", *(one.name for one in fields(scheme) if one.init)),
@@ -247,7 +246,7 @@ def files_of(given: Mapping[str, Any]) -> dict[str, Path]:
     """Return the files that options name, by the names of the options."""
     named = {} if given.get("scenario") in SCENARIOS else {"scenario": given["scenario"]}
     named |= {"starts": given["starts"]} if given.get("starts") is not None else {}
-    named |= {"physics": given["physics"].rpartition(":")[0]} if ".py:" in given.get("physics", "") else {}
+    named |= {"physics": given["physics"].rpartition(":")[0]} if names_own(given.get("physics", "")) else {}
     return {name: Path(file) for name, file in named.items()}
 
 
@@ -289,19 +288,3 @@ def _range(name: str, text: str) -> Uniform:
     if len(bounds) not in (1, 2):
         raise ValueError(f"--set {name}={text}: this must be one number or two separated by a comma, such as 0.2,0.25")
     return Uniform(bounds[0], bounds[-1])
-
-
-def _own(text: str) -> ContactScheme:
-    """Return the contact scheme in a file, such as ``my_law.py:MyLaw``: an object, or a class that takes no arguments."""
-    file, _, name = text.rpartition(":")
-    path = Path(file).resolve()
-    if not path.is_file():
-        raise ValueError(f"--physics {text}: there is no file {file}")
-    sys.path.insert(0, str(path.parent))  # also of the processes that compute runs
-    module = importlib.import_module(path.stem)
-    if Path(module.__file__ or "").resolve() != path:
-        raise ValueError(f"--physics {text}: another module is called {path.stem}; rename the file")
-    if not hasattr(module, name):
-        raise ValueError(f"--physics {text}: {file} has no {name}")
-    law = getattr(module, name)
-    return make_scheme(law() if isinstance(law, type) else law)
