@@ -1,4 +1,4 @@
-"""Draw every scenario and task into docs/images/gallery, and write docs/gallery.md: python -m examples.gallery (from the checkout).
+"""Draw every scenario and task, and write docs/gallery.md: python -m examples.gallery (from the checkout).
 
 A picture shows the moment of most pressure in the first ten seconds, everyone at full speed along the shortest route.
 """
