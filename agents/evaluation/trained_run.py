@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from crowd_env.analysis.results.report import named
+from crowd_env.analysis.figures import named
 from crowd_env.core.files.json_file import json_number, write_json
 from crowd_env.scenarios.titles import run_title
 

@@ -242,7 +242,7 @@ def test_the_same_seed_trains_the_same_policy(tmp_path):
         (("--decides", "pushing"), "unknown --decides pushing walking routing"),
         (("--set", "grid=2,1"), "--set grid --decides routing"),
         (("--set", "runners=2"), "--set runners=2 --backend rllib"),
-        (("--set", "tolerance=2"), "NAME=VALUE dt outline"),
+        (("--set", "tolerance=2"), "tolerance dt outline"),
         (("--decides", "routing", "--start", "follow"), "--start follow nearest exits"),
         (("--decides", "routing", "--scenario", "room-v0"), "nothing to choose"),
         (("--decides", "routing", "--set", "grid=1000,1000"), "--grid 10000"),

@@ -34,10 +34,9 @@ from crowd_env.agents.evaluation.same_draws import compare, summary
 from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.agents.training_config import RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.agents.options import Crowd, People, Place, Policies, changes
-from crowd_env.cli.completion import complete_from
-from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_RUNS, AsJson
-from crowd_env.cli.place import Exits, Unit, read_place
+from crowd_env.cli.agents.options import People, Place, Policies, changes
+from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_RUNS, AsJson, complete_from
+from crowd_env.cli.place import CrowdName, Exits, Unit, read_place
 from crowd_env.core.checks import Range, number, whole
 from crowd_env.core.console import friendly_errors, notes
 from crowd_env.core.executors import Executor, Serial, make_executor
@@ -60,7 +59,7 @@ def main(
     exit: Exits = None,
     unit: Unit = None,
     people: People = None,
-    crowd: Crowd = None,
+    crowd: CrowdName = None,
     set: Annotated[
         list[str] | None,
         typer.Option(

@@ -24,10 +24,9 @@ from crowd_env.agents.training_config import (
     task_config,
     task_of,
 )
-from crowd_env.cli.agents.options import Crowd, People, Place, Threads, changes
-from crowd_env.cli.completion import complete_from
-from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_RUNS
-from crowd_env.cli.place import Exits, Unit, plan_options
+from crowd_env.cli.agents.options import People, Place, Threads, changes
+from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_RUNS, complete_from
+from crowd_env.cli.place import CrowdName, Exits, Unit, plan_options
 from crowd_env.core.checks import known, whole
 from crowd_env.core.console import friendly_errors, notes
 from crowd_env.core.executors import check_cluster
@@ -78,7 +77,7 @@ def main(
     exit: Exits = None,
     unit: Unit = None,
     people: People = None,
-    crowd: Crowd = None,
+    crowd: CrowdName = None,
     set: Annotated[
         list[str] | None,
         typer.Option(

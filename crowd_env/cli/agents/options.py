@@ -1,6 +1,6 @@
 """Options that commands about policies share."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -8,9 +8,8 @@ import typer
 from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.tasks import TASKS
-from crowd_env.cli.completion import complete_from
-from crowd_env.cli.console import OF_PEOPLE, OF_PLACE, OF_RUNS
-from crowd_env.core.arrays.headway import MANNERS
+from crowd_env.cli.console import OF_PEOPLE, OF_PLACE, OF_RUNS, complete_from
+from crowd_env.cli.place import split_changes
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS
 
@@ -29,15 +28,6 @@ People = Annotated[
     int | None,
     typer.Option(help="Another number of people of the same kinds.", min=1, rich_help_panel=OF_PEOPLE),
 ]
-Crowd = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        autocompletion=complete_from(MANNERS),
-        rich_help_panel=OF_PEOPLE,
-        help=f"How people walk before they touch: {', '.join(MANNERS)}; default the place's.",
-    ),
-]
 Policies = Annotated[
     list[str] | None,
     typer.Option(
@@ -53,7 +43,7 @@ Policies = Annotated[
 Threads = Annotated[int, typer.Option(help="Of the simulation; results do not depend on it.", rich_help_panel=OF_RUNS)]
 
 
-def changes(texts: Collection[str] | None, kinds: Mapping[str, Any]) -> dict[str, Any]:
+def changes(texts: Sequence[str] | None, kinds: Mapping[str, Any]) -> dict[str, Any]:
     """Return what --set changes: NAME=VALUE, each turned into what ``kinds`` says of its name.
 
     Raises
@@ -62,12 +52,11 @@ def changes(texts: Collection[str] | None, kinds: Mapping[str, Any]) -> dict[str
         If one has another form, an unknown name, or a value that is none of its kind.
     """
     found = {}
-    for text in texts or ():
-        name, sign, value = (part.strip() for part in text.partition("="))
-        if not sign or name not in kinds:
-            raise ValueError(f"--set {text}: this must be NAME=VALUE; names are {', '.join(kinds)}")
+    for name, value in split_changes(texts).items():
+        if name not in kinds:
+            raise ValueError(f"--set {name}: nothing has this name; names are {', '.join(kinds)}")
         try:
             found[name] = kinds[name](value)
         except ValueError:
-            raise ValueError(f"--set {text}: {value!r} cannot be its value") from None
+            raise ValueError(f"--set {name}={value}: this cannot be its value") from None
     return found
