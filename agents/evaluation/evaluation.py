@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import CrowdEnv, EpisodeMetrics, Physics, Scenario, make_scenario
+from crowd_env.analysis.figures import column, figures_of, named
 from crowd_env.analysis.results.measurements import Measured, MeasurementRecorder
-from crowd_env.analysis.results.report import column, figures_of, named
 from crowd_env.core.arrays.headway import Manner
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.executors import Executor, Serial, WorkerDied

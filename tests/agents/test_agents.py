@@ -13,7 +13,7 @@ from crowd_env.agents import POLICIES, ShortestPath, make_policy
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate
 from crowd_env.agents.evaluation.report import comparison_table
 from crowd_env.agents.runs import new_folder, versions
-from crowd_env.analysis.results.report import report
+from crowd_env.analysis.figures import report
 from crowd_env.core.files.json_file import read_json, write_json
 from crowd_env.envs.rollout import run_episodes
 

@@ -35,8 +35,7 @@ from crowd_env.agents.evaluation.same_draws import compare, summary
 from crowd_env.agents.tasks import TASKS, Task, make_task
 from crowd_env.agents.training_config import RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.completion import complete_from
-from crowd_env.cli.console import MannerName, OutlineOption
+from crowd_env.cli.console import MannerName, OutlineOption, complete_from
 from crowd_env.cli.place import PLACES, Exits, Unit, complete_scenario, read_place
 from crowd_env.core.checks import Range, number, whole
 from crowd_env.core.console import friendly_errors, notes

@@ -23,8 +23,7 @@ from crowd_env.agents.training_config import (
     task_config,
     task_of,
 )
-from crowd_env.cli.completion import complete_from
-from crowd_env.cli.console import MannerName, OutlineOption
+from crowd_env.cli.console import MannerName, OutlineOption, complete_from
 from crowd_env.cli.place import PLACES, Exits, Unit, complete_scenario, plan_options
 from crowd_env.core.checks import known, whole
 from crowd_env.core.console import friendly_errors, notes

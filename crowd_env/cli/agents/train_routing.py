@@ -16,7 +16,7 @@ from crowd_env.agents.evaluation.routing import STRATEGIES, evaluate_controller
 from crowd_env.agents.runs import new_folder, versions
 from crowd_env.agents.trained import LearnedController
 from crowd_env.agents.training_config import RUNS, SEEDS, check_budget, check_envs, check_libraries
-from crowd_env.analysis.results.report import named
+from crowd_env.analysis.figures import named
 from crowd_env.cli.console import MannerName, OutlineOption
 from crowd_env.cli.place import PLACES, Exits, Unit, complete_scenario, plan_options
 from crowd_env.core.arrays.headway import plain_manner
