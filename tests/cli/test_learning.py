@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-import pytest
+from cases import looped
 from commands import call
 from repository import ROOT
 
@@ -17,7 +17,7 @@ def test_help_lists_them():
         assert f" {name} " in result.stdout
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@looped("name", COMMANDS)
 def test_each_tells_what_it_does(name):
     result = call(f"{name} --help")
     assert result.exit_code == 0, result.stderr

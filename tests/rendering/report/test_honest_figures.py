@@ -100,7 +100,7 @@ def test_a_dollar_in_the_name_of_a_plan_is_no_formula(name: str, tmp_path: Path)
     plan.write_text("POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))", "utf-8")
     place = (plan, "--exit", "6,1,6,2.2", "--people", 3)
     assert command("plan", *place, "--out", tmp_path / "plan.png")[0] == 0
-    code, _, said = command("run", *place, "--runs", 1, "--out", tmp_path / "runs")
+    code, _, said = command("run", *place, "--runs", 1, "--out", tmp_path / plan.stem)
     assert code == 0, said
-    code, _, said = command("report", tmp_path / "runs", "-o", tmp_path / "report.html")
+    code, _, said = command("report", tmp_path / plan.stem, "-o", tmp_path / "report.html")
     assert code == 0, said
