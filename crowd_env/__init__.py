@@ -25,14 +25,15 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
 from crowd_env.physics.pressure import contact_pressure, crowd_pressure
 from crowd_env.physics.simulation.simulation import Simulation
+from crowd_env.recording import Recording, record
 from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios import SCENARIOS, make_scenario
-from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt
 from crowd_env.scenarios.groups import Groups
 from crowd_env.scenarios.population import LogNormal, Normal, Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.starts import read_starts
 
 ROUTING = "crowd_env/Routing-v0"  # one controller that sends people to exits
 
@@ -69,6 +70,7 @@ __all__ = [
     "Outline",
     "Physics",
     "Population",
+    "Recording",
     "RewardTerm",
     "RewardWeights",
     "Route",
@@ -89,9 +91,9 @@ __all__ = [
     "make_vec",
     "parallel_env",
     "read_starts",
+    "record",
     "register",
     "rollout",
-    "scenario_from_wkt",
 ]
 
 

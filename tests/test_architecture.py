@@ -71,14 +71,14 @@ def only_in_extras() -> set[str]:
         ),
         (
             "from crowd_env.cli.main import app; app(prog_name='crowd-env')",
-            {"COMP_WORDS": "crowd-env run room-v0 --scheme hertz-", "COMP_CWORD": "4"},
+            {"COMP_WORDS": "crowd-env run room-v0 --physics hertz-", "COMP_CWORD": "4"},
         ),
     ],
     ids=["import", "version", "help", "completion of a command", "completion of a name"],
 )
 def test_what_begins_everything_loads_no_library_of_an_extra(program, asked):
     """Nor does the import load pydantic, which reads files, and which some versions of typer load for themselves."""
-    assert {"torch", "stable_baselines3", "matplotlib", "PIL", "pygame", "ray", "pyarrow", "ezdxf"} <= only_in_extras()
+    assert {"torch", "stable_baselines3", "matplotlib", "PIL", "pygame", "ray", "ezdxf"} <= only_in_extras()
     text = (
         f"import sys\ntry: exec({program!r})\n"
         "finally: print(*sorted({name.partition('.')[0] for name in sys.modules}), file=sys.stderr)"

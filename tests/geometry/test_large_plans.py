@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from evacuations import evacuated
 
 from crowd_env import Geometry, Population, Scenario, Uniform
-from crowd_env.geometry.depth import solid_depth
+from crowd_env.geometry.boundary import solid_depth
 from crowd_env.routing.fields import domain as navigation_plan
 from crowd_env.routing.fields.field import travel_time_field
 from crowd_env.scenarios.starts import closest_pair
@@ -46,6 +47,7 @@ def test_ways_on_a_coarse_grid_go_through_the_gap_not_the_wall(coarse):
     assert field.travel_time[low, left] > straight + 3.0
 
 
+@pytest.mark.more
 @pytest.mark.filterwarnings("ignore:the plan is")
 def test_bodies_get_out_by_ways_on_a_coarse_grid(coarse):
     people = Population(12, starts=np.column_stack([np.repeat([1.0, 2.0, 3.0], 4), np.tile([1.0, 4.0, 7.0, 11.0], 3)]))
@@ -103,7 +105,7 @@ def test_the_depth_of_walls_looks_only_at_what_is_near(monkeypatch):
     assert np.all(depth[round_ones] <= 0.2) and np.all(depth[~round_ones] == 0.25)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("area", "expected"),
     [
         (HALL, 0.25),

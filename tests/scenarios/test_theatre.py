@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from cases import looped
 from evacuations import evacuated
 
 from crowd_env import Routing
@@ -54,7 +55,7 @@ def test_other_numbers_of_people_have_seats_too():
         assert len(set(taken_seats(count))) == count == make_scenario("theatre-v0", people=count).population.people
     assert max(np.diff(taken_seats(150))) == 2 and min(taken_seats(150)) < SEATS_A_ROW  # over all rows
     for count in (0, 175):
-        with pytest.raises(ValueError, match=rf"count is {count}; it must be 1 to 174: the number of seats"):
+        with pytest.raises(ValueError, match=rf"people is {count}; it must be 1 to 174: the number of seats"):
             make_scenario("theatre-v0", people=count)
 
 
@@ -148,7 +149,8 @@ def with_others(crowd, **options):
     return names[: len(crowd)], dict(zip(ELSEWHERE, names[len(crowd) :], strict=True))
 
 
-@pytest.mark.parametrize(("crowd", "least", "turned", "to"), [
+@pytest.mark.more
+@looped(("crowd", "least", "turned", "to"), [
     (UPPER, 5, {"below 1"}, "B"),
     (LOWER, 5, {"below 2"}, "B"),
     (FLOOR, 15, {"in front"}, "A"),
@@ -161,6 +163,7 @@ def test_a_rule_turns_away_those_elsewhere_whose_way_leads_through(crowd, least,
         assert others == expected, count
 
 
+@pytest.mark.more
 def test_other_thresholds():
     assert with_others(UPPER[:2], crowded=(2, 5, 15))[1]["below 1"] == "B"
     assert with_others(UPPER[:6], crowded=(7, 5, 15))[1]["below 1"] == "out"
@@ -171,13 +174,15 @@ def exits_of(options, rules=True):
     return env.simulation.state.exit_time.copy(), env.simulation.state.position.copy()
 
 
+@pytest.mark.more
 def test_rules_that_are_never_on_change_nothing():
     for one, other in zip(exits_of({"crowded": (500, 500, 500)}), exits_of({}, rules=False), strict=True):
         np.testing.assert_array_equal(one, other)
     assert not np.array_equal(exits_of({})[1], exits_of({}, rules=False)[1])
 
 
-@pytest.mark.parametrize("scheme", [SCHEME, "nsm2", "dem"], ids=["reproduction", "nsm2", "dem"])
+@pytest.mark.more
+@looped("scheme", [SCHEME, "nsm2", "dem"], ids=["reproduction", "nsm2", "dem"])
 def test_everybody_gets_out(scheme):
     env = evacuated("theatre-v0", num_envs=2, physics=scheme, seed=[5, 6])
     for e in range(2):
@@ -187,6 +192,7 @@ def test_everybody_gets_out(scheme):
     assert 30 * 2 < (names == "A").sum() < 55 * 2
 
 
+@pytest.mark.more
 def test_rules_turn_nobody_away_from_the_fastest_way_which_is_faster_than_the_shortest():
     options = {"scheme": "dem", "num_envs": 3, "seed": [1, 2, 3]}
     shortest = evacuated("theatre-v0", **options).simulation.state.exit_time

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from cases import looped
 from commands import call
 from plan_files import EAST, ROOM, room_drawing
 from typer.testing import CliRunner
@@ -10,6 +11,8 @@ from typer.testing import CliRunner
 from crowd_env.agents.training_config import extended, place_of, task_of
 from crowd_env.cli.agents.evaluate import app as evaluate
 from crowd_env.cli.agents.learn import _begun
+
+pytestmark = pytest.mark.more
 
 CM = "800,200,800,320"
 
@@ -22,7 +25,7 @@ def plan(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("command", ["run {} --scheme dem --runs 1 --json", "clogging {} --scheme dem --runs 1 --json"])
+@looped("command", ["run {} --physics dem --runs 1 --json", "clogging {} --physics dem --runs 1 --json"])
 def test_a_plan_and_its_options_are_understood(command, plan):
     result = call(command.format(f"{plan} --exit {CM} --unit cm --n 6"))
     assert result.exit_code == 0 and result.stderr == "", result.output
@@ -36,7 +39,7 @@ def test_a_plan_is_drawn(plan, tmp_path):
 
 
 def test_policies_are_compared_on_a_plan(plan):
-    line = f"--scenario {plan} --exit {CM} --unit cm --people 5 --policies shortest --schemes dem --runs 1 --json"
+    line = f"--scenario {plan} --exit {CM} --unit cm --people 5 --policies shortest --physics dem --runs 1 --json"
     result = CliRunner().invoke(evaluate, line.split())
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["people"] == 5
@@ -54,7 +57,7 @@ def test_policies_are_trained_on_a_plan(plan):
         extended(config, {"unit": "mm"}, [], "run")
 
 
-@pytest.mark.parametrize(
+@looped(
     ("given", "words"),
     [
         ({"exit": ["1,2,3,4"]}, "--exit is for floor plans"),
@@ -67,7 +70,7 @@ def test_options_of_plans_belong_to_plans(given, words):
         _begun(given, seed=0)
 
 
-@pytest.mark.parametrize("option", ["--exit 1,2,3,4", "--unit cm"])
+@looped("option", ["--exit 1,2,3,4", "--unit cm"])
 def test_a_task_says_where_people_walk(option):
     result = CliRunner().invoke(evaluate, f"--task room {option}".split())
     assert result.exit_code == 2 and "--task room says where people walk" in result.stderr
@@ -77,7 +80,7 @@ def test_notes_stand_before_the_table_once(tmp_path):
     room_drawing(tmp_path / "room.dxf", 4)
     (tmp_path / "two.wkt").write_text(f"GEOMETRYCOLLECTION ({ROOM.wkt}, POLYGON ((10 0, 12 0, 12 2, 10 2, 10 0)))")
     for name, note in (("room.dxf", "the file says that it is in mm"), (f"two.wkt --exit {EAST}", "left out")):
-        result = call(f"run {tmp_path}/{name} --scheme dem --n 3 --runs 1")
+        result = call(f"run {tmp_path}/{name} --physics dem --people 3 --runs 1")
         assert result.exit_code == 0
         (line,) = [one for one in result.stderr.splitlines() if one]
         assert line.startswith("note: ") and note in line
