@@ -249,7 +249,7 @@ SENTENCES = {
     "dem: stiffness is nan; it must be > 0": lambda: DEM(stiffness=NAN),
     "nsm1: tolerance is 0.0; it must be > 0": lambda: NSM1(tolerance=0.0),
     "nsm1: unknown trial 'eager'; known: spontaneous, inertial": lambda: NSM1(trial="eager"),
-    "nsm1: unknown solver 'magic'; known: auto, gauss-seidel, accelerated": lambda: NSM1(solver="magic"),
+    "nsm1: unknown solver 'magic'; known: accelerated, gauss-seidel": lambda: NSM1(solver="magic"),
     "nsm2: normal_dissipation is -1.0; it must be >= 0": lambda: NSM2(normal_dissipation=-1.0),
     "K_N - 2 m_e": lambda: NSM2(normal_dissipation=-2.0),
     "nsm2: tangential_dissipation is -1.0; it must be >= 0": lambda: NSM2(tangential_dissipation=-1.0),
