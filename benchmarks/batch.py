@@ -1,100 +1,106 @@
-"""The batch environment over arrays: physics, observation, reward and automatic restart, a decision each 0.1 s.
+"""Environments that are stepped: batches of rooms over arrays, and 200 agents as PettingZoo's dictionaries.
 
-Everyone acts (1, 0), straight to the exit, through the same door as a policy's actions.  Before anything is measured the batch
-runs for 10 simulated seconds (or as long as there is patience), so that rooms are in several phases of an evacuation.  An
-agent-step is one decision (ten physics steps; hertz: a hundred) of someone who is inside; slots of people who are out are not
-counted.
+Everyone acts (1, 0), straight to the exit.  An agent-step is one decision of 0.1 s of a pedestrian who is inside, with physics,
+observation, reward and automatic restart.  Before anything is measured a batch runs for 10 simulated seconds, so that rooms are
+in several phases of an evacuation.
 """
 
-import time
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from benchmarks.measuring import Contender, Effort, Row, Sample, Stopwatch, in_turn, significant, times_better
+from benchmarks.measuring import Effort, Row, Sample, Stopwatch, in_turn, timed
 from benchmarks.peers import batch_rivals
-from crowd_env import SCHEMES, CrowdEnv, Physics
+from crowd_env import SCHEMES, CrowdEnv, Physics, make_scenario, parallel_env
 
-SIZES = ((256, 20), (256, 50))  # rooms of 5 m, people in each
-_SETTLE = 100  # decision steps
-_SETTLE_CPU = 6.0  # blocks: settling takes no longer
-_RATE = "1/CPU s"
+SIZES = ((1, 20), (256, 20), (256, 50))  # rooms of 5 m, people in each
+OWN = tuple(name for name in SCHEMES if name != "hertz-literal")
+RATE = "agent-steps per CPU s"
+_SETTLE, _EPISODE = 100, 50  # decision steps, of a batch before it is measured, and of a run over dictionaries
 
 
 class Rooms:
     """A batch of rooms under one scheme."""
 
-    peer = None
     whole = 8.0  # s    about an evacuation: shorter blocks see only a phase of it
 
-    def __init__(self, scheme: str, rooms: int, people: int, settle: int, effort: Effort, threads: int = 1) -> None:
-        self.name = scheme
-        self.env = CrowdEnv(
-            "room-v0", num_envs=rooms, physics=Physics(scheme, threads=threads), autoreset=True, people=people
-        )
+    def __init__(
+        self, scheme: str, rooms: int, people: int, settle: int = _SETTLE, threads: int = 1, **options: float
+    ) -> None:
+        self.name, place = f"{scheme}, {rooms} x {people}", make_scenario("room-v0", people=people, **options)
+        self.env = CrowdEnv(place, num_envs=rooms, physics=Physics(scheme, threads=threads), autoreset=True)
         self.env.reset(seed=0)
         self._forward = np.tile(np.array([1.0, 0.0], dtype=np.float32), (self.env.num_people, 1))
-        begin = time.process_time()
         for _ in range(settle):
             self.env.step(self._forward)
-            if time.process_time() - begin > _SETTLE_CPU * effort.seconds:
-                break
-        self._physics = Stopwatch(self.env.simulation, "advance")
-        self._spent, self._inside, self._slots = 0.0, 0, 0
+        self.physics, self.spent, self.inside, self.slots = Stopwatch(self.env.simulation, "advance"), 0.0, 0, 0
 
     def block(self, effort: Effort) -> Sample:
         """Make decisions for about ``effort.seconds`` of CPU time."""
-        begin, clock, decisions, inside = time.process_time(), time.perf_counter(), 0, 0
-        while time.process_time() - begin < effort.seconds:
+        cpu = clock = 0.0
+        decisions = inside = 0
+        while cpu < effort.seconds:
             inside += int(self.env.active.sum())
-            self.env.step(self._forward)
-            decisions += 1
-        spent = time.process_time() - begin
-        self._spent += spent
-        self._inside += inside
-        self._slots += decisions * self.env.num_people
-        return Sample(spent, time.perf_counter() - clock, decisions * self.env.decision_dt, inside)
-
-    @property
-    def share_of_physics(self) -> float:
-        """Share of the CPU time so far that went to `Simulation.advance`."""
-        return min(1.0, self._physics.seconds / self._spent)
-
-    @property
-    def share_inside(self) -> float:
-        """Share of slots so far with someone inside."""
-        return self._inside / self._slots
+            more = timed(lambda: self.env.step(self._forward))
+            cpu, clock, decisions = cpu + more[0], clock + more[1], decisions + 1
+        self.spent, self.inside, self.slots = (
+            self.spent + cpu,
+            self.inside + inside,
+            self.slots + decisions * self.env.num_people,
+        )
+        return Sample(cpu, clock, decisions * self.env.decision_dt, inside)
 
 
-def rows(effort: Effort, sizes: Sequence[tuple[int, int]] = SIZES, settle: int = _SETTLE) -> list[Row]:
-    """Return the figures of every scheme and size."""
-    schemes = [name for name in SCHEMES if name != "hertz-literal"]
+class Dictionaries:
+    """A PettingZoo ParallelEnv in which everyone acts with an array of their own; reset after every 50 steps, uncounted."""
+
+    whole = 0.0
+
+    def __init__(self, agents: int) -> None:
+        self.name, self._left = f"nsm2, dictionaries of {agents}", 0
+        place = make_scenario("room-v0", people=agents, side=15.0, door_width=1.0)
+        self._env = parallel_env(place, physics="nsm2")
+        self._actions = {agent: np.array([1.0, 0.0], dtype=np.float32) for agent in self._env.possible_agents}
+
+    def block(self, effort: Effort) -> Sample:
+        """Step for about ``effort.seconds`` of CPU time."""
+        cpu = clock = 0.0
+        agents = decisions = 0
+        while cpu < effort.seconds:
+            if self._left == 0 or not self._env.agents:
+                self._env.reset(seed=0)
+                self._left = _EPISODE
+            actions = {agent: self._actions[agent] for agent in self._env.agents}
+            more = timed(lambda actions=actions: self._env.step(actions))  # type: ignore[misc]
+            cpu, clock, agents = cpu + more[0], clock + more[1], agents + len(actions)
+            decisions, self._left = decisions + 1, self._left - 1
+        return Sample(cpu, clock, 0.1 * decisions, agents)
+
+
+def rows(
+    effort: Effort, sizes: Sequence[tuple[int, int]] = SIZES, settle: int = _SETTLE, schemes: Sequence[str] = OWN
+) -> list[Row]:
+    """Return agent-steps, the share of the physics, and the ratio to other environments, for every scheme and size."""
     found: list[Row] = []
     for rooms, people in sizes:
-        found += measure(effort, schemes, rooms, people, settle)
+        effort.tell(f"{rooms} x {people}: letting rooms fall out of step")
+        ours = [Rooms(scheme, rooms, people, settle) for scheme in schemes]
+        theirs = batch_rivals(rooms, people, effort) if rooms > 1 else []
+        samples = in_turn([*ours, *theirs], effort)
+        found += [Row(one.name, RATE, sample.rate) for one, sample in zip([*ours, *theirs], samples, strict=True)]
+        for one, mine in zip(ours, samples, strict=False):
+            found.append(Row(one.name, "physics, of CPU time", min(1.0, one.physics.seconds / one.spent)))
+            found.append(Row(one.name, "inside, of slots", one.inside / one.slots))
+            for other, sample in zip(theirs, samples[len(ours) :], strict=True):
+                found.append(Row(one.name, f"times {other.name.partition(',')[0]}", mine.rate / sample.rate))
     return found
 
 
-def measure(effort: Effort, schemes: Sequence[str], rooms: int, people: int, settle: int) -> list[Row]:
-    """Return agent-steps per CPU second, the share of the physics, and the ratio to other environments."""
-    ours: list[Rooms] = []
-    for scheme in schemes:
-        effort.tell(f"{scheme}, {rooms} x {people}: letting rooms fall out of step")
-        ours.append(Rooms(scheme, rooms, people, settle, effort))
-    others = batch_rivals(rooms, people, effort)
-    contenders: list[Contender] = [*ours, *others]
-    samples = in_turn(contenders, effort)
-    found: list[Row] = []
-    for one, sample in zip(contenders, samples, strict=True):
-        # Other environments come in sizes of their own and say so in their names.
-        name = one.name if one.peer else f"{one.name}, {rooms} x {people}"
-        found.append(Row(f"{name}: agent-steps", significant(sample.rate, 3), _RATE, one.peer))
-        if isinstance(one, Rooms):
-            found.append(Row(f"{name}: in physics", significant(one.share_of_physics, 2), "of CPU time"))
-            found.append(Row(f"{name}: inside", significant(one.share_inside, 2), "of slots"))
-    for mine, sample in zip(ours, samples, strict=False):
-        for rival, theirs in zip(others, samples[len(ours) :], strict=True):
-            what = f"{mine.name}, {rooms} x {people}: agent-steps"
-            ratio = times_better(sample.rate, theirs.rate, _RATE)
-            found.append(Row(what, significant(sample.rate, 3), _RATE, f"{rival.name} ({rival.peer})", ratio))
-    return found
+def dictionaries(effort: Effort, agents: int = 200) -> list[Row]:
+    """Return agent-steps of dictionaries, and how many times those of arrays in the same room they are."""
+    arrays = Rooms("nsm2", 1, agents, settle=0, side=15.0, door_width=1.0)
+    both: list[Any] = [Dictionaries(agents), arrays]
+    samples = in_turn(both, effort)
+    found = [Row(one.name, RATE, sample.rate) for one, sample in zip(both, samples, strict=True)]
+    return [*found, Row(both[0].name, "times arrays", samples[0].rate / samples[1].rate)]

@@ -4,75 +4,44 @@ import json
 import os
 import platform
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import (
-    batch,
-    big,
-    cold,
-    dictionaries,
-    hall,
-    headway,
-    jam,
-    memory,
-    plots,
-    roofline,
-    room20,
-    scaling,
-    train,
-)
-from benchmarks.measuring import Effort, Row
-from benchmarks.tables import Grid, grids
-from crowd_env.core.console import check_folder, friendly_errors, notes
-from crowd_env.core.files.json_file import write_json
+from benchmarks import batch, cold, crowds, memory, scaling, train
+from benchmarks.measuring import Effort, Row, grid
+from crowd_env.core.console import friendly_errors, notes
+from validation.pages import TABLES, fill_pages, write_table
 
 # Name -> function that measures.
 CASES: dict[str, Callable[[Effort], list[Row]]] = {
-    "room20": room20.rows,
-    "big": big.rows,
-    "hall": hall.rows,
-    "jam": jam.rows,
-    "headway": headway.rows,
+    **{name: partial(crowds.rows, name) for name in crowds.CASES},
     "batch": batch.rows,
-    "dict": dictionaries.rows,
+    "dict": batch.dictionaries,
     "train": train.rows,
-    "roofline": roofline.rows,
     "scaling": scaling.rows,
     "memory": memory.rows,
     "cold": cold.rows,
 }
 
 
-def report(case: str, effort: Effort) -> dict[str, Any]:
-    """Return the figures of a case, ready for JSON."""
-    before = _load("before")
-    found = [*CASES[case](effort), *before, *_load("after"), machine()]
-    return {"case": case, "rows": [row._asdict() for row in found]}
+def load() -> str:
+    """Return the load average of the last minute: what else the machine is doing, from which figures suffer."""
+    return f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "unknown"
 
 
-def _load(when: str) -> list[Row]:
-    """What else the machine is doing: the figures suffer from it."""
-    try:
-        return [Row(f"load average of the last minute, {when}", round(os.getloadavg()[0], 2), "1")]
-    except (AttributeError, OSError):  # not on every system
-        return []
-
-
-def machine() -> Row:
+def machine() -> str:
     """Return the type of the processor and how many cores it has."""
-    name = platform.processor() or platform.machine()
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        name = next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):  # not Linux
-        pass
-    return Row(f"processor {name}", float(os.cpu_count() or 1), "cores")
+    name, info = platform.processor() or platform.machine(), Path("/proc/cpuinfo")
+    if info.exists():
+        lines = info.read_text(encoding="utf-8").splitlines()
+        name = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), name)
+    return f"{name}, {os.cpu_count() or 1} cores"
 
 
 def run(
@@ -83,69 +52,43 @@ def run(
     peer_seconds: Annotated[float, typer.Option(help="Seconds after which a peer's block is cut short.")] = 10.0,
     max_people: Annotated[int, typer.Option(help="Leave out larger crowds.")] = 100_000,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a case, each on a line.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Also write CASE.json, and plots, into this folder.")] = None,
+    as_csv: Annotated[
+        bool, typer.Option("--csv", help="Also write docs/tables/benchmark-CASE.csv, and the pages of docs/.")
+    ] = False,
 ) -> None:
-    """Measure how fast crowd_env is, against itself, the machine and other programs; a few minutes for all cases.
+    """Measure how fast crowd_env is, against itself and other programs; a few minutes for all cases.
 
-    Figures are of CPU time; compare those of one run.  `python -m benchmarks.report DIR` puts what --out has written into
-    docs/performance.md.
+    Figures are of CPU time; compare those of one run.
     """
     with friendly_errors():
         chosen = case or list(CASES)
         for name in chosen:
             if name not in CASES:
                 raise ValueError(f"unknown case {name!r}; known: {', '.join(CASES)}")
-        if out is not None:
-            check_folder("--out", out)
         for name in chosen:
             with notes.status(f"{name} ...") as status:
-                effort = Effort(seconds, blocks, peers, peer_seconds, max_people, _teller(name, status.update))
-                result = report(name, effort)
-            if out is not None:
-                write_json(out / f"{name}.json", result)
-                plots.draw(result, out)
+                tell = lambda what, name=name, status=status: status.update(f"{name}: {what}")  # noqa: E731
+                effort, before = Effort(seconds, blocks, peers, peer_seconds, max_people, tell), load()
+                rows = CASES[name](effort)
+            made_on = f"load {before} before, {load()} after; {machine()}"
+            if as_csv:
+                command = f"python -m benchmarks {name}{' --peers' if peers else ''} --csv"
+                write_table(f"benchmark-{name}", grid(rows), command, made_on, TABLES)
+                fill_pages()
             if as_json:
-                typer.echo(json.dumps(result))
+                typer.echo(json.dumps({"case": name, "machine": made_on, "rows": [row._asdict() for row in rows]}))
             else:
-                show(result)
+                show(name, grid(rows), made_on)
 
 
-def _teller(case: str, update: Callable[[str], None]) -> Callable[[str], None]:
-    """Return what tells of progress: on a terminal in place, else a line for each thing."""
-
-    def tell(what: str) -> None:
-        if notes.is_terminal:
-            update(f"{case}: {what}")
-        elif "block" not in what:
-            notes.print(f"{case}: {what}", markup=False, soft_wrap=True)
-
-    return tell
-
-
-def show(result: dict[str, Any]) -> None:
-    """Print the tables of a case."""
-    console = Console()
-    for k, grid in enumerate(grids(result)):
-        console.print(_table(grid, result["case"] if k == 0 else None))
-        for line in grid.legend:
-            console.print(line, markup=False, highlight=False)
-
-
-def _table(grid: Grid, title: str | None) -> Table:
-    table = Table(
-        title=title,
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        padding=(0, 1, 0, 0),
-        show_header=any(grid.head),
-    )
-    for k, head in enumerate(grid.head):
-        words = max((len(word) for word in head.replace(", ", " ").split()), default=0)
-        table.add_column(head.replace(", ", "\n"), justify="right" if k else "left", min_width=min(words, 16))
-    for line in grid.lines:
+def show(case: str, figures: list[list[str]], made_on: str) -> None:
+    """Print the table of a case, as wide as it needs to be where there is no terminal."""
+    table = Table(title=case, title_justify="left", caption=made_on, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for k, head in enumerate(figures[0]):
+        table.add_column(head, justify="right" if k else "left")
+    for line in figures[1:]:
         table.add_row(*line)
-    return table
+    Console(width=None if notes.is_terminal else 160).print(table)
 
 
 def main() -> None:

@@ -10,40 +10,37 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.measuring import Effort, Row, significant
+from benchmarks.measuring import Effort, Row
 
 PROGRAM = """
 import json, time
 begin = time.perf_counter()
 import crowd_env
 imported = time.perf_counter()
-env = crowd_env.CrowdEnv("room-v0", scheme={scheme!r})
+env = crowd_env.CrowdEnv("room-v0", physics="nsm2")
 env.reset(seed=0)
 env.step(None)
-print(json.dumps({{"import": imported - begin, "first step": time.perf_counter() - imported, "CPU": time.process_time()}}))
+stepped = time.perf_counter()
+print(json.dumps({"import, s": imported - begin, "first step, s": stepped - imported, "CPU s": time.process_time()}))
 """
 
 
-def rows(effort: Effort, scheme: str = "nsm2") -> list[Row]:
+def rows(effort: Effort) -> list[Row]:
     """Return seconds on the clock, and CPU seconds of the whole process; a block is one warm start."""
     with tempfile.TemporaryDirectory() as cache:
-        cold = start(scheme, cache)
-        warm = [start(scheme, cache) for _ in range(effort.blocks)]
-    figures = {
-        "import": min(run["import"] for run in warm),
-        "first step, empty cache": cold["first step"],
-        "first step, filled cache": min(run["first step"] for run in warm),
-    }
-    found = [Row(f"{scheme}: {what}", significant(value, 3), "s") for what, value in figures.items()]
-    found.append(Row(f"{scheme}: whole process, empty cache", significant(cold["CPU"], 3), "CPU s"))
-    found.append(Row(f"{scheme}: whole process, filled cache", significant(min(r["CPU"] for r in warm), 3), "CPU s"))
-    return found
+        cold, *warm = (start(cache) for _ in range(1 + effort.blocks))
+    best = {name: min(run[name] for run in warm) for name in cold}
+    return [
+        Row(f"nsm2, {who} cache", name, value)
+        for who, figures in (("empty", cold), ("filled", best))
+        for name, value in figures.items()
+    ]
 
 
-def start(scheme: str, cache: str) -> dict[str, float]:
+def start(cache: str) -> dict[str, float]:
     """Run a new process with its kernels in ``cache``; return what it printed."""
     result = subprocess.run(
-        [sys.executable, "-c", PROGRAM.format(scheme=scheme)],
+        [sys.executable, "-c", PROGRAM],
         cwd=Path(__file__).resolve().parent.parent,
         env={**os.environ, "NUMBA_CACHE_DIR": cache},
         capture_output=True,

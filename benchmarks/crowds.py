@@ -1,174 +1,144 @@
-"""Crowds of one place, in turn with other programs: CPU time, person-steps, contacts and overlaps."""
+"""Crowds of one place, in turn with other programs: CPU time, person-steps, contacts and overlaps.
 
-import time
-from collections.abc import Sequence
-from typing import Any
+room20
+    The room of Pécol et al. with 20 people, until it is empty.
+big
+    A room of 15 m with a door of 1 m: the first 20 s, in which the crowd packs in front of the door.
+hall
+    A square hall at 1.33 people/m2 with an exit of 4 m: people walk, few touch; the first 4 s.
+jam
+    A crowd at 6 people/m2 that touches and pushes to a door of 1.2 m.  People push for 0.1 s before anything is measured; then
+    1 s counts (0.2 s of more than 10,000 people).  Overlaps belong to the speed: a solver that stops early is fast.
+headway
+    Hall and jam, with people who keep a distance and without.
+"""
 
-from benchmarks.measuring import Contender, Effort, Row, Sample, in_turn, significant, times_better
-from benchmarks.scenes import Depths, Floats, Scene, chosen
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks.measuring import Effort, Row, Sample, in_turn, timed
+from benchmarks.peers import rivals
+from benchmarks.scenes import Floats, Scene, big, chosen, hall, jam, overlaps, room20
 from crowd_env import SCHEMES, Bodies, Simulation, make_state
 from crowd_env.physics import NSM1, ContactScheme
 
-COST = "CPU s per s"  # CPU seconds per simulated second
-# Scheme and time step [s].
-PAIRS = (("dem", 0.001), ("dem", 0.01), ("nsm1", 0.01), ("nsm2", 0.01), ("hertz", 0.001))
-DEFAULT_PAIRS = tuple(
-    (name, scheme.info.default_dt) for name, scheme in SCHEMES.items() if name not in ("hertz-literal", "nsm2-printed")
-)
-# What is measured besides the schemes as they are.  The loose nsm1 stops where its overlap is a tenth of pymunk's, "1e-3"
-# where the residual has fallen to that share of what it was.
+COST, RATE = "CPU s per simulated s", "person-steps per CPU s"
+
+
+class Way(NamedTuple):
+    """A scheme, its time step [s], and how people walk."""
+
+    scheme: str
+    dt: float
+    manner: str | None = None
+
+
+OWN = [
+    Way(name, scheme.info.default_dt)
+    for name, scheme in SCHEMES.items()
+    if name not in ("hertz-literal", "nsm2-printed")
+]
+PAIRS = [Way("dem", 0.001), Way("dem", 0.01), Way("nsm1", 0.01), Way("nsm2", 0.01), Way("hertz", 0.001)]
+# The loose nsm1 stops where its overlap is a tenth of pymunk's, "1e-3" where the residual has fallen to that share.
 VARIANTS: dict[str, ContactScheme] = {
     "nsm1 loose": NSM1(tolerance=0.13),
     "nsm1 1e-3": NSM1(tolerance=1.0, relative_tolerance=1e-3),
 }
-JAM_PAIRS = (
-    ("dem", 0.001),
-    ("dem", 0.01),
-    ("nsm1", 0.01),
-    ("nsm1 loose", 0.01),
-    ("nsm1 1e-3", 0.01),
-    ("nsm2", 0.01),
-    ("hertz", 0.001),
-)
-_SETTLE_CPU = 6.0  # blocks: settling takes no longer
+CALM = [way._replace(manner=manner) for way in OWN for manner in (None, "calm")]
+
+# Case -> scenes, their numbers of people, and who walks there.
+CASES: dict[str, list[tuple[Callable[[int], Scene], tuple[int, ...], list[Way]]]] = {
+    "room20": [(room20, (20,), OWN)],
+    "big": [(big, (100, 200, 300), OWN)],
+    "hall": [(hall, (1_000, 5_000, 20_000, 100_000), PAIRS)],
+    "jam": [(jam, (1_000, 5_000, 10_000, 100_000), [*PAIRS, *(Way(name, 0.01) for name in VARIANTS)])],
+    "headway": [(hall, (1_000, 10_000), CALM), (jam, (1_000, 10_000), CALM)],
+}
+_PARTS = 8  # calls of a run
 
 
 class Crowd:
     """A scene under one scheme, from its start or from where it has settled, over and over."""
 
-    peer = None
-
-    def __init__(
-        self,
-        scene: Scene,
-        scheme: str,
-        dt: float,
-        effort: Effort,
-        field: Any,
-        threads: int = 1,
-        look: bool = False,
-        manner: str | None = None,
-    ) -> None:
-        self.name = f"{scheme} {dt:g} s" + (f" {manner}" if manner else "")
-        self.whole = scene.horizon
-        self._scene = scene
-        self._patience = _SETTLE_CPU * effort.seconds
-        self._steps_per_call = 1
+    def __init__(self, scene: Scene, way: Way, field: Any, threads: int = 1) -> None:
+        self.name = f"{way.scheme} {way.dt:g} s" + (f" {way.manner}" if way.manner else "")
+        self.whole, self._scene = scene.horizon, scene
         self.simulation = Simulation(
             scene.geometry,
             Bodies._make(column.copy() for column in scene.bodies),
             make_state(scene.position),
-            scheme=VARIANTS.get(scheme, scheme),
-            dt=dt,
+            scheme=VARIANTS.get(way.scheme, way.scheme),
+            dt=way.dt,
             fields=[field],
             threads=threads,
-            manner=manner,
+            manner=way.manner,
         )
-        self.depths = Depths(scene) if look else None
-        self._begin = 0.0
-        self._fresh = True
-        self.simulation.advance(n_substeps=1)  # compiles
+        self._advance(1)  # compiles
         self._start()
+
+    def _advance(self, steps: int) -> None:
+        self.simulation.advance(n_substeps=steps)
 
     def _start(self) -> None:
         """Put everyone back and let the crowd settle."""
-        if not self._fresh or self._scene.settle == 0.0:
-            self.simulation.restart(0, self._scene.bodies, self._scene.position)
-        self._fresh = False
-        begin = time.process_time()
-        while self._time < self._scene.settle and time.process_time() - begin < self._patience:
-            self._advance(self._patience / 10.0, self._scene.settle)
-        self._begin = self._time
-
-    @property
-    def _time(self) -> float:
-        return float(self.simulation.state.time[0])
-
-    @property
-    def settled(self) -> float:
-        """How long [s] it settled before it was measured: less than the scene says if patience ran out."""
-        return min(self._begin, self._scene.settle)
-
-    def _advance(self, seconds: float, until: float) -> Sample:
-        """Make one call of about so many CPU seconds, at most to the time ``until``."""
-        simulation = self.simulation
-        steps = max(1, min(self._steps_per_call, round((until - self._time) / simulation.dt)))
-        before, start = int(simulation.inside[0]), self._time
-        clock, begin = time.perf_counter(), time.process_time()
-        simulation.advance(n_substeps=steps)
-        spent, clock = time.process_time() - begin, time.perf_counter() - clock
-        rounded = max(spent, 1e-5)
-        self._steps_per_call = max(1, int(min(2 * steps, steps * seconds / rounded)))
-        inside = 0.5 * (before + int(simulation.inside[0]))
-        return Sample(spent, clock, self._time - start, inside * round((self._time - start) / simulation.dt))
+        self.simulation.restart(0, self._scene.bodies, self._scene.position)
+        self._left = round(self._scene.horizon / self.simulation.dt)
+        if self._scene.settle:
+            self._advance(round(self._scene.settle / self.simulation.dt))
 
     def block(self, effort: Effort) -> Sample:
-        """Go on for about ``effort.seconds`` of CPU time and at least a step."""
+        """Go on for about ``effort.seconds`` of CPU time, at least an eighth of a run."""
         sums = Sample(0.0, 0.0, 0.0, 0.0)
         while sums.cpu < effort.seconds:
-            if self._time >= self._begin + self.whole - 1e-9 or not self.simulation.inside[0]:
+            if not self._left or not self.simulation.inside[0]:
                 self._start()
-            part = self._time + self.whole / 4.0 if self.depths else self._begin + self.whole
-            now = self._advance(effort.seconds / 4.0, min(part, self._begin + self.whole))
-            if self.depths:
-                self.depths.look(self._time - self._begin, self.now)
-            sums = Sample(*(a + b for a, b in zip(sums, now, strict=True)))
+            steps = min(self._left, -(-round(self.whole / self.simulation.dt) // _PARTS))
+            before, begin = int(self.simulation.inside[0]), float(self.simulation.state.time[0])
+            cpu, clock = timed(lambda steps=steps: self._advance(steps))  # type: ignore[misc]
+            simulated = float(self.simulation.state.time[0]) - begin
+            inside = 0.5 * (before + int(self.simulation.inside[0]))
+            now = Sample(cpu, clock, simulated, inside * round(simulated / self.simulation.dt))
+            sums, self._left = Sample(*map(sum, zip(sums, now, strict=True))), self._left - steps
         return sums
 
     def now(self) -> tuple[Bodies, Floats]:
         """Return those who are inside and where."""
-        who = self.simulation.state.active
-        return chosen(self.simulation.bodies, who), self.simulation.state.position[who]
+        inside = self.simulation.state.active
+        return chosen(self.simulation.bodies, inside), self.simulation.state.position[inside]
 
 
-def measure(
-    scene: Scene,
-    effort: Effort,
-    pairs: Sequence[tuple[str, float]],
-    rivals: Sequence[Contender] = (),
-    *,
-    detail: bool = True,
-) -> list[Row]:
-    """Return the figures of a scene under several schemes, and of ``rivals`` that walk in the same scene."""
+def rows(case: str, effort: Effort) -> list[Row]:
+    """Return the figures of a case, for all its scenes and sizes."""
+    return [
+        row
+        for make, sizes, ways in CASES[case]
+        for people in effort.sizes(sizes)
+        for row in measure(make(people), effort, ways, case)
+    ]
+
+
+def measure(scene: Scene, effort: Effort, ways: Sequence[Way], case: str = "") -> list[Row]:
+    """Return the figures of a scene under several schemes, and of other programs in the same scene."""
     effort.tell(f"{scene.people} people: placing them")
     field = scene.scenario.field()
-    ours = [Crowd(scene, scheme, dt, effort, field, look=detail) for scheme, dt in pairs]
-    contenders: list[Contender] = [*ours, *rivals]
-    found = in_turn(contenders, effort)
-    rows: list[Row] = []
-    for contender, sample in zip(contenders, found, strict=True):
-        name = f"{contender.name}, {scene.people} people"
-        rows.append(Row(f"{name}: CPU time", significant(sample.cost, 3), COST, contender.peer))
-        rows.append(Row(f"{name}: person-steps", significant(sample.rate, 3), "1/CPU s", contender.peer))
-        if detail:
-            rows += state_rows(name, contender)
-        seen = sample.simulated
-        if seen < 0.999 * contender.whole:
-            rows.append(Row(f"{name}: saw only", significant(seen, 3), "s", contender.peer))
-        if isinstance(contender, Crowd) and contender.settled < 0.999 * scene.settle:
-            rows.append(Row(f"{name}: settled for", significant(contender.settled, 3), "s"))
-        failed = getattr(contender, "failed_at", None)
-        if failed is not None:
-            rows.append(Row(f"{name}: stopped at", significant(failed, 3), "s", contender.peer))
-    count = len(ours)
-    for crowd, mine in zip(ours, found[:count], strict=True):
-        for rival, theirs in zip(rivals, found[count:], strict=True):
-            cost = significant(mine.cost, 3)
-            ratio = times_better(mine.cost, theirs.cost, COST)
-            what = f"{crowd.name}, {scene.people} people: CPU time"
-            rows.append(Row(what, cost, COST, f"{rival.name} ({rival.peer})", ratio))
-    return rows
-
-
-def state_rows(name: str, contender: Contender) -> list[Row]:
-    """Return contacts and overlaps, if they were looked at."""
-    depths: Depths | None = getattr(contender, "depths", None)
-    figures = None if depths is None else depths.figures()
-    if figures is None:
-        return []
-    p99, most, contacts = figures
-    return [
-        Row(f"{name}: overlap p99", significant(p99, 2), "mm", contender.peer),
-        Row(f"{name}: overlap max", significant(most, 2), "mm", contender.peer),
-        Row(f"{name}: in contact", significant(contacts, 2), "per person", contender.peer),
-    ]
+    ours = [Crowd(scene, way, field) for way in ways]
+    theirs = rivals(case, scene, effort)
+    contenders: list[Any] = [*ours, *theirs]
+    samples, place = in_turn(contenders, effort), f"{scene.place}, {scene.people} people"
+    found: list[Row] = []
+    for one, sample in zip(contenders, samples, strict=True):
+        who = f"{one.name}, {place}"
+        found += [Row(who, COST, sample.cost), Row(who, RATE, sample.rate)]
+        if scene.people <= 10_000:
+            bodies, position = one.now()
+            depths = 1e3 * overlaps(scene.geometry, bodies, position) if len(position) else np.empty(0)
+            found.append(Row(who, "contacts per person", len(depths) / max(len(position), 1)))
+            found.append(Row(who, "overlap p99, mm", float(np.percentile(depths, 99)) if len(depths) else 0.0))
+        if sample.simulated < 0.999 * one.whole:
+            found.append(Row(who, "saw only, s", sample.simulated))
+    for crowd, mine in zip(ours, samples, strict=False):
+        for rival, sample in zip(theirs, samples[len(ours) :], strict=True):
+            found.append(Row(f"{crowd.name}, {place}", f"times {rival.name}", sample.cost / mine.cost))
+    return found

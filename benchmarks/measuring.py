@@ -1,4 +1,4 @@
-"""What every case shares: rows, effort, blocks taken in turn, ratios, and the CPU time of one function among others."""
+"""What every case shares: rows, effort, blocks taken in turn, and figures as a table."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -7,17 +7,11 @@ from typing import Any, NamedTuple, Protocol
 
 
 class Row(NamedTuple):
-    """One figure; ``what`` reads "who, how many: quantity"."""
+    """One figure of one who is measured."""
 
-    what: str
+    who: str
+    quantity: str  # with its unit
     value: float
-    unit: str
-    peer: str | None = None  # whose figure it is; with a ratio: whom it is compared with
-    ratio: float | None = None  # how many times better than the peer, measured in turn with it
-
-
-def silent(_: str) -> None:
-    """Say nothing."""
 
 
 @dataclass(frozen=True)
@@ -39,16 +33,12 @@ class Effort:
     peers: bool = False
     peer_seconds: float = 10.0
     max_people: int = 100_000
-    tell: Callable[[str], None] = silent
+    tell: Callable[[str], object] = lambda _: None
 
     def __post_init__(self) -> None:
-        for name, value in (("--seconds", self.seconds), ("--peer-seconds", self.peer_seconds)):
-            if not 0 < value < float("inf"):
-                raise ValueError(f"{name} is {value}; it must be > 0 and finite")
-        if self.blocks < 1:
-            raise ValueError(f"--blocks is {self.blocks}; it must be at least 1")
-        if self.max_people < 1:
-            raise ValueError(f"--max-people is {self.max_people}; it must be at least 1")
+        for name in ("seconds", "blocks", "peer_seconds", "max_people"):
+            if not 0 < getattr(self, name) < float("inf"):
+                raise ValueError(f"--{name.replace('_', '-')} is {getattr(self, name)}; it must be > 0 and finite")
 
     def sizes(self, known: Sequence[int]) -> list[int]:
         """Return those of the known numbers of people that are not too large; the smallest in any case."""
@@ -75,22 +65,13 @@ class Sample(NamedTuple):
 
 
 class Contender(Protocol):
-    """Someone who is measured in turn with others."""
+    """One who is measured in turn with others: its name, and the simulated seconds of a whole run."""
 
     @property
-    def name(self) -> str:
-        """What the rows say."""
-        ...
+    def name(self) -> str: ...
 
     @property
-    def peer(self) -> str | None:
-        """Name and version if it is another program."""
-        ...
-
-    @property
-    def whole(self) -> float:
-        """Simulated seconds of a whole run: a block that is shorter saw only a part of it."""
-        ...
+    def whole(self) -> float: ...
 
     def block(self, effort: Effort) -> Sample:
         """Go on for about so long."""
@@ -98,17 +79,17 @@ class Contender(Protocol):
 
 
 def in_turn(contenders: Sequence[Contender], effort: Effort) -> list[Sample]:
-    """Measure all in turn, block by block, so that what else the machine does hits all alike.
+    """Measure all in turn, block by block, so that background load affects all equally.
 
     The fastest block of each counts.  If blocks saw only a part of a run, different parts, all of them count together:
     the fastest would be the easiest part.
     """
     blocks: list[list[Sample]] = [[] for _ in contenders]
     for turn in range(effort.blocks):
-        for k, contender in enumerate(contenders):
+        for mine, contender in zip(blocks, contenders, strict=True):
             effort.tell(f"{contender.name}, block {turn + 1} of {effort.blocks}")
-            blocks[k].append(contender.block(effort))
-    return [fastest(one, contender.whole) for one, contender in zip(blocks, contenders, strict=True)]
+            mine.append(contender.block(effort))
+    return [fastest(mine, contender.whole) for mine, contender in zip(blocks, contenders, strict=True)]
 
 
 def fastest(blocks: Sequence[Sample], whole: float) -> Sample:
@@ -118,20 +99,18 @@ def fastest(blocks: Sequence[Sample], whole: float) -> Sample:
     return max(blocks, key=lambda block: block.rate)
 
 
-def times_better(ours: float, theirs: float, unit: str) -> float:
-    """Return how many times better ``ours`` is: of costs theirs / ours, of rates (unit "1/...") ours / theirs."""
-    return significant(ours / theirs if unit.startswith("1/") else theirs / ours, 3)
+def timed(call: Callable[[], Any]) -> tuple[float, float]:
+    """Return the seconds that a call takes, of CPU time and on the clock."""
+    clock, begin = time.perf_counter(), time.process_time()
+    call()
+    return time.process_time() - begin, time.perf_counter() - clock
 
 
 class Stopwatch:
-    """Adds up the CPU time of the calls of one function.
-
-    >>> watch = Stopwatch(venv, "step_wait")   # from here on, calls of venv.step_wait are timed
-    """
+    """Adds up the CPU time of the calls of a method: ``watch = Stopwatch(venv, "step_wait")``."""
 
     def __init__(self, owner: Any, method: str) -> None:
         self.seconds = 0.0
-        self.calls = 0
         self._call: Callable[..., Any] = getattr(owner, method)
         setattr(owner, method, self._timed)
 
@@ -141,13 +120,20 @@ class Stopwatch:
             return self._call(*args, **kwargs)
         finally:
             self.seconds += time.process_time() - begin
-            self.calls += 1
-
-    def restart(self) -> None:
-        """Set the sum back to zero."""
-        self.seconds, self.calls = 0.0, 0
 
 
-def significant(value: float, digits: int = 4) -> float:
-    """Round to so many digits: more would pretend."""
-    return float(f"{value:.{digits}g}")
+def grid(rows: Sequence[Row]) -> list[list[str]]:
+    """Return figures as a table, the head first: a line for each who is measured, a column for each quantity."""
+    cells: dict[str, dict[str, str]] = {}
+    for row in rows:
+        cells.setdefault(row.who, {})[row.quantity] = number(row.value)
+    columns = list(dict.fromkeys(row.quantity for row in rows))
+    return [["", *columns], *([who, *(found.get(column, "") for column in columns)] for who, found in cells.items())]
+
+
+def number(value: float) -> str:
+    """Return a figure with three digits: more would pretend; large ones with a suffix."""
+    for limit, size, suffix in ((1e9, 1e9, " G"), (1e6, 1e6, " M"), (1e4, 1e3, " k")):
+        if abs(value) >= limit:
+            return f"{value / size:.3g}{suffix}"
+    return f"{float(f'{value:.3g}'):.6g}"

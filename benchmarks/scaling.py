@@ -1,8 +1,8 @@
 """How cost grows with the crowd and falls with threads.
 
-CPU time of a person-step in the jam against the number of people, with the exponent that a line through the logarithms fits:
-1 would be a cost that grows as the number of people, 2 as that of their pairs.  And the speed on the clock with more threads
-over that with one, of a batch of rooms and of one crowd; whoever shares the machine takes part of it away.
+CPU time of a person-step in the jam against the number of people, with the exponent of the whole step that a line through the
+logarithms fits: 1 is a cost that grows as the number of people, 2 as that of their pairs.  And the speed on the clock with more
+threads over that with one, of a batch of rooms and of one crowd.
 """
 
 import os
@@ -10,14 +10,12 @@ import os
 import numpy as np
 
 from benchmarks.batch import Rooms
-from benchmarks.crowds import Crowd
-from benchmarks.measuring import Effort, Row, Sample, in_turn, significant
+from benchmarks.crowds import Crowd, Way
+from benchmarks.measuring import Effort, Row, Sample, in_turn
 from benchmarks.scenes import jam
 
 SIZES = (1_000, 3_000, 10_000, 30_000, 100_000)
-_PAIRS = (("dem", 0.001), ("nsm1", 0.01), ("nsm2", 0.01), ("hertz", 0.001))
-_HORIZON = 0.1  # s    the same phase of the jam for all sizes
-_THREAD_CROWD = 100_000
+WAYS = (Way("dem", 0.001), Way("nsm1", 0.01), Way("nsm2", 0.01), Way("hertz", 0.001))
 
 
 def rows(effort: Effort) -> list[Row]:
@@ -26,57 +24,38 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def against_people(effort: Effort) -> list[Row]:
-    """Return CPU time per person-step against the number of people, and the exponent of the whole step.
-
-    A crowd whose settling was cut short is in another phase: it is shown, but left out of the exponent.
-    """
+    """Return CPU time per person-step against the number of people, in the same phase of the jam, and the exponent."""
     found: list[Row] = []
-    fitted: dict[str, list[tuple[int, float]]] = {}
+    points: dict[str, list[tuple[int, float]]] = {}
     for count in effort.sizes(SIZES):
-        effort.tell(f"{count} people")
-        scene = jam(count)._replace(horizon=_HORIZON)
+        scene = jam(count)._replace(horizon=0.1)
         field = scene.scenario.field()
-        crowds = [Crowd(scene, scheme, dt, effort, field) for scheme, dt in _PAIRS]
+        crowds = [Crowd(scene, way, field) for way in WAYS]
         for crowd, sample in zip(crowds, in_turn(crowds, effort), strict=True):
-            cost, name = sample.cpu / sample.steps, f"{crowd.name}, {count} people"
-            found.append(Row(f"{name}: a person-step", significant(1e9 * cost, 3), "CPU ns"))
-            points = fitted.setdefault(crowd.name, [])
-            if crowd.settled >= 0.999 * scene.settle:
-                points.append((count, cost))
-            else:
-                found.append(Row(f"{name}: settled for", significant(crowd.settled, 3), "s"))
-    found.sort(key=lambda row: [f"{scheme} {dt:g} s" for scheme, dt in _PAIRS].index(row.what.partition(",")[0]))
-    for name, points in fitted.items():
-        if len(points) > 1:
-            people, logs = np.log(np.array(points).T)
-            found.append(Row(f"{name}: exponent", significant(1.0 + np.polyfit(people, logs, 1)[0], 3), "of people"))
+            points.setdefault(crowd.name, []).append((count, sample.cpu / sample.steps))
+            found.append(Row(f"{crowd.name}, {count} people", "a person-step, CPU ns", 1e9 * sample.cpu / sample.steps))
+    for name, some in points.items():
+        if len(some) > 1:
+            people, cost = np.log(np.array(some).T)
+            found.append(Row(name, "exponent", 1.0 + float(np.polyfit(people, cost, 1)[0])))
     return found
 
 
-def against_threads(effort: Effort, rooms: int = 256, settle: int = 50) -> list[Row]:
+def against_threads(effort: Effort, rooms: int = 256, people: int = 100_000) -> list[Row]:
     """Return speed and CPU time with 2, 4 ... threads over those with one thread."""
-    most = max(2, os.cpu_count() or 1)
-    counts = [threads for threads in (1, 2, 4, 8, 16, 32) if threads <= most]
-    scene = jam(min(_THREAD_CROWD, effort.max_people))
+    counts = [threads for threads in (1, 2, 4, 8, 16, 32) if threads <= max(2, os.cpu_count() or 1)]
+    scene = jam(min(people, effort.max_people))
     field = scene.scenario.field()
     groups: dict[str, list[Rooms] | list[Crowd]] = {
-        f"dem, {rooms} x 20": [Rooms("dem", rooms, 20, settle, effort, threads) for threads in counts],
+        f"dem, {rooms} x 20": [Rooms("dem", rooms, 20, threads=threads) for threads in counts],
+        f"dem 0.001 s, {scene.people} people": [Crowd(scene, WAYS[0], field, threads) for threads in counts],
     }
-    for dt in (0.001, 0.01):
-        crowds = [Crowd(scene, "dem", dt, effort, field, threads) for threads in counts]
-        groups[f"dem {dt:g} s, {scene.people} people"] = crowds
     found: list[Row] = []
     for name, contenders in groups.items():
-        effort.tell(f"{name}: threads")
         samples: list[Sample] = in_turn(contenders, effort)
-        alone = samples[0]
         for threads, sample in zip(counts, samples, strict=True):
-            speed = (sample.steps / sample.clock) / (alone.steps / alone.clock)
-            found.append(Row(f"{name}, {threads} threads: speed on the clock", significant(speed, 3), "of one thread"))
-            if "people" in name:
-                pace = significant(sample.simulated / sample.clock, 3)
-                found.append(Row(f"{name}, {threads} threads: simulated", pace, "s per s on the clock"))
-            found.append(
-                Row(f"{name}, {threads} threads: CPU time", significant(alone.rate / sample.rate, 3), "of one thread")
-            )
+            speed = (sample.steps / sample.clock) / (samples[0].steps / samples[0].clock)
+            who = f"{name}, {threads} threads"
+            found.append(Row(who, "speed on the clock, of one thread", speed))
+            found.append(Row(who, "CPU time, of one thread", samples[0].rate / sample.rate))
     return found

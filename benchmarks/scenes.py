@@ -1,6 +1,5 @@
 """The crowds that are measured, the same for every scheme and every other program: places, people and where they stand."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -26,13 +25,13 @@ HALL_DENSITY = 1.33  # 1/m2
 _MARGIN = 0.2  # m between the walls and the centers of a jam
 _JITTER = 0.15  # m
 _CALM_STEPS = 250
-_MOMENTS = 4  # of a run at which overlaps are measured
 _TOUCH = 1e-3  # m    bodies nearer than this touch
 
 
 class Scene(NamedTuple):
     """One place with its people at the start; nobody overlaps."""
 
+    place: str
     scenario: Scenario
     bodies: Bodies
     position: Floats  # (N, 2)  m
@@ -52,18 +51,18 @@ class Scene(NamedTuple):
         return self.scenario.geometry
 
 
-def room20(seed: int = 0) -> Scene:
+def room20(people: int = 20, seed: int = 0) -> Scene:
     """Return the room of Pécol et al.: 5 m, a door of 0.82 m, 20 people; measured until it is empty."""
-    scenario = make_scenario("room-v0")
+    scenario = make_scenario("room-v0", people=people)
     bodies, position = scenario.population.draw(np.random.default_rng(seed), scenario.geometry)
-    return Scene(scenario, bodies, position, 5.0, 0.82, 0.0, 30.0)
+    return Scene("room", scenario, bodies, position, 5.0, 0.82, 0.0, 30.0)
 
 
 def big(count: int, seed: int = 0) -> Scene:
     """Return a room of 15 m with a door of 1 m; the first 20 s, in which the crowd packs in front of the door."""
     scenario = make_scenario("room-v0", side=15.0, door_width=1.0, population=_walkers(count))
     bodies, position = scenario.population.draw(np.random.default_rng(seed), scenario.geometry)
-    return Scene(scenario, bodies, position, 15.0, 1.0, 0.0, 20.0)
+    return Scene("room", scenario, bodies, position, 15.0, 1.0, 0.0, 20.0)
 
 
 def hall(count: int, seed: int = 0) -> Scene:
@@ -71,7 +70,7 @@ def hall(count: int, seed: int = 0) -> Scene:
     side = float(np.sqrt(count / HALL_DENSITY))
     scenario = make_scenario("room-v0", side=side, door_width=min(4.0, 0.5 * side), population=_walkers(count))
     bodies, position = scenario.population.draw(np.random.default_rng(seed), scenario.geometry)
-    return Scene(scenario, bodies, position, side, min(4.0, 0.5 * side), 0.0, 4.0)
+    return Scene("hall", scenario, bodies, position, side, min(4.0, 0.5 * side), 0.0, 4.0)
 
 
 def jam(count: int, seed: int = 0) -> Scene:
@@ -83,7 +82,7 @@ def jam(count: int, seed: int = 0) -> Scene:
     scenario = make_scenario("room-v0", side=side, door_width=door, population=people)
     bodies = people.draw_bodies(rng)._replace(relaxation_time=np.full(count, 0.5))
     bodies, position = relaxed(scenario.geometry, bodies, lattice(count, side, rng))
-    return Scene(scenario, bodies, position, side, door, 0.1, 1.0 if count <= 10_000 else 0.2)
+    return Scene("jam", scenario, bodies, position, side, door, 0.1, 1.0 if count <= 10_000 else 0.2)
 
 
 def _walkers(count: int) -> Population:
@@ -130,35 +129,6 @@ def overlaps(geometry: Geometry, bodies: Bodies, position: Floats, near: float =
     found = scene.contacts()
     depth = -found.gap - np.where(found.j >= 0, near, 0.5 * near)
     return np.asarray(np.maximum(0.0, depth[found.gap < 0.0]))
-
-
-class Depths:
-    """How deep a crowd overlaps at some moments of its first run."""
-
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._moments = [scene.horizon * (k + 1) / _MOMENTS for k in range(_MOMENTS)]
-        self._found: list[Floats] = []
-        self._people = 0
-
-    def look(self, time: float, now: Callable[[], tuple[Bodies, Floats]]) -> None:
-        """Measure if one of the moments [s after the scene settled] has come."""
-        if not self._moments or time < self._moments[0] - 1e-9:
-            return
-        while self._moments and time >= self._moments[0] - 1e-9:
-            self._moments.pop(0)
-        bodies, position = now()
-        if len(position):
-            self._found.append(1e3 * overlaps(self._scene.geometry, bodies, position))
-            self._people += len(position)
-
-    def figures(self) -> tuple[float, float, float] | None:
-        """Return the 99th percentile and the greatest overlap [mm], and contacts per person; None if it never looked."""
-        if not self._found:
-            return None
-        depths = np.concatenate(self._found)
-        p99, most = (float(np.percentile(depths, 99)), float(depths.max())) if len(depths) else (0.0, 0.0)
-        return p99, most, len(depths) / self._people
 
 
 def chosen(bodies: Bodies, who: NDArray[np.bool_]) -> Bodies:

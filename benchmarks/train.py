@@ -7,19 +7,17 @@ The learning rate has fallen to nothing by the time of the measurement, so that 
 update: every epoch runs.
 """
 
-import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.measuring import Effort, Row, Sample, Stopwatch, in_turn, significant, times_better
+from benchmarks.measuring import Effort, Row, Sample, Stopwatch, in_turn, timed
 from crowd_env import CrowdEnv
 
 if TYPE_CHECKING:
     from crowd_env.agents.learned import PPOSettings
 
-_RATE = "1/CPU s"
-_EMPTY = "the same PPO on an empty environment"
+RATE = "samples that count per CPU s"
 # Rollouts until as many are inside as later on: at first all rooms are full together.  Who counts in the empty environment is
 # taken from then: were it more, learning would be spread over more samples there, and the ratio not that of the environments.
 _SETTLE = 4
@@ -28,7 +26,6 @@ _SETTLE = 4
 class Training:
     """PPO, rollout by rollout; with an environment that does nothing if ``inside`` is given."""
 
-    peer = None
     whole = 0.0
 
     def __init__(self, name: str, rooms: int, settings: "PPOSettings", inside: np.ndarray | None = None) -> None:
@@ -48,14 +45,14 @@ class Training:
 
     def block(self, effort: Effort) -> Sample:
         """Collect rollouts and learn from them for about ``effort.seconds`` of CPU time."""
-        begin, clock, inside, slots = time.process_time(), time.perf_counter(), 0, 0
-        while time.process_time() - begin < effort.seconds:
-            self.model.learn(self.rollout, reset_num_timesteps=False)
+        cpu = clock = 0.0
+        inside = slots = 0
+        while cpu < effort.seconds:
+            more = timed(lambda: self.model.learn(self.rollout, reset_num_timesteps=False))
+            cpu, clock, slots = cpu + more[0], clock + more[1], slots + self.rollout
             inside += int(self.model.rollout_buffer.mask.sum())  # type: ignore[attr-defined]
-            slots += self.rollout
-        spent = time.process_time() - begin
-        self.spent, self.slots, self.inside = self.spent + spent, self.slots + slots, self.inside + inside
-        return Sample(spent, time.perf_counter() - clock, 0.1 * slots / self.venv.num_envs, inside)
+        self.spent, self.slots, self.inside = self.spent + cpu, self.slots + slots, self.inside + inside
+        return Sample(cpu, clock, 0.1 * slots / self.venv.num_envs, inside)
 
 
 def _empty(venv: Any, inside: np.ndarray) -> None:
@@ -95,14 +92,12 @@ def rows(effort: Effort, rooms: int = 64, n_steps: int | None = None) -> list[Ro
     nothing = Training(f"{rooms} x 20, empty", rooms, settings, mask)
     mine, empty = in_turn([real, nothing], effort)
     share, learning = real.environment.seconds / real.spent, real.learning.seconds / real.spent
-    ratio = times_better(mine.rate, empty.rate, _RATE)
     return [
-        Row(f"{real.name}: samples that count", significant(mine.rate, 3), _RATE),
-        Row(f"{real.name}: slots", significant(mine.rate * real.slots / real.inside, 3), _RATE),
-        Row(f"{real.name}: inside", significant(real.inside / real.slots, 2), "of slots"),
-        Row(f"{real.name}: environment", significant(share, 2), "of CPU time"),
-        Row(f"{real.name}: actions and storing", significant(1.0 - share - learning, 2), "of CPU time"),
-        Row(f"{real.name}: learning", significant(learning, 2), "of CPU time"),
-        Row(f"{nothing.name}: samples that count", significant(empty.rate, 3), _RATE),
-        Row(f"{real.name}: samples that count", significant(mine.rate, 3), _RATE, _EMPTY, ratio),
+        Row(real.name, RATE, mine.rate),
+        Row(real.name, "inside, of slots", real.inside / real.slots),
+        Row(real.name, "environment, of CPU time", share),
+        Row(real.name, "actions and storing, of CPU time", 1.0 - share - learning),
+        Row(real.name, "learning, of CPU time", learning),
+        Row(real.name, "times the same PPO on an empty environment", mine.rate / empty.rate),
+        Row(nothing.name, RATE, empty.rate),
     ]

@@ -29,10 +29,10 @@ from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios import SCENARIOS, make_scenario
-from crowd_env.scenarios.floor_plan import read_starts, scenario_from_wkt
 from crowd_env.scenarios.groups import Groups
 from crowd_env.scenarios.population import LogNormal, Normal, Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.starts import read_starts
 
 ROUTING = "crowd_env/Routing-v0"  # one controller that sends people to exits
 
@@ -91,7 +91,6 @@ __all__ = [
     "read_starts",
     "register",
     "rollout",
-    "scenario_from_wkt",
 ]
 
 

@@ -3,7 +3,7 @@
 ROOM = "POLYGON ((0 0, 6 0, 6 5, 0 5, 0 0))"
 
 
-def scenario(geometry="", people="count = 5", rest="", top="", walkable="{ box = [0, 0, 6, 5] }"):
+def scenario(geometry="", people="people = 5", rest="", top="", walkable="{ box = [0, 0, 6, 5] }"):
     return (
         f"{top}\n[geometry]\nwalkable = {walkable}\nexits = {{ door = [[6, 2], [6, 3]] }}\n{geometry}\n"
         f"[population]\n{people}\n{rest}\n"
@@ -73,14 +73,11 @@ BAD = {
     "json.csv": '{"run": [1], "time": [2]}',
     "two.wkt": "MULTIPOLYGON (((0 0, 6 0, 6 5, 0 5, 0 0)), ((7 0, 9 0, 9 5, 7 5, 7 0)))",
     "good.toml": scenario(),
-    "crowd.toml": scenario(people="count = 1000000000"),
-    "digits.toml": scenario(people=f"count = {'9' * 400}"),
+    "crowd.toml": scenario(people="people = 1000000000"),
+    "digits.toml": scenario(people=f"people = {'9' * 400}"),
     "columns.toml": scenario("obstacles = [{ box = [1, 1, 2, 2], columns = 300000, rows = 300000, step = [3, 3] }]"),
     "seats.toml": scenario(people="starts = [{ first = [1, 1], columns = 900000, rows = 900000, step = [1, 1] }]"),
     "walls.toml": scenario("thin_walls = [{ line = [[1, 1], [2, 2]], columns = 99999999, step = [1, 0] }]"),
-    "power.toml": scenario(walkable='{ box = [0, 0, "{' + " * ".join(["999999999"] * 40) + '}", 5] }'),
-    "lengthy.toml": scenario(walkable='{ box = [0, 0, "{' + " + ".join(["1"] * 400) + '}", 5] }'),
-    "large.toml": scenario(walkable='{ box = [0, 0, "{999999999 * 999999999}", 5] }'),
     "words.toml": scenario(walkable='{ box = [0, 0, "{().__class__}", 5] }'),
     "deep.json": '{"geometry": {"walkable": ' + "[" * 500 + "]" * 500 + ', "exits": {}}}',
     "deeper.json": "[" * 200000,
@@ -88,23 +85,23 @@ BAD = {
     "outside.toml": scenario(people='starts = "../secret.csv"'),
     "absolute.toml": scenario(people='starts = "/etc/passwd"'),
     "rules.toml": scenario(top='rules = "no"'),
-    "exits.toml": scenario(people='count = 5\nexits = "e"'),
+    "exits.toml": scenario(people='people = 5\nexits = "e"'),
     "zone.toml": scenario("regions = { mat = { box = [1, 1, 2, 2] } }", rest='[[zones]]\nregion = "mat"'),
     "door.toml": scenario("doors = { gate = [[2, 2], [3, 2]] }"),
     "short_door.toml": scenario("doors = { gate = [[2, 0], [2, 0.05]] }"),
     "kilometers.toml": scenario(walkable="{ box = [-100000, -100000, 6, 100000] }"),
     "closed.toml": scenario(top='closed_doors = "door"'),
-    "radius.toml": scenario(people="count = 5\nradius = 1e-9"),
+    "radius.toml": scenario(people="people = 5\nradius = 1e-9"),
     "time.toml": scenario(top="time_limit = nan"),
     "broken.toml": "[geometry\n",
     "broken.json": "{,}",
     "plan.toml": ROOM,
     "groups.toml": scenario(people="radius = 0.2").replace("[population]\nradius = 0.2", "")
-    + "[[groups]]\ncount = 3\n[[groups]]\ncount = 4\n",
-    "start.toml": scenario("regions = { far = { box = [20, 20, 22, 22] } }", people='count = 5\nstart_region = "far"'),
+    + "[[groups]]\npeople = 3\n[[groups]]\npeople = 4\n",
+    "start.toml": scenario("regions = { far = { box = [20, 20, 22, 22] } }", people='people = 5\nstart_region = "far"'),
     "cut.toml": scenario(
         "regions = { cell = { box = [7, 0, 9, 5] } }",
-        people='count = 5\nstart_region = "cell"',
+        people='people = 5\nstart_region = "cell"',
         walkable="[{ box = [0, 0, 6, 5] }, { box = [7, 0, 9, 5] }]",
     ),
 }

@@ -7,7 +7,6 @@ are read all the same, by the program itself.
 import os
 import re
 import runpy
-import shutil
 import subprocess
 import sys
 import venv
@@ -45,7 +44,6 @@ ADDED = {
     "crowd_env.cli.agents.submit": ["--robustness-runs", "0"],
     "crowd_env.agents.benchmark": ["--runs", "1", "--baselines", "rule"],
     "--peers": ["scaling"],  # one case alone
-    "benchmarks.report": ["--page", "performance.md"],  # a copy
 }
 MINUTES_LONG = {"lin": "lin-fig4", "lin-fig5": "lin-fig4"}  # of the figures of this paper, the shortest one
 
@@ -57,7 +55,6 @@ def workplace(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """
     for name in ("examples", "constraints.txt", "pyproject.toml", "train.py"):
         (folder / name).symlink_to(ROOT / name)
-    shutil.copy(ROOT / "docs" / "performance.md", folder)
     (folder / "runs" / "NAME").mkdir(parents=True)
     for path in ("runs/NAME/best.safetensors", "learned.safetensors"):
         load("competitive-door/ppo").save(folder / path)
@@ -160,8 +157,9 @@ def short_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
 def measure_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let every benchmark be one figure, made up; tests/benchmarks tries each."""
     for case in benchmarks.cli.CASES:
-        monkeypatch.setitem(benchmarks.cli.CASES, case, lambda effort: [Row("a, 5 people: speed", 2.0, "1/s")])
-    monkeypatch.setattr(benchmarks.cli.plots, "draw", lambda result, folder: None)
+        monkeypatch.setitem(benchmarks.cli.CASES, case, lambda effort: [Row("a, 5 people", "speed, 1/s", 2.0)])
+    monkeypatch.setattr(benchmarks.cli, "write_table", lambda *words: None)
+    monkeypatch.setattr(benchmarks.cli, "fill_pages", lambda: [])
 
 
 def run_shell(line: str) -> str:

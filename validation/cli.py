@@ -20,16 +20,16 @@ from crowd_env.core.arrays.headway import MANNERS, make_manner
 from crowd_env.core.arrays.outline import OUTLINES, Outline, make_outline
 from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.physics import check_outline
-from validation.bits import ROOT, chosen, report
+from validation.bits import chosen, report
 from validation.bits_scenes import scenes
 from validation.cases import CASES
 from validation.cases.case import COMPARED, DISC, Case, Row, Setting
 from validation.cases.case import row as row_of
 from validation.finished import Finished, complete_rows, of_bodies
-from validation.pages import GROUPS, TABLES, fill, run
+from validation.pages import ROOT, fill_pages
 from validation.positions import STORED, write
+from validation.tables import MAKERS, Source, make, run
 
-_OF_TASKS = {name for group in GROUPS.values() for name in group} - set(GROUPS)
 _WIDTH = 140  # characters, where there is no terminal
 
 
@@ -298,41 +298,28 @@ def _bits_note(row: dict[str, Any]) -> str:
 @app.command()
 def pages(
     names: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help=f"Tables: {', '.join(name for name in TABLES if name not in _OF_TASKS)}; of the pages of tasks TASK-facts, "
-            "TASK-preset and TASK-results, or all of one kind: tasks, presets, leaderboard; default those that need no --from."
-        ),
+        list[str] | None, typer.Argument(help=f"Tables to make anew first: {', '.join(MAKERS)}; default none.")
     ] = None,
     folder: Annotated[
-        Path | None,
-        typer.Option("--from", help="Folder that a finished run has written, for the tables that need one."),
+        Path | None, typer.Option("--from", help="Folder that a finished run has written, for tables that need one.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print which pages were written, as JSON.")] = False,
 ) -> None:
-    """Make the measured tables of docs/, and the sentences below them, anew; half an hour for all.
+    """Put the tables of docs/tables/ into the pages of docs/; make some of them anew before.
 
-    Tables of long runs are made of the folder that such a run has written: the message says by which command.
+    docs/tables/made_by.csv says of each table by which command its figures are measured; --from names the folder that a long
+    one has written.
 
-    Examples:  python -m validation pages clogging tasks;  python -m validation pages training --from runs/NAME
+    Examples:  python -m validation pages clogging;  python -m validation pages measured criteria map --from DIR
     """
-    with friendly_errors():
-        for name in names or ():
-            if name not in TABLES and name not in GROUPS:
-                raise ValueError(f"unknown table {name!r}; known: {', '.join(TABLES)}")
-        names = [one for name in names for one in GROUPS.get(name, (name,))] if names else None
-        if folder is not None and not names:
-            raise ValueError("--from is the folder of one run; name the tables that are made of it")
-        written: dict[str, str] = {}
-        for name in names or [name for name, table in TABLES.items() if not table.made_by]:
-            with notes.status(f"{name} ...") as status:
+    with friendly_errors(), notes.status("pages ...") as status:
 
-                def command(line: str, name: str = name, status: Status = status) -> dict[str, Any]:
-                    status.update(f"{name}: python -m {line}")
-                    return run(line)
+        def command(line: str) -> dict[str, Any]:
+            status.update(f"python -m {line}")
+            return run(line)
 
-                written[name] = fill(name, command, folder=folder).name
-        typer.echo(json.dumps(written) if as_json else "\n".join(f"{name}: {page}" for name, page in written.items()))
+        make(names or (), Source(command, folder))
+        for page in fill_pages():
+            typer.echo(page.relative_to(ROOT))
 
 
 def main() -> None:

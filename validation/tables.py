@@ -1,287 +1,478 @@
-"""The cells, and the sentences below, of the tables that `validation.pages` writes: figures from commands and finished runs.
+"""What makes the tables of docs/tables/ anew: rows from commands or finished runs, and a format string for each column.
 
-``source(LINE)`` is what ``python -m LINE --json`` prints; ``source.read(FILE)`` is a file of the folder that --from names.
+``source(LINE)`` is what ``python -m LINE --json`` prints; ``source.read(FILE)`` and ``source.rows(CASE)`` are of the folder
+that --from names.  Verdicts of the table ``lin`` are written by hand, beside what ``crowd-env reproduce`` prints.
 """
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+import json
+import string
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from crowd_env import SCHEMES
+from crowd_env.core.files.atomic import write_text
+from crowd_env.core.files.json_file import read_json
+from crowd_env.reproduce.pecol2011.evacuations import PRINTED as FLOWS
+from crowd_env.reproduce.pecol2011.theatre import PRINTED as TIMES
+from validation import task_tables
+from validation.cases.case import COMPARED, DISC, share
+from validation.finished import complete_rows, draws, of_bodies
+from validation.pages import ROOT, Grid, read_table, write_table
 
-if TYPE_CHECKING:
-    from validation.pages import Sources
+LIMITS = ROOT / "crowd_env/rendering/report/page_parts/limits.json"
 
-Cells = list[list[str]]
-
-_PRINTED_FLOWS = {"dem": 3.04, "nsm1": 4.65, "nsm2-printed": 2.60}  # 1/s, Table 5 of Pécol et al. 2011
-STRATEGY_SCHEMES = ("dem", "nsm1", "nsm2", "nsm2-printed", "hertz")
-SCENARIO_SCHEMES = ("dem", "nsm1", "nsm2", "nsm2-printed")
-
-
-def _spread(found: dict[str, Any] | None, digits: int) -> str:
-    return "–" if not found or found["mean"] is None else f"{found['mean']:.{digits}f} ± {found['sd']:.{digits}f}"
-
-
-def _signed(value: float, digits: int) -> str:
-    return f"{value:+.{digits}f}".replace("-", "−")
+Rows = Iterable[Mapping[str, Any]]
 
 
-def _interval(found: dict[str, Any], digits: int) -> str:
-    return f"{_signed(found['ci95'][0], digits)} to {_signed(found['ci95'][1], digits)}"
+class Source:
+    """What a table is made of: what commands print, or the files of the folder that a finished run has written."""
+
+    def __init__(self, command: Callable[[str], dict[str, Any]], folder: Path | None = None) -> None:
+        self._command, self._folder = cache(command), folder
+
+    def __call__(self, line: str) -> dict[str, Any]:
+        """Return the object that ``python -m LINE --json`` prints."""
+        return self._command(line)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the finished run; ValueError if none is named."""
+        if self._folder is None:
+            raise ValueError("this table is made of the folder that a finished run has written; name it by --from")
+        return self._folder
+
+    def read(self, file: str) -> Any:
+        """Return the content of a JSON file of the finished run; ValueError if there is none."""
+        return read_json(self.folder / file)
+
+    def rows(self, *cases: str, outline: str = DISC) -> list[dict[str, Any]]:
+        """Return the finished rows of cases, with how often each was drawn; ValueError if there are none."""
+        folder, found = of_bodies(self.folder, outline), []
+        for case in cases:
+            if some := complete_rows(folder, case):
+                least, most = draws(folder, case)
+                times = str(least) if least == most else f"{least} to {most}"
+                found += [{**row._asdict(), "draws": times} for row in some]
+        if not found:
+            raise ValueError(f"{folder} holds no finished rows of {', '.join(cases)}")
+        return found
 
 
-def _less(new: float, old: float) -> str:
-    """Return the relative change in percent."""
-    return f"{_signed(100.0 * (new / old - 1.0), 0)} %"
+def run(line: str) -> dict[str, Any]:
+    """Run ``python -m LINE --json`` and return the object that it prints; ValueError if the command fails."""
+    words = [sys.executable, "-m", *line.split(), "--json"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ValueError(f"python -m {line} --json failed: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
+    return dict(json.loads(done.stdout))
 
 
-def _left(row: dict[str, Any]) -> str:
-    if not row["unfinished"]:
-        return "nobody"
-    return f"{row['unfinished']} people in {row['unfinished_runs']} of {row['runs']} runs"
+# --------------------------------------------------------------------------------------------------------- rows to cells
 
 
-def _listed(parts: Iterable[str]) -> str:
-    *most, last = parts
-    return f"{', '.join(most)} and {last}" if most else last
+_SCALED = {"%": (100.0, ".0f"), "kN": (1e-3, ".1f")}
 
 
-# ------------------------------------------------------------------------------------------------------- contact schemes
+class _Cells(string.Formatter):
+    """Format strings over what JSON holds: a dash for what is missing, `_SCALED` units, a minus of its own for differences."""
+
+    def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+        try:
+            return super().get_field(field_name, args, kwargs)
+        except (KeyError, TypeError, IndexError):
+            return None, field_name
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if value is None:
+            return "–"
+        if format_spec in _SCALED:
+            scale, format_spec = _SCALED[format_spec]
+            value = scale * value
+        text = super().format_field(value, format_spec)
+        return text.replace("-", "−") if format_spec.startswith("+") else text
 
 
-def _room(source: "Sources", scheme: str, dt: float | None = None) -> dict[str, Any]:
-    return source(f"crowd_env run room-v0 --scheme {scheme} --runs 50" + ("" if dt is None else f" --dt {dt:g}"))
+def cell(text: str, row: Mapping[str, Any]) -> str:
+    """Return a format string filled from a row; a dash if nothing of it is known."""
+    found = _Cells().vformat(text, (), row)
+    return "–" if "–" in found and not any(sign.isdigit() for sign in found) else found
 
 
-def schemes(source: "Sources") -> Cells:
+def grid(rows: Rows, **columns: str) -> Grid:
+    """Return a table with a row for each of ``rows``; ``columns`` are format strings by the heads of the columns."""
+    return [list(columns), *([cell(text, row) for text in columns.values()] for row in rows)]
+
+
+def pivoted(rows: Rows, index: Mapping[str, str], across: str, text: str) -> Grid:
+    """Return a table with a row for each index and a column for each value of ``across``."""
+    found: dict[tuple[str, ...], dict[str, str]] = {}
+    for row in rows:
+        found.setdefault(tuple(cell(one, row) for one in index.values()), {})[cell(across, row)] = cell(text, row)
+    heads = list(dict.fromkeys(head for cells in found.values() for head in cells))
+    return [[*index, *heads], *([*names, *(cells.get(head, "") for head in heads)] for names, cells in found.items())]
+
+
+# ------------------------------------------------------------------------------------------------------------ the tables
+
+_SPREAD = "{evacuation_time[mean]:.2f} ± {evacuation_time[sd]:.2f}"
+_FLOW = "{flow[mean]:.2f} ± {flow[sd]:.2f}"
+_INTERVAL = "{{{0}[mean]:.1f}} [{{{0}[ci95][0]:.1f}}, {{{0}[ci95][1]:.1f}}]".format
+_BLOCKED = "{blocked_share[ci95][0]:%} to {blocked_share[ci95][1]:%} %"
+
+
+def _room(source: Source, scheme: str, options: str = "", place: str = "room-v0", runs: int = 50) -> dict[str, Any]:
+    return _left({"scheme": scheme, **source(f"crowd_env run {place} --scheme {scheme}{options} --runs {runs}")})
+
+
+def _left(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row that says who was left inside, and that a time is a bound if somebody was."""
+    left = f"{row['unfinished']} people in {row['unfinished_runs']} of {row['runs']} runs"
+    return {**row, "left": left if row["unfinished"] else "nobody", "bound": "≥ " if row["unfinished"] else ""}
+
+
+def schemes(source: Source) -> Grid:
     """One row a scheme at its own step, and for three of them shorter steps."""
     shorter = {"dem": (0.001,), "nsm2": (0.005, 0.0025, 0.001), "nsm2-printed": (0.001,)}
-    rows = []
-    for scheme in SCHEMES:
-        for dt in (None, *shorter.get(scheme, ())):
-            found = _room(source, scheme, dt)
-            overlap = found["overlap_mm"]
-            rows.append(
-                [
-                    f"`{scheme}`",
-                    f"{SCHEMES[scheme].info.default_dt if dt is None else dt:g}",
-                    f"{overlap['mean']:.3g} / {overlap['max']:.3g}",
-                    f"{found['outside_mm']:.3g}",
-                    _spread(found["evacuation_time"], 2),
-                    _spread(found["flow"], 2),
-                    _left(found),
-                    f"{found['max_speed']:.1f}",
-                ]
-            )
-    return rows
+    rows = [
+        {**_room(source, scheme, f" --dt {dt:g}" if dt else ""), "step": dt or SCHEMES[scheme].info.default_dt}
+        for scheme in SCHEMES
+        for dt in (None, *shorter.get(scheme, ()))
+    ]
+    overlap = "{overlap_mm[mean]:.3g} / {overlap_mm[max]:.3g}"
+    return grid(rows, **{
+        "scheme": "`{scheme}`", "step, s": "{step:g}", "overlap, mean / max, mm": overlap,
+        "beyond a wall, mm": "{outside_mm:.3g}", "evacuation time, s": _SPREAD, "flow, 1/s": _FLOW,
+        "left inside": "{left}", "largest speed, m/s": "{max_speed:.1f}",
+    })  # fmt: skip
 
 
-def schemes_note(source: "Sources") -> str:
-    """State the flows beside those of the paper."""
-    beside = []
-    for scheme, printed in _PRINTED_FLOWS.items():
-        flow = _room(source, scheme)["flow"]["mean"]
-        beside.append(f"{printed:.2f} for `{scheme}` (here {flow:.2f}, {_less(flow, printed)})")
-    return f"Table 5 of the first paper prints flows of {_listed(beside)}."
-
-
-def halls(source: "Sources") -> Cells:
+def halls(source: Source) -> Grid:
     """One row a scheme: how many were outside of the plan, and the largest speed in the halls of each size."""
-    found = [row for case in ("halls", "great-halls") for row in source.rows(case)]
+    found = source.rows("halls", "great-halls")
     rows = []
     for scheme in dict.fromkeys(row["scheme"] for row in found):
-        figures = [row["more"] for row in found if row["scheme"] == scheme]
-        sizes = dict.fromkeys(figure["people"] for figure in figures)
-        fastest = [max(one["fastest, m/s"] for one in figures if one["people"] == people) for people in sizes]
-        outside = sum(figure["outside"] for figure in figures)
-        overlap = max(figure["overlap, mm"] for figure in figures)
-        speeds = (f"{speed:.1f}" for speed in fastest)
-        rows.append([f"`{scheme}`", "nobody" if not outside else str(outside), *speeds, f"{overlap:.3g}"])
-    return rows
+        some = [row["more"] for row in found if row["scheme"] == scheme]
+        fastest = {n: max(one["fastest, m/s"] for one in some if one["people"] == n) for n in (500, 1000, 2000, 5000)}
+        outside, overlap = sum(one["outside"] for one in some), max(one["overlap, mm"] for one in some)
+        rows.append({"scheme": scheme, "outside": outside or "nobody", "fastest": fastest, "overlap": overlap})
+    return grid(rows, **{
+        "scheme": "`{scheme}`", "outside of the plan": "{outside}", "fastest of 500, m/s": "{fastest[500]:.1f}",
+        "of 1000": "{fastest[1000]:.1f}", "of 2000": "{fastest[2000]:.1f}", "of 5000": "{fastest[5000]:.1f}",
+        "deepest overlap, mm": "{overlap:.3g}",
+    })  # fmt: skip
 
 
-def jambs(source: "Sources") -> Cells:
+def jambs(source: Source) -> Grid:
     """One row a scheme and manner: of how many draws the door was stuck, door by door and radius by radius."""
-    rows: dict[tuple[str, str], list[str]] = {}
-    for row in source.rows("jambs"):
-        stuck = [str(value) for name, value in row["more"].items() if name.startswith("stuck")]
-        rows.setdefault((row["scheme"], row["manner"]), []).append(", ".join(stuck))
-    return [[f"`{scheme}`", manner, *cells] for (scheme, manner), cells in rows.items()]
+    stuck = ", ".join(f"{{more[stuck, radius {radius} m]}}" for radius in ("0", "0.05", "0.1", "0.2"))
+    index = {"scheme": "`{scheme}`", "manner": "{manner}"}
+    return pivoted(source.rows("jambs"), index, "door of {more[door, m]:g} m", stuck)
 
 
-# -------------------------------------------------------------------------------------------------------------- clogging
-
-_CLOGGING_SPEEDS = ("1.0", "1.5", "1.8")
-
-
-def _clogged(source: "Sources", speed: str) -> dict[str, Any]:
-    (found,) = source(f"crowd_env clogging --speed {speed} --n 200 --runs 10")["sets"]
-    return dict(found)
+def _shapes(source: Source, case: str) -> list[dict[str, Any]]:
+    """Return the rows of a case under `hertz`, of discs and of torsos."""
+    shapes = {DISC: "discs", "torso": "torsos"}
+    rows = [{**row, "bodies": name} for outline, name in shapes.items() for row in source.rows(case, outline=outline)]
+    return [row for row in rows if row["scheme"] == "hertz"]
 
 
-def clogging(source: "Sources") -> Cells:
+def bodies_gate(source: Source) -> Grid:
+    """One row a shape and manner: the flow of the runs that were not stuck, and how many were."""
+    rows = [
+        {**row, **row["more"], "share": share(row["more"]["stuck"], len(row["more"]["passages"]))}
+        for row in _shapes(source, "gate")
+    ]
+    return grid(rows, **{
+        "bodies": "{bodies} of 0.17 m", "manner": "{manner}", "flow, 1/s": "{flow:.2f} ± {flow_error:.2f}",
+        "variation of the gaps": "{variation:.2f}", "no passage for 20 s": "{share}",
+    })  # fmt: skip
+
+
+def bodies_doors(source: Source) -> Grid:
+    """One row a shape and manner, one column a door: the flow per meter of the runs that were not stuck."""
+    rows = [
+        {**row, **one, "width": width, "lost": f", {one['stuck']} of {len(one['runs'])} stuck" if one["stuck"] else ""}
+        for row in _shapes(source, "doors")
+        for width, one in row["more"]["widths"].items()
+    ]
+    return pivoted(rows, {"bodies": "{bodies}", "manner": "{manner}"}, "{width} m", "{flow:.2f}{lost}")
+
+
+def clogging(source: Source) -> Grid:
     """One row a desired speed."""
-    rows = []
-    for speed in _CLOGGING_SPEEDS:
-        found = _clogged(source, speed)
-        gaps, tail = found["gaps"], found["tail"]
-        cells = ["–"] * 3
-        if tail is not None:
-            later = tail["alpha_open"]
-            cells = [
-                f"{tail['alpha']:.2f} ± {tail['error']:.2f}",
-                "–" if later is None else f"{later:.2f}",
-                f"{_signed(tail['ratio'], 1)} (p = {tail['p']:.2g})",
-            ]
-        low, high = (100.0 * bound for bound in found["blocked_share"]["ci95"])
-        blocked = f"{found['blocked_runs']} of {found['runs']} ({low:.0f} to {high:.0f} %)"
-        rows.append([speed, str(gaps["count"]), f"{gaps['mean']:.2f}", f"{gaps['cv']:.2f}", *cells, blocked])
-    return rows
-
-
-def clogging_note(source: "Sources") -> str:
-    """Say at which speeds the tail is told apart from an exponential."""
-    tails = {speed: _clogged(source, speed)["tail"] for speed in _CLOGGING_SPEEDS}
-    told = [
-        f"{speed} m/s" for speed, tail in tails.items() if tail is not None and tail["p"] < 0.05 and tail["ratio"] > 0
+    rows = [
+        {"speed": speed, **source(f"crowd_env clogging --speed {speed} --n 200 --runs 10")["sets"][0]}
+        for speed in ("1.0", "1.5", "1.8")
     ]
-    if not told:
-        return "At none of these speeds is the tail told apart from an exponential (p < 0.05)."
-    return f"The tail is told apart from an exponential (p < 0.05) at {_listed(told)}, at no other of these speeds."
+    return grid(rows, **{
+        "desired speed, m/s": "{speed}", "gaps": "{gaps[count]}", "mean, s": "{gaps[mean]:.2f}", "sd / mean": "{gaps[cv]:.2f}",
+        "exponent α": "{tail[alpha]:.2f} ± {tail[error]:.2f}", "with open gaps": "{tail[alpha_open]:.2f}",
+        "against an exponential": "{tail[ratio]:+.1f} (p = {tail[p]:.2g})",
+        "blocked": "{blocked_runs} of {runs} (" + _BLOCKED + ")",
+    })  # fmt: skip
 
 
-def forces_note(source: "Sources") -> str:
-    """Say since when the exit of the picture is blocked, and how many push."""
-    (blocked,) = source("crowd_env run lin-room-v0 --scheme hertz --speed 2 --n 200 --runs 1")["blocked"]
-    return f"The exit is blocked since {blocked['since']:.0f} s, with {blocked['left']} people inside."
+def frozen(source: Source) -> Grid:
+    """One row a variant of Lin's room: how many draws block at each multiple of v*, and where half of them do."""
+    columns = {"friction of people": "{friction:g}", "A, N": "{A, N:g}", "φ": "{phi:g}", "v*, m/s": "{v*, m/s:.2f}"}
+    for at in ("blocked at 1.2 v*", "blocked at 1.4 v*"):
+        columns[at] = f"{{{at}}} of {{draws}} ({{{at}, least share:%}} to {{{at}, most:%}} %)"
+    columns["half block at"] = "{half block at, v*:.2f} v* = {half block at, m/s:.2f} m/s"
+    return grid((row["more"] for row in source.rows("frozen")), **columns)
 
 
-# ---------------------------------------------------------------------------------------------------------------- routes
+def strategies(source: Source) -> Grid:
+    """One row a strategy and scheme, beside the shortest way on the same draws."""
+    line = "--scenario two-exit-hall-v0 --policies shortest fastest comfortable nearest"
+    found = source(f"crowd_env.cli.agents.evaluate {line} --schemes dem nsm1 nsm2 nsm2-printed hertz --runs 20")["rows"]
+    by = "minus_first[evacuation_time][ci95]"
+    return grid(map(_left, found), **{
+        "route": "{policy}", "scheme": "`{scheme}`", "last person out, s": "{bound}{unfinished_at_limit[last]:.1f}",
+        "beside the shortest, s": f"{{{by}[0]:+.1f}} to {{{by}[1]:+.1f}}", "left inside": "{left}",
+    })  # fmt: skip
 
 
-def _evaluated(source: "Sources") -> dict[tuple[str, str], dict[str, Any]]:
-    """Return (strategy, scheme) -> its row."""
-    names = ("shortest", "fastest", "comfortable", "nearest")
-    found = source(
-        f"crowd_env.cli.agents.evaluate --scenario two-exit-hall-v0 --policies {' '.join(names)} "
-        f"--schemes {' '.join(STRATEGY_SCHEMES)} --runs 20"
-    )
-    return {(row["policy"], row["scheme"]): row for row in found["rows"]}
-
-
-def strategies(source: "Sources") -> Cells:
-    """One row a strategy, one column a scheme."""
-    by = _evaluated(source)
-    names = dict.fromkeys(name for name, _ in by)
-    return [[name, *(_beside_first(by[name, scheme]) for scheme in STRATEGY_SCHEMES)] for name in names]
-
-
-def _beside_first(row: dict[str, Any]) -> str:
-    """Return the time of the last person, who was left inside, and the interval of the difference to the first policy."""
-    text = f"{'≥ ' if row['unfinished'] else ''}{row['unfinished_at_limit']['last']:.1f}"
-    if row["minus_first"]["policy"] != row["policy"]:
-        text += f" ({_interval(row['minus_first']['evacuation_time'], 1)})"
-    return text if not row["unfinished"] else f"{text}; left inside: {_left(row)}"
-
-
-def strategies_note(source: "Sources") -> str:
-    """Say how the fastest way parts the crowd, how often it is faster, and what it costs."""
-    fastest = {scheme: _evaluated(source)["fastest", scheme] for scheme in STRATEGY_SCHEMES}
-    parted, faster = [], []
-    for scheme, row in fastest.items():
-        people = [exit["people"]["mean"] for exit in row["exits"].values()]
-        shares = "/".join(f"{100.0 * count / sum(people):.0f}" for count in people)
-        parted.append(f"{shares} under `{scheme}`")
-        faster.append(f"{100.0 * row['minus_first']['evacuation_time']['faster']:.0f} % (`{scheme}`)")
-    dem = fastest["dem"]
-    return (
-        f"The fastest way parts those who get out {_listed(parted)}. It lets the last person out sooner than the shortest way "
-        f"in {_listed(faster)} of the draws. To find it takes {1e3 * dem['replanning_per_simulated_second']:.1f} ms of "
-        "processor time per simulated second and environment, the physics of `dem` "
-        f"{1e3 * dem['physics_per_simulated_second']:.1f} ms."
-    )
-
-
-def controller(source: "Sources") -> Cells:
+def controller(source: Source) -> Grid:
     """One row a controller of Routing-v0, the learned one last."""
-    rows = []
-    for row in source.read("results.json")["rows"]:
-        bound = "≥ " if row["unfinished"] else ""
-        beside = row.get("learned_minus_this", {}).get("last")
-        rows.append(
-            [
-                row["controller"],
-                f"{bound}{row['last']['mean']:.1f}",
-                "" if beside is None else f"{_signed(beside['mean'], 1)} ({_interval(beside, 1)})",
-                f"{bound}{row['mean']['mean']:.1f}",
-                _left(row),
-            ]
-        )
-    return rows
+    by = "learned_minus_this[last]"
+    return grid(map(_left, source.read("results.json")["rows"]), **{
+        "": "{controller}", "last person, s": "{bound}{last[mean]:.1f}",
+        "learned minus this": f"{{{by}[mean]:+.1f}} ({{{by}[ci95][0]:+.1f}} to {{{by}[ci95][1]:+.1f}})",
+        "mean, s": "{bound}{mean[mean]:.1f}", "left inside": "{left}",
+    })  # fmt: skip
 
 
-def controller_note(source: "Sources") -> str:
-    """Say how the controller was trained and chosen, and how much sooner the last person is out."""
-    found = source.read("results.json")
-    config, best = found["config"], found["best"]
-    rows = {row["controller"]: row for row in found["rows"]}
-    sooner = [
-        f"{_less(rows['learned']['last']['mean'], row['last']['mean'])} beside {name}"
-        for name, row in rows.items()
-        if name != "learned"
-    ]
-    return (
-        f"{rows['learned']['runs']} held-out draws of `{config['scenario']}` under `{config['scheme']}`; one seed, at most "
-        f"{config['steps']} decisions. The time of the last person changes by {_listed(sooner)}. The controller that is kept "
-        f"was the best after {best['steps']:.0f} decisions; in the {best['runs']:.0f} validation draws that it was chosen by "
-        f"{best['unfinished']:.0f} people were left inside."
-    )
+def training(source: Source) -> Grid:
+    """One row a policy."""
+    return grid(source.read("results.json")["rows"], **{
+        "policy": "`{policy}`", "exits blocked (Wilson interval)": "{blocked} of {runs} (" + _BLOCKED + ")",
+        "last person out, of the runs that ended, s": _INTERVAL("clearing_time"), "mean exit time, s": _INTERVAL("mean_exit"),
+        "flow, 1/s": "{flow:.2f}", "contact impulse, N s per person": "{contact_impulse[mean]:.0f}",
+        "worst pressure, kN/m": "{max_pressure[mean]:kN}", "above 1600 N/m": "{crushed_share[mean]:%} %",
+        "for, s": "{crushed_time[mean]:.1f}",
+    })  # fmt: skip
 
 
-# -------------------------------------------------------------------------------------------------------------- training
-
-
-def tasks(source: "Sources") -> Cells:
-    """One row a task, as it is registered."""
-    from crowd_env.agents.tasks import TASKS
-
-    rows = []
-    for task in TASKS.values():
-        options = ", ".join(f"{name.replace('_', ' ')} {value:g}" for name, value in task.options.items())
-        rows.append(
-            [
-                f"`{task.name}`{' (no harm)' if task.no_harm else ''}",
-                task.about,
-                f"`{task.scenario}`: {options}",
-                str(task.people),
-                f"`{task.scheme}`, {task.dt:g} s",
-                f"{task.rule}, {task.manner}",
-                f"{task.time_limit:g} / {task.blocked_after:g} s",
-                str(task.runs),
-                task.decides,
-                str(task.version),
-            ]
-        )
-    return rows
-
-
-# ------------------------------------------------------------------------------------------------------------ scenarios
-
-
-def scenarios(source: "Sources") -> Cells:
+def scenarios(source: Source) -> Grid:
     """One row a scenario in which arches hold, one column a scheme: 100 runs each."""
-    rows = []
-    for name in ("two-exit-hall-v0", "pillar-v0"):
-        found = [source(f"crowd_env run {name} --scheme {scheme} --runs 100") for scheme in SCENARIO_SCHEMES]
-        rows.append([f"`{name}`", *("none" if not row["unfinished_runs"] else _left(row) for row in found)])
-    return rows
+    rows = [
+        {"place": place, **_room(source, scheme, place=place, runs=100)}
+        for place in ("two-exit-hall-v0", "pillar-v0")
+        for scheme in ("dem", "nsm1", "nsm2", "nsm2-printed")
+    ]
+    return pivoted(rows, {"runs with people left inside": "`{place}`"}, "`{scheme}`", "{left}")
 
 
-def foyer_note(source: "Sources") -> str:
-    """Say what the command that the page shows prints."""
-    found = source("crowd_env run examples/foyer.wkt --exit 14,4.5,14,6 --n 40 --runs 20")
-    return (
-        f"The second command prints a table: the last person is out after {_spread(found['evacuation_time'], 2)} s (mean ± "
-        f"standard deviation of the runs), {_spread(found['flow'], 2)} people a second leave, left inside: {_left(found)}, "
-        f"bodies overlap by at most {found['overlap_mm']['max']:.1f} mm, nobody is faster than {found['max_speed']:.1f} m/s."
+def bodies(source: Source) -> Grid:
+    """The flow through the door of Table 5 for other bodies and other hurry, 50 draws each."""
+    # Shoulders of 30 to 38 cm are those of children; 1 to 1.4 m/s is a walk, and 1.2 to 2 m/s the hurry of Table 4.
+    kinds = {
+        "Table 4: 0.2 to 0.25 m, 1.2 to 2 m/s": "",
+        "pupils: 0.15 to 0.19 m, 1.2 to 2 m/s": " --radius 0.15,0.19",
+        "adults who walk: 0.2 to 0.25 m, 1 to 1.4 m/s": " --speed 1,1.4",
+        "pupils who walk: 0.15 to 0.19 m, 1 to 1.4 m/s": " --radius 0.15,0.19 --speed 1,1.4",
+    }
+    rows = [
+        {"kind": kind, **_room(source, scheme, options)}
+        for kind, options in kinds.items()
+        for scheme in ("dem", "nsm1", "nsm2", "nsm2-printed")
+    ]
+    return pivoted(rows, {"flow, 1/s": "{kind}"}, "`{scheme}`", _FLOW)
+
+
+def _report(source: Source, line: str) -> dict[str, Any]:
+    """Return the rows of a table or figure of a paper by their quantities."""
+    return {row["quantity"]: row for row in source(f"crowd_env reproduce {line}")["rows"]}
+
+
+def theatre(source: Source) -> Grid:
+    """Return Table 7: the exercise, the paper's simulation, ours with and without rules, and what the rules change."""
+    found, change = _report(source, "table7"), ": rules change it by"
+    rows = [
+        {"of": f"{who}, {kind}, s", "exercise": exercise, "paper": simulation, "here": found[name],
+         "free": found[f"{name}, no rules"], "change": found[name + change]}
+        for name, (exercise, simulation) in TIMES.items()
+        for kind, who in (name.split(", "),)
+    ]  # fmt: skip
+    return grid(rows, **{
+        "of": "{of}", "exercise": "{exercise}", "paper's simulation": "{paper}", "here": "{here[here]:.1f}",
+        "without rules": "{free[here]:.1f}",
+        "the rules change it by (paired, 95 %)": "{change[here]:+.2f} ({change[ci95][0]:.2f} to {change[ci95][1]:.2f})",
+    })  # fmt: skip
+
+
+def variants(source: Source) -> Grid:
+    """Return the flows of Table 5 with other readings of the room, and in how many runs people were left inside."""
+    options = [
+        "",
+        *(f"--door-width {width}" for width in (0.78, 0.86, 0.9)),
+        *(f"--target {target}" for target in ("centre", "nearest", "width")),
+        *("--side 8", "--dt 0.005", "--dt 0.001 --stiffness 1.2e6", "--stiffness 1.2e4", "--k-normal 80", "--seed 50"),
+    ]
+    rows = [
+        {"options": f"`{one}`" if one else "(none)", "r": _report(source, f"table5 {one}".strip())} for one in options
+    ]
+    flows = {f"`{scheme}`": f"{{r[flow, {scheme}, per run][here]:.2f}}" for scheme in FLOWS}
+    stuck = "/".join(f"{{r[unfinished, {scheme}][here]}}" for scheme in FLOWS)
+    order = "{r[draws with nsm1 > dem > nsm2-printed][here]:.2f}"
+    return [
+        *grid(rows, options="{options}", **flows, order=order, stuck=stuck),
+        ["the paper", *FLOWS.values(), "–", "–"],
+    ]
+
+
+def clearance(source: Source) -> Grid:
+    """Return the median clearance times of 200 and 300 people by their desired speed, and how many draws blocked."""
+    rows = [
+        {
+            "people": people,
+            "name": name,
+            "speed": speed,
+            "time": found[f"clearance, {speed}"],
+            "blocked": found[f"blocked, {speed}"],
+        }
+        for people, name in ((200, "lin-fig7"), (300, "lin-fig8"))
+        for found in (_report(source, name),)
+        for speed in (key.removeprefix("blocked, ") for key in found if key.startswith("blocked, "))
+    ]
+    return pivoted(
+        rows, {"desired speed": "{people} people (`{name}`)"}, "{speed}", "{time[here]:.0f} b{blocked[here]}"
     )
+
+
+def flows(source: Source) -> Grid:
+    """Return the mean flows of Figure 10 by the number of people and their desired speed, as the report reads them."""
+    found = [row | dict(zip(("people", "speed"), name.removeprefix("flow, ").split(" at "), strict=True))
+             for name, row in _report(source, "lin-fig10").items() if name.startswith("flow, ") and " at " in name]  # fmt: skip
+    return pivoted(found, {"desired speed": "{people} people"}, "{speed}", "{here:.2f}; {reading}")
+
+
+# --------------------------------------------------------------------------------------------------------------- the map
+
+_MAP = (
+    "gate",
+    "doors",
+    "corridor",
+    "ring",
+    "counterflow",
+    "crossing",
+    "corner",
+    "faster",
+    "clogging",
+    "row",
+    "standards",
+)
+_SAID = {True: "yes", False: "**no**", None: "–"}
+_OUTCOME = {"yes": "yes", "**no**": "no", "–": "reported"}
+
+
+def measured(source: Source, *cases: str, manner: str = "") -> Grid:
+    """One row a case or test, manner and scheme: whether it passed, and the figures."""
+    rows = [
+        {**row, "said": _SAID[row["passed"]]}
+        for row in source.rows(*(cases or _MAP))
+        if row["case"] != "not supported" and manner in ("", row["manner"])
+    ]
+    order = list(dict.fromkeys(row["case"] for row in rows)).index
+    manners = list(dict.fromkeys(row["manner"] for row in rows)).index
+    rows.sort(key=lambda row: (order(row["case"]), manners(row["manner"])))
+    columns = {
+        "case or test": "`{case}`",
+        "manner": "{manner}",
+        "scheme": "`{scheme}`",
+        "passed": "{said}",
+        "figures": "{figure}",
+    }
+    return grid(rows, **columns)
+
+
+def criteria(source: Source) -> Grid:
+    """One row a case or test: what it asks for, and where that comes from."""
+    rows = {row["case"]: row for row in source.rows(*_MAP) if row["case"] != "not supported"}
+    columns = {"case or test": "`{case}`", "draws": "{draws}", "criterion": "{criterion}", "source": "{source}"}
+    return grid(rows.values(), **columns)
+
+
+def passed(rows: Grid) -> Grid:
+    """Return the map of what `measured` has found: one row a case or test and manner, one column a scheme."""
+    found = [dict(zip(("case", "manner", "scheme", "passed"), row, strict=False)) for row in rows[1:]]
+    order = [f"`{scheme}`" for scheme in (*COMPARED, "hertz-literal")].index
+    found.sort(key=lambda row: order(row["scheme"]) if row["case"] == rows[1][0] else 0)  # columns as in the first case
+    head, *lines = pivoted(found, {"case or test": "{case}", "manner": "{manner}"}, "{scheme}", "{passed}")
+    first = [row[0] for row in rows[1:]].index
+    return [head, *sorted(lines, key=lambda line: first(line[0]))]
+
+
+def limits(rows: Grid, asked: Grid, unsupported: Grid) -> dict[str, Any]:
+    """Return the map as reports have it: what each case and test asks for, and what came out by manner and scheme."""
+    results: dict[str, dict[str, dict[str, str]]] = {}
+    for case, manner, scheme, said, _ in rows[1:]:
+        results.setdefault(case, {}).setdefault(manner, {})[scheme.strip("`")] = _OUTCOME[said]
+    cases = [
+        {"case": case.strip("`"), "criterion": f"{criterion} ({origin}).", "results": results[case]}
+        for case, _, criterion, origin in asked[1:]
+    ]
+    return {"cases": cases, "not_supported": [f"{test}: {why}." for test, why in unsupported[1:]]}
+
+
+def write_limits() -> None:
+    """Write what reports say of the map, from the tables; what is written by hand beside it stays."""
+    made = limits(*(read_table(name) for name in ("measured", "criteria", "not-supported")))
+    write_text(LIMITS, json.dumps({**read_json(LIMITS), **made}, indent=1, ensure_ascii=False) + "\n")
+
+
+class Table(NamedTuple):
+    """What makes a table, and the command that its figures come from, as it stands below the table."""
+
+    make: Callable[[Source], Grid]
+    command: str = ""
+    note: str = ""
+
+
+def _of_tasks(name: str) -> Callable[[Source], Grid]:
+    return lambda _: task_tables.MAKERS[name]()
+
+
+_MAP_BY = f"python -m validation {' '.join(_MAP)} --data DATA --out DIR"
+_FULL_SPEED = "python -m validation gate doors --manner competitive --data DATA --out DIR"
+_BODIES = "python -m validation {} --schemes hertz --manner hurried --draws {} --out DIR"
+_TWICE = "also with `--manner competitive`, and all of it with `--outline torso`"
+
+MAKERS: dict[str, Table] = {
+    "schemes": Table(schemes, "crowd-env run room-v0 --scheme SCHEME --runs 50"),
+    "halls": Table(halls, "python -m validation halls great-halls --out DIR"),
+    "jambs": Table(jambs, "python -m validation jambs --out DIR"),
+    "bodies-gate": Table(bodies_gate, _BODIES.format("gate", 100), _TWICE),
+    "bodies-doors": Table(bodies_doors, _BODIES.format("doors", 10), _TWICE),
+    "clogging": Table(clogging, "crowd-env clogging --speed SPEED --n 200 --runs 10"),
+    "frozen": Table(frozen, "python -m validation frozen --out DIR"),
+    "strategies": Table(strategies, "crowd-env evaluate --scenario two-exit-hall-v0 --policies STRATEGY --schemes SCHEME"),
+    "controller": Table(controller, "crowd-env train-routing --out DIR"),
+    "training": Table(training, "python train.py"),
+    "scenarios": Table(scenarios, "crowd-env run SCENARIO --scheme SCHEME --runs 100"),
+    "bodies": Table(bodies, "crowd-env run room-v0 --scheme SCHEME --radius RANGE --speed RANGE --runs 50"),
+    "theatre": Table(theatre, "crowd-env reproduce table7"),
+    "variants": Table(variants, "crowd-env reproduce table5 OPTIONS"),
+    "clearance": Table(clearance, "crowd-env reproduce lin-fig7 lin-fig8"),
+    "flows": Table(flows, "crowd-env reproduce lin-fig10"),
+    "measured": Table(measured, _MAP_BY),
+    "criteria": Table(criteria, _MAP_BY),
+    "full-speed": Table(lambda source: measured(source, "gate", "doors", manner="competitive"), _FULL_SPEED),
+    "map": Table(lambda source: passed(read_table("measured")), _MAP_BY),
+    **{name: Table(_of_tasks(name)) for name in task_tables.MAKERS},
+}  # fmt: skip
+
+
+def make(names: Iterable[str], source: Source) -> None:
+    """Make tables anew; ValueError if one is unknown, a command fails or a finished run is missing: it stays as it was then."""
+    for name in names:
+        if name not in MAKERS:
+            raise ValueError(f"unknown table {name!r}; known: {', '.join(MAKERS)}")
+        table = MAKERS[name]
+        write_table(name, table.make(source), table.command or f"python -m validation pages {name}", table.note)
+        if name in ("measured", "criteria"):
+            write_limits()

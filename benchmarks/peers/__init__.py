@@ -7,59 +7,50 @@ them bring pygame-ce, which overwrites the pygame of the extra ``render``.
 import contextlib
 import importlib
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from typing import Any
 
-from benchmarks.measuring import Contender, Effort
+from benchmarks.measuring import Effort
 from benchmarks.scenes import Scene
 
 INSTALL = "pip install -e '.[train,bench]' -c constraints.txt, in an environment of its own"
 
-# Case -> package, module of this folder, and the largest crowd that it is asked for.
+# Case -> package, which is a module of this folder too, and the largest crowd that it is asked for.
 CROWDS = {
-    "room20": (("jupedsim", "jupedsim", 20), ("cromosim", "cromosim", 20)),
-    "big": (("jupedsim", "jupedsim", 300), ("cromosim", "cromosim", 300)),
-    "hall": (("jupedsim", "jupedsim", 20_000), ("cromosim", "cromosim", 20_000)),
-    "jam": (("pymunk", "pymunk", 10_000), ("cromosim", "cromosim", 10_000)),
+    "room20": (("jupedsim", 20), ("cromosim", 20)),
+    "big": (("jupedsim", 300), ("cromosim", 300)),
+    "hall": (("jupedsim", 20_000), ("cromosim", 20_000)),
+    "jam": (("pymunk", 10_000), ("cromosim", 10_000)),
 }
 BATCHES = ("vmas", "magent2", "mpe2")
 
 
-def rivals(case: str, scene: Scene, effort: Effort) -> Sequence[Contender]:
+def rivals(case: str, scene: Scene, effort: Effort) -> list[Any]:
     """Return the other programs that take part in a case, none unless asked for."""
-    if not effort.peers:
-        return []
-    found: list[Contender] = []
-    for package, module, most in CROWDS[case]:
+    found: list[Any] = []
+    for package, most in CROWDS.get(case, ()) if effort.peers else ():
         if scene.people <= most and installed(package):
-            crowds = importlib.import_module(f"benchmarks.peers.{module}").crowds
-            found += _made(crowds(scene, effort), effort)
+            found += importlib.import_module(f"benchmarks.peers.{package}").crowds(scene, effort)
     return found
 
 
-def batch_rivals(rooms: int, people: int, effort: Effort) -> Sequence[Contender]:
+def batch_rivals(rooms: int, people: int, effort: Effort) -> list[Any]:
     """Return other batch environments, none unless asked for."""
-    if not effort.peers:
-        return []
-    found: list[Contender] = []
-    for package in BATCHES:
+    found: list[Any] = []
+    for package in BATCHES if effort.peers else ():
         if installed(package):
-            batches = importlib.import_module("benchmarks.peers.batches").BATCHES[package]
-            found += _made(batches(rooms, people, effort), effort)
+            found += _made(importlib.import_module("benchmarks.peers.batches").BATCHES[package](rooms, people))
     return found
 
 
-def _made(makers: Iterator[tuple[str, Callable[[], Contender]]], effort: Effort) -> list[Contender]:
-    """Make those that can be made; say of the others why not."""
-    made = []
-    for name, make in makers:
-        effort.tell(f"{name}: setting up")
+def _made(makers: Iterator[Callable[[], Any]]) -> Iterator[Any]:
+    for make in makers:
         try:
-            made.append(make())
-        except (RuntimeError, ValueError, TimeoutError) as error:
-            say(f"{name} is left out: {error}")
-    return made
+            yield make()
+        except (RuntimeError, ValueError) as error:
+            say(f"a peer is left out: {error}")
 
 
 @cache

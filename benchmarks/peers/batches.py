@@ -4,84 +4,41 @@ They do other work than ours in a step, so ratios compare what an agent-step cos
 the time; drawing actions would cost more than some of these steps.
 """
 
-import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
-from benchmarks.measuring import Contender, Effort, Sample
+from benchmarks.measuring import Effort, Sample, timed
 from benchmarks.peers import named, quiet
-from benchmarks.peers.walking import limit
-from crowd_env import make_scenario
 
-_PATIENCE = 3.0  # times the longest block: to set up and to make a first step
 _EPISODE = 200  # steps after which a PettingZoo environment is reset, which is not counted
-
-Maker = tuple[str, Callable[[], Contender]]
 
 
 class Stepped:
-    """An environment of so many agents whose step is a function; it is stepped once when it is made."""
+    """An environment of so many agents; it is stepped once when it is made."""
 
     whole = 0.0
 
-    def __init__(self, name: str, package: str, effort: Effort, make: Callable[[], Any]) -> None:
-        self.name = name
-        self.peer: str | None = named(package)
-        with quiet(), limit(_PATIENCE * effort.peer_seconds, "making it and its first step"):
-            self._step: Callable[[], tuple[float, float, int]] = make()
-            self._step()
+    def __init__(self, name: str, package: str, step: Callable[[], Any], agents: int, reset: Callable[[], Any]) -> None:
+        self.name, self._agents = f"{named(package)} {name}", agents
+        self._step, self._reset, self._left = step, reset, 0
+        self.block(Effort(1e-9))
 
     def block(self, effort: Effort) -> Sample:
         """Step for about ``effort.seconds`` of CPU time, at most for ``effort.peer_seconds`` on the clock."""
-        cpu = clock = 0.0
-        agents = steps = 0
+        sums = Sample(0.0, 0.0, 0.0, 0.0)
         with quiet():
-            while cpu < effort.seconds and clock < effort.peer_seconds:
-                spent, ticks, acted = self._step()
-                cpu, clock, agents, steps = cpu + spent, clock + ticks, agents + acted, steps + 1
-        return Sample(cpu, clock, 0.1 * steps, float(agents))
+            while sums.cpu < effort.seconds and sums.clock < effort.peer_seconds:
+                if self._left == 0:
+                    self._reset()
+                    self._left = _EPISODE
+                cpu, clock = timed(self._step)
+                self._left -= 1
+                sums = Sample(*map(sum, zip(sums, (cpu, clock, 0.1, self._agents), strict=True)))
+        return sums
 
 
-def _timed(call: Callable[[], Any], agents: int) -> tuple[float, float, int]:
-    clock, begin = time.perf_counter(), time.process_time()
-    call()
-    return time.process_time() - begin, time.perf_counter() - clock, agents
-
-
-def _vmas(scenario: str, rooms: int, people: int, options: dict[str, Any]) -> Callable[[], Any]:
-    def make() -> Callable[[], tuple[float, float, int]]:
-        import torch
-        import vmas
-
-        torch.set_num_threads(1)
-        env = vmas.make_env(scenario, num_envs=rooms, device="cpu", seed=0, n_agents=people, **options)
-        env.reset()
-        actions = [torch.full((rooms, 2), 0.5) for _ in env.agents]
-        return lambda: _timed(lambda: env.step(actions), rooms * people)
-
-    return make
-
-
-def _pettingzoo(build: Callable[[], Any], action: int) -> Callable[[], Any]:
-    def make() -> Callable[[], tuple[float, float, int]]:
-        env = build()
-        left = 0
-
-        def step() -> tuple[float, float, int]:
-            nonlocal left
-            if left == 0 or not env.agents:
-                env.reset(seed=0)
-                left = _EPISODE
-            left -= 1
-            actions = dict.fromkeys(env.agents, action)
-            return _timed(lambda: env.step(actions), len(actions))
-
-        return step
-
-    return make
-
-
-def vmas_batches(rooms: int, people: int, effort: Effort) -> Iterator[Maker]:
+def vmas_batches(rooms: int, people: int) -> Iterator[Callable[[], Stepped]]:
     """Yield navigation, dispersion and flocking with as many agents; spaced so that they fit into their world."""
     reach = max(1.0, 0.35 * people**0.5)
     scenarios: dict[str, dict[str, Any]] = {
@@ -89,37 +46,51 @@ def vmas_batches(rooms: int, people: int, effort: Effort) -> Iterator[Maker]:
         "dispersion": {},
         "flocking": {"min_dist_between_entities": 0.05},
     }
-    for scenario, options in scenarios.items():
-        name = f"vmas {scenario}, {rooms} x {people}"
-        make = _vmas(scenario, rooms, people, options)
-        yield name, lambda name=name, make=make: Stepped(name, "vmas", effort, make)  # type: ignore[misc]
+
+    def make(scenario: str) -> Stepped:
+        import torch
+        import vmas
+
+        torch.set_num_threads(1)
+        env = vmas.make_env(scenario, num_envs=rooms, device="cpu", seed=0, n_agents=people, **scenarios[scenario])
+        actions = [torch.full((rooms, 2), 0.5) for _ in env.agents]
+        name = f"{scenario}, {rooms} x {people}"
+        return Stepped(name, "vmas", lambda: env.step(actions), rooms * people, env.reset)
+
+    yield from (partial(make, scenario) for scenario in scenarios)
 
 
-def magent2_batches(rooms: int, people: int, effort: Effort) -> Iterator[Maker]:
+def _pettingzoo(name: str, package: str, env: Any, action: int) -> Stepped:
+    env.reset(seed=0)
+    step = lambda: env.step(dict.fromkeys(env.agents, action))  # noqa: E731
+    return Stepped(name, package, step, len(env.agents), partial(env.reset, seed=0))
+
+
+def magent2_batches(rooms: int, people: int) -> Iterator[Callable[[], Stepped]]:
     """Yield the battle, on a map for 162 agents or, beside larger rooms, 648; everyone stands still."""
 
-    def build() -> Any:
+    def make() -> Stepped:
         from magent2.environments import battle_v4
 
-        return battle_v4.parallel_env(make_scenario("room-v0", map_size=45 if people <= 20 else 90))
+        env = battle_v4.parallel_env(map_size=45 if people <= 20 else 90)
+        return _pettingzoo(f"battle, {162 if people <= 20 else 648} agents", "magent2", env, 6)
 
-    name = f"magent2 battle, {162 if people <= 20 else 648} agents"
-    yield name, lambda: Stepped(name, "magent2", effort, _pettingzoo(build, 6))
+    yield make
 
 
-def mpe2_batches(rooms: int, people: int, effort: Effort) -> Iterator[Maker]:
+def mpe2_batches(rooms: int, people: int) -> Iterator[Callable[[], Stepped]]:
     """Yield simple_spread with as many agents as one of our rooms."""
 
-    def build() -> Any:
+    def make() -> Stepped:
         from mpe2 import simple_spread_v3
 
-        return simple_spread_v3.parallel_env(make_scenario("room-v0", N=people), max_cycles=_EPISODE + 1)
+        env = simple_spread_v3.parallel_env(N=people, max_cycles=_EPISODE + 1)
+        return _pettingzoo(f"simple_spread, {people} agents", "mpe2", env, 1)
 
-    name = f"mpe2 simple_spread, {people} agents"
-    yield name, lambda: Stepped(name, "mpe2", effort, _pettingzoo(build, 1))
+    yield make
 
 
-BATCHES: dict[str, Callable[[int, int, Effort], Iterator[Maker]]] = {
+BATCHES: dict[str, Callable[[int, int], Iterator[Callable[[], Stepped]]]] = {
     "vmas": vmas_batches,
     "magent2": magent2_batches,
     "mpe2": mpe2_batches,

@@ -5,7 +5,7 @@ by Uzawa's method.  Walls and ways are read off an image with pixels of 5 cm (2 
 """
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import cromosim.micro
 import numpy as np
 from matplotlib.lines import Line2D
 
-from benchmarks.measuring import Contender, Effort
+from benchmarks.measuring import Effort
 from benchmarks.peers import quiet
 from benchmarks.peers.walking import DT, PeerCrowd
 from benchmarks.scenes import Floats, Scene
@@ -28,11 +28,11 @@ _CVXOPT_PEOPLE = 1000
 class Granular(PeerCrowd):
     """A scene under one of its solvers."""
 
-    def __init__(self, solver: str, scene: Scene, effort: Effort, domain: Any) -> None:
+    def __init__(self, solver: str, scene: Scene, domain: Any) -> None:
         self._solver, self._domain = solver, domain
         # Two people who meet must be seen before they are in each other.
         self._reach = 2.0 * DT * float(scene.bodies.desired_speed.max()) + 0.005
-        super().__init__(f"granular, {solver}", "cromosim", scene, effort)
+        super().__init__(f"granular, {solver}", "cromosim", scene)
 
     def _build(self) -> None:
         bodies = self._scene.bodies
@@ -88,10 +88,10 @@ def domain_of(scene: Scene) -> Any:
     return domain
 
 
-def crowds(scene: Scene, effort: Effort) -> Iterator[tuple[str, Callable[[], Contender]]]:
-    """Yield names, and what makes the contenders."""
+def crowds(scene: Scene, effort: Effort) -> Iterator[Granular]:
+    """Yield the scene under both solvers."""
     with quiet():
         domain = domain_of(scene)
     for solver in ("cvxopt", "uzawa"):
         if solver == "uzawa" or scene.people <= _CVXOPT_PEOPLE:
-            yield f"cromosim, {solver}", lambda solver=solver: Granular(solver, scene, effort, domain)  # type: ignore[misc]
+            yield Granular(solver, scene, domain)

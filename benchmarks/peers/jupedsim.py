@@ -1,13 +1,13 @@
 """JuPedSim: collision-free speed model and social force, their published parameters, a step of 0.01 s (its default)."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import jupedsim
 import numpy as np
 import shapely
 
-from benchmarks.measuring import Contender, Effort
+from benchmarks.measuring import Effort
 from benchmarks.peers.walking import DT, PeerCrowd
 from benchmarks.scenes import Floats, Scene
 
@@ -17,9 +17,9 @@ _OUTSIDE = 1.5  # m of floor behind the door, where people are taken out
 class JuPedSim(PeerCrowd):
     """A scene under one of its models; people's radius, desired speed, mass and relaxation time are those of the scene."""
 
-    def __init__(self, social: bool, scene: Scene, effort: Effort) -> None:
+    def __init__(self, social: bool, scene: Scene) -> None:
         self._social = social
-        super().__init__("social force" if social else "collision-free speed", "jupedsim", scene, effort)
+        super().__init__("social force" if social else "collision-free speed", "jupedsim", scene)
 
     def _build(self) -> None:
         scene = self._scene
@@ -61,7 +61,6 @@ class JuPedSim(PeerCrowd):
         return np.array([self._number[agent.id] for agent in agents], dtype=np.int64), position
 
 
-def crowds(scene: Scene, effort: Effort) -> Iterator[tuple[str, Callable[[], Contender]]]:
-    """Yield names, and what makes the contenders."""
-    yield "jupedsim, collision-free speed", lambda: JuPedSim(False, scene, effort)
-    yield "jupedsim, social force", lambda: JuPedSim(True, scene, effort)
+def crowds(scene: Scene, effort: Effort) -> Iterator[JuPedSim]:
+    """Yield the scene under both models."""
+    yield from (JuPedSim(social, scene) for social in (False, True))

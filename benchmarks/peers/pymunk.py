@@ -4,14 +4,14 @@ Ten iterations, and a slop of 1 mm: its default, 0.1, is in units of length, 10 
 batches, which belongs to the step.  Bodies carry a rotation that nothing turns.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 import pymunk
 import pymunk.batch
 
-from benchmarks.measuring import Contender, Effort
+from benchmarks.measuring import Effort
 from benchmarks.peers.walking import DT, PeerCrowd
 from benchmarks.scenes import Floats, Scene
 
@@ -24,8 +24,8 @@ _FIELDS = pymunk.batch.BodyFields.BODY_ID | _MOVING
 class Discs(PeerCrowd):
     """A scene in which everyone's velocity relaxes to the desired one, straight to the door."""
 
-    def __init__(self, scene: Scene, effort: Effort) -> None:
-        super().__init__(f"{ITERATIONS} iterations", "pymunk", scene, effort)
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(f"{ITERATIONS} iterations", "pymunk", scene)
 
     def _build(self) -> None:
         scene, side = self._scene, self._scene.side
@@ -94,6 +94,6 @@ class Discs(PeerCrowd):
         return self._who[there], self._state[there, :2]
 
 
-def crowds(scene: Scene, effort: Effort) -> Iterator[tuple[str, Callable[[], Contender]]]:
-    """Yield names, and what makes the contenders."""
-    yield "pymunk", lambda: Discs(scene, effort)
+def crowds(scene: Scene, effort: Effort) -> Iterator[Discs]:
+    """Yield the scene."""
+    yield Discs(scene)

@@ -1,18 +1,12 @@
 """What other crowd programs have in common here: runs of a scene, put back at its end, cut short when they take too long."""
 
-import contextlib
-import signal
-import threading
-import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from types import FrameType
 
 import numpy as np
 
-from benchmarks.measuring import Effort, Sample
+from benchmarks.measuring import Effort, Sample, timed
 from benchmarks.peers import named, quiet, say
-from benchmarks.scenes import Depths, Floats, Scene, chosen
+from benchmarks.scenes import Floats, Scene, chosen
 from crowd_env import Bodies
 
 DT = 0.01  # s
@@ -21,15 +15,9 @@ DT = 0.01  # s
 class PeerCrowd(ABC):
     """A scene in another program."""
 
-    def __init__(self, name: str, package: str, scene: Scene, effort: Effort) -> None:
-        self.name = f"{package} {name} {DT:g} s"
-        self.peer = named(package)
-        self.whole = scene.horizon
-        self.failed_at: float | None = None  # s
-        self._scene, self._effort = scene, effort
-        self.depths = Depths(scene)
-        self._time = 0.0
-        self._begin = 0.0
+    def __init__(self, name: str, package: str, scene: Scene) -> None:
+        self.name, self.whole, self._scene = f"{named(package)} {name} {DT:g} s", scene.horizon, scene
+        self._failed = False
         self._start()
 
     @abstractmethod
@@ -52,66 +40,36 @@ class PeerCrowd(ABC):
     def now(self) -> tuple[Bodies, Floats]:
         """Return those who are inside and where."""
         numbers, position = self._people()
-        who = np.zeros(self._scene.people, dtype=np.bool_)
-        who[numbers] = True
-        return chosen(self._scene.bodies, who), position[np.argsort(numbers)]
+        inside = np.zeros(self._scene.people, dtype=np.bool_)
+        inside[numbers] = True
+        return chosen(self._scene.bodies, inside), position[np.argsort(numbers)]
 
     def _start(self) -> None:
-        clock = time.perf_counter()
-        self._time = 0.0
+        self._left = round((self._scene.settle + self.whole) / DT)
         with quiet():
             self._build()
-            while self._time < self._scene.settle - 1e-9 and time.perf_counter() - clock < self._effort.peer_seconds:
+            while self._left > round(self.whole / DT):
                 self._one()
-        self._begin = self._time
 
-    def _one(self) -> bool:
-        """Make a step; False if the program gave up."""
+    def _one(self) -> None:
+        """Make a step, unless the program gives up."""
+        self._left -= 1
         try:
             self._step()
         except RuntimeError as error:
-            self.failed_at = self._time
-            say(f"{self.name}, {self._scene.people} people: stopped at {self._time:.2f} s: {str(error)[:90]}")
-            return False
-        self._time += DT
-        return True
+            self._failed, self._left = True, min(self._left, 0)
+            say(f"{self.name}, {self._scene.people} people: stopped: {str(error)[:90]}")
 
     def block(self, effort: Effort) -> Sample:
         """Make whole runs of ``effort.seconds`` of CPU time or more, or as much as ``effort.peer_seconds`` allow."""
         sums = Sample(0.0, 0.0, 0.0, 0.0)
-        failed = False
         while sums.clock < effort.peer_seconds and (sums.cpu < effort.seconds or sums.simulated < self.whole - 1e-9):
-            if failed or self._time >= self._begin + self.whole - 1e-9 or not self.inside:
-                if failed and sums.cpu >= effort.seconds:
+            if self._left <= 0 or not self.inside:
+                if self._failed and sums.simulated:
                     break
                 self._start()
-            steps, people = 0, 0
-            clock, begin = time.perf_counter(), time.process_time()
+            people = self.inside
             with quiet():
-                while steps < 10 and self.inside and not failed:
-                    people += self.inside
-                    failed = not self._one()
-                    steps += not failed
-            now = Sample(time.process_time() - begin, time.perf_counter() - clock, DT * steps, float(people))
-            sums = Sample(*(a + b for a, b in zip(sums, now, strict=True)))
-            self.depths.look(self._time - self._begin, self.now)
+                cpu, clock = timed(self._one)
+            sums = Sample(*map(sum, zip(sums, (cpu, clock, DT, people), strict=True)))
         return sums
-
-
-@contextlib.contextmanager
-def limit(seconds: float, what: str) -> Iterator[None]:
-    """Raise TimeoutError if what is inside takes longer on the clock; does nothing where signals do not work."""
-    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def late(number: int, frame: FrameType | None) -> None:
-        raise TimeoutError(f"{what} took longer than {seconds:g} s")
-
-    before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)

@@ -24,7 +24,7 @@ from crowd_env.cli.schema import schema
 from crowd_env.core.arrays.headway import MANNERS, make_manner
 from crowd_env.core.console import friendly_errors, progress_bar
 from crowd_env.physics import SCHEMES, make_scheme
-from crowd_env.scenarios import SCENARIOS, about
+from crowd_env.scenarios import SCENARIOS, make_scenario
 
 app = typer.Typer(
     cls=WithLearning,
@@ -54,7 +54,8 @@ app.command(epilog=RUN_EXAMPLES)(run)
 @app.command("list")
 def list_names(as_json: AsJson = False) -> None:
     """List the scenarios and contact schemes."""
-    scenarios = {name: "{} ({})".format(*about(name)) for name in SCENARIOS}
+    places = {name: make_scenario(name) for name in SCENARIOS}
+    scenarios = {name: f"{place.title} ({place.reference})" for name, place in places.items()}
     schemes = {name: f"{scheme.info.title} ({scheme.info.reference})" for name, scheme in SCHEMES.items()}
     if as_json:
         typer.echo(json.dumps({"scenarios": scenarios, "schemes": schemes}))

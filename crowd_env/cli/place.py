@@ -9,11 +9,12 @@ import typer
 from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import OF_PEOPLE, OF_PLACE, OF_RUNS
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
-from crowd_env.scenarios.floor_plan import PEOPLE, people_on, read_starts, scenario_on
+from crowd_env.scenarios.floor_plan import PEOPLE, people_on, scenario_on
 from crowd_env.scenarios.plans.reading import PLANS, read_plan
 from crowd_env.scenarios.plans.units import unit_in_meters
 from crowd_env.scenarios.population import Uniform
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.starts import read_starts
 
 # What a command line says of a place.
 PLACES = f"Name of a scenario, a scenario file (.toml, .json), or a floor plan: {PLANS}."

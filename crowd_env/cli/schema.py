@@ -13,7 +13,7 @@ from crowd_env.core.files.atomic import check_suffix, write_text
 def schema(out: Annotated[Path | None, typer.Option(help="File to write, .json; default: print it.")] = None) -> None:
     """Give the JSON Schema of scenario files, with which editors complete keys and mark mistakes."""
     with friendly_errors():
-        from crowd_env.scenarios.file.schema import json_schema
+        from crowd_env.scenarios.schema import json_schema
 
         text = json.dumps(json_schema(), indent=2, ensure_ascii=False)
         if out is None:

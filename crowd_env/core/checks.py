@@ -5,8 +5,9 @@ letters.
 """
 
 import math
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import MISSING, fields, is_dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import MISSING, asdict, fields, is_dataclass
 from functools import cache
 from numbers import Real
 from pathlib import Path
@@ -81,6 +82,16 @@ def counted(count: int, one: str, many: str) -> str:
 def refuse(what: str, value: Any, allowed: str) -> NoReturn:
     """Raise the ValueError that says what ``what`` is and what is allowed."""
     raise ValueError(f"{what} is {shown(value)}; it must be {allowed}")
+
+
+@contextmanager
+def at(where: str) -> Iterator[None]:
+    """Begin any ValueError of the block with ``where``, a file or a key, unless it does so already."""
+    try:
+        yield
+    except ValueError as error:
+        message = str(error)
+        raise ValueError(message if message.startswith(f"{where}: ") else f"{where}: {message}") from None
 
 
 def number(what: str, value: Any, allowed: Range = FINITE, unit: str = "") -> float:
@@ -370,6 +381,11 @@ def from_choice(what: str, kind: type[Thing], value: Any, choices: Mapping[str, 
             what, value, f"{article} {kind.__name__}, a table of its parameters, None or one of {', '.join(choices)}"
         )
     return value
+
+
+def plain_choice(thing: Any, choices: Mapping[str, Any]) -> str | dict[str, Any]:
+    """Return the name that a dataclass has in ``choices``, else the table of its fields: what `from_choice` takes."""
+    return next((name for name, choice in choices.items() if thing == choice), None) or asdict(thing)
 
 
 def check_keys(where: str, table: Mapping[str, Any], names: Collection[str]) -> None:

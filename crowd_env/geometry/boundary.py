@@ -1,4 +1,4 @@
-"""The border of an area as straight oriented edges, cut into walls and exits."""
+"""The border of an area as straight oriented edges, cut into walls and exits; what lies behind it, and where walls end."""
 
 import warnings
 from collections.abc import Mapping
@@ -10,12 +10,13 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from crowd_env.core.arrays.state import Floats
-from crowd_env.geometry.parsing import SLIVER, Area, place
+from crowd_env.core.arrays.state import Floats, Ints, row_starts
+from crowd_env.geometry.parsing import SLIVER, Area, border_edges, place
 
 _SAME = 1e-9  # m; a point nearer than this to a straight line is on it
 _SNAP = 0.01  # m; an exit may be drawn this far from the boundary ...
 _WALL = 0.3  # m; ... and is moved onto it from the other face of a wall
+_INWARDS = 1e-3  # m; an apron begins this far inside, so that no gap of rounding parts it from the area
 
 
 def open_boundary(area: Area, exits: Mapping[str, BaseGeometry]) -> tuple[Floats, Floats, tuple[str, ...]]:
@@ -210,3 +211,52 @@ def _merged(openings: list[_Opening], at) -> list[_Opening]:  # type: ignore[no-
         else:
             merged.append(opening)
     return merged
+
+
+def add_aprons(walkable: Area, exits: Floats, depth: float) -> Area:
+    """Return the area with a rectangle as wide as the exit and ``depth`` [m] deep outside of each of ``exits`` (X, 2, 2)."""
+    along = exits[:, 1] - exits[:, 0]
+    outward = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]  # the area lies to the left
+    near, far = exits - _INWARDS * outward[:, None], exits + depth * outward[:, None]
+    aprons = shapely.polygons(np.concatenate([near, far[:, ::-1]], axis=1))
+    area = shapely.union_all([walkable, *aprons])
+    assert isinstance(area, Polygon | MultiPolygon)  # each apron touches the area along its exit
+    return area
+
+
+def solid_depth(walls: Floats, area: Area, most: float = 0.25) -> Floats:
+    """Return (W,) half the thickness [m] of what is solid behind (to the right of) each wall, ``most`` at the most.
+
+    A center that was pressed into a wall belongs to the nearer face of it.
+    """
+    depth = np.full(len(walls), most)
+    if not len(walls):
+        return depth
+    along = walls[:, 1] - walls[:, 0]
+    along = along / np.hypot(*along.T)[:, None]
+    behind = 2 * most * np.column_stack([along[:, 1], -along[:, 0]])
+    a, b = walls[:, 0] + SLIVER * along, walls[:, 1] - SLIVER * along
+    strips = shapely.polygons(np.stack([a, b, b + behind, a + behind], axis=1))
+    # What is walkable in a strip and nearest to its wall lies on the border of the area: its edges near the strip tell all.
+    room = shapely.buffer(area, -SLIVER)
+    border = shapely.linestrings(border_edges(room))
+    row, edge = shapely.STRtree(border).query(strips, predicate="intersects")
+    faces = shapely.linestrings(np.stack([a, b], axis=1))
+    away = shapely.distance(faces[row], shapely.intersection(strips[row], border[edge]))
+    np.minimum.at(depth, row, 0.5 * away)
+    shapely.prepare(room)
+    depth[shapely.intersects_xy(room, *a.T)] = 0.0  # a thin wall: there is nothing solid behind it
+    return depth
+
+
+def ends_together(ends: Floats) -> tuple[Ints, Ints]:
+    """Return, as compressed rows (V+1,) and (M,), which of the ``ends`` (M, 2) [m] of walls lie at each corner."""
+    if not len(ends):
+        return np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.int64)
+    points = shapely.points(ends)
+    end, twin = shapely.STRtree(points).query(points, predicate="dwithin", distance=_SAME)
+    first = np.arange(len(ends))
+    np.minimum.at(first, end, twin)  # an end is called by the first end at its place
+    distinct, corner_of_end = np.unique(first, return_inverse=True)
+    order = np.argsort(corner_of_end, kind="stable")
+    return row_starts(np.bincount(corner_of_end, minlength=len(distinct))), order.astype(np.int64)

@@ -5,7 +5,7 @@ All segments are oriented with the walkable area to their LEFT, so the outward n
 
 import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -19,9 +19,7 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints, joined_starts
 from crowd_env.core.checks import NOT_NEGATIVE, table
 from crowd_env.core.checks import number as require_number
 from crowd_env.core.checks import text as require_text
-from crowd_env.geometry.boundary import open_boundary
-from crowd_env.geometry.corners import ends_together
-from crowd_env.geometry.depth import solid_depth
+from crowd_env.geometry.boundary import ends_together, open_boundary, solid_depth
 from crowd_env.geometry.doors import read_doors
 from crowd_env.geometry.jambs import NO_ARCS, Arcs, deepen_exits, round_jambs
 from crowd_env.geometry.parsing import (
@@ -115,6 +113,7 @@ class Geometry:
         regions: Mapping[str, Shape] | None = None,
         doors: Mapping[str, Shape] | None = None,
         jamb_radius: float = 0.0,
+        narrowest: float = 0.0,
     ) -> "Geometry":
         """Return the geometry of an area.
 
@@ -138,6 +137,8 @@ class Geometry:
         jamb_radius
             Radius [m] of the corners that jut into the area: door jambs, corners of obstacles, the tips of thin walls; 0 for
             sharp ones.  See `crowd_env.geometry.jambs`: passages and doors stay as wide as they are drawn.
+        narrowest
+            Radius [m] of a body: what it cannot leave through any passage is left out.
 
         Raises
         ------
@@ -162,6 +163,11 @@ class Geometry:
         area, left_out = split_by_exits(area, exit_rows)
         if left_out:
             say_left_out(left_out)
+        if lost := closed_off(area, exit_rows, narrowest) if narrowest > 0.0 else []:
+            say_left_out(lost)
+            area = read_area(shapely.difference(area, shapely.union_all(lost)), "walkable area")
+            left_out += lost
+        if left_out:
             with warnings.catch_warnings():  # what it has to say has been said
                 warnings.simplefilter("ignore")
                 walls, exit_rows, exit_names = open_boundary(area, shapes)
@@ -194,28 +200,6 @@ class Geometry:
     def from_wkt(cls, text: str, **others: Any) -> "Geometry":
         """Return the geometry whose walkable area is the WKT ``text``; the ``others`` are those of `from_polygon`."""
         return cls.from_polygon(require_text("walkable area", text, "well-known text (WKT)"), **others)
-
-    def without_closed_off(self, radius: float, exits: Mapping[str, Shape] | Iterable[Shape]) -> "Geometry":
-        """Return the place without what a body of ``radius`` [m] cannot leave through any passage, with a note.
-
-        It is made anew with ``exits``, as in `from_polygon`; walls inside, doors and round jambs it must not have.
-
-        Raises
-        ------
-        ValueError
-            If a region lies in what is left out.
-        """
-        lost = closed_off(self.walkable, self.exits, radius)
-        if not lost:
-            return self
-        say_left_out(lost)
-        with warnings.catch_warnings():  # what there is to say has been said
-            warnings.simplefilter("ignore")
-            rest = Geometry.from_polygon(shapely.difference(self.walkable, shapely.union_all(lost)), exits=exits)
-        left_out = (*self.left_out, *lost)
-        return replace(
-            rest, left_out=left_out, regions=_regions(rest.walkable, left_out, self.regions, rest.exit_names)
-        )
 
     def walls_when(self, closed: Collection[str] = ()) -> tuple[Floats, Bools]:
         """Return the walls (W, 2, 2) and which are two-sided (W,) while these doors are closed and all others open."""

@@ -19,8 +19,7 @@ from shapely.geometry import LinearRing, LineString, MultiLineString, MultiPolyg
 from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.arrays.state import Floats, Ints
-from crowd_env.geometry.boundary import rings_of
-from crowd_env.geometry.corners import ends_together
+from crowd_env.geometry.boundary import ends_together, rings_of
 from crowd_env.geometry.parsing import SLIVER, Area, place
 
 _CHORDS = 32  # of half a turn

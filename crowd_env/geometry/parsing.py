@@ -223,7 +223,7 @@ def _shape(thing: Any, what: str, kind: type[Polygon] | type[LineString]) -> Bas
 def _polygon_parts(shape: BaseGeometry, what: str) -> list[Polygon]:
     """Return the polygons of a shape; points and lines that stand beside polygons in a collection are left out."""
     allowed = "a POLYGON, a MULTIPOLYGON or a GEOMETRYCOLLECTION of them"
-    parts = _flat(shape)
+    parts = flat_parts(shape)
     polygons = [part for part in parts if part.geom_type == "Polygon"]
     if parts and not polygons:
         within, kind = (
@@ -237,8 +237,8 @@ def _polygon_parts(shape: BaseGeometry, what: str) -> list[Polygon]:
     return polygons
 
 
-def _flat(shape: BaseGeometry) -> list[BaseGeometry]:
+def flat_parts(shape: BaseGeometry) -> list[BaseGeometry]:
     """Return the parts of a shape, and their parts."""
     if shape.geom_type != "GeometryCollection" and not shape.geom_type.startswith("Multi"):
         return [shape]
-    return [one for part in shapely.get_parts(shape) for one in _flat(part)]
+    return [one for part in shapely.get_parts(shape) for one in flat_parts(part)]

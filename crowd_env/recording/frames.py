@@ -10,7 +10,7 @@ from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.files.versions import versions_of
 from crowd_env.envs.crowd import CrowdEnv
-from crowd_env.geometry.aprons import add_aprons
+from crowd_env.geometry.boundary import add_aprons
 from crowd_env.physics.pressure import contact_pressure
 from crowd_env.recording.contacts import ContactSums
 from crowd_env.recording.exits import APRON, places_beyond

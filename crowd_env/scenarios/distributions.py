@@ -1,13 +1,15 @@
 """What body parameters are drawn from; every distribution has bounds, so that what can happen is known beforehand."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from numbers import Real
+from typing import Any, Protocol
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.checks import check_fields
+from crowd_env.core.checks import at, check_fields, from_table, known, number, refuse
 
 _LEAST_SHARE = 0.01  # of what is drawn has to lie within the bounds: what lies outside is drawn again
 
@@ -133,3 +135,38 @@ def _require_share(kind: str, low: float, high: float, from_sd: float, to_sd: fl
     share = 0.5 * (math.erf(to_sd / math.sqrt(2.0)) - math.erf(from_sd / math.sqrt(2.0)))
     if share < _LEAST_SHARE:
         raise ValueError(f"{kind} distribution: only {share:.2g} of it lies in [{low:g}, {high:g}]; set wider bounds")
+
+
+# What a table calls its distribution.
+LAWS: dict[str, type[Uniform] | type[Normal] | type[LogNormal]] = {
+    "uniform": Uniform,
+    "normal": Normal,
+    "lognormal": LogNormal,
+}
+
+
+def as_distribution(what: str, value: Any) -> Distribution:
+    """Return a distribution, or the one that plain data describe: a number, a pair, or a table with the key "distribution".
+
+    Raises
+    ------
+    ValueError
+        If it is none of them, or a bound is not finite.
+    """
+    if isinstance(value, Real):
+        return Uniform(number(what, value), float(value))
+    if isinstance(value, list | tuple) and len(value) == 2:
+        low, high = (number(f"{what}[{k}]", bound) for k, bound in enumerate(value))
+        with at(what):
+            return Uniform(low, high)
+    if isinstance(value, Mapping):
+        law = LAWS[known("distribution", value.get("distribution"), LAWS, f"{what}: ")]
+        with at(what):
+            return from_table(what, law, {key: one for key, one in value.items() if key != "distribution"})
+    if isinstance(value, type) or not all(hasattr(value, part) for part in ("low", "high", "sample")):
+        refuse(
+            what, value, "a number, a pair (low, high), a distribution such as Uniform(low, high), or a table of one"
+        )
+    for bound in ("low", "high"):
+        number(f"{what}.{bound}", getattr(value, bound))
+    return value

@@ -7,11 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import texts
-from crowd_env.core.files.csv_table import read_table
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.routing.fields.domain import require_grid
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.groups import Groups, People, as_people
 from crowd_env.scenarios.plans.floor_plan import FloorPlan
@@ -70,18 +67,6 @@ def scenario_from_plan(
     return scenario_on(plan, crowd, time_limit=time_limit, blocked_after=blocked_after, target=target)
 
 
-def scenario_from_wkt(
-    path: str | Path,
-    exits: Sequence[str],
-    population: People,
-    *,
-    time_limit: float = TIME_LIMIT,
-    unit: str | None = None,
-) -> Scenario:
-    """Return a scenario on a floor plan, as `scenario_from_plan` does: with exits and people that are given."""
-    return scenario_from_plan(path, exits=exits, population=population, time_limit=time_limit, unit=unit)
-
-
 def scenario_on(plan: FloorPlan, population: People, *, time_limit: float = TIME_LIMIT, **options: Any) -> Scenario:
     """Return a scenario on a floor plan; ``options`` are those of `Scenario`.
 
@@ -101,9 +86,9 @@ def scenario_on(plan: FloorPlan, population: People, *, time_limit: float = TIME
     if not plan.exits:
         raise ValueError(f"{path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
     try:
-        geometry = Geometry.from_polygon(plan.walkable, exits=plan.exits, regions=plan.regions)
-        require_grid(geometry, population.radius.low)
-        geometry = geometry.without_closed_off(population.radius.low, plan.exits)
+        geometry = Geometry.from_polygon(
+            plan.walkable, exits=plan.exits, regions=plan.regions, narrowest=population.radius.low
+        )
         return Scenario(path.stem, geometry, population, time_limit, title=f"floor plan {path.name}", **options)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
@@ -133,20 +118,3 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
     parts = [Population(**{**fields, "people": share, "start_region": name}) for name, share in shares.items()]
     crowd: People = parts[0] if len(parts) == 1 else Groups(tuple(parts))
     return crowd.changed(people=usual if people is None else people)
-
-
-def read_starts(path: str | Path) -> Floats:
-    """Return recorded starting positions (K, 2) [m] from a CSV file with the columns ``x`` and ``y``.
-
-    Raises
-    ------
-    ValueError
-        If the file cannot be read, lacks a column, or holds something that is not a number; file and line are named.
-    """
-    table = read_table(path, "the starting positions", ("x", "y"), "meters", "a person")
-    if "frame" in table.columns:
-        raise ValueError(
-            f"{table.path}: with a column 'frame' this is a trajectory; starting positions are one line a person: keep the "
-            "rows of one frame, such as the first, and leave out the column"
-        )
-    return np.array([[table.number(row, name, f"person {row.number}") for name in ("x", "y")] for row in table.rows])

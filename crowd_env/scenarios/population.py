@@ -9,10 +9,9 @@ import numpy as np
 from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, make_bodies
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, from_table, known, whole
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform
+from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
 from crowd_env.scenarios.placement import CLOSEST_PACKING, sample_positions
-from crowd_env.scenarios.plain_data import as_distribution, as_positions
-from crowd_env.scenarios.starts import check_starts
+from crowd_env.scenarios.starts import as_positions, check_starts
 
 __all__ = ["Distribution", "LogNormal", "Normal", "Population", "Uniform"]
 
@@ -83,7 +82,7 @@ class Population:
         for name, allowed in (DRAWN | MOTIVATION).items():
             if getattr(self, name) is None and name in MOTIVATION:
                 continue
-            law = as_distribution("population", name, getattr(self, name))
+            law = as_distribution(f"population: {name}", getattr(self, name))
             object.__setattr__(self, name, law)
             for bound, extreme in ((law.low, "low"), (law.high, "high")):
                 if bound not in allowed:

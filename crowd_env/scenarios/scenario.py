@@ -1,6 +1,8 @@
 """A scenario is pure data: a plan, a population, a time limit and where the numbers come from."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +19,9 @@ from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios.groups import People, as_people
 from crowd_env.scenarios.population import Population, require_names, require_room
+
+# What callers can set of every place: people, and fields of the scenario.
+COMMON = ("people", "population", "time_limit", "blocked_after", "target")
 
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
 
@@ -200,3 +205,18 @@ def _best_of(exits: tuple[str, ...], strategy: str) -> Route:
     if strategy == "shortest":
         return Route(name or OUT, exits)
     return Route(f"{strategy} to {name}" if name else strategy, exits, strategy=strategy)
+
+
+def changed_place(place: Scenario, options: Mapping[str, Any]) -> Scenario:
+    """Return a scenario with the ``options`` that are `COMMON` to all and not None; a population brings its own people.
+
+    Raises
+    ------
+    ValueError
+        If one does not suit the place.
+    """
+    given = {name: options[name] for name in COMMON if options.get(name) is not None}
+    people, crowd = given.pop("people", None), as_people(given.pop("population", None))
+    if crowd is None:
+        crowd = place.population if people is None else place.population.changed(people=people)
+    return replace(place, **given, population=crowd)

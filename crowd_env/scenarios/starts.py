@@ -1,10 +1,51 @@
 """Recorded starts: read, and checked to be places where people can stand."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.files.csv_table import read_table
 from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
+
+
+def as_positions(starts: Any, people: int = 0) -> Floats:
+    """Return a copy of recorded starts (K, 2) [m] as kernels want it.
+
+    Raises
+    ------
+    ValueError
+        If they cannot be positions, or are fewer than ``people``.
+    """
+    try:
+        positions = np.array(starts, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"starts must be numbers, one (x, y) [m] a row: {error}") from None
+    if positions.ndim != 2 or positions.shape[1] != 2 or len(positions) < people:
+        raise ValueError(f"starts must have the shape ({people}, 2), not {positions.shape}, or more rows to draw from")
+    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
+    if len(bad):
+        raise ValueError(f"start {bad[0]} is {positions[bad[0]].tolist()}; it must be finite")
+    return positions
+
+
+def read_starts(path: str | Path) -> Floats:
+    """Return recorded starting positions (K, 2) [m] from a CSV file with the columns ``x`` and ``y``.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, lacks a column, or holds something that is not a number; file and line are named.
+    """
+    table = read_table(path, "the starting positions", ("x", "y"), "meters", "a person")
+    if "frame" in table.columns:
+        raise ValueError(
+            f"{table.path}: with a column 'frame' this is a trajectory; starting positions are one line a person: keep the "
+            "rows of one frame, such as the first, and leave out the column"
+        )
+    return np.array([[table.number(row, name, f"person {row.number}") for name in ("x", "y")] for row in table.rows])
 
 
 def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:

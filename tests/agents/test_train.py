@@ -319,7 +319,8 @@ def test_the_run_of_a_scenario_file_is_named_after_it(tmp_path, monkeypatch):
     monkeypatch.setitem(learn.BACKENDS, "native", lambda *args: False)  # as if interrupted at once
     file = tmp_path / "plans" / "hut.toml"
     file.parent.mkdir()
-    file.write_text((ROOT / "crowd_env/scenarios/data/bottleneck-v0.toml").read_text())
+    plan = "geometry = { walkable = { box = [0, 0, 5, 5] }, exits = { door = [[5, 2], [5, 3]] } }"
+    file.write_text(plan + "\npopulation = { people = 5 }\n")
     assert call("--root", tmp_path / "runs", "--scenario", file, "--envs", 1).exit_code == 130
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["hut-nsm2-seed0"]
     assert [path.name for path in file.parent.iterdir()] == ["hut.toml"]

@@ -5,9 +5,8 @@ import json
 import numpy as np
 import pytest
 from evaluations import call, hall, run
-from repository import ROOT
 
-from crowd_env import CrowdEnv, ObservationLayout, make_scenario
+from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.agents import POLICIES, DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, Zipper
 from crowd_env.agents.drivers import PolicyDriver, best_share
 from crowd_env.agents.evaluation.entries import make_entries
@@ -244,17 +243,6 @@ def test_a_driver_of_a_rule_goes_on_after_a_reset():
         driver.reset([1, 2])
         first.append(driver.step().observation)
     np.testing.assert_array_equal(*first)
-
-
-def test_the_example_of_a_competitive_door_is_the_room_of_lin():
-    ours = CrowdEnv(ROOT / "examples" / "competitive_door.toml", physics="hertz")
-    lin = CrowdEnv(make_scenario("lin-room-v0", desired_speed=2.0), physics="hertz", people=100)
-    for env in (ours, lin):
-        env.reset([5])
-        env.step(None)
-    np.testing.assert_array_equal(ours.simulation.state.position, lin.simulation.state.position)
-    assert ours.time_limit == lin.time_limit
-    assert ours.scenarios[0].blocked_after == lin.scenarios[0].blocked_after
 
 
 def test_a_kept_result_holds_the_share_that_was_found(tmp_path):

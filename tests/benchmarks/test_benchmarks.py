@@ -1,210 +1,97 @@
 """Benchmarks yield well-formed figures; how fast it is, is never asked here."""
 
+import importlib
 import json
 import math
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
-from benchmarks import (
-    batch,
-    big,
-    cli,
-    cold,
-    crowds,
-    dictionaries,
-    headway,
-    memory,
-    plots,
-    probes,
-    roofline,
-    room20,
-    scaling,
-    scenes,
-    tables,
-    train,
-)
-from benchmarks.measuring import Effort, Row, Sample, Stopwatch, fastest, in_turn, significant, times_better
-from crowd_env import SCHEMES, parallel_env
+from benchmarks import batch, cli, cold, crowds, memory, peers, scaling, scenes, train
+from benchmarks.measuring import Effort, Row, Sample, Stopwatch, fastest, grid, in_turn, number
+from validation import pages
 
 TINY = Effort(seconds=0.001, blocks=1)
-# What stands in for a new process with an empty cache, which takes half a minute.
-QUICK_PROGRAM = "import json; print(json.dumps({{'import': 0.5, 'first step': 2.0, 'CPU': 2.5}}))  # {scheme}"
 
 
 def check(rows):
-    assert rows
+    assert rows and len({row[:2] for row in rows}) == len(rows)
     for row in rows:
-        assert isinstance(row, Row)
-        assert row.what and row.unit
-        assert math.isfinite(row.value) and (row.value >= 0 or row.what.endswith(": exponent"))
-        assert row.ratio is None or (row.peer and math.isfinite(row.ratio) and row.ratio > 0)
-    assert len({(row.what, row.peer) for row in rows}) == len(rows)
+        assert (
+            row.who and row.quantity and math.isfinite(row.value) and (row.value >= 0 or row.quantity == "exponent")
+        ), row
+    return {(row.who, row.quantity): row.value for row in rows}
 
 
-def small_jam():
-    return scenes.jam(40)._replace(settle=0.02, horizon=0.02)
+def small_jam(people=40):
+    return scenes.jam(people)._replace(settle=0.02, horizon=0.02)
 
 
 # ------------------------------------------------------------------------------------------------------------- cases
 
 
-def test_room20():
-    rows = room20.rows(TINY)
-    check(rows)
-    who = {row.what.partition(" ")[0] for row in rows}
-    assert who == set(SCHEMES) - {"hertz-literal"}
-    assert all(f"{scheme} environment, 20 people: CPU time" in {row.what for row in rows} for scheme in who)
+@pytest.mark.more
+def test_crowds(monkeypatch):
+    """Two schemes in a jam, and people who keep a distance."""
+    ways = [way for way in crowds.PAIRS if way.scheme in ("dem", "nsm2")]
+    monkeypatch.setitem(crowds.CASES, "jam", [(small_jam, (40,), [*ways, crowds.Way("dem", 0.01, "calm")])])
+    found = check(crowds.rows("jam", TINY))
+    assert {who.partition(", ")[0] for who, _ in found} == {
+        *(f"{way.scheme} {way.dt:g} s" for way in ways),
+        "dem 0.01 s calm",
+    }
+    assert found["dem 0.01 s, jam, 40 people", "contacts per person"] > 0
 
 
-def test_big(monkeypatch):
-    monkeypatch.setattr(big, "SIZES", (30,))
-    check(big.rows(TINY))
+@pytest.mark.more
+def test_batches():
+    found = check(batch.rows(TINY, sizes=((2, 20), (2, 5)), settle=1, schemes=("dem", "nsm2")))
+    assert len(found) == 3 * 2 * 2
+    assert all(value <= 1 for (_, quantity), value in found.items() if quantity.endswith(("slots", "CPU time")))
 
 
-@pytest.mark.parametrize("scene", [scenes.hall(30)._replace(horizon=0.02), small_jam()], ids=["hall", "jam"])
-def test_crowds(scene):
-    rows = crowds.measure(scene, TINY, crowds.PAIRS)
-    check(rows)
-    names = {row.what.partition(",")[0] for row in rows}
-    assert names == {f"{name} {dt:g} s" for name, dt in crowds.PAIRS}
+@pytest.mark.more
+def test_dictionaries_are_held_against_arrays():
+    found = check(batch.dictionaries(TINY, agents=10))
+    both = found["nsm2, dictionaries of 10", batch.RATE] / found["nsm2, 1 x 10", batch.RATE]
+    assert found["nsm2, dictionaries of 10", "times arrays"] == pytest.approx(both)
 
 
-def test_headway(monkeypatch):
-    monkeypatch.setattr(headway, "SIZES", (30,))
-    monkeypatch.setattr(headway, "SCENES", {"jam": lambda count: scenes.jam(count)._replace(settle=0.0, horizon=0.02)})
-    rows = headway.rows(TINY, pairs=(("dem", 0.01), ("nsm2", 0.01)))
-    check(rows)
-    for without, calm, times in zip(*[iter(rows)] * 3, strict=True):
-        assert times.value == pytest.approx(calm.value / without.value, rel=0.02)
-
-
-def test_batch():
-    rows = batch.rows(TINY, sizes=((2, 20),), settle=1)
-    check(rows)
-    assert len(rows) == 3 * (len(SCHEMES) - 1)
-    assert all(row.value > 0 for row in rows if row.unit == "1/CPU s")
-    assert all(row.value <= 1 for row in rows if row.unit.startswith("of "))
-
-
-def test_dictionaries():
-    rows = dictionaries.rows(TINY, agents=10)
-    check(rows)
-    *ours, empty = rows[:4]
-    ratios = rows[4:]
-    assert [row.what for row in ratios] == [row.what for row in ours]
-    for row, ratio in zip(ours, ratios, strict=True):
-        assert ratio.value == row.value
-        assert ratio.ratio == pytest.approx(row.value / empty.value, rel=0.02)
-
-
-def test_the_interface_alone_has_no_physics():
-    env = dictionaries.without_physics(parallel_env("room-v0", people=5))
-    first, _ = env.reset(seed=0)
-    expected = parallel_env("room-v0", people=5)
-    expected.reset(seed=0)
-    moved, *rest = expected.step({})
-    seen = [env.step({agent: np.zeros(2) for agent in env.agents}) for _ in range(3)]
-    for observations, *others in seen:
-        assert all(np.array_equal(observations[agent], moved[agent]) for agent in first)
-        assert others == rest
-    assert not np.shares_memory(seen[0][0]["pedestrian_0"], seen[1][0]["pedestrian_0"])
-    assert env.env.simulation.state.time[0] == 0.0
-    with pytest.raises(ValueError, match=r"pedestrian_1 .*\(3,\)"):  # actions are read
-        env.step({"pedestrian_1": np.zeros(3)})
-
-
-def test_the_empty_environment_is_a_parallel_env():
-    env = dictionaries.EmptyParallelEnv(["a", "b"], np.zeros((2, 3), dtype=np.float32))
-    observations, infos = env.reset()
-    assert set(observations) == set(infos) == {"a", "b"}
-    assert [set(part) for part in env.step({})] == [{"a", "b"}] * 5
-
-
+@pytest.mark.more
 def test_train_shares_add_up():
     pytest.importorskip("stable_baselines3")
-    rows = train.rows(TINY, rooms=2, n_steps=8)
-    check(rows)
-    shares = [row.value for row in rows if row.unit == "of CPU time"]
-    assert len(shares) == 3
-    assert sum(shares) == pytest.approx(1, abs=0.02)
-    value = {row.what: row.value for row in rows if row.ratio is None}
-    active, slots = value["2 x 20, nsm2: samples that count"], value["2 x 20, nsm2: slots"]
-    assert active / slots == pytest.approx(value["2 x 20, nsm2: inside"], abs=0.02)
+    found = check(train.rows(TINY, rooms=2, n_steps=8))
+    assert sum(value for (_, quantity), value in found.items() if quantity.endswith("CPU time")) == pytest.approx(1)
 
 
-@pytest.fixture
-def quick_probes(monkeypatch):
-    """Ceilings without compiling and measuring them."""
-    monkeypatch.setattr(probes, "bandwidth", lambda elements, blocks: 1e12 / elements)
-    monkeypatch.setattr(probes, "arithmetic", lambda blocks: 5e10)
-    monkeypatch.setattr(probes, "pair_time", lambda blocks: 1e-9)
-    monkeypatch.setattr(probes, "person_time", lambda people, blocks: 1e-9)
-
-
-def test_roofline(quick_probes, tmp_path):
-    rows = roofline.rows(TINY, scenes=(("jam", 40), ("hall", 40)))
-    check(rows)
-    value = {row.what: row.value for row in rows if row.ratio is None}
-    share = {(row.what, row.peer): row.ratio for row in rows if row.ratio is not None}
-    reached = value["jam, 40 people: person-steps"] / value["jam, 40 people: vector bound"]
-    assert share["jam, 40 people: person-steps", "vector bound"] == pytest.approx(reached, rel=0.02)
-    drawn(rows, "roofline", tmp_path)
-
-
-@pytest.mark.nightly
-def test_probes():
-    assert probes.bandwidth(1000, 1) > 0
-    assert probes.arithmetic(1) > 0
-    assert 0 < probes.pair_time(1) < 1e-6
-    assert 0 < probes.person_time(1000, 1) < 1e-6
-
-
-def test_scaling(monkeypatch, tmp_path):
+@pytest.mark.more
+def test_scaling(monkeypatch):
     monkeypatch.setattr(scaling, "SIZES", (30, 60))
-    monkeypatch.setattr(scaling, "jam", lambda count: scenes.jam(count)._replace(settle=0.01))
-    rows = scaling.against_people(Effort(seconds=0.02, blocks=1))
-    check(rows)
-    costs = [row for row in rows if row.what.endswith(": a person-step")]
-    assert len(costs) == 8
-    assert any(row.what.endswith(": exponent") for row in rows)
-    drawn(rows, "scaling", tmp_path)
+    monkeypatch.setattr(scaling, "jam", small_jam)
+    found = check(scaling.against_people(TINY))
+    assert len(found) == 3 * len(scaling.WAYS)
+    alone = check(scaling.against_threads(TINY, rooms=2, people=30))
+    assert {value for (who, _), value in alone.items() if who.endswith(", 1 threads")} == {1.0}
 
 
-def test_threads(monkeypatch):
-    monkeypatch.setattr(scaling, "_THREAD_CROWD", 30)
-    rows = scaling.against_threads(TINY, rooms=2, settle=1)
-    check(rows)
-    assert {row.value for row in rows if ", 1 threads" in row.what and row.unit == "of one thread"} == {1.0}
-
-
-def test_memory():
-    rows = memory.rows(Effort(seconds=0.001, blocks=1, max_people=1000))
-    check(rows)
+def test_memory_counts_every_array_once(monkeypatch):
+    big = np.zeros((10, 2))
+    assert sum(array.nbytes for array in memory.arrays([big, big[:5], {"x": big}, (np.ones(3), 4)])) == 160 + 24
+    monkeypatch.setattr(memory, "WAYS", scaling.WAYS[:1])
+    monkeypatch.setattr(memory, "jam", lambda people: small_jam())
+    found = check(memory.rows(Effort(0.001, 1, max_people=1000)))
     # Position, velocity and what else everyone has: some hundreds of bytes, not kilobytes.
-    people = next(row for row in rows if row.what == "dem, 1000 people: people")
-    assert 100 < people.value < 2000
+    assert 100 < found["dem, 40 people", "a row for each, bytes per person"] < 2000
 
 
-def test_memory_counts_every_array_once():
-    big_one = np.zeros((10, 2))
-    found = [array for _, array in memory.arrays([big_one, big_one[:5], {"x": big_one}, (np.ones(3), 4)])]
-    assert sum(array.nbytes for array in found) == 160 + 24
-
-
-def test_cold(monkeypatch):
-    monkeypatch.setattr(cold, "PROGRAM", QUICK_PROGRAM)
-    rows = cold.rows(TINY)
-    check(rows)
-    assert rows[0] == Row("nsm2: import", 0.5, "s")
-
-
-def test_cold_says_what_went_wrong(monkeypatch):
-    monkeypatch.setattr(cold, "PROGRAM", "raise SystemExit('no {scheme} today')")
-    with pytest.raises(ValueError, match="no nsm2 today"):
+def test_cold_is_a_new_process(monkeypatch):
+    monkeypatch.setattr(cold, "PROGRAM", "print('{\"import, s\": 0.5}')")
+    assert cold.rows(TINY) == [Row("nsm2, empty cache", "import, s", 0.5), Row("nsm2, filled cache", "import, s", 0.5)]
+    monkeypatch.setattr(cold, "PROGRAM", "raise SystemExit('not today')")
+    with pytest.raises(ValueError, match="not today"):
         cold.rows(TINY)
 
 
@@ -217,14 +104,10 @@ def test_cold_with_a_real_process():
 
 
 def test_a_jam_stands_close_and_does_not_overlap():
-    scene = scenes.jam(200)
-    assert scene.people == 200
-    density = scene.people / (scene.side - 0.4) ** 2
-    assert density == pytest.approx(scenes.JAM_DENSITY, rel=1e-6)
+    scene = scenes.jam(50)
+    assert scene.people / (scene.side - 0.4) ** 2 == pytest.approx(scenes.JAM_DENSITY, rel=1e-6)
     assert scenes.overlaps(scene.geometry, scene.bodies, scene.position).max() < 1e-6
-    assert scene.bodies.radius.min() > 0.18
-    again = scenes.jam(200)
-    assert (again.position == scene.position).all()
+    assert scene.bodies.radius.min() > 0.18 and (scenes.jam(50).position == scene.position).all()
 
 
 def test_overlaps_are_those_of_the_bodies():
@@ -239,8 +122,6 @@ def test_overlaps_are_those_of_the_bodies():
 
 
 class Runner:
-    peer = None
-
     def __init__(self, name, blocks, whole, log):
         self.name, self.whole, self._blocks, self._log = name, whole, list(blocks), log
 
@@ -263,49 +144,19 @@ def test_parts_of_a_run_count_together():
     assert fastest([easy, hard], whole=2.0) == easy
 
 
-def test_ratios_above_one_are_in_favour_of_crowd_env():
-    assert times_better(0.5, 2.0, "CPU s per s") == 4.0
-    assert times_better(200.0, 100.0, "1/CPU s") == 2.0
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"seconds": 0.0}, "--seconds is 0.0; it must be > 0"),
-        ({"blocks": 0}, "--blocks"),
-        ({"peer_seconds": -1.0}, "--peer-seconds"),
-        ({"max_people": 0}, "--max-people"),
-    ],
-)
-def test_efforts_that_make_no_sense_are_refused(options, said):
-    with pytest.raises(ValueError, match=said):
-        Effort(**options)
-
-
-def test_large_crowds_can_be_left_out():
-    assert Effort(max_people=5000).sizes((1000, 5000, 20_000)) == [1000, 5000]
-    assert Effort(max_people=5).sizes((1000, 5000)) == [1000]
-
-
-def test_stopwatch_passes_on_what_it_times():
-    class Door:
-        def knock(self, times, loud=False):
-            return times, loud
-
-    door = Door()
+def test_a_stopwatch_passes_on_what_it_times():
+    door = type("Door", (), {"knock": lambda self, times, loud=False: (times, loud)})()
     watch = Stopwatch(door, "knock")
-    assert door.knock(3, loud=True) == (3, True)
-    assert watch.calls == 1
-    watch.restart()
-    assert (watch.calls, watch.seconds) == (0, 0.0)
+    assert door.knock(3, loud=True) == (3, True) and watch.seconds >= 0.0
 
 
-def test_digits_that_mean_nothing_are_dropped():
-    assert significant(123456.7, 3) == 123000.0
-    assert significant(0.0004567, 2) == 0.00046
+def test_figures_are_a_table_with_digits_that_mean_something():
+    rows = [Row("a", "x, m", 1.0), Row("a", "y, s", 12_345_678.0), Row("b", "x, m", 0.00045678)]
+    assert grid(rows) == [["", "x, m", "y, s"], ["a", "1", "12.3 M"], ["b", "0.000457", ""]]
+    assert [number(value) for value in (123.456, 12_345.0, 2e9)] == ["123", "12.3 k", "2 G"]
 
 
-# ------------------------------------------------------------------------------------------------- command and tables
+# -------------------------------------------------------------------------------------------------- command and peers
 
 
 def run(*words):
@@ -314,79 +165,83 @@ def run(*words):
     return CliRunner().invoke(app, list(words))
 
 
-def test_one_json_object_a_case(monkeypatch, tmp_path):
-    rows = [Row("a, 1 person: speed", 2.0, "1/s"), Row("a, 1 person: speed", 2.0, "1/s", "b", 4.0)]
+def test_one_json_object_a_case_and_one_table_of_the_pages(monkeypatch, tmp_path):
+    rows = [Row("a", "steps per CPU s", 2.0), Row("a", "times b 1.0", 4.0)]
     monkeypatch.setattr(cli, "CASES", {name: lambda effort: rows for name in ("one", "two")})
-    result = run("--json", "--out", str(tmp_path / "new"))
+    monkeypatch.setattr(cli, "TABLES", tmp_path)
+    monkeypatch.setattr(cli, "fill_pages", lambda: [])
+    (tmp_path / "made_by.csv").write_text("table,command,note\n")
+    result = run("--json", "--csv")
     assert result.exit_code == 0
-    objects = [json.loads(line) for line in result.stdout.splitlines()]
-    assert [found["case"] for found in objects] == ["one", "two"]
-    assert objects[0]["rows"][1] == {
-        "what": "a, 1 person: speed",
-        "value": 2.0,
-        "unit": "1/s",
-        "peer": "b",
-        "ratio": 4.0,
-    }
-    assert set(objects[0]) == {"case", "rows"}
-    assert any(row["what"].startswith("processor ") for row in objects[0]["rows"])
-    assert json.loads((tmp_path / "new" / "two.json").read_text()) == objects[1]
-    assert {path.name for path in (tmp_path / "new").iterdir()} == {"one.json", "two.json"}
+    found = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [one["case"] for one in found] == ["one", "two"] and found[0]["rows"][1]["value"] == 4.0
+    assert pages.read_table("benchmark-one", tmp_path) == [["", "steps per CPU s", "times b 1.0"], ["a", "2", "4"]]
+    assert pages.read_table("made_by", tmp_path)[1][1:2] == ["python -m benchmarks one --csv"]
+    assert "times b 1.0" in run("one").stdout
 
 
-def test_a_table_for_people_fits_into_80_columns(monkeypatch):
-    rows = [
-        *(Row(f"scheme {k}, 100000 people: CPU time", 0.5, crowds.COST) for k in range(2)),
-        *(Row(f"scheme {k}, 100000 people: person-steps", 12_345_678.0, "1/CPU s") for k in range(2)),
-        *(Row(f"scheme {k}, 100000 people: overlap p99", 0.5, "mm") for k in range(2)),
-        *(Row(f"scheme {k}, 100000 people: CPU time", 0.5, crowds.COST, f"a peer (name 1.{k})", 7.5) for k in range(2)),
-    ]
-    monkeypatch.setattr(cli, "CASES", {"one": lambda effort: rows})
-    text = run("one").stdout
-    assert "12.3 M" in text
-    assert "A = a peer (name 1.0)" in text
-    assert max(len(line.rstrip()) for line in text.splitlines()) <= 80
+def test_bad_input_is_said_plainly():
+    for words, said in ((["nothing"], "known: room20"), (["--seconds", "0"], "--seconds"), (["--blocks", "0"], "--blocks"),
+                        (["--max-people", "0"], "--max-people"), (["--peer-seconds", "-1"], "--peer-seconds")):  # fmt: skip
+        result = run(*words)
+        assert result.exit_code == 2 and said in result.output, words
+    assert Effort(max_people=5000).sizes((1000, 5000, 20_000)) == [1000, 5000]
+    assert Effort(max_people=5).sizes((1000, 5000)) == [1000]
 
 
-def test_figures_of_the_same_quantities_share_a_table():
-    rows = [Row("a: x", 1.0, "m"), Row("a: y", 2.0, "s"), Row("b: x", 3.0, "m"), Row("load", 4.0, "1")]
-    figures, rest = tables.grids({"case": "c", "rows": [row._asdict() for row in rows]})
-    assert figures == tables.Grid(["", "x, m", "y, s"], [["a", "1", "2"], ["b", "3", ""]])
-    assert rest.lines == [["load", "4"]]
+def test_no_peer_is_loaded_unless_asked_for_and_an_absent_one_is_a_line(monkeypatch, capsys):
+    assert peers.rivals("room20", small_jam(), TINY) == peers.batch_rivals(2, 20, TINY) == []
+    real = importlib.import_module
+    names = {"cromosim", "jupedsim", "magent2", "mpe2", "pymunk", "vmas"}
+
+    def import_module(name):
+        if name.partition(".")[0] in names:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return real(name)
+
+    monkeypatch.setattr(importlib, "import_module", import_module)
+    for function in (peers.installed, peers.say):
+        function.cache_clear()
+    asked = replace(TINY, peers=True)
+    for _ in range(2):
+        assert peers.rivals("jam", small_jam(), asked) == peers.rivals("big", small_jam(), asked) == []
+        assert peers.batch_rivals(2, 20, asked) == []
+    lines = capsys.readouterr().err.splitlines()
+    assert sorted(line.split()[0] for line in lines) == sorted(names)
+    assert all("is not installed and is left out: pip install -e '.[train,bench]'" in line for line in lines)
+    peers.installed.cache_clear()
 
 
-def test_ratios_say_once_what_they_have_in_common():
-    rows = [Row(f"{name}, {n} people: cost", 1.0, "s", f"p{n}", 2.0) for n in (5, 9) for name in "ab"]
-    grids = tables.grids({"case": "c", "rows": [row._asdict() for row in rows]})
-    assert [grid.head for grid in grids] == [[f"{n} people: cost, ratio to", "A"] for n in (5, 9)]
-    assert grids[0].lines == [["a", "2"], ["b", "2"]]
-    assert grids[1].legend == ["A = p9"]
+class Other:
+    name, whole = "other 1.0", 0.02
+
+    def block(self, effort):
+        return Sample(3.0, 3.0, 0.02, 80.0)
+
+    def now(self):
+        return None, np.empty((0, 2))
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["nothing"], "known: room20"),
-        (["--seconds", "0"], "--seconds"),
-        (["--blocks", "0"], "--blocks"),
-        (["--max-people", "0"], "--max-people"),
-        (["room20", "--out", __file__], "is not a folder"),
-    ],
-)
-def test_bad_input_is_said_plainly(words, said):
-    result = run(*words)
-    assert result.exit_code == 2
-    assert said in result.output
+@pytest.mark.more
+def test_ratios_to_a_peer_are_of_its_cost_and_ours(monkeypatch):
+    monkeypatch.setattr(crowds, "rivals", lambda *_: [Other()])
+    found = check(crowds.measure(small_jam(), TINY, [crowds.Way("dem", 0.01)]))
+    who = "dem 0.01 s, jam, 40 people"
+    assert found[who, "times other 1.0"] == pytest.approx(3.0 / 0.02 / found[who, crowds.COST])
 
 
-def drawn(rows, case, folder):
-    pytest.importorskip("matplotlib")
-    path = plots.draw({"case": case, "rows": [row._asdict() for row in rows]}, folder)
-    assert path == folder / f"{case}.png"
-    assert path.read_bytes().startswith(b"\x89PNG")
-    assert [Path(found).name for found in folder.iterdir()] == [f"{case}.png"]
-
-
-def test_cases_without_a_plot_write_none(tmp_path):
-    assert plots.draw({"case": "cold", "rows": []}, tmp_path) is None
-    assert not list(tmp_path.iterdir())
+@pytest.mark.nightly
+@pytest.mark.parametrize("package", ["cromosim", "jupedsim", "pymunk", *peers.BATCHES])
+def test_peers_that_are_installed_are_measured(package):
+    pytest.importorskip(package)
+    asked = replace(TINY, peers=True, peer_seconds=0.2)
+    if package in peers.BATCHES:
+        found = [one for one in peers.batch_rivals(2, 4, asked) if one.name.startswith(package)]
+        assert found and all(one.block(TINY).rate > 0 for one in found)
+        return
+    scene = (small_jam() if package == "pymunk" else scenes.room20())._replace(horizon=0.05)
+    for rival in importlib.import_module(f"benchmarks.peers.{package}").crowds(scene, asked):
+        sample = rival.block(asked)
+        assert sample.cpu > 0 and sample.simulated > 0 and sample.steps > 0 and rival.name.startswith(package)
+        bodies, position = rival.now()
+        assert len(bodies.radius) == len(position) == rival.inside

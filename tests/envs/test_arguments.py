@@ -43,7 +43,6 @@ from crowd_env import (
     make_scenario,
     make_scheme,
     read_starts,
-    scenario_from_wkt,
 )
 
 ROOM = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)], exits={"e": [(5, 2), (5, 3)]})
@@ -144,19 +143,18 @@ SCENARIO = [
     *rows("Scenario.route_set.rules", lambda x: scenario().route_set(rules=x), NO_FLAG),
     *rows("read_starts the file", read_starts, (None, 3, b"x", ["a.csv"], Scenario)),
     ("read_starts no file", lambda: read_starts("nowhere.csv"), ("nowhere.csv",)),
-    *rows("scenario_from_wkt the file", lambda x: scenario_from_wkt(x, ["5,2,5,3"], Population(3)), (None, 3, b"x", ["a"])),
-    *rows("scenario_from_wkt exits", lambda x: scenario_from_wkt("nowhere.wkt", x, Population(3)), NO_NAMES),
-    *rows("scenario_from_wkt unit", lambda x: scenario_from_wkt("a.wkt", ["5,2,5,3"], Population(3), unit=x), NO_CHOICE),
-    ("scenario_from_wkt no file", lambda: scenario_from_wkt("nowhere.wkt", ["5,2,5,3"], Population(3)), ("nowhere.wkt",)),
+    *rows("floor plan: the file", lambda x: make_scenario(x, exits=["5,2,5,3"]), (None, 3, b"x", ["a"])),
+    *rows("floor plan: exits", lambda x: make_scenario("nowhere.wkt", exits=x), NO_NAMES),
+    *rows("floor plan: unit", lambda x: make_scenario("a.wkt", exits=["5,2,5,3"], unit=x), NO_CHOICE),
+    ("floor plan: no file", lambda: make_scenario("nowhere.wkt", exits=["5,2,5,3"]), ("nowhere.wkt",)),
     *rows("make_scenario.scenario", make_scenario, (None, 7, 1.5, ["room-v0"], Scenario, b"room-v0")),
     ("make_scenario nowhere", lambda: make_scenario("nowhere"), ("'nowhere'", "room-v0")),
     ("make_scenario no file", lambda: make_scenario("nowhere.toml"), ("nowhere.toml",)),
     ("make_scenario option", lambda: make_scenario("room-v0", sides=3), ("'sides'", "side")),
     *numeric("room.side", of(make_scenario, "side", "room-v0"), "positive"),
     *numeric("room.door_width", of(make_scenario, "door_width", "room-v0"), "bounded"),
-    *numeric("room.exit_line", of(make_scenario, "exit_line", "room-v0"), "finite"),
-    *numeric("room.people", of(make_scenario, "people", "room-v0"), "count"),
-    *numeric("room.time_limit", of(make_scenario, "time_limit", "room-v0"), "positive"),
+    *numeric("room.people", of(make_scenario, "people", "room-v0"), "count", or_none=True),
+    *numeric("room.time_limit", of(make_scenario, "time_limit", "room-v0"), "positive", or_none=True),
     *rows("room.population", of(make_scenario, "population", "room-v0"), ("20", 20, Population)),
     *[row for name in ("side", "door_width", "desired_speed")
       for row in rows(f"lin-room.{name}", of(make_scenario, name, "lin-room-v0"), (NAN, -1.0, "1", None, True))],

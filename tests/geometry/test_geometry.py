@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon, box
 
 from crowd_env.geometry.geometry import Geometry, join_boundaries, parse_exit
@@ -42,7 +43,7 @@ def test_room_with_a_door_has_two_jambs_and_five_walls():
     assert not room.two_sided.any()
 
 
-@pytest.mark.parametrize(
+@looped(
     "walkable",
     [
         [(0, 0), (5, 0), (5, 5), (0, 5)],
@@ -72,7 +73,7 @@ def test_one_room_written_in_many_ways(walkable):
     assert as_set(room.exits) == as_set(expected.exits)
 
 
-@pytest.mark.parametrize(
+@looped(
     "door",
     ["5,2.09,5,2.91", "LINESTRING (5 2.91, 5 2.09)", np.array(DOOR), LineString(DOOR), [[5.005, 2.09], [4.995, 2.91]]],
 )
@@ -206,7 +207,7 @@ def test_parse_exit():
 NAN = float("nan")
 
 
-@pytest.mark.parametrize(
+@looped(
     ("build", "message"),
     [
         (lambda: from_polygon([(0, 0), (2, 2), (2, 0), (0, 2)]), r"walkable area .*self-intersection at \(1, 1\)"),

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from shapely.geometry import Point, box
 
 from crowd_env import Geometry, make_scenario
@@ -54,7 +55,7 @@ def test_a_wall_without_thickness_ends_in_a_post_as_far_out_as_its_tip_was():
     assert plan.contains([[3, 2.001], [3, 1.9], [3.099, 1.9], [3.101, 1.9]]).tolist() == [True, False, False, True]
 
 
-@pytest.mark.parametrize("radius", [0.05, 0.2])
+@looped("radius", [0.05, 0.2])
 def test_hollow_corners_and_everything_away_from_corners_stay(radius):
     outline = [(0, 0), (6, 0), (6, 3), (3, 3), (3, 6), (0, 6)]
     plan, sharp = (Geometry.from_polygon(outline, jamb_radius=r) for r in (radius, 0.0))
@@ -98,7 +99,7 @@ ROOMS = [box(0, 0, 3, 4), box(3.3, 0, 6, 4), box(3, 1.5, 3.3, 2.5)]
 ANGLE = [box(0, 2, 3, 2.05), box(2.95, 2.05, 3, 6)]  # walls of 5 cm that meet at a right angle
 
 
-@pytest.mark.parametrize(
+@looped(
     ("walkable", "options", "radius", "message"),
     [
         (ROOMS, {}, 0.2, r"0\.2 m, too large for the walls at the corner \(3(\.3)?, [12]\.5\); it must be <= 0\.15 m"),

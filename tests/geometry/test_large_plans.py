@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from evacuations import evacuated
 
 from crowd_env import Geometry, Population, Scenario, Uniform
-from crowd_env.geometry.depth import solid_depth
+from crowd_env.geometry.boundary import solid_depth
 from crowd_env.routing.fields import domain as navigation_plan
 from crowd_env.routing.fields.field import travel_time_field
 from crowd_env.scenarios.starts import closest_pair
@@ -103,7 +104,7 @@ def test_the_depth_of_walls_looks_only_at_what_is_near(monkeypatch):
     assert np.all(depth[round_ones] <= 0.2) and np.all(depth[~round_ones] == 0.25)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("area", "expected"),
     [
         (HALL, 0.25),

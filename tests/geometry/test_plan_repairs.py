@@ -5,10 +5,10 @@ import warnings
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 
-from crowd_env import Geometry, Population, Scenario
+from crowd_env import Geometry, Population, Scenario, make_scenario
 from crowd_env.geometry.parsing import place
-from crowd_env.scenarios.floor_plan import scenario_from_wkt
 
 ROOM = shapely.box(0, 0, 6, 5)
 DOOR = [(6, 2), (6, 3)]
@@ -28,8 +28,8 @@ def written(path, shape):
 # ------------------------------------------------------------------------------------------------------------ parts
 
 
-@pytest.mark.parametrize("gap", [1e-4, 1e-3, 0.009])
-@pytest.mark.parametrize("angle", [0.0, 33.0])
+@looped("gap", [1e-4, 1e-3, 0.009])
+@looped("angle", [0.0, 33.0])
 def test_parts_that_were_meant_to_touch_are_joined(gap, angle):
     door = shapely.box(6 + gap, 2, 8, 3)
     other = shapely.box(-4, -3, -gap, 2)  # beside a part of the edge only
@@ -88,7 +88,7 @@ def test_who_starts_in_a_part_without_an_exit_is_told_so():
 def test_a_shaft_behind_a_crack_is_left_out_of_a_floor_plan(tmp_path):
     crack = shapely.union_all([ROOM, shapely.box(-1, 2, 0, 2.1), shapely.box(-3, 1, -1, 4)])
     with pytest.warns(UserWarning, match=r"no exit can be reached from a part of 5\.97 m2 around .*: left out"):
-        place = scenario_from_wkt(written(tmp_path / "a.wkt", crack), ["6,2,6,3"], Population(20))
+        place = make_scenario(written(tmp_path / "a.wkt", crack), exits=["6,2,6,3"], people=20)
     assert place.geometry.area == pytest.approx(ROOM.area, abs=0.2) and place.geometry.is_left_out((-2, 3))
     place.field()
     _, position = place.population.draw(np.random.default_rng(0), place.geometry)
@@ -96,13 +96,13 @@ def test_a_shaft_behind_a_crack_is_left_out_of_a_floor_plan(tmp_path):
     wide = shapely.union_all([ROOM, shapely.box(-1, 2, 0, 2.6), shapely.box(-3, 1, -1, 4)])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert scenario_from_wkt(written(tmp_path / "b.wkt", wide), ["6,2,6,3"], Population(3)).geometry.area > 36
+        assert make_scenario(written(tmp_path / "b.wkt", wide), exits=["6,2,6,3"], people=3).geometry.area > 36
 
 
 # ------------------------------------------------------------------------------------------------------------ exits
 
 
-@pytest.mark.parametrize("off", [0.02, 0.1, 0.29, -0.02, -0.1, -0.29])
+@looped("off", [0.02, 0.1, 0.29, -0.02, -0.1, -0.29])
 def test_exits_on_the_other_face_of_a_wall_are_moved_onto_the_boundary(off):
     with pytest.warns(UserWarning, match=rf"exit 'a' is drawn {abs(off):.2f} m off the boundary .*: moved onto it"):
         geometry = Geometry.from_polygon(ROOM, exits={"a": [(6 + off, 2), (6 + off, 3)]})
@@ -122,9 +122,7 @@ def test_exits_in_corners_and_at_a_slant_are_moved_too():
     assert np.allclose(np.sort(slanted.exits[0], axis=0), DOOR)
 
 
-@pytest.mark.parametrize(
-    "line", [[(6.4, 2), (6.4, 3)], [(5.6, 2), (5.6, 3)], [(5.9, 2), (4.9, 2)], [(6.1, 4.5), (6.1, 5.5)]]
-)
+@looped("line", [[(6.4, 2), (6.4, 3)], [(5.6, 2), (5.6, 3)], [(5.9, 2), (4.9, 2)], [(6.1, 4.5), (6.1, 5.5)]])
 def test_exits_that_are_nowhere_near_are_refused(line):
     with pytest.raises(ValueError, match=r"exit 'a' is not on the boundary .* must lie within 0\.3 m"):
         Geometry.from_polygon(ROOM, exits={"a": line})
@@ -137,11 +135,11 @@ def test_an_exit_on_the_boundary_is_not_spoken_of():
 # ------------------------------------------------------------------------------------------------------------ units
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("cm", 100.0), ("mm", 1000.0)])
+@looped(("unit", "factor"), [("m", 1.0), ("cm", 100.0), ("mm", 1000.0)])
 def test_units(unit, factor, tmp_path):
     shape = shapely.affinity.scale(ROOM, factor, factor, origin=(0, 0))
     exit_line = ",".join(str(factor * c) for point in DOOR for c in point)
-    place = scenario_from_wkt(written(tmp_path / "a.wkt", shape), [exit_line], Population(3), unit=unit)
+    place = make_scenario(written(tmp_path / "a.wkt", shape), exits=[exit_line], people=3, unit=unit)
     assert np.allclose(place.geometry.bounds, (0, 0, 6, 5)) and np.allclose(
         np.sort(place.geometry.exits[0], axis=0), DOOR
     )
@@ -152,7 +150,7 @@ def test_what_comes_first_is_the_unit_not_the_crowd(tmp_path):
     with pytest.raises(
         ValueError, match=r"6000 m x 5000 m and an exit 1000 m wide: is it in mm or cm\? Then say --unit mm"
     ):
-        scenario_from_wkt(written(tmp_path / "a.wkt", shape), ["6000,2000,6000,3000"], Population(400_000))
+        make_scenario(written(tmp_path / "a.wkt", shape), exits=["6000,2000,6000,3000"], people=400_000)
 
 
 # ----------------------------------------------------------------------------------------------------------- people
@@ -166,7 +164,7 @@ def test_more_people_than_there_is_room_for_are_refused_before_any_is_drawn():
         Scenario("room", quietly(ROOM, exits=[DOOR], regions=regions), Population(100, start_region="west"), 60.0)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("point", "text"),
     [
         ((3.5, 2.0), "(3.5, 2)"),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from crowds import PLANS
 from shapely.geometry import box
 
@@ -49,7 +50,7 @@ def plans():
     return [PARK, HALL, Geometry.from_polygon(box(-1e3, -1e3, 1e3, 1e3)), *(make() for make in PLANS.values())]
 
 
-@pytest.mark.parametrize("cells", [1_000_000, 30])
+@looped("cells", [1_000_000, 30])
 def test_all_walls_near_a_place_are_listed_wherever_it_is(plans, cells, monkeypatch):
     monkeypatch.setattr(crowd_env.geometry.wall_grid, "_MOST_CELLS", cells)
     rng, boundary = np.random.default_rng(0), join_boundaries(plans)

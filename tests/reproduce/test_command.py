@@ -96,7 +96,6 @@ def test_it_is_a_command_of_a_larger_one():
         ("table5 --door-width nan", "--door-width nan finite"),
         ("table5 --side inf", "--side inf finite"),
         ("table5 --side 0", "side > 0"),
-        ("table5 --exit-line 9", "exit_line 9 at most 5"),
         ("table5 --dt 0", "--dt > 0"),
         ("table5 --dt 0.05", "--dt 0.05 stable step dem 0.0316"),
         ("table5 --stiffness 0", "stiffness > 0"),

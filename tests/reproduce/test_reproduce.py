@@ -244,7 +244,7 @@ def test_options_reach_the_room():
     narrow = evacuate(PecolSettings(runs=3, door_width=0.7, n=12), "nsm2-printed", nothing)
     assert wide.exit_times.shape == (3, 12)
     assert wide.slopes.mean() > narrow.slopes.mean() + 1.0
-    settings = PecolSettings(stiffness=3e4, k_normal=100.0, k_tangent=5.0, side=6.0, target="centre", exit_line=-0.1)
+    settings = PecolSettings(stiffness=3e4, k_normal=100.0, k_tangent=5.0, side=6.0, target="centre")
     assert settings.contact("dem").stiffness == 3e4
     assert (
         settings.contact("nsm2-printed").normal_dissipation,
@@ -252,7 +252,7 @@ def test_options_reach_the_room():
     ) == (100, 5)
     assert settings.room().target == "centre" and settings.room().geometry.bounds[2] < 6.1
     assert settings.changed() == {
-        "side": 6.0, "target": "centre", "exit_line": -0.1, "stiffness": 3e4, "k_normal": 100.0, "k_tangent": 5.0,
+        "side": 6.0, "target": "centre", "stiffness": 3e4, "k_normal": 100.0, "k_tangent": 5.0,
     }  # fmt: skip
     assert PecolSettings(runs=3, seed=9).changed() == {}
 

@@ -4,6 +4,7 @@ import hashlib
 
 import numpy as np
 import pytest
+from cases import looped
 from crowds import HALL, clear
 from evacuations import evacuated
 
@@ -45,7 +46,7 @@ def test_a_group_of_one_draws_as_the_population_itself():
     np.testing.assert_array_equal(one[0].mass, other[0].mass)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@looped("seed", range(4))
 def test_groups_stand_apart_in_their_places(seed):
     groups = Groups(
         (
@@ -111,7 +112,7 @@ def hall(*parts, **options):
     return Scenario("hall", geometry, Groups(parts) if len(parts) > 1 else parts[0], 60.0, **options)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("strategy", "expected"),
     [
         ("shortest", [["east"], ["loop"], ["east or north"], ["out"]]),

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from cases import looped
 from crowds import HALL, PLANS, clear, scatter
 from shapely.geometry import box
 
@@ -51,8 +52,8 @@ def test_equal_bounds_give_a_constant():
 # ------------------------------------------------------------------------------------------------------------- starts
 
 
-@pytest.mark.parametrize("count", [1, 20, 45, 70, 90], ids=lambda n: f"{n} people")
-@pytest.mark.parametrize("seed", range(3))
+@looped("count", [1, 20, 45, 70, 90], ids=lambda n: f"{n} people")
+@looped("seed", range(3))
 def test_starts_never_overlap_and_lie_inside(count, seed):
     # 70 of these people cover 45 % of the room and 90 of them 57 %: more than random placement can reach.
     bodies, position = Population(count).draw(np.random.default_rng(seed), ROOM)
@@ -60,8 +61,8 @@ def test_starts_never_overlap_and_lie_inside(count, seed):
     assert clear(ROOM, position, bodies.radius) >= -1e-9
 
 
-@pytest.mark.parametrize("plan", PLANS)
-@pytest.mark.parametrize("share", [0.2, 0.4, 0.55])
+@looped("plan", PLANS)
+@looped("share", [0.2, 0.4, 0.55])
 def test_starts_in_every_plan(plan, share):
     geometry = PLANS[plan]()
     population = Population(int(share * geometry.area / (np.pi * 0.15**2)), radius=Uniform(0.15, 0.15))
@@ -115,7 +116,7 @@ def test_crowds_stand_as_if_placed_one_by_one():
     np.testing.assert_allclose(placed, expected, rtol=0.02)
 
 
-@pytest.mark.parametrize("count", [20, 80])
+@looped("count", [20, 80])
 def test_the_same_generator_gives_the_same_crowd(count):
     first, second, other = (Population(count).draw(np.random.default_rng(seed), ROOM) for seed in (7, 7, 8))
     for a, b in zip([*first[0], first[1]], [*second[0], second[1]], strict=True):
@@ -123,7 +124,7 @@ def test_the_same_generator_gives_the_same_crowd(count):
     assert (first[1] != other[1]).any()
 
 
-@pytest.mark.parametrize(("region", "count"), [("stage", 6), ("stage", 45), ("aisle", 6), ("corner", 2)])
+@looped(("region", "count"), [("stage", 6), ("stage", 45), ("aisle", 6), ("corner", 2)])
 def test_starts_in_a_region(region, count):
     population = Population(count, start_region=region)
     bodies, position = population.draw(np.random.default_rng(9), HALL)
@@ -143,7 +144,7 @@ def test_recorded_starts_are_taken_as_they_are():
 # ------------------------------------------------------------------------------------------------------- wrong input
 
 
-@pytest.mark.parametrize("count", [112, 130, 500])
+@looped("count", [112, 130, 500])
 def test_too_many_people_are_refused_with_the_numbers(count):
     with pytest.raises(ValueError, match=rf"^{count} people do not fit without overlap into 25\.0 m2: ") as error:
         Population(count, radius=Uniform(0.25, 0.25)).draw(np.random.default_rng(0), ROOM)
@@ -169,7 +170,7 @@ def test_an_unknown_start_region_lists_the_known():
         Population(3, start_region="attic").draw(np.random.default_rng(0), ROOM)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("starts", "message"),
     [
         ([[1, 1], [6, 1]], r"start 1 at \(6, 1\) is outside the walkable area"),

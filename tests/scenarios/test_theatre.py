@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from cases import looped
 from evacuations import evacuated
 
 from crowd_env import Routing
@@ -54,7 +55,7 @@ def test_other_numbers_of_people_have_seats_too():
         assert len(set(taken_seats(count))) == count == make_scenario("theatre-v0", people=count).population.people
     assert max(np.diff(taken_seats(150))) == 2 and min(taken_seats(150)) < SEATS_A_ROW  # over all rows
     for count in (0, 175):
-        with pytest.raises(ValueError, match=rf"count is {count}; it must be 1 to 174: the number of seats"):
+        with pytest.raises(ValueError, match=rf"people is {count}; it must be 1 to 174: the number of seats"):
             make_scenario("theatre-v0", people=count)
 
 
@@ -148,7 +149,7 @@ def with_others(crowd, **options):
     return names[: len(crowd)], dict(zip(ELSEWHERE, names[len(crowd) :], strict=True))
 
 
-@pytest.mark.parametrize(("crowd", "least", "turned", "to"), [
+@looped(("crowd", "least", "turned", "to"), [
     (UPPER, 5, {"below 1"}, "B"),
     (LOWER, 5, {"below 2"}, "B"),
     (FLOOR, 15, {"in front"}, "A"),
@@ -177,7 +178,7 @@ def test_rules_that_are_never_on_change_nothing():
     assert not np.array_equal(exits_of({})[1], exits_of({}, rules=False)[1])
 
 
-@pytest.mark.parametrize("scheme", [SCHEME, "nsm2", "dem"], ids=["reproduction", "nsm2", "dem"])
+@looped("scheme", [SCHEME, "nsm2", "dem"], ids=["reproduction", "nsm2", "dem"])
 def test_everybody_gets_out(scheme):
     env = evacuated("theatre-v0", num_envs=2, physics=scheme, seed=[5, 6])
     for e in range(2):

@@ -1,264 +1,190 @@
-"""Tables of the documentation that a command makes: their places, their cells, and what a mistake leaves behind."""
+"""The tables of the documentation: pages and CSV files agree, each file has its place, and cells are what was measured."""
 
-import json
+import csv
+import io
 import re
 
 import pytest
 from repository import ROOT
 from typer.testing import CliRunner
 
-from validation.cases.case import Row, Setting
+from crowd_env.agents.tasks import TASKS
+from crowd_env.core.files.json_file import read_json
+from validation import pages, tables, task_tables
+from validation.cases.case import Setting, row
 from validation.cli import app
 from validation.finished import Finished
-from validation.pages import TABLES, fill, run
+from validation.pages import TABLES, filled, read_table, write_table
+from validation.tables import MAKERS, Source, cell, grid, limits, passed, pivoted
 
-RUN = {
-    "overlap_mm": {"mean": 0.01863, "max": 12.345}, "evacuation_time": {"mean": 4.444, "sd": 0.55}, "runs": 50,
-    "outside_mm": 2.5, "flow": {"mean": 2.0, "sd": 0.25}, "unfinished": 34, "unfinished_runs": 3, "max_speed": 2.96,
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", TABLES)
-def test_every_table_has_one_place_of_its_own_with_its_head(name):
-    page = (ROOT / TABLES[name].page).read_text(encoding="utf-8")
-    (found,) = re.findall(rf"<!-- table: {name} -->\n(.*?)<!-- end -->", page, re.DOTALL)
-    if TABLES[name].head:
-        assert found.splitlines()[0] == f"| {' | '.join(TABLES[name].head)} |"
+PAGES = sorted((ROOT / "docs").rglob("*.md"))
+STORED = {path.stem for path in TABLES.glob("*.csv")} - {pages.MADE_BY}
 
 
-def test_every_place_has_a_table():
-    marked = [
-        name
-        for page in (ROOT / "docs").rglob("*.md")
-        for name in re.findall(r"<!-- table: ([\w-]+) -->", page.read_text())
+def test_pages_and_files_agree():
+    stale = [
+        page.name for page in PAGES if filled(page.read_text(encoding="utf-8")) != page.read_text(encoding="utf-8")
     ]
-    assert sorted(marked) == sorted(TABLES)
+    assert not stale, "run python -m validation pages"
 
 
-def test_a_table_replaces_what_stands_between_its_marks_and_nothing_else(tmp_path):
-    page = tmp_path / "docs" / "physics.md"
-    page.parent.mkdir()
-    page.write_text("before\n<!-- table: schemes -->\n| old |\n<!-- end -->\nafter\n", encoding="utf-8")
+def test_every_file_is_used_says_what_made_it_and_is_written_as_it_lies(tmp_path):
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    made_by = {name: how for name, *how in read_table(pages.MADE_BY)[1:]}
+    assert set(made_by) == STORED and all(command for command, _ in made_by.values()) and set(MAKERS) <= STORED
+    (tmp_path / "made_by.csv").write_bytes((TABLES / "made_by.csv").read_bytes())
+    for name in sorted(STORED):
+        assert f"<!-- table: {name}" in text or f"tables/{name}.csv" in text, name
+        write_table(name, read_table(name), *made_by[name], folder=tmp_path)
+        assert (tmp_path / f"{name}.csv").read_bytes() == (TABLES / f"{name}.csv").read_bytes(), name
+    assert (tmp_path / "made_by.csv").read_bytes() == (TABLES / "made_by.csv").read_bytes()
+
+
+def test_the_map_and_what_reports_say_of_it_follow_from_the_figures():
+    assert passed(read_table("measured")) == read_table("map"), "run python -m validation pages map"
+    found = limits(*(read_table(name) for name in ("measured", "criteria", "not-supported")))
+    assert {**read_json(tables.LIMITS), **found} == read_json(tables.LIMITS)
+
+
+@pytest.mark.more
+def test_the_tables_of_the_tasks_say_what_these_are_now():
+    for name in ("tasks", "task-facts", "task-presets"):
+        assert task_tables.MAKERS[name]() == read_table(name), f"run python -m validation pages {name}"
+    assert [line[0] for line in read_table("task-floors")[1:]] == list(TASKS)
+
+
+@pytest.mark.more
+def test_submissions_fit_their_tasks_and_stand_in_the_tables():
+    for name in ("submissions", "variations"):
+        assert task_tables.MAKERS[name]() == read_table(name), f"run python -m validation pages {name}"
+
+
+def test_every_task_has_a_page_with_its_tables():
+    for name in TASKS:
+        text = (ROOT / f"docs/tasks/{name}.md").read_text(encoding="utf-8")
+        for table in ("task-facts", "task-floors", "task-presets", "submissions", "variations"):
+            assert f"<!-- table: {table} task={name} -->" in text, (name, table)
+
+
+def test_nobody_is_sooner_than_alone():
+    for line in read_table("task-floors")[1:]:
+        floor, alone, queue = (float(value) for value in line[1:4])
+        assert floor == pytest.approx(max(alone, queue), abs=0.51), line
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "made_by.csv").write_text("table,command,note\n")
+    rows = [["who", "a, s", "b"], ["`x`", "1", ""], ["y", "2, or 3", 'say "no"'], ["y", "4", "5"]]
+    write_table("t", rows, "python -m x", folder=tmp_path)
+    return tmp_path
+
+
+def test_a_table_replaces_what_stands_between_its_marks_and_nothing_else(folder):
+    text = "before\n<!-- table: t -->\nold\n<!-- end -->\nafter\n<!-- table: t who=x --><!-- end -->"
+    found = filled(text, folder)
+    assert (
+        found.splitlines()[0] == "before"
+        and "old" not in found
+        and found.endswith("<!-- table: t who=x --><!-- end -->")
+    )
+    assert '| y | 2, or 3 | say "no" |\n| y | 4 | 5 |\n\nMade by `python -m x`.\n<!-- end -->\nafter\n' in found
+    assert filled(found, folder) == found
+
+
+def test_rows_can_be_chosen_one_stands_upright_and_none_is_said(folder):
+    def between(chosen):
+        return filled(f"<!-- table: t {chosen} -->\n<!-- end -->", folder).splitlines()[1:-1]
+
+    assert between("who=x") == ["|  |  |", "| --- | --- |", "| a, s | 1 |"]
+    assert between("who=y") == ["| a, s | b |", "| --- | --- |", '| 2, or 3 | say "no" |', "| 4 | 5 |"]
+    assert between("who=z") == ["None yet."]
+
+
+def test_what_cannot_be_made_is_refused_and_changes_nothing(folder, monkeypatch):
+    with pytest.raises(ValueError, match="no table 'u'; known: made_by, t"):
+        read_table("u", folder)
+    with pytest.raises(ValueError, match=r"python -m crowd_env run nowhere --json failed: .*nowhere"):
+        tables.run("crowd_env run nowhere")
+    before = {path: path.read_bytes() for path in TABLES.glob("*.csv")}
+    for words, said in ((("speeds",), "unknown table 'speeds'; known: schemes, halls"), (("training",), "name it by --from"),
+                        (("measured", "--from", str(folder)), "holds no finished rows of gate")):  # fmt: skip
+        found = CliRunner().invoke(app, ["pages", *words])
+        assert found.exit_code == 2 and said in found.stderr.replace("\n", ""), words
+    assert {path: path.read_bytes() for path in TABLES.glob("*.csv")} == before
+
+
+# ----------------------------------------------------------------------------------------------------------------- cells
+
+
+def test_cells_are_dashed_where_nothing_is_known():
+    row = {"a": {"mean": 1.25, "ci95": [-0.5, 2.0]}, "share": 0.126, "none": None}
+    texts = {"{a[mean]:.1f}": "1.2", "{a[ci95][0]:+.1f} to {a[ci95][1]:+.1f}": "−0.5 to +2.0", "{share:%} %": "13 %",
+             "{none:.1f}": "–", "{none[mean]:.2f} ± {none[sd]:.2f}": "–", "{b} b3": "– b3"}  # fmt: skip
+    assert {text: cell(text, row) for text in texts} == texts
+    assert grid([row], x="{share:g}") == [["x"], ["0.126"]]
+    rows = [{"n": n, "at": at, "value": n * at} for n in (1, 2) for at in (3, 4) if (n, at) != (2, 3)]
+    assert pivoted(rows, {"n": "{n}"}, "at {at}", "{value}") == [["n", "at 3", "at 4"], ["1", "3", "4"], ["2", "", "8"]]
+
+
+def test_tables_of_commands_have_the_heads_that_are_stored():
+    """Every command is asked for, and what it does not say is a dash: heads are those of the files."""
     asked = []
 
     def command(line):
         asked.append(line)
-        return RUN
+        found = {"unfinished": 3, "unfinished_runs": 1, "runs": 20}
+        return {**found, "sets": [{}], "rows": [found]}
 
-    assert fill("schemes", command, root=tmp_path) == page
-    lines = page.read_text(encoding="utf-8").splitlines()
-    assert (lines[0], lines[-1]) == ("before", "after") and "| old |" not in lines
-    assert (
-        "| `dem` | 0.01 | 0.0186 / 12.3 | 2.5 | 4.44 ± 0.55 | 2.00 ± 0.25 | 34 people in 3 of 50 runs | 3.0 |" in lines
-    )
-    assert "3.04 for `dem` (here 2.00, −34 %)" in lines[-3]
-    assert asked[:2] == [f"crowd_env run room-v0 --scheme dem --runs 50{step}" for step in ("", " --dt 0.001")]
-    assert len(asked) == len(set(asked))  # the sentences run nothing anew
+    for name in ("schemes", "clogging", "strategies", "scenarios", "bodies"):
+        assert MAKERS[name].make(Source(command))[0] == read_table(name)[0], name
+    assert asked[:2] == [f"crowd_env run room-v0 --scheme dem{step} --runs 50" for step in ("", " --dt 0.001")]
 
 
-def test_a_command_that_fails_leaves_the_page_as_it_was(tmp_path):
-    page = tmp_path / "docs" / "physics.md"
-    page.parent.mkdir()
-    page.write_text("<!-- table: schemes -->\n| old |\n<!-- end -->\n", encoding="utf-8")
-
-    def command(line):
-        raise ValueError("it failed")
-
-    with pytest.raises(ValueError, match="it failed"):
-        fill("schemes", command, root=tmp_path)
-    assert "| old |" in page.read_text(encoding="utf-8")
-    page.write_text("no place\n")
-    with pytest.raises(
-        ValueError, match=r"docs/physics\.md has no place for schemes; mark one with <!-- table: schemes -->"
-    ):
-        fill("schemes", command, root=tmp_path)
-
-
-def test_commands_are_run_as_anyone_would_run_them():
-    assert set(run("crowd_env list")) >= {"scenarios", "schemes"}
-    with pytest.raises(ValueError, match=r"python -m crowd_env run nowhere --json failed: .*nowhere"):
-        run("crowd_env run nowhere")
-
-
-def test_an_unknown_table_is_one_line():
-    found = CliRunner().invoke(app, ["pages", "speeds"])
-    assert found.exit_code == 2 and "unknown table 'speeds'; known: schemes, halls" in found.stderr
-
-
-def test_the_names_of_pages_can_be_had_as_json(monkeypatch, tmp_path):
-    monkeypatch.setattr("validation.cli.fill", lambda name, command, *, folder: tmp_path / f"{name}.md")
-    found = CliRunner().invoke(app, ["pages", "clogging", "--json"])
-    assert json.loads(found.stdout) == {"clogging": "clogging.md"}
-
-
-def test_strategies_are_told_beside_the_first(tmp_path):
-    def row(policy, scheme, last, unfinished=0):
-        beside = {"mean": last - 30.0, "ci95": [last - 31.0, last - 29.0], "faster": 0.9}
-        return {
-            "policy": policy, "scheme": scheme, "runs": 20, "unfinished": unfinished, "unfinished_runs": min(unfinished, 2),
-            "unfinished_at_limit": {"last": last}, "minus_first": {"policy": "shortest", "evacuation_time": beside},
-            "exits": {"west": {"people": {"mean": 81.0}}, "east": {"people": {"mean": 69.0}}},
-            "replanning_per_simulated_second": 0.0018, "physics_per_simulated_second": 0.0008,
-        }  # fmt: skip
-
-    def command(line):
-        _, _, schemes = line.partition("--schemes ")
-        names = schemes.partition(" --runs")[0].split()
-        return {"rows": [row(*one) for name in names for one in (("shortest", name, 30.0), ("fastest", name, 25.0, 4))]}
-
-    page = tmp_path / "docs" / "routing.md"
-    page.parent.mkdir()
-    page.write_text("<!-- table: strategies -->\n<!-- end -->\n", encoding="utf-8")
-    fill("strategies", command, root=tmp_path)
-    text = page.read_text(encoding="utf-8")
-    assert "| shortest | 30.0 |" in text
-    assert "| fastest | ≥ 25.0 (−6.0 to −4.0); left inside: 4 people in 2 of 20 runs |" in text
-    assert "54/46 under `dem`" in text and "90 % (`hertz`) of the draws" in text and "takes 1.8 ms" in text
-
-
-# -------------------------------------------------------------------------------------------- tables of finished runs
-
-
-def finished(tmp_path, name, **files):
-    """Return what `fill` writes into the page of a table from a folder with these JSON files."""
-    folder = tmp_path / "run"
-    folder.mkdir(exist_ok=True)
-    for file, content in files.items():
-        (folder / f"{file}.json").write_text(json.dumps(content))
-    return finished_page(tmp_path, name)
-
-
-def finished_page(tmp_path, name):
-    page = tmp_path / TABLES[name].page
-    page.parent.mkdir(exist_ok=True)
-    page.write_text(f"<!-- table: {name} -->\n<!-- end -->\n", encoding="utf-8")
-    fill(name, run, folder=tmp_path / "run", root=tmp_path)
-    return page.read_text(encoding="utf-8")
-
-
-def of_cases(tmp_path, name, rows):
-    """Return what `fill` writes from a run of the map with these rows."""
-    finished = Finished(tmp_path / "run")
-    for case, some in rows.items():
-        for scheme, manner in {(one["scheme"], one["manner"]) for one in some}:
-            mine = [Row(**one) for one in some if (one["scheme"], one["manner"]) == (scheme, manner)]
-            finished.keep_rows(case, Setting(scheme, manner), mine, True, 1.0)
-    return finished_page(tmp_path, name)
-
-
-def hall(scheme, people, speed, outside=0):
-    figures = {"people": people, "fastest, m/s": speed, "outside": outside, "overlap, mm": 20.25}
-    return row_of("halls", scheme, outside == 0, manner="competitive") | {"more": figures}
+def made_of(folder, name, *rows):
+    """Return a table of a run of the map with these rows (case, scheme, manner, whether it passed, numbers)."""
+    found = {}
+    for case, scheme, manner, *said, more in rows:
+        mine = row(case, Setting(scheme, manner), *said, "1.13 /s", "as recorded", "a paper", **more)
+        found.setdefault((case, scheme, manner), []).append(mine)
+    for (case, scheme, manner), some in found.items():
+        Finished(folder).keep_rows(case, Setting(scheme, manner), some, True, 1.0)
+    return MAKERS[name].make(Source(lambda line: {}, folder))
 
 
 def test_halls_are_told_by_scheme_and_size(tmp_path):
-    small = [hall("dem", 500, 3.0), hall("dem", 500, 4.04), hall("dem", 1000, 5.0), hall("nsm2", 500, 2.0, 3)]
-    large = [hall("dem", 2000, 6.0), hall("dem", 5000, 12.5)]
-    text = of_cases(tmp_path, "halls", {"halls": small, "great-halls": large})
-    assert "| `dem` | nobody | 4.0 | 5.0 | 6.0 | 12.5 | 20.2 |" in text
-    assert "| `nsm2` | 3 |" in text
+    def hall(scheme, case, people, speed, outside=0):
+        more = {"people": people, "fastest, m/s": speed, "outside": outside, "overlap, mm": 20.25}
+        return case, scheme, "competitive", True, more
+
+    rows = [hall("dem", "halls", 500, 3.0), hall("dem", "halls", 500, 4.04), hall("dem", "halls", 1000, 5.0)]
+    rows += [hall("dem", "great-halls", 2000, 6.0), hall("dem", "great-halls", 5000, 12.5, 3)]
+    head, found = made_of(tmp_path, "halls", *rows)
+    assert head == read_table("halls")[0] and found == ["`dem`", "3", "4.0", "5.0", "6.0", "12.5", "20.2"]
 
 
-def row_of(case, scheme, passed, figure="1.13 /s", manner="calm", source="a paper"):
-    return {
-        "case": case, "scheme": scheme, "manner": manner, "passed": passed, "figure": figure, "criterion": "as recorded",
-        "source": source, "more": {},
-    }  # fmt: skip
-
-
-def map_rows():
-    """Return a row each case under two schemes; of the tests of standards two, and one that is not supported."""
-    names = ("gate", "doors", "corridor", "ring", "counterflow", "crossing", "corner", "faster", "clogging", "row")
-    rows = {name: [row_of(name, "dem", True), row_of(name, "hertz", False)] for name in names}
-    tests = [row_of("rimea-1", "dem", True), row_of("rimea-1", "dem", None, manner="hurried")]
-    return rows | {"standards": [*tests, row_of("not supported", "dem", None, "no lifts", source="NIST 2.7")]}
-
-
-def test_the_map_says_what_passes_and_what_was_asked(tmp_path):
-    text = of_cases(tmp_path, "map", map_rows())
-    assert "| `gate` | calm | yes |  |  |  | **no** |  |" in text
-    assert "| `rimea-1` | hurried | – |  |  |  |  |  |" in text
-    assert "* `doors`, 5 draws: as recorded (a paper)." in text
-    assert "* Not supported, NIST 2.7: no lifts." in text and "| `not supported`" not in text
-
-
-def test_reports_have_the_map_as_data(tmp_path):
-    """What is written by hand beside it stays, and a map that cannot be written leaves the data as they were."""
-    data = tmp_path / TABLES["map"].data[0]
-    data.parent.mkdir(parents=True)
-    data.write_text(json.dumps({"not_modeled": ["fire"], "cases": []}))
-    of_cases(tmp_path, "map", map_rows())
-    content = json.loads(data.read_text(encoding="utf-8"))
-    assert content["not_modeled"] == ["fire"] and content["not_supported"] == ["NIST 2.7: no lifts."]
-    assert [one["case"] for one in content["cases"]][::10] == ["gate", "rimea-1"]
-    gate, *_, test = content["cases"]
+def test_the_map_is_what_passed_case_by_case(tmp_path):
+    rows = [(case, scheme, "calm", scheme == "dem", {}) for case in ("gate", "ring") for scheme in ("dem", "hertz")]
+    found = made_of(tmp_path, "measured", *rows)
+    assert found[2] == ["`gate`", "calm", "`hertz`", "**no**", "1.13 /s"] and found[0] == read_table("measured")[0]
+    assert passed(found)[1:] == [["`gate`", "calm", "yes", "**no**"], ["`ring`", "calm", "yes", "**no**"]]
+    asked = MAKERS["criteria"].make(Source(lambda line: {}, tmp_path))
+    assert asked[1] == ["`gate`", "5", "as recorded", "a paper"]
+    (gate, _) = limits(found, asked, [[], ["NIST 2.7", "no lifts"]])["cases"]
     assert gate == {
         "case": "gate",
         "criterion": "as recorded (a paper).",
         "results": {"calm": {"dem": "yes", "hertz": "no"}},
     }
-    assert test["results"] == {"calm": {"dem": "yes"}, "hurried": {"dem": "reported"}}
-    before = data.read_bytes()
-    (tmp_path / "docs" / "validation.md").write_text("no place")
-    with pytest.raises(ValueError, match="no place for map"):
-        fill("map", run, folder=tmp_path / "run", root=tmp_path)
-    assert data.read_bytes() == before
 
 
-def test_full_speed_is_told_beside_what_is_known(tmp_path):
-    """A mean over the runs that were not stuck stands for them; where all were, there is none."""
-
-    def gate(scheme, flow, stuck):
-        more = {"flow": flow, "stuck": stuck, "passages": [[]] * 4}
-        return {**row_of("gate", scheme, False, f"{flow} /s", manner="competitive"), "more": more}
-
-    def doors(scheme, *flows):
-        widths = {width: {"flow": flow, "stuck": 0} for width, flow in zip(("0.5", "0.8", "2.4"), flows, strict=True)}
-        return {**row_of("doors", scheme, False, "wide", manner="competitive"), "more": {"widths": widths}}
-
-    rows = {
-        "gate": [gate("hertz", None, 4), gate("dem", 2.5, 1), row_of("gate", "dem", True)],
-        "doors": [doors("dem", 99.0, 6.36, 8.48), doors("hertz", None, 4.24, None)],
-    }
-    text = of_cases(tmp_path, "full-speed", rows)
-    lines = [line for line in text.splitlines() if line.startswith("| `")]
-    assert lines == ["| `gate` | `dem` | 2.5 /s |", "| `gate` | `hertz` | None /s |", *(
-        f"| `doors` | `{scheme}` | wide |" for scheme in ("dem", "hertz")
-    )]  # fmt: skip
-    assert "Through doors of 0.8 to 2.4 m 4.2 to 8.5 people" in text and "2.12: 2.0 to 4.0 times as many" in text
-    assert "The gate blocks in 5 of 8 runs; 2.50 /s pass in the others, where 1.13 /s" in text
+def test_links_of_the_task_pages_lead_somewhere():
+    for page in (ROOT / "docs/tasks").glob("*.md"):
+        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).resolve().exists(), (page.name, target)
 
 
-def test_the_map_has_the_figures_of_every_row(tmp_path):
-    text = of_cases(tmp_path, "measured", map_rows())
-    assert "| `ring` | calm | `hertz` | **no** | 1.13 /s |" in text
-    assert text.count("| 1.13 /s |") == 22
-
-
-def controller(name, last, unfinished=0, **beside):
-    return {
-        "controller": name, "runs": 200, "unfinished": unfinished, "unfinished_runs": min(unfinished, 1),
-        "last": {"mean": last}, "mean": {"mean": last / 2}, **beside,
-    }  # fmt: skip
-
-
-def test_controllers_are_told_beside_the_learned_one(tmp_path):
-    beside = {"learned_minus_this": {"last": {"mean": -10.0, "ci95": [-11.0, -9.0]}}}
-    content = {
-        "config": {"scenario": "two-exit-hall-v0", "scheme": "nsm2", "steps": 1000},
-        "best": {"steps": 512.0, "runs": 500.0, "unfinished": 22.0},
-        "rows": [controller("nearest exit", 40.0, 7, **beside), controller("learned", 30.0)],
-    }
-    text = finished(tmp_path, "controller", results=content)
-    assert "| nearest exit | ≥ 40.0 | −10.0 (−11.0 to −9.0) | ≥ 20.0 | 7 people in 1 of 200 runs |" in text
-    assert "| learned | 30.0 |  | 15.0 | nobody |" in text
-    assert "−25 % beside nearest exit" in text
-
-
-def test_a_table_of_a_long_run_names_the_run(tmp_path):
-    found = CliRunner().invoke(app, ["pages", "training"])
-    assert found.exit_code == 2 and "python train.py; name it by --from" in found.stderr
-    missing = CliRunner().invoke(app, ["pages", "map", "--from", str(tmp_path)])
-    assert missing.exit_code == 2 and f"{tmp_path}/gate holds no finished rows" in missing.stderr.replace("\n", "")
-    unnamed = CliRunner().invoke(app, ["pages", "--from", str(tmp_path)])
-    assert unnamed.exit_code == 2 and "name the tables" in unnamed.stderr
+def test_files_are_plain_csv():
+    for name in STORED:
+        text = (TABLES / f"{name}.csv").read_text(encoding="utf-8")
+        assert len({len(line) for line in csv.reader(io.StringIO(text))}) == 1, name

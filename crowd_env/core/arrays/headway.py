@@ -28,10 +28,10 @@ ring and the two kinds of counter-flow of ``python -m validation``, one set for 
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
-from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_choice
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_choice, plain_choice
 
 
 class HeadwayParams(NamedTuple):
@@ -154,8 +154,4 @@ def make_manner(manner: Manner | None) -> Headway | None:
 
 def plain_manner(headway: Headway | None) -> str | dict[str, float]:
     """Return the name of a manner, or if it has none the table of its parameters; ready for JSON, and for `make_manner`."""
-    for name, known_headway in MANNERS.items():
-        if headway == known_headway:
-            return name
-    assert headway is not None  # it has a name
-    return asdict(headway)
+    return plain_choice(headway, MANNERS)

@@ -14,14 +14,14 @@ the Visible Human and the measures of ANSUR II: bideltoid breadth 0.471 m, chest
 
 import itertools
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.checks import POSITIVE, Range, array, check_fields, from_choice, require_all
+from crowd_env.core.checks import POSITIVE, Range, array, check_fields, from_choice, plain_choice, require_all
 
 MOST_DISCS = 16
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
@@ -204,11 +204,8 @@ def make_outline(outline: BodyShape | None) -> Outline | None:
 
 def plain_outline(outline: Outline | None) -> str | dict[str, Any]:
     """Return the name of an outline, or if it has none the table of its parameters; ready for JSON, and for `make_outline`."""
-    for name, known_outline in OUTLINES.items():
-        if outline == known_outline:
-            return name
-    assert outline is not None  # it has a name
-    return asdict(outline) | {"discs": [list(disc) for disc in outline.discs]}
+    plain = plain_choice(outline, OUTLINES)
+    return plain if isinstance(plain, str) else plain | {"discs": [list(disc) for disc in plain["discs"]]}
 
 
 def room_of(outline: Outline | None) -> float:

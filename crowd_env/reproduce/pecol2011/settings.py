@@ -36,7 +36,6 @@ class PecolSettings(Settings):
     side: float = option(5.0, "Side of the square room, m")
     n: int = option(20, "Number of people")
     target: Target = option("path", TARGET_HELP)
-    exit_line: float = option(0.0, "How far beyond the door people are counted and removed, m")
     stiffness: float = option(1.2e5, "k of dem, N/m")
     k_normal: float = option(1e5, "K_N of nsm2-printed, kg", may_be_infinite=True)
     k_tangent: float = option(0.0, "K_T of nsm2-printed, kg")
@@ -60,7 +59,6 @@ class PecolSettings(Settings):
             people=self.n,
             time_limit=self.time_limit,
             target=self.target,
-            exit_line=self.exit_line,
         )
 
     def contact(self, name: str) -> ContactScheme:

@@ -8,7 +8,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.checks import counted
-from crowd_env.geometry.parsing import Area, place, read_area
+from crowd_env.geometry.parsing import Area, flat_parts, place, read_area
 
 _THIN = 0.01  # m; what is narrower than this nobody walks on
 _WALL = 0.02  # m; the thickness of an obstacle that is drawn as a line
@@ -29,7 +29,7 @@ def tidied(shapes: Sequence[BaseGeometry], what: str, notes: list[str], thinnest
 
     What else is wrong with them stays for those who read them.
     """
-    parts = [one for shape in shapes for one in _flat(shape)]
+    parts = [one for shape in shapes for one in flat_parts(shape)]
     kept, slivers, mended = [], [], []
     for part in parts:
         if part.geom_type != "Polygon" or part.is_empty or not np.isfinite(shapely.get_coordinates(part)).all():
@@ -156,13 +156,6 @@ def _is_area(part: BaseGeometry) -> bool:
 
 def _mended(part: Polygon) -> list[Polygon] | None:
     """Return a polygon whose outline touches or runs back along itself as valid ones; None = it crosses itself."""
-    valid = [one for one in _flat(shapely.make_valid(part)) if one.geom_type == "Polygon"]
+    valid = [one for one in flat_parts(shapely.make_valid(part)) if one.geom_type == "Polygon"]
     total = sum(one.area for one in valid)
     return valid if abs(total - part.area) <= _SAME * total else None
-
-
-def _flat(shape: BaseGeometry) -> list[BaseGeometry]:
-    """Return the parts of a shape, and their parts."""
-    if shape.geom_type != "GeometryCollection" and not shape.geom_type.startswith("Multi"):
-        return [shape]
-    return [one for part in shapely.get_parts(shape) for one in _flat(part)]

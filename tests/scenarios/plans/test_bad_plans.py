@@ -5,8 +5,8 @@ import sqlite3
 import sys
 
 import numpy as np
-import pytest
 import shapely
+from cases import looped
 from plan_files import EAST, ROOM, box_of, drawing, outline, room_drawing
 from typer.testing import CliRunner
 
@@ -150,11 +150,13 @@ BAD = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", BAD)
+@looped("name", BAD)
 def test_it_is_refused_in_one_sentence(name, tmp_path, monkeypatch):
     write, options, words = BAD[name]
-    write(tmp_path / name)
-    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / name.replace(".", "-")
+    folder.mkdir()
+    write(folder / name)
+    monkeypatch.chdir(folder)
     result = CliRunner().invoke(app, ["run", name, *options, "--runs", "1"])
     assert result.exit_code == 2, f"{result.output} {result.exception!r}"
     assert result.stdout == ""
@@ -163,7 +165,7 @@ def test_it_is_refused_in_one_sentence(name, tmp_path, monkeypatch):
     assert len(said[-1]) < 500 and name in said[-1]
     for word in words.split():
         assert word in said[-1], f"{word!r} is not in {said[-1]!r}"
-    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert [path.name for path in folder.iterdir()] == [name]
 
 
 def test_a_library_that_is_missing_is_named(tmp_path, monkeypatch):

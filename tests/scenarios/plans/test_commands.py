@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from cases import looped
 from commands import call
 from plan_files import EAST, ROOM, room_drawing
 from typer.testing import CliRunner
@@ -22,7 +23,7 @@ def plan(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("command", ["run {} --scheme dem --runs 1 --json", "clogging {} --scheme dem --runs 1 --json"])
+@looped("command", ["run {} --scheme dem --runs 1 --json", "clogging {} --scheme dem --runs 1 --json"])
 def test_a_plan_and_its_options_are_understood(command, plan):
     result = call(command.format(f"{plan} --exit {CM} --unit cm --n 6"))
     assert result.exit_code == 0 and result.stderr == "", result.output
@@ -54,7 +55,7 @@ def test_policies_are_trained_on_a_plan(plan):
         extended(config, {"unit": "mm"}, [], "run")
 
 
-@pytest.mark.parametrize(
+@looped(
     ("given", "words"),
     [
         ({"exit": ["1,2,3,4"]}, "--exit is for floor plans"),
@@ -67,7 +68,7 @@ def test_options_of_plans_belong_to_plans(given, words):
         _begun(given, seed=0)
 
 
-@pytest.mark.parametrize("option", ["--exit 1,2,3,4", "--unit cm"])
+@looped("option", ["--exit 1,2,3,4", "--unit cm"])
 def test_a_task_says_where_people_walk(option):
     result = CliRunner().invoke(evaluate, f"--task room {option}".split())
     assert result.exit_code == 2 and "--task room says where people walk" in result.stderr

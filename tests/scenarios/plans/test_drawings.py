@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from plan_files import box_of, drawing, outline, room_drawing
 
 from crowd_env import make_scenario
@@ -70,7 +71,7 @@ def test_curves_hatches_and_lines_make_areas(tmp_path):
     assert plan.notes == ()
 
 
-@pytest.mark.parametrize("gap", [0.0, 0.004, 0.009])
+@looped("gap", [0.0, 0.004, 0.009])
 def test_ends_that_were_meant_to_meet_do(gap, tmp_path):
     document, space = drawing()
     layer = {"layer": "walkablearea"}
@@ -131,7 +132,7 @@ def test_without_a_layer_to_walk_on_the_layers_are_named(tmp_path):
 
 
 # What the header says, the factor of the coordinates, what the user says -> factor to meters, and a word of the note.
-@pytest.mark.parametrize(
+@looped(
     ("header", "scale", "unit", "meters", "note"),
     [
         (0, 1.0, None, 1.0, ""),
@@ -154,7 +155,7 @@ def test_the_header_alone_never_scales(header, scale, unit, meters, note, tmp_pa
     assert [note in one for one in plan.notes] == ([True] if note else [])
 
 
-@pytest.mark.parametrize("header", [0, 6])
+@looped("header", [0, 6])
 def test_a_drawing_in_millimeters_that_does_not_say_so_is_asked_for_its_unit(header, tmp_path):
     with pytest.raises(ValueError, match=r"8000 m x 6000 m.*--unit mm"):
         read_plan(room_drawing(tmp_path / "room.dxf", header, 1000.0))
@@ -224,7 +225,7 @@ def test_a_region_may_be_called_like_an_exit(tmp_path):
     assert place.exits == ("hall",) and place.population.parts[0].start_region == "hall (area)"
 
 
-@pytest.mark.parametrize("corners", [30, 3000, 20_000])
+@looped("corners", [30, 3000, 20_000])
 def test_lines_shorter_than_the_gap_make_an_outline_too(corners, tmp_path):
     angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
     ring = np.round(np.column_stack([9 * np.cos(angle), 9 * np.sin(angle)]), 9)

@@ -5,11 +5,11 @@ import sqlite3
 
 import pytest
 import shapely
+from cases import looped
 from plan_files import EAST, ROOM, room_drawing
 
-from crowd_env import CrowdEnv, make_scenario, scenario_from_wkt
+from crowd_env import CrowdEnv, make_scenario
 from crowd_env.scenarios.plans.reading import is_plan, read_plan
-from crowd_env.scenarios.population import Population
 
 
 def feature(shape, **properties):
@@ -108,9 +108,9 @@ def test_degrees_are_refused(tmp_path):
         read_plan(geojson(tmp_path / "plan.geojson", feature(small)), ["0,0,0,1"])
 
 
-@pytest.mark.parametrize("version", [1, 2])
+@looped("version", [1, 2])
 def test_the_geometry_of_a_recording_of_jupedsim(version, tmp_path):
-    path = recording(tmp_path / "run.sqlite", [f"GEOMETRYCOLLECTION ({ROOM.wkt})"], version)
+    path = recording(tmp_path / f"run{version}.sqlite", [f"GEOMETRYCOLLECTION ({ROOM.wkt})"], version)
     assert read_plan(path, [EAST]).walkable.equals(ROOM)
     assert make_scenario(path, exits=[EAST]).geometry.area == 48.0
     with pytest.raises(ValueError, match="at least one exit, for example --exit"):
@@ -134,7 +134,7 @@ def test_a_scenario_of_vadere(tmp_path):
     assert make_scenario(plan.path, people=9).population.people == 9
 
 
-@pytest.mark.parametrize("absorbs", [{"absorbing": False}, {"absorber": {"enabled": False}}])
+@looped("absorbs", [{"absorbing": False}, {"absorber": {"enabled": False}}])
 def test_targets_that_nobody_leaves_by_are_no_exits(absorbs, tmp_path):
     plan = read_plan(vadere(tmp_path / "room.scenario", absorbs=absorbs))
     assert not plan.exits and list(plan.regions) == ["target-3"]
@@ -149,7 +149,7 @@ def test_sources_that_let_in_more_than_there_is_room_for_are_told(tmp_path):
     assert place.population.people == 5
 
 
-@pytest.mark.parametrize("name", ["room.json", "room.scenario"])
+@looped("name", ["room.json", "room.scenario"])
 def test_a_json_file_is_told_by_what_it_holds(name, tmp_path):
     assert make_scenario(vadere(tmp_path / name)).title == f"floor plan {name}"
 
@@ -180,12 +180,12 @@ def test_python_takes_what_the_command_line_takes(tmp_path):
         place = make_scenario(path, unit="cm", exits=others, population={"people": 7, "radius": 0.2})
     assert place.population.people == 7 and place.geometry.exits[0, 0, 0] == 0.0
     with pytest.warns(UserWarning, match="left out for those that are given"):
-        assert scenario_from_wkt(path, others, Population(7), unit="cm").exits == ("exit-0",)
+        assert make_scenario(path, exits=others, people=7, unit="cm").exits == ("exit-0",)
     with pytest.raises(ValueError, match=r"has no option 'side'; known: exits, unit, people, population, time_limit"):
         make_scenario(path, side=3.0)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("changes", "note"),
     [
         ({"targetIds": [3]}, ""),

@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from plan_files import EAST, ODD, ROOM, far
 
 from crowd_env import make_scenario
@@ -18,7 +19,7 @@ def written(tmp_path, text, name="plan.wkt"):
     return path
 
 
-@pytest.mark.parametrize("name", ODD)
+@looped("name", ODD)
 def test_it_is_understood_and_people_get_out(name, tmp_path):
     odd = ODD[name]
     path = written(tmp_path, odd.text)

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from plan_files import EAST, ROOM, box_of, drawing, outline
 
 from crowd_env.scenarios.plans.reading import read_plan
@@ -23,7 +24,7 @@ def sides(space, x0, y0, x1, y1, *layers):
         space.add_line(*ends, dxfattribs={"layer": layers[k % len(layers)]})
 
 
-@pytest.mark.parametrize(("state", "area"), [("freeze", 60.0), ("off", 59.0)])
+@looped(("state", "area"), [("freeze", 60.0), ("off", 59.0)])
 def test_a_block_on_a_frozen_layer_is_not_seen_and_one_on_a_layer_that_is_off_is(state, area, tmp_path):
     document, space = drawing()
     box_of(space, 0, 0, 10, 6, "walkablearea")
@@ -54,7 +55,7 @@ def test_layers_that_differ_in_case_are_one(tmp_path):
     assert read(document, tmp_path).walkable.area == pytest.approx(60.0)
 
 
-@pytest.mark.parametrize("unit", [None, "m"])
+@looped("unit", [None, "m"])
 def test_doors_and_walls_of_a_plan_wider_than_300_m_are_as_wide_as_they_are_drawn(unit, tmp_path):
     document, space = drawing(6)
     box_of(space, 0, 0, 400, 200, "walkablearea")
@@ -74,7 +75,7 @@ def test_curves_of_a_large_plan_are_as_fine_as_those_of_a_small_one(tmp_path):
     assert 200.0 - np.hypot(*middles.T).min() < 0.011  # the arcs of 5 mm, and what simplifying may take
 
 
-@pytest.mark.parametrize("layer", ["walkablearea", "obstacles"])
+@looped("layer", ["walkablearea", "obstacles"])
 def test_an_area_of_single_lines_within_another_is_like_one_of_closed_lines(layer, tmp_path):
     document, space = drawing()
     if layer == "obstacles":
@@ -88,7 +89,7 @@ def test_an_area_of_single_lines_within_another_is_like_one_of_closed_lines(laye
 
 # What the header says, how many units the plan is wide, and how many meters a unit is taken for: those of the header where
 # meters cannot be.
-@pytest.mark.parametrize(
+@looped(
     ("header", "name", "wide", "taken"),
     [(1, "inches", 60, 1.0), (1, "inches", 600, 0.0254), (2, "feet", 60, 1.0), (2, "feet", 600, 0.3048)],
 )
@@ -122,14 +123,14 @@ def test_walls_that_are_lines_stand_in_the_way_in_geojson_too(tmp_path):
     assert plan.notes == ("obstacles: 2 lines taken as walls 0.02 m thick", "left out: 1 obstacle that is a point")
 
 
-@pytest.mark.parametrize("kind", ["walkable", "room"])
+@looped("kind", ["walkable", "room"])
 def test_a_floor_within_a_floor_is_told_in_geojson_too(kind, tmp_path):
     plan = read_plan(features(tmp_path / "plan.geojson", (shapely.box(2, 2, 3, 3), kind)))
     assert plan.walkable.area == pytest.approx(48.0)
     assert ["within another one" in note for note in plan.notes] == [True]
 
 
-@pytest.mark.parametrize("code", ["urn:ogc:def:crs:EPSG::3857", "EPSG:900913"])
+@looped("code", ["urn:ogc:def:crs:EPSG::3857", "EPSG:900913"])
 def test_web_mercator_is_refused_since_its_meters_are_none(code, tmp_path):
     path = features(tmp_path / "plan.geojson", crs={"type": "name", "properties": {"name": code}})
     with pytest.raises(ValueError, match=r"Mercator.*stretched.*UTM"):

@@ -1,0 +1,175 @@
+"""Scenarios in files, TOML or JSON with the same keys: lengths in m, times in s, speeds in m/s, masses in kg.
+
+A file is data: its keys are the fields of `Scenario`, and what is wrong is found where the same is found in Python.  Nothing is
+ignored.  A place that takes options of its own is a function that returns a `Scenario`.
+"""
+
+import json
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowd_env.core.arrays.outline import room_of
+from crowd_env.core.checks import POSITIVE, at, check_keys, number, table
+from crowd_env.core.files.foreign import read_text
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.scenarios.groups import Groups, People
+from crowd_env.scenarios.population import Population, population_of
+from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.starts import check_starts, read_starts
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+SUFFIXES = (".toml", ".json")
+TIME_LIMIT = 300.0  # s, of a file that says none
+CORNERS = 32  # of a circle
+KEYS = ("$schema", *(field.name for field in fields(Scenario)), "groups")
+PLAN = ("walkable", "obstacles", "thin_walls", "exits", "regions", "doors", "jamb_radius")
+
+_DEEPEST = 20  # tables and lists within each other
+_LARGEST = 1e15
+_COMPUTED = ("options", "columns", "rows", "step")  # of files of crowd_env 0.1
+
+
+def read_scenario(path: Path) -> Scenario:
+    """Return the scenario in a file, checked: every route leads out, and the people fit.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, or something in it is wrong or unknown.
+    """
+    content = _read(path)
+    with at(str(path)):
+        _require_data(content)
+        check_keys(str(path), content, KEYS)
+        for key in ("geometry", "groups" if "groups" in content else "population"):
+            if key not in content:
+                raise ValueError(f"key {key!r} is missing")
+        own = {key: value for key, value in content.items() if key not in ("$schema", "groups")}
+        own |= {"geometry": _geometry(content["geometry"]), "population": _people(content, path.parent)}
+        scenario = Scenario(**{"name": path.stem, "time_limit": TIME_LIMIT, **own})
+        _require_ways(scenario)
+    return scenario
+
+
+def _read(path: Path) -> Mapping[str, Any]:
+    kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
+    text = read_text(path, "the scenario", f"a scenario in this file must be {kind}", ("JSON", "GeoJSON"))
+    try:
+        content = json.loads(text, object_pairs_hook=_without_doubles) if kind == "JSON" else tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(f"{path}: nested too deeply") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return table(f"{path}: the scenario", content, "keys and values")
+
+
+def _without_doubles(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise ValueError(f"key {key!r} occurs twice in one object")
+        found[key] = value
+    return found
+
+
+def _require_data(value: Any, levels: int = _DEEPEST) -> None:
+    """Raise ValueError if something would have to be computed, or is too large or too deep for a file."""
+    if isinstance(value, dict | list) and levels == 0:
+        raise ValueError("nested too deeply")
+    computed = [key for key in _COMPUTED if isinstance(value, dict) and key in value]
+    if computed or (isinstance(value, str) and "{" in value):
+        raise ValueError(
+            f"{computed[0] if computed else value!r}: a file holds data alone; write a Python function in place of options, "
+            "expressions in braces, columns and rows: docs/scenarios.md shows one"
+        )
+    if isinstance(value, int | float) and _LARGEST < abs(value) < np.inf:
+        raise ValueError(f"it holds a number beyond {_LARGEST:g}")
+    for inner in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _require_data(inner, levels - 1)
+
+
+def _geometry(content: Any) -> Geometry:
+    check_keys("geometry", table("geometry", content, "keys and values"), PLAN)
+    for key in ("walkable", "exits"):
+        if key not in content:
+            raise ValueError(f"geometry: key {key!r} is missing")
+    plan: dict[str, Any] = {}
+    for key, value in content.items():
+        named = key in ("exits", "regions", "doors") and isinstance(value, Mapping)
+        plan[key] = {name: _shape(f"{key}.{name}", one) for name, one in value.items()} if named else _shape(key, value)
+    with at("geometry"):
+        return Geometry.from_polygon(**plan)
+
+
+def _shape(where: str, value: Any) -> Any:
+    """Return an area or line of a file, or a list of them, with corners in place of tables."""
+    if isinstance(value, list) and any(isinstance(one, Mapping | list) for one in value):
+        return [_shape(f"{where}[{k}]", one) for k, one in enumerate(value)]
+    if not isinstance(value, Mapping):
+        return value
+    form, size = ("box", 4) if "box" in value else ("circle", 3)
+    check_keys(f"geometry.{where}", value, ("box", "circle"))
+    given = value.get(form)
+    if not isinstance(given, list) or len(given) != size or len(value) > 1:
+        raise ValueError(
+            f"geometry.{where}: it must be a box = [low x, low y, high x, high y] or circle = [x, y, radius]"
+        )
+    numbers = [number(f"geometry.{where}.{form}", one) for one in given]
+    if form == "circle":
+        x, y, radius = numbers
+        number(f"geometry.{where}: the radius of the circle", radius, POSITIVE, "m")
+        angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+        return np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)])
+    x0, y0, x1, y1 = numbers
+    if not (x0 < x1 and y0 < y1):
+        raise ValueError(f"geometry.{where}: box is {given}; it must be [low x, low y, high x, high y]")
+    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+
+
+def _people(content: Mapping[str, Any], folder: Path) -> People:
+    shared = table("population", content.get("population", {}), "keys and values")
+    if "groups" not in content:
+        return _population(shared, "population", folder)
+    for key in ("people", "starts", "name"):
+        if key in shared:
+            raise ValueError(f"population: {key!r} is a matter of each group; write it there")
+    groups = content["groups"] if isinstance(content["groups"], list) else [content["groups"]]
+    parts = []
+    for k, group in enumerate(groups):
+        own = table(f"groups[{k}]", group, "keys and values")
+        elsewhere = {"start_region"} if "starts" in own and "start_region" not in own else ()
+        of_all = {name: value for name, value in shared.items() if name not in elsewhere}
+        parts.append(_population({**of_all, **own}, f"groups[{k}]", folder))
+    with at("groups"):
+        return Groups(tuple(parts))
+
+
+def _population(given: Mapping[str, Any], key: str, folder: Path) -> Population:
+    starts = given.get("starts")
+    if isinstance(starts, str):
+        with at(f"{key}.starts"):
+            path = (folder / starts).resolve()
+            if not path.is_relative_to(folder.resolve()):
+                raise ValueError(f"is {starts!r}, outside of the folder of the scenario; it must name a file in it")
+            given = {**given, "starts": read_starts(path)}
+    with at(key):
+        return population_of(key, given)
+
+
+def _require_ways(scenario: Scenario) -> None:
+    """Raise ValueError if a route leads nowhere, or people do not fit; recorded starts have to suit the largest bodies."""
+    scenario.route_set().when(frozenset(scenario.closed_doors))
+    room = room_of(scenario.outline_of_run())
+    for part in scenario.population.parts:
+        if part.starts is not None:
+            check_starts(scenario.geometry, part.starts, np.full(len(part.starts), room * part.radius.high))
+    scenario.population.draw(np.random.default_rng(0), scenario.geometry, room)

@@ -1,0 +1,367 @@
+"""Rooms of two papers, and places drawn for this project or after an experiment: each is a function of its sizes."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, number, whole
+from crowd_env.geometry.geometry import Geometry, box
+from crowd_env.routing.spec import ControlRule
+from crowd_env.routing.speed_map import SpeedZone
+from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
+from crowd_env.scenarios.groups import Groups
+from crowd_env.scenarios.population import Population
+from crowd_env.scenarios.scenario import COMMON, Scenario, changed_place
+
+_SLIM = Uniform(0.18, 0.22)  # m
+_WALKING = Normal(1.34, 0.26, 0.8, 1.9)  # m/s
+
+
+def _place(**bounds: Range) -> Callable[[Callable[..., Scenario]], Callable[..., Scenario]]:
+    """Return what checks the numbers of a place, and lets callers set what is `COMMON` to all."""
+
+    def decorate(make: Callable[..., Scenario]) -> Callable[..., Scenario]:
+        defaults, title = make.__kwdefaults__ or {}, make.__name__.replace("_", "-")
+
+        @functools.wraps(make)
+        def made(**options: Any) -> Scenario:
+            sizes = {}
+            for name, default in defaults.items():
+                check = whole if isinstance(default, int) else number
+                sizes[name] = check(f"{title}: {name}", options.get(name, default), bounds[name])
+            return changed_place(make(**sizes), options)
+
+        made.__kwdefaults__ = {**defaults, **dict.fromkeys(COMMON)}  # type: ignore[attr-defined]  # a function has them
+        return made
+
+    return decorate
+
+
+def _box(left: float, low: float, right: float, high: float) -> Floats:
+    return np.array([(left, low), (right, low), (right, high), (left, high)])
+
+
+def _grid(thing: ArrayLike, columns: int, rows: int, step: tuple[float, float]) -> list[Floats]:
+    """Return points [m] in columns and rows, row by row."""
+    return [np.asarray(thing) + np.multiply(step, (column, row)) for row in range(rows) for column in range(columns)]
+
+
+def _groups(*parts: dict[str, Any], **shared: Any) -> Groups:
+    return Groups(tuple(Population(**shared, **part) for part in parts))
+
+
+@_place(side=POSITIVE, door_width=POSITIVE)
+def room(*, side: float = 5.0, door_width: float = 0.82) -> Scenario:
+    """Return a square room with one door in the middle of the wall x = ``side`` [m].
+
+    Pécol et al. 2011, section 4.2: "a square room of side 5 m, where 20 pedestrians want to escape by a door of 82 cm width".
+    That the door is centered is assumed; walls are thin and the jambs are hard points.
+    """
+    low, high = _door("room", side, door_width)
+    geometry = Geometry.from_polygon(box(0.0, 0.0, side, side), exits={"door": [(side, low), (side, high)]})
+    title = f"square room of {side:g} m, one door of {door_width:g} m, people in a hurry"
+    source = "Pécol, Dal Pont, Erlicher, Argoul 2011, section 4.2 and Table 4"
+    return Scenario("room-v0", geometry, Population(20), 60.0, title, source)
+
+
+@_place(side=POSITIVE, door_width=POSITIVE, desired_speed=NOT_NEGATIVE, exit_depth=Range(0.0, 5.0))
+def lin_room(
+    *, side: float = 15.0, door_width: float = 1.0, desired_speed: float = 1.0, exit_depth: float = 0.0
+) -> Scenario:
+    """Return a square room [m] with an exit in a wall of thickness ``exit_depth``; all want ``desired_speed`` [m/s].
+
+    Lin, Ma, Lo, section 3: 15 x 15 m, one exit of 1 m, 100 to 300 people.  What they walk to the paper does not say.
+    """
+    low, high = _door("lin-room", side, door_width)
+    out = side + exit_depth
+    passage = [box(side, low, out, high)] if out > side else []
+    geometry = Geometry.from_polygon([box(0.0, 0.0, side, side), *passage], exits={"door": [(out, low), (out, high)]})
+    return Scenario(
+        "lin-room-v0",
+        geometry,
+        Population(
+            200,
+            radius=Uniform(0.25, 0.35),
+            mass=Uniform(60.0, 80.0),
+            desired_speed=Uniform(desired_speed, desired_speed),
+            relaxation_time=Uniform(0.5, 0.5),
+        ),
+        1000.0,
+        f"square room of {side:g} m, one exit of {door_width:g} m",
+        "Lin, Ma, Lo: Discrete element crowd model for pedestrian evacuation through an exit, section 3 and Table 1",
+        target="centre",
+        blocked_after=120.0,
+    )
+
+
+def _door(name: str, side: float, width: float) -> tuple[float, float]:
+    """Return where in the wall of a room a door of this width begins and ends [m]."""
+    number(f"{name}: door_width", width, Range(0.0, side, above=True).because("the side of the room"), "m")
+    return 0.5 * (side - width), 0.5 * (side + width)
+
+
+@_place(length=Range(6.0, 60.0), depth=Range(3.0, 60.0), door_width=Range(0.6, 3.0))
+def two_exit_hall(*, length: float = 20.0, depth: float = 12.0, door_width: float = 1.0) -> Scenario:
+    """Return a hall of ``length`` from exit to exit [m]; everyone starts in the western half."""
+    low, high = (depth - door_width) / 2, (depth + door_width) / 2
+    geometry = Geometry.from_polygon(
+        _box(0.0, 0.0, length, depth),
+        exits={"west": [(0.0, low), (0.0, high)], "east": [(length, low), (length, high)]},
+        regions={"start": _box(0.0, 0.0, length / 2, depth)},
+    )
+    title = (
+        f"hall of {length:.10g} x {depth:.10g} m, an exit of {door_width:.10g} m in each short wall, the crowd in the"
+    )
+    people = Population(150, start_region="start")
+    return Scenario("two-exit-hall-v0", geometry, people, 120.0, f"{title} western half", "drawn for this project")
+
+
+@_place(width=Range(0.5, 6.0), length=Range(0.2, 20.0))
+def bottleneck(*, width: float = 1.0, length: float = 2.8) -> Scenario:
+    """Return a passage of ``width`` and ``length`` [m] behind a waiting area."""
+    geometry = Geometry.from_polygon(
+        [_box(-10.0, -3.5, 0.0, 3.5), _box(0.0, -width / 2, length, width / 2)],
+        exits={"end": [(length, -width / 2), (length, width / 2)]},
+        regions={"waiting": _box(-10.0, -3.5, -2.0, 3.5)},
+    )
+    return Scenario(
+        "bottleneck-v0",
+        geometry,
+        Population(60, _SLIM, desired_speed=_WALKING, start_region="waiting"),
+        180.0,
+        f"bottleneck of {width:.10g} m, {length:.10g} m long, behind a waiting area",
+        "after Seyfried et al., Transportation Science 43 (2009), experiment on bottlenecks of 0.8 to 1.2 m; the waiting "
+        "area is drawn for this project",
+    )
+
+
+@_place(door_width=Range(0.6, 4.0), radius=Range(0.1, 1.0), distance=Range(0.5, 4.0), shift=Range(-2.0, 2.0))
+def pillar(*, door_width: float = 1.0, radius: float = 0.3, distance: float = 0.9, shift: float = 0.15) -> Scenario:
+    """Return a room with a round pillar at ``distance`` from the wall of the exit, ``shift`` aside of its middle [m]."""
+    angle = 2.0 * np.pi * np.arange(32) / 32
+    column = [8 - distance - radius + radius * np.cos(angle), 4 + shift + radius * np.sin(angle)]
+    geometry = Geometry.from_polygon(
+        _box(0.0, 0.0, 8.0, 8.0),
+        obstacles=[np.column_stack(column)],
+        exits={"door": [(8.0, 4 - door_width / 2), (8.0, 4 + door_width / 2)]},
+        regions={"back": _box(0.0, 0.0, 5.5, 8.0)},
+    )
+    return Scenario(
+        "pillar-v0",
+        geometry,
+        Population(80, start_region="back"),
+        120.0,
+        f"room of 8 x 8 m, exit of {door_width:.10g} m, a round pillar of {2 * radius:.10g} m stands {distance:.10g} m "
+        "before it",
+        "drawn for this project, after the column before an exit of Helbing, Buzna, Johansson, Werner, Transportation "
+        "Science 39 (2005)",
+        blocked_after=30.0,  # some schemes build arches that hold
+    )
+
+
+@_place(width=Range(0.8, 6.0))
+def l_corridor(*, width: float = 2.0) -> Scenario:
+    """Return a corridor of ``width`` [m] with a corner."""
+    geometry = Geometry.from_polygon(
+        [_box(0.0, 0.0, 12.0, width), _box(12 - width, 0.0, 12.0, 12.0)],
+        exits={"end": [(12 - width, 12.0), (12.0, 12.0)]},
+        regions={"start": _box(0.0, 0.0, 6.0, width)},
+    )
+    return Scenario(
+        "l-corridor-v0",
+        geometry,
+        Population(20, desired_speed=_WALKING, start_region="start"),
+        60.0,
+        f"corridor of {width:.10g} m with a corner of 90 degrees",
+        "the corner of RiMEA test 6 (persons walking around a corner, corridor of 2 m), with arms of 12 m",
+    )
+
+
+@_place(width=Range(1.0, 6.0))
+def t_junction(*, width: float = 2.4) -> Scenario:
+    """Return two corridors of ``width`` [m] that meet and lead on as one."""
+    geometry = Geometry.from_polygon(
+        [_box(-9.0, 0.0, 9.0, width), _box(-width / 2, width, width / 2, width + 8)],
+        exits={"end": [(-width / 2, width + 8), (width / 2, width + 8)]},
+        regions={"left": _box(-9.0, 0.0, -3.5, width), "right": _box(3.5, 0.0, 9.0, width)},
+    )
+    return Scenario(
+        "t-junction-v0",
+        geometry,
+        _groups(
+            {"name": "from the left", "start_region": "left"},
+            {"name": "from the right", "start_region": "right"},
+            people=30,
+            desired_speed=_WALKING,
+        ),
+        90.0,
+        f"two streams merge where corridors of {width:.10g} m meet",
+        "after the T-junction of Zhang, Klingsch, Schadschneider, Seyfried, J. Stat. Mech. P06004 (2011), corridors of "
+        "2.4 m; lengths drawn for this project",
+    )
+
+
+@_place(width=Range(1.5, 10.0), length=Range(12.0, 60.0))
+def counter_flow(*, width: float = 4.0, length: float = 20.0) -> Scenario:
+    """Return a corridor of ``width`` and ``length`` [m] in which two groups walk towards each other."""
+    geometry = Geometry.from_polygon(
+        _box(0.0, 0.0, length, width),
+        exits={"west": [(0.0, 0.0), (0.0, width)], "east": [(length, 0.0), (length, width)]},
+        regions={"left": _box(0.5, 0.0, 5.5, width), "right": _box(length - 5.5, 0.0, length - 0.5, width)},
+    )
+    return Scenario(
+        "counter-flow-v0",
+        geometry,
+        _groups(
+            {"name": "eastwards", "start_region": "left", "route": "east"},
+            {"name": "westwards", "start_region": "right", "route": "west"},
+            people=15,
+            radius=_SLIM,
+            desired_speed=_WALKING,
+        ),
+        120.0,
+        f"two groups walk towards each other in a corridor of {length:.10g} x {width:.10g} m",
+        "drawn for this project; counterflow in a corridor is also test 8 of IMO MSC.1/Circ.1533, with other dimensions",
+    )
+
+
+@_place(width=Range(1.5, 10.0))
+def crossing(*, width: float = 4.0) -> Scenario:
+    """Return two corridors of ``width`` [m] that cross, with a stream in each."""
+    low, high = -width / 2, width / 2
+    geometry = Geometry.from_polygon(
+        [_box(-10.0, low, 10.0, high), _box(low, -10.0, high, 10.0)],
+        exits={"east": [(10.0, low), (10.0, high)], "north": [(low, 10.0), (high, 10.0)]},
+        regions={"west": _box(-10.0, low, -5.5, high), "south": _box(low, -10.0, high, -5.5)},
+    )
+    return Scenario(
+        "crossing-v0",
+        geometry,
+        _groups(
+            {"name": "eastwards", "start_region": "west", "route": "east"},
+            {"name": "northwards", "start_region": "south", "route": "north"},
+            people=20,
+            radius=_SLIM,
+            desired_speed=_WALKING,
+        ),
+        90.0,
+        f"two streams cross at right angles where corridors of {width:.10g} m meet",
+        "after the crossing of 90 degrees of Cao, Seyfried, Zhang, Holl, Song, J. Stat. Mech. 033404 (2017), corridors of "
+        "4 m; lengths drawn for this project",
+    )
+
+
+@_place(door_width=Range(0.6, 2.0), rows=Range(1, 12))
+def classroom(*, door_width: float = 0.9, rows: int = 6) -> Scenario:
+    """Return ``rows`` of desks for two on both sides of a middle aisle, and the teacher's desk; the door in m."""
+    left, right = (_grid(_box(x, 2.9, x + 1.6, 3.3), 1, rows, (0.0, 1.2)) for x in (1.0, 3.9))
+    geometry = Geometry.from_polygon(
+        _box(0.0, 0.0, 6.5, 3 + 1.2 * rows),
+        obstacles=[*left, *right, _box(2.6, 0.7, 3.9, 1.3)],
+        exits={"door": [(6.5, 0.8), (6.5, 0.8 + door_width)]},
+    )
+    people = Population(
+        4 * rows,
+        _SLIM,
+        desired_speed=Uniform(1.0, 1.6),
+        response_time=LogNormal(3.0, 0.5, 12.0),
+        starts=np.array([seat for x in (1.4, 4.3) for seat in _grid((x, 3.65), 2, rows, (0.8, 1.2))]),
+    )
+    title = f"classroom with {4 * rows} seats at desks, one door of {door_width:.10g} m"
+    drawn = "drawn for this project: desks of 1.6 x 0.4 m for two, 0.8 m between the rows, a middle aisle of 1.3 m"
+    return Scenario("classroom-v0", geometry, people, 90.0, title, drawn)
+
+
+@_place(exit_width=Range(0.8, 3.0))
+def supermarket(*, exit_width: float = 1.6) -> Scenario:
+    """Return shelves in two blocks, tills, and a barrier between them and the entrance; both exits in m."""
+    geometry = Geometry.from_polygon(
+        _box(0.0, 0.0, 24.0, 16.0),
+        obstacles=[
+            *_grid(_box(1.8, 5.6, 2.7, 9.6), 8, 2, (2.7, 5.6)),
+            *_grid(_box(10.0, 2.2, 10.6, 4.0), 6, 1, (1.6, 0.0)),
+        ],
+        thin_walls=[[(8.4, 0.0), (8.4, 3.0), (10.0, 3.0)]],
+        exits={"entrance": [(3.0, 0.0), (3 + exit_width, 0.0)], "tills": [(14.0, 0.0), (14 + exit_width, 0.0)]},
+        regions={"shelves": _box(0.0, 5.0, 24.0, 16.0), "checkout": _box(9.4, 1.8, 20.0, 4.4)},
+    )
+    people = _groups(
+        {"people": 90, "name": "shopping", "start_region": "shelves", "response_time": LogNormal(8.0, 0.6, 40.0)},
+        {"people": 15, "name": "at the tills", "start_region": "checkout", "response_time": LogNormal(4.0, 0.5, 20.0)},
+        desired_speed=Uniform(0.8, 1.5),
+    )
+    title = "supermarket of 24 x 16 m with shelves, an entrance and an exit behind the tills"
+    drawn = "drawn for this project: shelves of 4.0 x 0.9 m, aisles of 1.8 m, tills 1.0 m apart"
+    return Scenario("supermarket-v0", geometry, people, 180.0, title, drawn)
+
+
+@_place(rows=Range(2, 30), vomitory=Range(0.9, 3.0))
+def stadium_sector(*, rows: int = 10, vomitory: float = 1.8) -> Scenario:
+    """Return two blocks of ``rows`` of seats, stepped aisles, a cross aisle in front; exits of ``vomitory`` [m] in front."""
+    top, half = 2.0 + 0.8 * rows, vomitory / 2
+    geometry = Geometry.from_polygon(
+        _box(0.0, 0.0, 19.6, top),
+        # The backs of the seats, and the rail before the first row.
+        thin_walls=_grid([(1.2, 2.0), (9.2, 2.0)], 2, rows, (9.2, 0.8)),
+        exits={
+            "front-left": [(5.2 - half, 0.0), (5.2 + half, 0.0)],
+            "front-right": [(14.4 - half, 0.0), (14.4 + half, 0.0)],
+            "back": [(9.2, top), (10.4, top)],
+        },
+        regions={"steps": _grid(_box(0.0, 2.0, 1.2, top), 3, 1, (9.2, 0.0))},
+    )
+    people = Population(
+        28 * rows,
+        _SLIM,
+        desired_speed=Uniform(0.9, 1.5),
+        response_time=LogNormal(6.0, 0.6, 40.0),
+        starts=np.array([seat for x in (1.625, 10.825) for seat in _grid((x, 2.4), 14, rows, (0.55, 0.8))]),
+    )
+    return Scenario(
+        "stadium-sector-v0",
+        geometry,
+        people,
+        300.0,
+        f"stadium sector: {rows} rows of 28 seats, stepped aisles, two vomitories in front and one at the back",
+        "drawn for this project: seats 0.55 m apart, rows 0.8 m deep, aisles of 1.2 m; on steps 0.6 of the speed on the "
+        "flat, about what Fruin, Pedestrian Planning and Design (1971), gives for stairs",
+        zones=(SpeedZone("steps", factor=0.6),),
+    )
+
+
+@_place(door_width=Range(0.6, 2.0), exit_width=Range(0.8, 2.0))
+def floor(*, door_width: float = 0.9, exit_width: float = 1.2) -> Scenario:
+    """Return eight rooms on both sides of a corridor, walls of 0.2 m with doors of ``door_width`` [m] through them."""
+    low, high = 7 - exit_width / 2, 7 + exit_width / 2
+    room = _box(0.0, 0.0, 5.8, 5.8)
+    geometry = Geometry.from_polygon(
+        [
+            *_grid(room, 4, 2, (6.0, 8.2)),
+            _box(0.0, 6.0, 23.8, 8.0),
+            *_grid(_box(3.6, 5.8, 3.6 + door_width, 6.0), 4, 2, (6.0, 2.2)),
+        ],
+        exits={"west": [(0.0, low), (0.0, high)], "east": [(23.8, low), (23.8, high)]},
+        regions={
+            "south-offices": _grid(room, 4, 1, (6.0, 0.0)),
+            "north-offices": _grid(_box(6.0, 8.2, 11.8, 14.0), 3, 1, (6.0, 0.0)),
+            "meeting-room": _box(0.0, 8.2, 5.8, 14.0),
+            "west-end": _box(0.0, 6.0, 4.0, 8.0),
+        },
+    )
+    late, soon = LogNormal(12.0, 0.5, 45.0), LogNormal(5.0, 0.4, 20.0)
+    people = _groups(
+        {"people": 20, "name": "south offices", "start_region": "south-offices", "response_time": late},
+        {"people": 15, "name": "north offices", "start_region": "north-offices", "response_time": late},
+        {"people": 25, "name": "meeting", "start_region": "meeting-room", "response_time": soon},
+        radius=_SLIM,
+        desired_speed=_WALKING,
+    )
+    # When the western end is crowded, people who have not got there yet go east.
+    rule = ControlRule("west-end", at_least=12, below=6, route="east", commits=True)
+    title = "office floor: seven offices and a meeting room on a corridor with an exit at each end"
+    drawn = f"drawn for this project: rooms of 5.8 x 5.8 m, corridor of 2 m, doors of {door_width:.10g} m"
+    return Scenario("floor-v0", geometry, people, 180.0, title, drawn, rules=(rule,))

@@ -1,0 +1,212 @@
+"""The tables of docs/tasks/: what each task is, how soon it could end at all, and what policies do on it, from submissions."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowd_env.agents.evaluation.comparison import paired
+from crowd_env.agents.evaluation.submission import REFERENCES, read_submission
+from crowd_env.agents.tasks import PRESETS, TASKS
+from crowd_env.agents.tasks.floors import RECORDED_FLOW, exit_widths, free_walk_time, touching_flow
+from crowd_env.agents.tasks.variations import variations
+from validation.pages import ROOT, Grid
+
+SUBMISSIONS = ROOT / "docs/tasks/submissions"
+
+
+def _upright(rows: list[dict[str, str]]) -> Grid:
+    return [list(rows[0]), *(list(row.values()) for row in rows)]
+
+
+def _listed(values: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name.replace('_', ' ')} {value:g}" for name, value in values.items())
+
+
+def tasks() -> Grid:
+    """One row a task, as it is registered."""
+    return _upright([
+        {
+            "task": f"`{task.name}`{' (no harm)' if task.no_harm else ''}",
+            "what it is": task.about,
+            "scenario and its options": f"`{task.scenario}`: {_listed(task.options)}",
+            "people": str(task.people),
+            "scheme, step": f"`{task.scheme}`, {task.dt:g} s",
+            "rule, manner": f"{task.rule}, {task.manner}",
+            "time limit / blocked after": f"{task.time_limit:g} / {task.blocked_after:g} s",
+            "draws": str(task.runs),
+            "decides": task.decides,
+            "version": str(task.version),
+        }
+        for task in TASKS.values()
+    ])  # fmt: skip
+
+
+def facts() -> Grid:
+    """One row a task: what its own page says of it."""
+    return _upright([
+        {
+            "task": task.name,
+            "scenario": f"`{task.scenario}`: {_listed(task.options)}",
+            "people": f"{task.people}, {task.manner}",
+            "contact law, step": f"`{task.scheme}`, {task.dt:g} s",
+            "a run ends": f"after {task.time_limit:g} s, or {task.blocked_after:g} s after the last exit: blocked",
+            "held-out draws": f"{task.runs}, seeds {task.seeds.start} to {task.seeds.stop - 1}",
+            "a policy decides": f"{task.decides}, every {task.decision_dt:g} s; the way is that of `{task.rule}`",
+            "varied by": "; ".join(one.about for one in variations(task)[1:]),
+            "version, digest": f"{task.version}, `{task.digest()}`",
+        }
+        for task in TASKS.values()
+    ])  # fmt: skip
+
+
+def presets() -> Grid:
+    """One row a task that has a preset: what is seen, done and paid where a policy is trained for it."""
+    return _upright([
+        {
+            "task": name,
+            "people, step": f"{one.people}, {one.dt:g} s" + (f"; {_listed(one.options)}" if one.options else ""),
+            "observation": ", ".join(f"`{term}`" for term in one.terms),
+            "action": f"`{one.action if isinstance(one.action, str) else one.action['name']}`",
+            "reward": f"{_listed(one.reward['weights'])}; team share {one.reward.get('team_share', 0.0):g}",
+        }
+        for name, one in ((name, PRESETS[name]) for name in TASKS if name in PRESETS)
+    ])  # fmt: skip
+
+
+def floors() -> Grid:
+    """One row a task: how soon the last could be out alone, one behind the other, and at the flow of recorded people."""
+    rows = []
+    for name, task in TASKS.items():
+        place, alone = task.place(), free_walk_time(task)
+        width, touching = float(exit_widths(place).sum()), task.people / touching_flow(place)
+        rows.append({
+            "task": name,
+            "floor, s": f"{max(alone, touching):.0f}",
+            "the last person, alone, s": f"{alone:.1f}",
+            "one behind the other through the exits, s": f"{touching:.1f}",
+            f"at {RECORDED_FLOW:g} /(s m), s": f"{task.people / (RECORDED_FLOW * width):.0f}",
+            "width of the exits, m": f"{width:.3g}",
+        })  # fmt: skip
+    return _upright(rows)
+
+
+# ----------------------------------------------------------------------------------------------------------- submissions
+
+
+def read_submissions(folder: Path = SUBMISSIONS) -> dict[str, list[dict[str, Any]]]:
+    """Return the submissions in a folder by task, the soonest first and doubtful ones last, every one held against its task.
+
+    Raises
+    ------
+    ValueError
+        If one does not fit its task, or two are of one policy.
+    """
+    found: dict[str, list[dict[str, Any]]] = {name: [] for name in TASKS}
+    for path in sorted(folder.glob("*/*.json")):
+        one = read_submission(path)
+        mine, those = one["policy"]["name"], found[one["task"]["name"]]
+        if mine in [other["policy"]["name"] for other in those]:
+            raise ValueError(f"{path}: {mine} has been submitted twice")
+        those.append(one)
+    for those in found.values():
+        those.sort(key=lambda one: (_row(one)["credible"]["ok"] is False, float(np.mean(_times(one)))))
+    return {name: those for name, those in found.items() if those}
+
+
+def _times(content: dict[str, Any], policy: str = "") -> np.ndarray:
+    """Return when the last person of each run was out [s]; whoever is left inside counts until the limit."""
+    named = (policy or content["policy"]["name"], "task")
+    found = next(one for one in content["runs"] if (one["policy"], one["variation"]) == named)
+    return np.array(found["last_time"], dtype=np.float64)
+
+
+def _row(content: dict[str, Any], policy: str = "") -> dict[str, Any]:
+    return dict(next(row for row in content["rows"] if row["policy"] == (policy or content["policy"]["name"])))
+
+
+def submissions(folder: Path = SUBMISSIONS) -> Grid:
+    """One row a policy, task by task: the rule at full and at its best speed, then what was submitted, the soonest first."""
+    rows = []
+    for name, those in read_submissions(folder).items():
+        ours = [(those[0], policy) for policy in REFERENCES]
+        ours += [(one, one["policy"]["name"]) for one in those if one["policy"]["name"] not in REFERENCES]
+        rows += [{"task": name, **_judged(content, policy)} for content, policy in ours]
+    return _upright(rows)
+
+
+def _judged(content: dict[str, Any], policy: str) -> dict[str, str]:
+    row, best = _row(content, policy), REFERENCES[1]
+    low, high = (100.0 * value for value in row["blocked_share"]["ci95"])
+    star = "" if row["pressure_is_force"] else " (no forces)"
+    crushed = f"{100.0 * row['crushed_share']['mean']:.0f} %{star}"
+    if row["crushed_time"]["mean"] is not None:
+        crushed += f", {row['crushed_time']['mean']:.1f} s"
+    credible = {True: "yes", False: "**no**: " + "; ".join(row["credible"]["reasons"]), None: "not tried"}
+    network = "" if policy in REFERENCES else content["policy"]["sha256"]
+    return {
+        "policy": f"`{policy}`" + (f", {row['constants']['share']:g}" if policy == best else ""),
+        "network": f"`{network[:12]}`" if network else "" if policy in REFERENCES else "–",
+        "exits blocked": f"{row['blocked']} of {row['runs']} ({low:.0f} to {high:.0f} %)",
+        "left inside": str(row["left"] or "nobody"),
+        "last person, s": _spread(row["clearing_time"]),
+        f"beside `{best}`, s": ""
+        if policy == best
+        else _spread(paired(_times(content, policy), _times(content, best)), "+"),
+        "mean exit, s": _spread(row["mean_exit"]),
+        "flow, 1/s": "–" if row["flow"] is None else f"{row['flow']:.2f}",
+        "impulse, N s": f"{row['contact_impulse']['mean']:.0f}",
+        "greatest pressure, kN/m": f"{row['max_pressure']['mean'] / 1e3:.1f}{star}",
+        "above 1.6 kN/m": crushed,
+        "blocks more than the rule on": "" if policy in REFERENCES else _worse(content),
+        "credible": credible[row["credible"]["ok"]],
+    }
+
+
+def _spread(found: dict[str, Any], sign: str = "") -> str:
+    if found["mean"] is None:
+        return "–"
+    low, high = found["ci95"]
+    text = f"{found['mean']:{sign}.1f}" + ("" if low is None else f" ({low:{sign}.1f} to {high:{sign}.1f})")
+    return text.replace("-", "−")
+
+
+def _worse(content: dict[str, Any]) -> str:
+    """Return the variations on which a policy blocks more runs than the rule does."""
+    if content["robustness"] is None:
+        return "not tried"
+    blocked = {(row["variation"], row["policy"]): row["blocked"] for row in content["robustness"]["rows"]}
+    mine = content["policy"]["name"]
+    worse = [
+        name for (name, policy), count in blocked.items() if policy == mine and count > blocked[name, REFERENCES[0]]
+    ]
+    return ", ".join(worse) or "none"
+
+
+def varied(folder: Path = SUBMISSIONS) -> Grid:
+    """One row a task and variation, one column a policy: the last person of the runs that cleared, and blocked runs."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for name, those in read_submissions(folder).items():
+        about = {one.name: one.about for one in variations(TASKS[name])}
+        tried = [one for one in those if one["robustness"] is not None]
+        for row in (row for one in tried for row in one["robustness"]["rows"]):
+            time, lost = (
+                row["clearing_time"]["mean"],
+                f", {row['blocked']} of {row['runs']} blocked" if row["blocked"] else "",
+            )
+            cells = found.setdefault((name, about[row["variation"]]), {})
+            cells[f"`{row['policy']}`"] = ("–" if time is None else f"{time:.1f}") + lost
+    policies = list(dict.fromkeys(policy for cells in found.values() for policy in cells))
+    lines = ([*names, *(cells.get(policy, "") for policy in policies)] for names, cells in found.items())
+    return [["task", "variation", *policies], *lines]
+
+
+MAKERS: dict[str, Callable[[], Grid]] = {
+    "tasks": tasks,
+    "task-facts": facts,
+    "task-presets": presets,
+    "task-floors": floors,
+    "submissions": submissions,
+    "variations": varied,
+}
