@@ -47,6 +47,7 @@ def test_ways_on_a_coarse_grid_go_through_the_gap_not_the_wall(coarse):
     assert field.travel_time[low, left] > straight + 3.0
 
 
+@pytest.mark.more
 @pytest.mark.filterwarnings("ignore:the plan is")
 def test_bodies_get_out_by_ways_on_a_coarse_grid(coarse):
     people = Population(12, starts=np.column_stack([np.repeat([1.0, 2.0, 3.0], 4), np.tile([1.0, 4.0, 7.0, 11.0], 3)]))

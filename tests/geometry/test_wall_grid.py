@@ -50,6 +50,7 @@ def plans():
     return [PARK, HALL, Geometry.from_polygon(box(-1e3, -1e3, 1e3, 1e3)), *(make() for make in PLANS.values())]
 
 
+@pytest.mark.more
 @looped("cells", [1_000_000, 30])
 def test_all_walls_near_a_place_are_listed_wherever_it_is(plans, cells, monkeypatch):
     monkeypatch.setattr(crowd_env.geometry.wall_grid, "_MOST_CELLS", cells)

@@ -163,6 +163,7 @@ def test_toml_and_json_are_the_same(write):
     np.testing.assert_array_equal(drawn[0][1], drawn[1][1])
 
 
+@pytest.mark.more
 def test_a_file_runs_and_takes_what_is_common_to_all_places(write):
     name = write(FULL)
     env = CrowdEnv(name)
@@ -297,6 +298,7 @@ def test_a_mistake_is_named_by_its_place(write, text, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.more
 def test_json_says_line_and_column_and_refuses_doubles(write):
     with pytest.raises(ValueError, match=r"my\.json: Expecting value: line 2 column 9"):
         make_scenario(write('{\n "name":}', "my.json"))
@@ -308,6 +310,7 @@ def test_json_says_line_and_column_and_refuses_doubles(write):
         make_scenario("none.toml")
 
 
+@pytest.mark.more
 def test_options_are_checked(write, subtests):
     for options, message in (
         ({"length": 12.0}, r"my\.toml has no option 'length'; known: people, population, time_limit"),
@@ -333,6 +336,7 @@ def test_log_normal_has_its_median_and_spread_and_stays_in_bounds():
 # --------------------------------------------------------------------------------------------------------------- schema
 
 
+@pytest.mark.more
 def test_the_command_writes_the_schema(tmp_path):
     out = tmp_path / "new.json"
     assert CliRunner().invoke(app, ["schema", "--out", str(out)]).exit_code == 0
@@ -346,6 +350,7 @@ def tables(schema):
     return {"": schema, **{name: one for name, one in schema["definitions"].items() if "properties" in one}}
 
 
+@pytest.mark.more
 def test_every_key_has_a_note_and_no_table_takes_others():
     for name, table in tables(json_schema()).items():
         assert table["additionalProperties"] is False
@@ -355,6 +360,7 @@ def test_every_key_has_a_note_and_no_table_takes_others():
             assert told or "const" in one, f"{name}.{key} has no note"
 
 
+@pytest.mark.more
 def test_people_have_the_keys_of_a_population():
     properties = json_schema()["definitions"]["Population"]["properties"]
     assert list(properties) == [field.name for field in fields(Population)]
@@ -387,6 +393,7 @@ def accepts(schema, value, whole):
     return True
 
 
+@pytest.mark.more
 def test_the_schema_takes_what_the_reader_takes_and_refuses_what_it_refuses():
     schema, content = json_schema(), tomllib.loads(FULL)
     assert accepts(schema, content, schema)
@@ -411,6 +418,7 @@ def key_rows():
     return [(re.findall(r"`([^`]+)`", keys), note) for keys, note in rows]
 
 
+@pytest.mark.more
 def test_the_table_of_keys_in_the_documents_is_complete():
     schema = json_schema()
     definitions = schema["definitions"]
@@ -419,6 +427,7 @@ def test_the_table_of_keys_in_the_documents_is_complete():
     assert sorted(key for keys, _ in key_rows() for key in keys) == sorted(known)
 
 
+@pytest.mark.more
 @looped(
     ("key", "table"),
     [

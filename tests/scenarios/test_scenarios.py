@@ -32,7 +32,7 @@ def test_everyone_fits_and_gets_out(name):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("scheme", ["dem", "nsm1", "nsm2"])
-@pytest.mark.parametrize("name", DRAWN)
+@looped("name", DRAWN)
 def test_everyone_gets_out_under_every_scheme(name, scheme):
     # nsm1 has neither friction nor rebound: its arches before an exit of 1 m can hold for good, with these two scenarios in
     # about a fifth of the runs.
@@ -76,6 +76,7 @@ def test_counter_flow_and_crossing_go_where_they_mean_to():
         assert (by[:first] == ends[0]).all() and (by[first:] == ends[1]).all()
 
 
+@pytest.mark.more
 def test_the_rule_of_the_floor_sends_people_east():
     def eastwards(rules):
         env = evacuated("floor-v0", routing=Routing(signs=rules), num_envs=4)
@@ -93,6 +94,7 @@ def test_seats_are_drawn_when_there_are_fewer_people():
         make_scenario("classroom-v0", people=99)
 
 
+@pytest.mark.more
 @looped("name", SCENARIOS)
 def test_unknown_options_list_the_known_ones(name):
     with pytest.raises(ValueError, match=rf"{name} has no option 'color'; known: .*people"):
@@ -110,6 +112,7 @@ def test_names_are_registered():
 # -------------------------------------------------------------------------------------------------------------- commands
 
 
+@pytest.mark.more
 def test_run_takes_a_strategy_and_leaves_out_rules():
     def mean(words=""):
         return figures(f"run floor-v0 --runs 3 {words}")["evacuation_time"]["mean"]
@@ -119,6 +122,7 @@ def test_run_takes_a_strategy_and_leaves_out_rules():
     assert wrong.exit_code == 2 and "unknown strategy 'quickest'; known: shortest, nearest" in wrong.stderr
 
 
+@pytest.mark.more
 def test_run_keeps_seats_and_shares_people_out(tmp_path):
     seated = read_place("classroom-v0", people=6, speed="1.5").population
     assert (seated.people, len(seated.starts), seated.desired_speed.high) == (6, 24, 1.5)
@@ -128,6 +132,7 @@ def test_run_keeps_seats_and_shares_people_out(tmp_path):
     assert elsewhere.starts.tolist() == [[15, 6], [16, 6]]
 
 
+@pytest.mark.more
 @looped("scheme", ["dem", "nsm2"])
 def test_two_equal_exits_share_a_crowd_that_starts_beside_one_of_them(scheme):
     share, last = {}, {}

@@ -149,6 +149,7 @@ def with_others(crowd, **options):
     return names[: len(crowd)], dict(zip(ELSEWHERE, names[len(crowd) :], strict=True))
 
 
+@pytest.mark.more
 @looped(("crowd", "least", "turned", "to"), [
     (UPPER, 5, {"below 1"}, "B"),
     (LOWER, 5, {"below 2"}, "B"),
@@ -172,12 +173,14 @@ def exits_of(options, rules=True):
     return env.simulation.state.exit_time.copy(), env.simulation.state.position.copy()
 
 
+@pytest.mark.more
 def test_rules_that_are_never_on_change_nothing():
     for one, other in zip(exits_of({"crowded": (500, 500, 500)}), exits_of({}, rules=False), strict=True):
         np.testing.assert_array_equal(one, other)
     assert not np.array_equal(exits_of({})[1], exits_of({}, rules=False)[1])
 
 
+@pytest.mark.more
 @looped("scheme", [SCHEME, "nsm2", "dem"], ids=["reproduction", "nsm2", "dem"])
 def test_everybody_gets_out(scheme):
     env = evacuated("theatre-v0", num_envs=2, physics=scheme, seed=[5, 6])
@@ -188,6 +191,7 @@ def test_everybody_gets_out(scheme):
     assert 30 * 2 < (names == "A").sum() < 55 * 2
 
 
+@pytest.mark.more
 def test_rules_turn_nobody_away_from_the_fastest_way_which_is_faster_than_the_shortest():
     options = {"scheme": "dem", "num_envs": 3, "seed": [1, 2, 3]}
     shortest = evacuated("theatre-v0", **options).simulation.state.exit_time

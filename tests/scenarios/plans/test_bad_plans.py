@@ -5,12 +5,15 @@ import sqlite3
 import sys
 
 import numpy as np
+import pytest
 import shapely
 from cases import looped
 from plan_files import EAST, ROOM, box_of, drawing, outline, room_drawing
 from typer.testing import CliRunner
 
 from crowd_env.cli.main import app
+
+pytestmark = pytest.mark.more
 
 DOOR = ["--exit", EAST]
 SHELL = [[[0, 0], [8, 0], [8, 6], [0, 6], [0, 0]]]

@@ -12,6 +12,8 @@ from crowd_env.agents.training_config import extended, place_of, task_of
 from crowd_env.cli.agents.evaluate import app as evaluate
 from crowd_env.cli.agents.learn import _begun
 
+pytestmark = pytest.mark.more
+
 CM = "800,200,800,320"
 
 

@@ -225,6 +225,7 @@ def test_a_region_may_be_called_like_an_exit(tmp_path):
     assert place.exits == ("hall",) and place.population.parts[0].start_region == "hall (area)"
 
 
+@pytest.mark.more
 @looped("corners", [30, 3000, 20_000])
 def test_lines_shorter_than_the_gap_make_an_outline_too(corners, tmp_path):
     angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)

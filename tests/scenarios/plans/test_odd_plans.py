@@ -12,6 +12,8 @@ from crowd_env import make_scenario
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios.plans.reading import read_plan
 
+pytestmark = pytest.mark.more
+
 
 def written(tmp_path, text, name="plan.wkt"):
     path = tmp_path / name

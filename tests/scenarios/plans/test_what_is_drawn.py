@@ -10,6 +10,8 @@ from plan_files import EAST, ROOM, box_of, drawing, outline
 
 from crowd_env.scenarios.plans.reading import read_plan
 
+pytestmark = pytest.mark.more
+
 
 def read(document, tmp_path, **options):
     path = tmp_path / "plan.dxf"
