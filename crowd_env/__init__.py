@@ -25,6 +25,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
 from crowd_env.physics.pressure import contact_pressure, crowd_pressure
 from crowd_env.physics.simulation.simulation import Simulation
+from crowd_env.recording import Recording, record
 from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
@@ -69,6 +70,7 @@ __all__ = [
     "Outline",
     "Physics",
     "Population",
+    "Recording",
     "RewardTerm",
     "RewardWeights",
     "Route",
@@ -89,6 +91,7 @@ __all__ = [
     "make_vec",
     "parallel_env",
     "read_starts",
+    "record",
     "register",
     "rollout",
 ]

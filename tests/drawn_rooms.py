@@ -3,7 +3,8 @@
 import numpy as np
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering import FULL_PRESSURE, Recording
+from crowd_env.recording import Recording
+from crowd_env.rendering import FULL_PRESSURE
 
 ROOM = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)], exits={"door": [(5, 2.09), (5, 2.91)]})
 
@@ -29,21 +30,31 @@ PLANS = {
 }
 
 
-def recording(end=4.0, people=20, title="", *, finish=True, geometry=ROOM):
-    """People who cross the room to the door one after the other."""
+def recording(end=4.0, people=20, *, finish=True, geometry=ROOM, pressure=None, groups=("",), times=None):
+    """People who cross the room to the door one after the other; times as they are called, not as they walk."""
     time = np.arange(0.0, end + 1e-9, 0.1)
     rng = np.random.default_rng(3)
     start = rng.uniform(0.5, 4.0, (people, 2))
     leaves = np.linspace(0.3, 1.0, people) * end if finish else np.full(people, np.inf)
-    part = np.clip(time[:, None] / np.minimum(leaves, end), 0.0, 1.0)[..., None]
-    position = (1.0 - part) * start + part * (5.0, 2.5)
+    frame, person = np.nonzero(time[:, None] < leaves)
+    part = np.clip(time[frame] / np.minimum(leaves, end)[person], 0.0, 1.0)[:, None]
+    drawn = rng.uniform(0.0, FULL_PRESSURE, (len(time), people)) * (time > 1.0)[:, None]
     return Recording(
-        time=time,
-        position=position,
-        velocity=np.broadcast_to((5.0, 2.5) - start, position.shape) / end,
-        active=time[:, None] < leaves,
-        pressure=rng.uniform(0.0, FULL_PRESSURE, (len(time), people)) * (time > 1.0)[:, None],
+        facts={"every": 0.1, "finished": True},
+        walkable=geometry.walkable.wkt,
+        thin_walls=np.zeros((0, 2, 2)),
+        doors=(),
+        exits=tuple(zip(geometry.exit_names, geometry.exits, strict=True)),
+        groups=groups,
+        times=time if times is None else times,
+        frame_start=np.concatenate([[0], np.cumsum(np.bincount(frame, minlength=len(time)))]),
         radius=np.full(people, 0.22),
-        geometry=geometry,
-        title=title,
+        desired_speed=np.full(people, 1.3),
+        group=np.arange(people) % len(groups),
+        exit_time=np.where(np.isfinite(leaves), leaves, np.nan),
+        exit_index=np.where(np.isfinite(leaves), 0, -1),
+        person=person,
+        position=(1.0 - part) * start[person] + part * (5.0, 2.5),
+        velocity=((5.0, 2.5) - start)[person] / end,
+        pressure=(drawn if pressure is None else pressure)[frame, person],
     )

@@ -110,19 +110,13 @@ class Parsed(HTMLParser):
 
 def unpack(about: list[Mapping[str, Any]], text: str) -> dict[str, np.ndarray]:
     """Return the columns of a packed recording by name, as `crowd_env.rendering.replay.pack` says they are packed."""
-    data = np.frombuffer(gzip.decompress(base64.b64decode(text)), dtype=np.uint8)
-    found, begin = {}, 0
-    for column in about:
-        length = column["length"]
-        planes = data[begin : begin + 4 * length].reshape(4, length).astype(np.uint64)
-        begin += 4 * length
-        zigzag = planes[0] | planes[1] << np.uint64(8) | planes[2] << np.uint64(16) | planes[3] << np.uint64(24)
-        signed = (zigzag >> np.uint64(1)).astype(np.int64) ^ -(zigzag & np.uint64(1)).astype(np.int64)
-        for _ in range(column["order"]):
-            signed = np.cumsum(signed)
-        whole = ((signed + 2**31) % 2**32) - 2**31
-        found[column["name"]] = column["offset"] + column["step"] * whole
-    assert begin == len(data)
+    data, found, start = gzip.decompress(base64.b64decode(text)), {}, 0
+    for one in about:
+        kind = np.dtype({"steps": "<i2", "whole": "<i4", "real": "<f4"}[one["kind"]])
+        values = np.frombuffer(data, kind, one["length"], start)
+        start += kind.itemsize * one["length"]
+        found[one["name"]] = np.cumsum(values, dtype=np.int16) * one["step"] if one["kind"] == "steps" else values
+    assert start == len(data)
     return found
 
 

@@ -78,7 +78,7 @@ def only_in_extras() -> set[str]:
 )
 def test_what_begins_everything_loads_no_library_of_an_extra(program, asked):
     """Nor does the import load pydantic, which reads files, and which some versions of typer load for themselves."""
-    assert {"torch", "stable_baselines3", "matplotlib", "PIL", "pygame", "ray", "pyarrow", "ezdxf"} <= only_in_extras()
+    assert {"torch", "stable_baselines3", "matplotlib", "PIL", "pygame", "ray", "ezdxf"} <= only_in_extras()
     text = (
         f"import sys\ntry: exec({program!r})\n"
         "finally: print(*sorted({name.partition('.')[0] for name in sys.modules}), file=sys.stderr)"

@@ -7,8 +7,8 @@ from typing import Any
 
 from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
-from crowd_env.rendering import Recording, write_film
-from crowd_env.rendering.live import record
+from crowd_env.recording import Recording, record
+from crowd_env.rendering import write_film
 
 RULE_AHEAD = "rule: full speed ahead"  # what stands above the rule
 _SECONDS = 12.0  # that a film of any evacuation lasts, by and large
@@ -23,7 +23,7 @@ Way = Callable[[Scenario], Callable[[int], Driver]]
 def record_beside(
     ways: Mapping[str, Way], place: Scenario, seed: int, progress: Callable[[int], object] | None = None
 ) -> list[Recording]:
-    """Return one evacuation of each of the ways, from the same people in the same places; their names are the titles.
+    """Return one evacuation of each of the ways, from the same people in the same places, called as films show them.
 
     The last tells how long all are worth looking at.
 
@@ -34,7 +34,7 @@ def record_beside(
     films: dict[str, Recording] = {}
     shown = place
     for title, way in reversed(list(ways.items())):
-        films[title] = record(shown, seed=seed, title=title, driver=way(shown))
+        films[title] = record(shown, seed=seed, facts={"shown_as": title}, driver=way(shown))
         if shown is place:
             shown = replace(place, time_limit=min(place.time_limit, _BEYOND * films[title].end))
         if progress is not None:
@@ -48,4 +48,4 @@ def write_beside(path: Path, films: list[Recording], **options: Any) -> Path:
     if path.suffix.lower() == ".gif":
         own["fps"] = _GIF_FPS
     given = {name: value for name, value in options.items() if value is not None}
-    return write_film(path, films, **(own | given))
+    return write_film(path, films, titles=[film.facts["shown_as"] for film in films], **(own | given))

@@ -29,14 +29,14 @@ FilmSpeed = Annotated[
 ]
 
 
-def check_film_options(width: int | None, fps: float | None, speed: float | None) -> None:
+def check_film_options(width: int | None, fps: float | None, speed: float | None, prefix: str = "--film-") -> None:
     """Raise ValueError if an option of a film is out of range; None = not given."""
     if width is not None:
-        whole("--film-width", width, _WIDTHS)
+        whole(f"{prefix}width", width, _WIDTHS)
     if fps is not None:
-        number("--film-fps", fps, _RATES, "1/s")
+        number(f"{prefix}fps", fps, _RATES, "1/s")
     if speed is not None:
-        number("--film-speed", speed, POSITIVE)
+        number(f"{prefix}speed", speed, POSITIVE)
 
 
 def film_file(option: str, path: Path, name: str = "film") -> Path:

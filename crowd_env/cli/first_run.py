@@ -77,9 +77,9 @@ class Film:
 
     def recorder(self, run: FirstRun) -> Recorder:
         """Return what keeps every decision."""
-        from crowd_env.rendering.live import FilmRecorder
+        from crowd_env.recording import RunRecorder
 
-        return FilmRecorder(run.title)
+        return RunRecorder(seed=run.seed)
 
     def write(self, run: FirstRun, episode: Episode) -> str:
         """Draw the film."""
@@ -87,7 +87,8 @@ class Film:
 
         assert self.path is not None  # else it is not asked for
         with progress_bar("film, frames") as progress:
-            write_film(self.path, episode.record, width=self.width, fps=self.fps, speed=self.speed, progress=progress)
+            options: dict[str, Any] = {"width": self.width, "fps": self.fps, "speed": self.speed}
+            write_film(self.path, episode.record, titles=[run.title], progress=progress, **options)
         return said_of(self.path)
 
 
@@ -110,23 +111,19 @@ class ForceNetwork:
             check_picture("--force-network", self.path, (".png",))
 
     def recorder(self, run: FirstRun) -> Recorder:
-        """Return what finds the moment of the hardest push."""
-        from crowd_env.rendering.forces.moment import LoadRecorder
+        """Return what keeps who presses on whom."""
+        from crowd_env.recording import RunRecorder
 
         limit = run.place.time_limit
         if self.at is not None and self.at > limit:
             raise ValueError(f"--at is {self.at:g} s; the evacuation ends after {limit:g} s at the latest")
-        return LoadRecorder()
+        return RunRecorder(contacts=True, seed=run.seed)
 
     def write(self, run: FirstRun, episode: Episode) -> str:
-        """Run to the moment again, step by step of the physics, and draw the forces."""
-        from crowd_env.rendering import write_force_network
-        from crowd_env.rendering.forces.moment import forces_of_run
+        """Draw the forces."""
+        from crowd_env.rendering import forces_of, write_force_network
 
         assert self.path is not None  # else it is not asked for
-        with progress_bar("forces, decisions") as progress:
-            forces = forces_of_run(
-                run.place, run.scheme, seed=episode.seed, at=self.at, seen=episode, progress=progress, **run.options
-            )
+        forces = forces_of(episode.record, self.at)
         write_force_network(self.path, forces, around=self.around, title=run.title)
         return f"forces: {self.path}, mean of 0.1 s until {forces.time:.1f} s"

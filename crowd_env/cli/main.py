@@ -14,6 +14,8 @@ from crowd_env.cli.clogging import EXAMPLES as CLOGGING_EXAMPLES
 from crowd_env.cli.clogging import clog
 from crowd_env.cli.completion import complete_from
 from crowd_env.cli.console import AsJson
+from crowd_env.cli.film import film
+from crowd_env.cli.forces import forces
 from crowd_env.cli.plan import plan
 from crowd_env.cli.replay import replay
 from crowd_env.cli.report import report
@@ -68,7 +70,9 @@ def list_names(as_json: AsJson = False) -> None:
 
 
 app.command()(plan)
+app.command("film")(film)
 app.command("replay")(replay)
+app.command("forces")(forces)
 app.command("report")(report)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from crowd_env.cli.first_run import FirstRun
+from crowd_env.cli.recorded import Sources, place_of, read_recorded
 from crowd_env.core.checks import counted
 from crowd_env.core.console import check_place, friendly_errors, notes
 from crowd_env.core.files.atomic import check_suffix
@@ -47,31 +48,24 @@ def check_page(option: str, path: Path) -> None:
 
 
 def replay(
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(help="Recording of a run (.sqlite, .h5, .parquet), or of JuPedSim; two are shown side by side."),
-    ],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Page to write, .html; default beside the recording.")
-    ] = None,
+    sources: Sources,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Page, .html; default replay.html there.")] = None,
 ) -> None:
-    """Make one web page that replays a recording, or two side by side; it needs no network, only a browser.
+    """Make one web page that replays a recorded run, or two side by side; it needs no network, only a browser.
 
-    Examples: crowd-env run room-v0 --runs 1 --record room.sqlite
+    Examples: crowd-env run room-v0 --out room
 
-    crowd-env replay room.sqlite
+    crowd-env replay room
 
-    crowd-env replay nearest.sqlite fastest.sqlite -o compared.html
+    crowd-env replay nearest fastest -o compared.html
     """
     with friendly_errors():
-        if len(recordings) > 2:
-            raise ValueError(f"{len(recordings)} recordings were given; a page shows one, or two side by side")
-        page = out or _beside(recordings)
+        if out is not None:
+            check_page("--out", out)
+        recorded = read_recorded(sources, 2, "a page shows one, or two side by side")
+        page = place_of(out, recorded, "replay.html")
         check_page("--out", page)
-        from crowd_env.recording import load
-
-        said = _write(page, [load(path) for path in recordings], _names(recordings))
-        notes.print(said, markup=False, soft_wrap=True)
+        notes.print(_write(page, recorded.recordings, recorded.names), markup=False, soft_wrap=True)
 
 
 def _write(path: Path, recordings: Sequence["Recording"], names: Sequence[str]) -> str:
@@ -85,17 +79,6 @@ def _write(path: Path, recordings: Sequence["Recording"], names: Sequence[str]) 
             notes.print(text, style="yellow", markup=False, soft_wrap=True)
     shown = counted(sum(written.frames), "frame", "frames")
     return f"page: {written.path} ({_size(written.size)}, {shown})"
-
-
-def _beside(recordings: list[Path]) -> Path:
-    name = " and ".join(path.stem for path in recordings)
-    return recordings[0].with_name(f"{name}.html")
-
-
-def _names(recordings: list[Path]) -> list[str]:
-    """Return the names of the files, with their folders where two are called alike."""
-    names = [path.stem for path in recordings]
-    return names if len(set(names)) == len(names) else [str(path) for path in recordings]
 
 
 def _size(count: int) -> str:

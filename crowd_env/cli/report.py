@@ -1,7 +1,7 @@
 """The command ``crowd-env report``."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,12 +9,12 @@ import typer
 
 from crowd_env.cli.console import OF_OUTPUT, AsJson, check_picture
 from crowd_env.cli.place import read_place
-from crowd_env.core.console import check_place, friendly_errors, notes, progress_bar
+from crowd_env.core.console import check_place, friendly_errors, notes
 from crowd_env.core.files.atomic import check_suffix
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.rendering.report.differences import differences
-from crowd_env.rendering.report.maps import Measured, measure
-from crowd_env.rendering.report.runs import Runs, load_runs, remarks_on
+from crowd_env.rendering.report.maps import measure
+from crowd_env.rendering.report.runs import load_runs, remarks_on
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.titles import with_manner
 
@@ -31,15 +31,8 @@ def report(
         str | None, typer.Option(help="Title of the page; default the place.", rich_help_panel=OF_OUTPUT)
     ] = None,
     maps: Annotated[
-        bool,
-        typer.Option(
-            " /--no-maps", help="Leave out the maps, for which runs are made again.", rich_help_panel=OF_OUTPUT
-        ),
+        bool, typer.Option(" /--no-maps", help="Leave out the maps of recorded runs.", rich_help_panel=OF_OUTPUT)
     ] = True,
-    map_runs: Annotated[
-        int,
-        typer.Option(help="Runs of each folder that are made again for the maps.", min=1, rich_help_panel=OF_OUTPUT),
-    ] = 5,
     as_json: AsJson = False,
 ) -> None:
     """Make one web page to hand in: plan, people, assumptions, results with intervals, comparison, limits of validity.
@@ -57,7 +50,7 @@ def report(
         runs = load_runs(folders, place_of)
         for remark in remarks_on(runs):
             notes.print(f"note: {remark}", style="yellow", markup=False, soft_wrap=True)
-        measured = _measured(runs, map_runs) if maps else []
+        measured = [of_one for one in runs if maps and (of_one := measure(one)) is not None]
         from crowd_env.rendering.report.page import write_report
 
         written = write_report(out, runs, measured=measured, title=title)
@@ -67,18 +60,6 @@ def report(
         typer.echo(json.dumps({"report": str(written), **figures}))
         return
     notes.print(f"report: {written} ({written.stat().st_size / 1e3:.0f} kB)", markup=False, soft_wrap=True)
-
-
-def _measured(runs: Sequence[Runs], most: int) -> list[Measured]:
-    """Return the maps of every folder, under a bar."""
-    total = sum(min(most, len(one.episodes)) for one in runs)
-    with progress_bar("maps: runs made again", total) as progress:
-        found = [measure(one, most, progress) for one in runs]
-    for one in found:
-        if not one.same:
-            text = f"note: {one.name}: the runs that were made again for the maps did not come out as before"
-            notes.print(text, style="yellow", markup=False, soft_wrap=True)
-    return found
 
 
 def place_of(config: Mapping[str, Any]) -> tuple[Scenario, ContactScheme]:

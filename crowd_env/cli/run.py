@@ -160,7 +160,7 @@ def run(
     record: Annotated[
         Path | None,
         typer.Option(
-            help="Also record the first run, who is where when: .sqlite (JuPedSim), .h5 (PedPy) or .parquet.",
+            help="Also record the first run, who is where when: .sqlite (JuPedSim) or .h5 (PedPy).",
             rich_help_panel=OF_OUTPUT,
         ),
     ] = None,

@@ -7,9 +7,7 @@ from typing import Any, NamedTuple
 
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.atomic import check_suffix
-from crowd_env.recording.frames import Head
 from crowd_env.recording.hdf5 import Hdf5Writer, read_hdf5
-from crowd_env.recording.parquet import ParquetWriter, read_parquet
 from crowd_env.recording.recording import Recording
 from crowd_env.recording.sqlite import SqliteWriter, read_sqlite
 from crowd_env.recording.text import read_text_trajectory
@@ -20,16 +18,24 @@ class Format(NamedTuple):
     """A format that recordings are read from, and perhaps written in."""
 
     read: Callable[[Path], Recording]
-    write: Callable[[Path, Head], Writer] | None
+    write: Callable[[Path, Recording], Writer] | None
     library: str | None  # that has to be installed; None = Python's own
 
 
 FORMATS: dict[str, Format] = {
     ".sqlite": Format(read_sqlite, SqliteWriter, None),
     ".h5": Format(read_hdf5, Hdf5Writer, "h5py"),
-    ".parquet": Format(read_parquet, ParquetWriter, "pyarrow"),
     ".txt": Format(read_text_trajectory, None, None),
 }
+
+
+RECORDINGS = "recordings"  # the folder of a folder of runs in which their recordings lie
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """Return the finished recordings in a folder of runs, in the order of their names."""
+    found = (folder / RECORDINGS).glob("*")
+    return sorted(path for path in found if path.suffix in FORMATS and not path.stem.endswith(".part"))
 
 
 def check_writable(what: str, path: str | Path) -> Path:
@@ -43,25 +49,25 @@ def check_writable(what: str, path: str | Path) -> Path:
         If the library that writes the format is not installed.
     """
     written = [suffix for suffix, one in FORMATS.items() if one.write is not None]
-    path = check_suffix(path_of(what, path), written)
+    path = check_suffix(_no_parquet(path_of(what, path)), written)
     if path.is_dir():
         raise ValueError(f"{what} is {path}, which is a folder; it must be a file")
     _require_library(path, "writing")
     return path
 
 
-def open_writer(path: Path, head: Head) -> Writer:
-    """Return the writer of a path that `check_writable` has let pass."""
+def open_writer(path: Path, first: Recording) -> Writer:
+    """Return the writer of a path that `check_writable` has let pass, for a recording that begins with ``first``."""
     write = FORMATS[path.suffix.lower()].write
     assert write is not None
     path.parent.mkdir(parents=True, exist_ok=True)
-    return write(path, head)
+    return write(path, first)
 
 
 def load(path: str | Path) -> Recording:
     """Return the recording in a file: ours in any format, finished or not, and trajectories of JuPedSim and PedPy.
 
-    Of a recording that was never finished it holds what was written last (`NAME.part.sqlite`, `.part.h5`, `.part.parquet`), and
+    Of a recording that was never finished it holds what was written last (`NAME.part.sqlite`, `.part.h5`), and
     ``facts["finished"]`` is False.  Files of others hold positions alone: see `docs/recordings.md`.
 
     Raises
@@ -71,7 +77,7 @@ def load(path: str | Path) -> Recording:
     ModuleNotFoundError
         If the library that reads the format is not installed.
     """
-    path = check_suffix(path_of("the file of the recording", path), tuple(FORMATS))
+    path = check_suffix(_no_parquet(path_of("the file of the recording", path)), tuple(FORMATS))
     if not path.exists():
         part = part_of(path)
         hint = f"; {part} holds what was recorded before its run broke off" if part.exists() else ""
@@ -82,6 +88,14 @@ def load(path: str | Path) -> Recording:
     except Exception as error:  # a damaged file fails in many ways, and each library has exceptions of its own
         words = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(words if str(path) in words else f"cannot read {path}: {words}") from None
+
+
+def _no_parquet(path: Path) -> Path:
+    if path.suffix.lower() == ".parquet":
+        raise ValueError(
+            f"{path}: Parquet is no format of recordings any more; take .h5, which pandas and PedPy read too"
+        )
+    return path
 
 
 def _require_library(path: Path, doing: str) -> Any:

@@ -1,71 +1,28 @@
 """What is written of an evacuation: what is known at its start, and then frame by frame who stands where."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from crowd_env.core.arrays.headway import plain_manner
 from crowd_env.core.arrays.outline import plain_outline
-from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.files.versions import versions_of
 from crowd_env.envs.crowd import CrowdEnv
-from crowd_env.geometry.boundary import add_aprons
 from crowd_env.physics.pressure import contact_pressure
 from crowd_env.recording.contacts import ContactSums
-from crowd_env.recording.exits import APRON, places_beyond
-from crowd_env.recording.recording import FrameContacts
+from crowd_env.recording.exits import places_beyond
+from crowd_env.recording.recording import Recording
 
-_AT_REST = 1e-3  # m/s; slower people go on facing as they did
-
-
-class Head(NamedTuple):
-    """What is known of a recording before its first frame; the fields are those of `Recording`, where it has them."""
-
-    facts: dict[str, Any]
-    walkable: str
-    with_aprons: str  # WKT of the walkable area and of the ground just outside of its exits, where rows beyond them lie
-    bounds: tuple[float, float, float, float]  # m, of that
-    thin_walls: Floats
-    doors: tuple[tuple[str, Floats], ...]
-    exits: tuple[tuple[str, Floats], ...]
-    groups: tuple[str, ...]
-    radius: Floats
-    desired_speed: Floats
-    group: Ints
-    outline: Any  # plain data; None = discs, and frames have no angles
-    interval: float  # s, from one frame to the next
-    contacts: bool  # whether frames have contacts
+_NOBODY: Ints = np.zeros(0, dtype=np.int64)
 
 
-class Frame(NamedTuple):
-    """The K rows of one frame, in the order of people, and who got out since the frame before."""
-
-    time: float  # s
-    person: Ints  # (K,)
-    position: Floats  # (K, 2)  m
-    velocity: Floats  # (K, 2)  m/s
-    facing: Floats  # (K, 2)  unit vector: of the body, or (discs) of the velocity
-    pressure: Floats  # (K,)    N/m
-    angle: Floats | None  # (K,)    rad
-    contacts: FrameContacts | None  # of this frame alone, `start` (2,); in the order of i
-    inside: Bools  # (K,)    false where the row lies beyond an exit line
-    left: Ints  # (L,)    people who got out since the frame before
-    exit_time: Floats  # (L,)    s
-    exit_index: Ints  # (L,)
-
-
-def read_head(
-    env: CrowdEnv, e: int, *, every: int, contacts: bool, seed: int | None, run: int, facts: Mapping[str, Any]
-) -> Head:
-    """Return what is known of the evacuation that has just begun in environment ``e``; a frame is ``every`` decisions."""
+def facts_of(env: CrowdEnv, e: int, *, every: int, contacts: bool, seed: int | None, run: int) -> dict[str, Any]:
+    """Return what a recording says of the evacuation in environment ``e``; a frame is ``every`` decisions."""
     scenario, simulation, people = env.scenario_of_env[e], env.simulation, env.people(e)
-    geometry, parts = scenario.geometry, scenario.population.parts
-    fixed = geometry.door_of_wall < 0
-    lines = geometry.two_sided & fixed
-    area = add_aprons(geometry.walkable, geometry.exits, APRON)
-    leaves = zip(geometry.door_of_wall[~fixed], geometry.walls[~fixed], strict=True)
-    known = {
+    return {
         "scenario": scenario.name,
         "title": scenario.title,
         "people": people.stop - people.start,
@@ -82,28 +39,15 @@ def read_head(
         "versions": versions_of(),
         **({"contact_force": "mean since the frame before"} if contacts else {}),
     }
-    return Head(
-        facts={**known, **facts, "finished": False},
-        walkable=geometry.walkable.wkt,
-        with_aprons=area.wkt,
-        bounds=area.bounds,
-        thin_walls=geometry.walls[lines].copy(),
-        doors=tuple((geometry.doors[k], line.copy()) for k, line in leaves),
-        exits=tuple(zip(geometry.exit_names, geometry.exits.copy(), strict=True)),
-        groups=tuple(part.name for part in parts),
-        radius=simulation.bodies.radius[people].copy(),
-        desired_speed=simulation.bodies.desired_speed[people].copy(),
-        group=np.repeat(np.arange(len(parts)), [part.people for part in parts]),
-        outline=None if simulation.outline is None else plain_outline(simulation.outline),
-        interval=every * env.decision_dt,
-        contacts=contacts,
-    )
 
 
 class FrameSampler:
-    """Makes the frames of environment ``e`` of a batch, one ``every`` so many decisions, the first and the last in any case."""
+    """Makes the frames of environment ``e`` of a batch, each a recording of one frame.
 
-    def __init__(self, env: CrowdEnv, e: int, *, every: int, contacts: bool) -> None:
+    There is one ``every`` so many decisions, and the first and the last in any case.
+    """
+
+    def __init__(self, env: CrowdEnv, e: int, facts: Mapping[str, Any], *, every: int, contacts: bool) -> None:
         self._e, self._people, self._every = e, env.people(e), every
         self._contacts = ContactSums(env.simulation, e) if contacts else None
         count = self._people.stop - self._people.start
@@ -111,16 +55,36 @@ class FrameSampler:
         self._decision_dt, self._decisions, self._seen_at = env.decision_dt, 0, 0.0
         self._impulse = np.zeros(count)
         self._gone = np.zeros(count, dtype=np.bool_)
-        self._facing = np.tile([1.0, 0.0], (count, 1))
         self._last = env.simulation.state.position[self._people].copy()
         self._leaving = np.zeros(count, dtype=np.bool_)  # who has got out, and one more row to come
         self._onward = np.zeros((count, 2))  # where that is
+        self._empty = self._without_frames(env, facts)
 
-    def first(self, env: CrowdEnv) -> Frame:
+    def _without_frames(self, env: CrowdEnv, facts: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the fields of a recording that are known at the start."""
+        scenario, bodies = env.scenario_of_env[self._e], env.simulation.bodies
+        geometry, parts = scenario.geometry, scenario.population.parts
+        fixed = geometry.door_of_wall < 0
+        leaves = zip(geometry.door_of_wall[~fixed], geometry.walls[~fixed], strict=True)
+        outline = env.simulation.outline
+        return {
+            "facts": {**facts, "finished": False},
+            "walkable": geometry.walkable.wkt,
+            "thin_walls": geometry.walls[geometry.two_sided & fixed].copy(),
+            "doors": tuple((geometry.doors[k], line.copy()) for k, line in leaves),
+            "exits": tuple(zip(geometry.exit_names, geometry.exits.copy(), strict=True)),
+            "groups": tuple(part.name for part in parts),
+            "radius": bodies.radius[self._people].copy(),
+            "desired_speed": bodies.desired_speed[self._people].copy(),
+            "group": np.repeat(np.arange(len(parts)), [part.people for part in parts]),
+            "outline": None if outline is None else plain_outline(outline),
+        }
+
+    def first(self, env: CrowdEnv) -> Recording:
         """Return the frame of the start: nobody has touched anybody yet."""
-        return self._frame(env, np.zeros(0, dtype=np.int64), np.zeros(len(self._gone)))
+        return self._frame(env, _NOBODY, np.zeros(len(self._gone)))
 
-    def after_step(self, env: CrowdEnv, last: bool) -> Frame | None:
+    def after_step(self, env: CrowdEnv, last: bool) -> Recording | None:
         """Return the frame after a decision step, the ``last`` of its evacuation or not; None if none is due."""
         self._decisions += 1
         self._impulse += env.simulation.results.impulse_magnitude[self._people]
@@ -134,13 +98,13 @@ class FrameSampler:
         self._impulse[:], self._seen_at = 0.0, time
         return frame
 
-    def after_end(self, env: CrowdEnv) -> Frame | None:
+    def after_end(self, env: CrowdEnv) -> Recording | None:
         """Return one frame more, of the people alone who got out in the last one; None if nobody did."""
         if not self._leaving.any():
             return None
         self._gone[:] = True
-        frame = self._frame(env, np.zeros(0, dtype=np.int64), np.zeros(len(self._gone)))
-        return frame._replace(time=self._seen_at + self._every * self._decision_dt)
+        frame = self._frame(env, _NOBODY, np.zeros(len(self._gone)))
+        return replace(frame, times=np.array([self._seen_at + self._every * self._decision_dt]))
 
     def stop(self) -> None:
         """Leave the environment alone: no more frames will be asked for."""
@@ -153,38 +117,31 @@ class FrameSampler:
         inside = np.isnan(env.simulation.state.exit_time[self._people]).any()
         return time if inside else max(time, self._decisions * self._decision_dt)
 
-    def _frame(self, env: CrowdEnv, left: Ints, pressure: Floats) -> Frame:
+    def _frame(self, env: CrowdEnv, left: Ints, pressure: Floats) -> Recording:
         state, outline = env.simulation.state, env.simulation.outline
         time = self._time(env)
         position, velocity = state.position[self._people].copy(), state.velocity[self._people].copy()
-        angle = state.angle[self._people]
-        exit_time, exit_index = state.exit_time[self._people][left], state.exit_index[self._people][left]
+        angle, exit_time = state.angle[self._people].copy(), state.exit_time[self._people].copy()
+        exit_index = state.exit_index[self._people].copy()
         position[self._leaving] = self._onward[self._leaving]
-        ways = self._exits[exit_index], self._last[left], position[left], velocity[left], time - exit_time
+        ways = self._exits[exit_index[left]], self._last[left], position[left], velocity[left], time - exit_time[left]
         position[left], self._onward[left] = places_beyond(*ways, self._every * self._decision_dt)
-        if outline is None:
-            speed = np.hypot(*velocity.T)
-            turned = speed > _AT_REST
-            self._facing[turned] = velocity[turned] / speed[turned, None]
-        else:
-            self._facing = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         rows = np.flatnonzero(~self._gone | self._leaving)
         pressure = np.where(self._leaving, 0.0, pressure)
         self._gone[left] = True
         self._leaving[:] = False
         self._leaving[left] = True
         self._last = position
-        return Frame(
-            time=time,
+        return Recording(
+            **self._empty,
+            times=np.array([time]),
+            frame_start=np.array([0, len(rows)]),
+            exit_time=exit_time,
+            exit_index=exit_index,
             person=rows,
             position=position[rows],
             velocity=velocity[rows],
-            facing=self._facing[rows],
             pressure=pressure[rows],
-            angle=None if outline is None else angle[rows].copy(),
+            angle=None if outline is None else angle[rows],
             contacts=None if self._contacts is None else self._contacts.take(time - self._seen_at, ~self._gone),
-            inside=~self._gone[rows],
-            left=left,
-            exit_time=exit_time,
-            exit_index=exit_index,
         )

@@ -7,7 +7,7 @@ The file is written in the mode of one writer and many readers (SWMR), in which 
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +15,8 @@ import numpy as np
 
 from crowd_env.core.files.atomic import written
 from crowd_env.recording.foreign import recording_of_positions
-from crowd_env.recording.frames import Frame, Head
 from crowd_env.recording.recording import FrameContacts, Recording
-from crowd_env.recording.writer import (
-    frame_of_rows,
-    join_contacts,
-    joined,
-    nobody_out,
-    outline_of,
-    part_of,
-    plain_place,
-    read_place,
-)
+from crowd_env.recording.writer import area_with_aprons, facing, outline_of, part_of, plain_place, read_place
 
 _ROW = [
     ("frame", "<i4"),
@@ -42,24 +32,23 @@ _CHUNK = 4096  # rows
 class Hdf5Writer:
     """Writes a recording into an HDF5 file; every append ends with a flush."""
 
-    def __init__(self, path: Path, head: Head) -> None:
+    def __init__(self, path: Path, first: Recording) -> None:
         import h5py
 
-        self._path, self._part, self._head = path, part_of(path), head
+        self._path, self._part, self._facts = path, part_of(path), first.facts
         self._part.unlink(missing_ok=True)
         self._file = h5py.File(self._part, "w", libver="latest")  # also lets a plan be longer than 64 kB
-        angle = [] if head.outline is None else [("angle", "<f8")]
-        rows = self._table("trajectory", _ROW + angle)
-        rows.attrs["fps"] = 1.0 / head.interval
+        rows = self._table("trajectory", _ROW + ([] if first.angle is None else [("angle", "<f8")]))
+        rows.attrs["fps"] = 1.0 / first.frame_interval
         self._table("frames", _FRAME)
-        if head.contacts:
+        if first.contacts is not None:
             self._table("contacts", _CONTACT)
-        people = np.zeros(len(head.radius), dtype=_PERSON)
-        people["radius"], people["desired_speed"], people["group"] = head.radius, head.desired_speed, head.group
-        people["exit_time"], people["exit_index"] = nobody_out(len(head.radius))
-        self._file.create_dataset("people", data=people)
-        attributes: dict[str, Any] = {"wkt_geometry": head.with_aprons, "place": json.dumps(plain_place(head))}
-        attributes |= {"facts": json.dumps(head.facts), "producer": "crowd_env", "fps": 1.0 / head.interval}
+        self._file.create_dataset("people", data=_people(first))
+        attributes: dict[str, Any] = {
+            "wkt_geometry": area_with_aprons(first).wkt,
+            "place": json.dumps(plain_place(first)),
+        }
+        attributes |= {"facts": json.dumps(first.facts), "producer": "crowd_env", "fps": 1.0 / first.frame_interval}
         for name, value in attributes.items():
             self._file.attrs[name] = value
         self._file.swmr_mode = True
@@ -68,38 +57,26 @@ class Hdf5Writer:
         packed: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
         return self._file.create_dataset(name, (0,), np.dtype(kind), maxshape=(None,), chunks=(_CHUNK,), **packed)
 
-    def append(self, frames: Sequence[Frame]) -> None:
+    def append(self, part: Recording) -> None:
         """Write the next frames: first their rows, last that they are there."""
         file = self._file
-        person = joined(frames, "person")
-        rows = np.zeros(len(person), dtype=file["trajectory"].dtype)
-        rows["frame"], rows["id"] = frame_of_rows(frames, len(file["frames"])), person
-        columns = {"x": "position", "ox": "facing", "vx": "velocity"}
-        for first, name in columns.items():
-            rows[first], rows[first.replace("x", "y")] = joined(frames, name).T
-        rows["pressure"] = joined(frames, "pressure")
-        if self._head.outline is not None:
-            rows["angle"] = joined(frames, "angle")
-        count = np.zeros(len(frames), dtype=_FRAME)
-        count["time"] = [frame.time for frame in frames]
-        count["rows"] = len(file["trajectory"]) + np.cumsum([len(frame.person) for frame in frames])
-        if self._head.contacts:
-            found = join_contacts(frames)
-            count["contacts"] = len(file["contacts"]) + found.start[1:]
-            contacts = np.zeros(len(found.i), dtype=_CONTACT)
+        rows = np.zeros(len(part.person), dtype=file["trajectory"].dtype)
+        rows["frame"], rows["id"], rows["pressure"] = len(file["frames"]) + part.frame, part.person, part.pressure
+        for first, values in {"x": part.position, "ox": facing(part), "vx": part.velocity}.items():
+            rows[first], rows[first.replace("x", "y")] = values.T
+        if part.angle is not None:
+            rows["angle"] = part.angle
+        count = np.zeros(len(part.times), dtype=_FRAME)
+        count["time"], count["rows"] = part.times, len(file["trajectory"]) + part.frame_start[1:]
+        if part.contacts is not None:
+            count["contacts"] = len(file["contacts"]) + part.contacts.start[1:]
+            contacts = np.zeros(len(part.contacts.i), dtype=_CONTACT)
             for name in FrameContacts._fields[1:]:
-                contacts[name] = getattr(found, name)
+                contacts[name] = getattr(part.contacts, name)
             self._extend("contacts", contacts)
         self._extend("trajectory", rows)
-        left = joined(frames, "left")
-        if len(left):
-            people = file["people"][:]
-            people["exit_time"][left], people["exit_index"][left] = (
-                joined(frames, "exit_time"),
-                joined(frames, "exit_index"),
-            )
-            file["people"][:] = people
-            file["people"].flush()
+        file["people"][:] = _people(part)
+        file["people"].flush()
         self._extend("frames", count)
 
     def _extend(self, name: str, rows: np.ndarray) -> None:
@@ -117,7 +94,7 @@ class Hdf5Writer:
         create = {"mode": "w", "libver": "latest"}
         with written(self._path) as half, h5py.File(self._part, "r") as given, h5py.File(half, **create) as file:
             file.attrs.update(given.attrs)
-            file.attrs["facts"] = json.dumps(self._head.facts | dict(facts))
+            file.attrs["facts"] = json.dumps({**self._facts, **facts})
             for name in given:
                 given.copy(name, file)
         self._part.unlink()
@@ -126,6 +103,13 @@ class Hdf5Writer:
     def abandon(self) -> None:
         """Close the file where it is."""
         self._file.close()
+
+
+def _people(recording: Recording) -> np.ndarray:
+    people = np.zeros(len(recording.radius), dtype=_PERSON)
+    for name, _ in _PERSON:
+        people[name] = getattr(recording, name)
+    return people
 
 
 def read_hdf5(path: Path) -> Recording:

@@ -1,6 +1,7 @@
 """Recorders of a rollout: the evacuations are written, or kept, while they run."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -13,34 +14,56 @@ from crowd_env.envs.arguments import parts_of
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.rollout import Driver, rollout
 from crowd_env.recording.formats import check_writable, open_writer
-from crowd_env.recording.frames import Frame, FrameSampler, read_head
-from crowd_env.recording.writer import MemoryWriter, Writer
+from crowd_env.recording.frames import FrameSampler, facts_of
+from crowd_env.recording.recording import Recording, joined
+from crowd_env.recording.writer import Writer, plain
+from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
 
 _ROWS_AT_ONCE, _SECONDS_AT_ONCE = 10_000, 1.0  # of frames that wait to be written
 
 
 class RunningRecording:
-    """An evacuation that is being recorded."""
+    """An evacuation that is being recorded, into the file ``path``, or (None) in memory."""
 
-    def __init__(self, writer: Writer, sampler: FrameSampler) -> None:
-        self.writer, self.sampler = writer, sampler
-        self._waiting: list[Frame] = []
+    def __init__(self, path: Path | None, sampler: FrameSampler, first: Recording) -> None:
+        self.sampler = sampler
+        self.writer: Writer | None = None if path is None else open_writer(path, first)
+        self._waiting: list[Recording] = []
         self._rows, self._written_until = 0, -np.inf
+        self.add(first)  # is written at once: a file that can be read from the start
 
-    def add(self, frame: Frame) -> None:
+    def add(self, frame: Recording | None) -> None:
         """Take the next frame; write those that wait if they are many, or span a second."""
+        if frame is None:
+            return
         self._waiting.append(frame)
         self._rows += len(frame.person)
-        if self._rows >= _ROWS_AT_ONCE or frame.time - self._written_until >= _SECONDS_AT_ONCE - 1e-9:
-            self.flush()
+        late = float(frame.times[-1]) - self._written_until >= _SECONDS_AT_ONCE - 1e-9
+        if self.writer is not None and (late or self._rows >= _ROWS_AT_ONCE):
+            self._flush()
+            self._written_until, self._rows = float(frame.times[-1]), 0
 
-    def flush(self) -> None:
-        """Write the frames that wait."""
-        if self._waiting:
-            self.writer.append(self._waiting)
-            self._written_until = self._waiting[-1].time
-        self._waiting, self._rows = [], 0
+    def _flush(self) -> None:
+        if self.writer is not None and self._waiting:
+            self.writer.append(joined(self._waiting))
+            self._waiting = []
+
+    def finish(self, facts: Mapping[str, Any]) -> Any:
+        """Return the path of the whole file, or the recording itself."""
+        self.sampler.stop()
+        if self.writer is None:
+            whole = joined(self._waiting)
+            return replace(whole, facts=plain({**whole.facts, **facts}), outline=plain(whole.outline))
+        self._flush()
+        return self.writer.finish(facts)
+
+    def abandon(self) -> None:
+        """Write the frames that wait, and leave the file unfinished."""
+        self.sampler.stop()
+        self._flush()
+        if self.writer is not None:
+            self.writer.abandon()
 
 
 class RunRecorder:
@@ -102,36 +125,25 @@ class RunRecorder:
         for e, run in enumerate(runs):
             if run in self.runs:
                 seed = None if self.seed is None else self.seed + run
-                head = read_head(env, e, every=every, contacts=self.contacts, run=run, seed=seed, facts=self.facts)
-                path = self.path_of(run)
-                writer = MemoryWriter(head) if path is None else open_writer(path, head)
-                running = self._running[e] = RunningRecording(
-                    writer, FrameSampler(env, e, every=every, contacts=self.contacts)
-                )
-                running.add(running.sampler.first(env))  # is written at once: a file that can be read from the start
+                facts = facts_of(env, e, every=every, contacts=self.contacts, run=run, seed=seed)
+                sampler = FrameSampler(env, e, {**facts, **self.facts}, every=every, contacts=self.contacts)
+                self._running[e] = RunningRecording(self.path_of(run), sampler, sampler.first(env))
 
     def add(self, env: CrowdEnv, step: Step) -> None:
         """Record the moment after a step, and finish the recordings of evacuations that ended in it."""
         for e, running in list(self._running.items()):
             last = bool(step.info["finished"][e])
-            frame = running.sampler.after_step(env, last)
-            if frame is not None:
-                running.add(frame)
+            running.add(running.sampler.after_step(env, last))
             if last:
-                after = running.sampler.after_end(env)
-                if after is not None:
-                    running.add(after)
-                running.flush()
+                running.add(running.sampler.after_end(env))
                 metrics, state = step.info["metrics"][e], env.simulation.state
-                self._finished[e] = running.writer.finish(
-                    {
-                        "end": float(state.time[e]),
-                        "unfinished": int(np.isnan(state.exit_time[env.people(e)]).sum()),
-                        "blocked_since": json_number(metrics.blocked_since),
-                        "finished": True,
-                    }
-                )
-                running.sampler.stop()
+                end = {
+                    "end": float(state.time[e]),
+                    "unfinished": int(np.isnan(state.exit_time[env.people(e)]).sum()),
+                    "blocked_since": json_number(metrics.blocked_since),
+                    "finished": True,
+                }
+                self._finished[e] = running.finish(end)
                 del self._running[e]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -145,9 +157,7 @@ class RunRecorder:
     def close(self) -> None:
         """Write the frames that wait of evacuations that will not go on, and leave their files unfinished."""
         for running in self._running.values():
-            running.sampler.stop()
-            running.flush()
-            running.writer.abandon()
+            running.abandon()
         self._running = {}
 
     def __enter__(self) -> "RunRecorder":
@@ -162,8 +172,7 @@ class RunRecorder:
 
 
 def record(
-    scenario: Scenario,
-    path: str | Path | None = None,
+    env: CrowdEnv | Scenario | str,
     *,
     seed: int = 0,
     contacts: bool = False,
@@ -171,21 +180,27 @@ def record(
     facts: Mapping[str, Any] | None = None,
     driver: Callable[[int], Driver] | None = None,
     **options: Any,
-) -> Any:
-    """Run one evacuation and return its `Recording`, or write it into a file and return the path.
+) -> Recording:
+    """Run one evacuation and return its recording.
 
     Parameters
     ----------
-    path, contacts, every, facts : see `RunRecorder`.
-    **options : of `crowd_env.envs.rollout.rollout`, such as ``scheme`` and ``strategy``.
+    env : one environment without autoreset, in which everyone walks as its strategy says; or a scenario, or its name.
+    contacts, every, facts : see `RunRecorder`.
+    driver : decides; see `crowd_env.envs.rollout.rollout`.
+    **options : of the environment of a scenario, such as ``strategy``.
 
     Raises
     ------
     ValueError
-        If an option is unknown or out of range, or the crowd does not fit.
-    ModuleNotFoundError
-        If the library that writes the format is not installed.
+        If an option is unknown or out of range, the crowd does not fit, or ``env`` is a batch.
     """
-    with RunRecorder(path, contacts=contacts, every=every, seed=seed, facts=facts) as recorder:
-        (episode,) = rollout(scenario, 1, seed=seed, driver=driver, recorder=recorder, **options)
-    return episode.record
+    if isinstance(env, CrowdEnv):
+        if env.num_envs != 1:
+            raise ValueError(f"record needs a single environment; this batch has {env.num_envs}")
+        of_env, driver = Driver(env), driver or (lambda _: of_env)
+    place = env.scenario_of_env[0] if isinstance(env, CrowdEnv) else make_scenario(env) if isinstance(env, str) else env
+    recorder = RunRecorder(contacts=contacts, every=every, seed=seed, facts=facts)
+    (episode,) = rollout(place, 1, seed=seed, driver=driver, recorder=recorder, **options)
+    recording: Recording = episode.record
+    return recording

@@ -1,14 +1,17 @@
 """A recording: who was where, and how hard they were pressed, at some moments of one evacuation."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Ints, row_starts
 from crowd_env.core.checks import array
+from crowd_env.geometry.geometry import Geometry
 
 
 class FrameContacts(NamedTuple):
@@ -25,6 +28,16 @@ class FrameContacts(NamedTuple):
     normal: Floats  #: (K, 2) unit vector from j to i
     point: Floats  #: (K, 2) m, where they touch: in the middle of gap or overlap
     force: Floats  #: (K, 2) N, mean since the frame before, normal (> 0 pushes apart) and tangential; times that time: impulse
+
+
+class Moment(NamedTuple):
+    """K people at one time."""
+
+    person: Ints  # (K,)
+    position: Floats  # (K, 2)  m
+    velocity: Floats  # (K, 2)  m/s
+    pressure: Floats  # (K,)    N/m
+    angle: Floats | None  # (K,)    rad  where bodies face that are no discs
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +120,125 @@ class Recording:
     @property
     def frame_interval(self) -> float:
         """Time from one frame to the next [s]; the last frame may come sooner."""
-        return float(self.times[1] - self.times[0]) if len(self.times) > 1 else float(self.facts.get("every", 1.0))
+        return float(self.facts.get("every") or (self.times[1] - self.times[0] if len(self.times) > 1 else 1.0))
 
     def inside(self, time: Floats | float) -> Ints:
         """Return how many people are inside at ``time`` (...) [s]; by exit times, not by frames."""
         left = np.searchsorted(np.sort(self.exit_time[np.isfinite(self.exit_time)]), time, side="right")
         return np.asarray(len(self.radius) - left)
+
+    @cached_property
+    def end(self) -> float:
+        """When the last person got out [s], or the last frame with someone inside."""
+        if len(self.radius) and np.isfinite(self.exit_time).all():
+            return float(self.exit_time.max())
+        return float(self.times[self.frame[~self.beyond].max(initial=0)])
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """The place; doors are walls."""
+        with warnings.catch_warnings():  # what there is to say was said when the place was made
+            warnings.simplefilter("ignore")
+            lines = {str(k): line for k, (_, line) in enumerate(self.exits)}
+            made = Geometry.from_wkt(self.walkable, exits=lines)
+        inner = np.concatenate([self.thin_walls, *(line[None] for _, line in self.doors)])
+        walls = np.concatenate([made.walls, inner])
+        return replace(
+            made,
+            walls=walls,
+            two_sided=np.repeat([False, True], [len(made.walls), len(inner)]),
+            door_of_wall=np.full(len(walls), -1, dtype=np.int64),
+            exit_names=tuple(self.exits[int(name)][0] for name in made.exit_names),
+        )
+
+    def at(self, time: float, *, average: float = 0.3) -> Moment:
+        """Return who is inside at ``time`` [s], on straight ways between frames; after the end, as they were then.
+
+        The pressure is the mean over ``average`` [s] around it: what a body bears, not single blows.
+        """
+        time = min(max(time, float(self.times[0])), self.end)
+        first, last = np.searchsorted(self.times, [time, time + 1e-12], side="right") - 1
+        after = min(int(last) + 1, len(self.times) - 1)
+        rows, later = self._rows_of(int(first)), self._rows_of(after)
+        here = rows[np.nan_to_num(self.exit_time[self.person[rows]], nan=np.inf) > time]
+        person = self.person[here]
+        place = np.searchsorted(self.person[later], person).clip(max=max(len(later) - 1, 0))
+        then = later[place] if len(later) else here
+        then = np.where(self.person[then] == person, then, here)
+        span = float(self.times[after] - self.times[first])
+        part = (time - float(self.times[first])) / span if span > 0.0 else 0.0
+        pressure = self._mean_pressure(person, time - 0.5 * average, time + 0.5 * average)
+
+        def between(values: Floats) -> Floats:
+            return np.asarray((1.0 - part) * values[here] + part * values[then])
+
+        angle = None if self.angle is None else between(self._steady_angle)
+        if angle is not None and first == 0:
+            angle = self._steady_angle[then]  # people face their way from the first step on
+        return Moment(person, between(self.position), between(self.velocity), pressure, angle)
+
+    def peak_time(self) -> float:
+        """Return when people press each other most [s]; if they never do, when half of them are out."""
+        total = np.bincount(self.frame, self.pressure * ~self.beyond, minlength=len(self.times))
+        window = np.ones(5) / 5.0  # over neighboring frames: a crowd, not a collision
+        if len(total) >= len(window) and total.max() > 0.0:
+            return float(self.times[np.argmax(np.convolve(total, window, mode="same"))])
+        return float(np.sort(np.nan_to_num(self.exit_time, nan=self.end))[len(self.radius) // 2])
+
+    def save(self, path: str | Path) -> Path:
+        """Write the recording to a file, .sqlite or .h5, and return its path."""
+        from crowd_env.recording.formats import check_writable, open_writer
+
+        writer = open_writer(check_writable("the recording", path), self)
+        writer.append(self)
+        return writer.finish(self.facts)
+
+    def film(self, path: str | Path, **options: Any) -> Path:
+        """Write a film, .mp4 or .gif, or a picture, .png, and return its path; see `crowd_env.rendering.write_film`."""
+        from crowd_env.rendering import write_film
+
+        return write_film(path, self, **options)
+
+    def _rows_of(self, frame: int) -> Ints:
+        return np.arange(self.frame_start[frame], self.frame_start[frame + 1])
+
+    def _mean_pressure(self, person: Ints, since: float, until: float) -> Floats:
+        """Return the mean pressure (K,) on some people between two times; each frame counts for the time before it."""
+        first = max(int(np.searchsorted(self.times, since, side="right")), 1)
+        last = min(int(np.searchsorted(self.times, until, side="left")), len(self.times) - 1)
+        borne, seen = np.zeros(len(self.radius)), 0.0
+        for frame in range(first, last + 1):
+            share = min(until, float(self.times[frame])) - max(since, float(self.times[frame - 1]))
+            rows = self._rows_of(frame)
+            borne[self.person[rows]] += share * np.nan_to_num(self.pressure[rows])
+            seen += share
+        return borne[person] / max(seen, 1e-9)
+
+    @cached_property
+    def _steady_angle(self) -> Floats:
+        """Angles (R,) [rad] without jumps by full turns from one frame of a person to the next."""
+        assert self.angle is not None
+        order = np.argsort(self.person, kind="stable")
+        steady = np.empty(len(order))
+        steady[order] = np.unwrap(self.angle[order])
+        return steady
+
+
+def joined(parts: Sequence[Recording]) -> Recording:
+    """Return successive parts of one recording as one; what is known of people, and the facts, are those of the last."""
+
+    def starts(of: Sequence[Ints]) -> Ints:
+        return row_starts(np.concatenate([np.diff(start) for start in of]))
+
+    rows = ("times", "person", "position", "velocity", "pressure", *(("angle",) if parts[0].angle is not None else ()))
+    columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in rows}
+    found = [part.contacts for part in parts if part.contacts is not None]
+    if found:
+        columns["contacts"] = FrameContacts(
+            starts([one.start for one in found]),
+            *(np.concatenate(column) for column in list(zip(*found, strict=True))[1:]),
+        )
+    return replace(parts[-1], **columns, frame_start=starts([part.frame_start for part in parts]))
 
 
 def _check_starts(name: str, starts: Ints, rows: int) -> None:

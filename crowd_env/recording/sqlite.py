@@ -8,7 +8,7 @@ import hashlib
 import json
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,17 +17,8 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.recording.foreign import recording_of_positions
-from crowd_env.recording.frames import Frame, Head
 from crowd_env.recording.recording import FrameContacts, Recording
-from crowd_env.recording.writer import (
-    frame_of_rows,
-    join_contacts,
-    joined,
-    outline_of,
-    part_of,
-    plain_place,
-    read_place,
-)
+from crowd_env.recording.writer import area_with_aprons, facing, outline_of, part_of, plain_place, read_place
 
 # What JuPedSim and PedPy read.
 _JUPEDSIM = """
@@ -59,58 +50,50 @@ _AT_ONCE = 50_000  # rows
 class SqliteWriter:
     """Writes a recording into a SQLite file; every append is a transaction."""
 
-    def __init__(self, path: Path, head: Head) -> None:
-        self._path, self._part, self._head = path, part_of(path), head
-        self._frames = 0
-        self._hash = int.from_bytes(
-            hashlib.blake2b(head.with_aprons.encode(), digest_size=8).digest(), "big", signed=True
-        )
+    def __init__(self, path: Path, first: Recording) -> None:
+        self._path, self._part, self._frames = path, part_of(path), 0
+        area = area_with_aprons(first)
+        self._hash = int.from_bytes(hashlib.blake2b(area.wkt.encode(), digest_size=8).digest(), "big", signed=True)
+        known = {"version": 2, "fps": 1.0 / first.frame_interval}
+        known |= dict(zip(("xmin", "ymin", "xmax", "ymax"), area.bounds, strict=True))
+        place = plain_place(first)
+        exits = place.pop("exits")
+        people = zip(first.radius.tolist(), first.desired_speed.tolist(), first.group.tolist(), strict=True)
         with _named(self._part):
             self._part.unlink(missing_ok=True)
             self._part.with_name(f"{self._part.name}-journal").unlink(missing_ok=True)
             self._file = sqlite3.connect(self._part, isolation_level=None, check_same_thread=False)
-            self._file.execute(
-                "PRAGMA synchronous = OFF"
-            )  # the journal is there for a process that dies, not for the machine
-            self._file.executescript("BEGIN;" + _JUPEDSIM + _OURS + (_CONTACTS if head.contacts else ""))
-            self._write_head()
+            # The journal is there for a process that dies, not for the machine.
+            self._file.execute("PRAGMA synchronous = OFF")
+            self._file.executescript("BEGIN;" + _JUPEDSIM + _OURS + ("" if first.contacts is None else _CONTACTS))
+            self._insert("metadata", ((key, str(value)) for key, value in known.items()))
+            self._insert("geometry", [(self._hash, area.wkt)])
+            self._insert("facts", ((key, json.dumps(value)) for key, value in {**first.facts, **place}.items()))
+            self._insert("exits", ((k, name, *a, *b) for k, (name, (a, b)) in enumerate(exits)))
+            self._insert("people", ((k, *one, None, None) for k, one in enumerate(people)))
             self._file.execute("COMMIT")
 
-    def _write_head(self) -> None:
-        head = self._head
-        known: dict[str, Any] = {"version": 2, "fps": 1.0 / head.interval}
-        known |= dict(zip(("xmin", "ymin", "xmax", "ymax"), head.bounds, strict=True))
-        self._insert("metadata", ((key, str(value)) for key, value in known.items()))
-        self._insert("geometry", [(self._hash, head.with_aprons)])
-        place = plain_place(head)
-        exits = place.pop("exits")
-        self._insert("facts", ((key, json.dumps(value)) for key, value in {**head.facts, **place}.items()))
-        self._insert("exits", ((k, name, *a, *b) for k, (name, (a, b)) in enumerate(exits)))
-        people = zip(head.radius.tolist(), head.desired_speed.tolist(), head.group.tolist(), strict=True)
-        self._insert("people", ((k, *one, None, None) for k, one in enumerate(people)))
-
-    def append(self, frames: Sequence[Frame]) -> None:
+    def append(self, part: Recording) -> None:
         """Write the next frames in one transaction."""
-        numbers = range(self._frames, self._frames + len(frames))
-        frame, person = frame_of_rows(frames, self._frames), joined(frames, "person")
-        motion = [*joined(frames, "velocity").T, joined(frames, "pressure")]
-        angle = [None] * len(person) if self._head.outline is None else joined(frames, "angle").tolist()
+        frame, person = self._frames + part.frame, part.person
+        numbers = range(self._frames, self._frames + len(part.times))
+        angle = [None] * len(person) if part.angle is None else part.angle.tolist()
+        out = np.flatnonzero(np.isfinite(part.exit_time))
         with _named(self._part):
             self._file.execute("BEGIN")
-            where = [frame, person, *joined(frames, "position").T, *joined(frames, "facing").T]
-            self._insert("trajectory_data", zip(*(column.tolist() for column in where), strict=True))
-            self._insert("motion", zip(*(column.tolist() for column in (frame, person, *motion)), angle, strict=True))
+            self._insert("trajectory_data", _rows(frame, person, *part.position.T, *facing(part).T))
+            motion = _rows(frame, person, *part.velocity.T, part.pressure)
+            self._insert("motion", ((*row, one) for row, one in zip(motion, angle, strict=True)))
             self._insert("frame_data", ((number, self._hash) for number in numbers))
-            self._insert("frames", zip(numbers, (one.time for one in frames), strict=True))
-            out = zip(*(joined(frames, name).tolist() for name in ("exit_time", "exit_index", "left")), strict=True)
-            self._file.executemany("UPDATE people SET exit_time = ?, exit_number = ? WHERE id = ?", out)
-            if self._head.contacts:
-                found = join_contacts(frames)
-                of_frame = np.repeat(np.array(numbers), np.diff(found.start))
-                columns = [of_frame, found.i, found.j, found.gap, *found.normal.T, *found.point.T, *found.force.T]
-                self._insert("contacts", zip(*(column.tolist() for column in columns), strict=True))
+            self._insert("frames", zip(numbers, part.times.tolist(), strict=True))
+            left = _rows(part.exit_time[out], part.exit_index[out], out)
+            self._file.executemany("UPDATE people SET exit_time = ?, exit_number = ? WHERE id = ?", left)
+            if part.contacts is not None:
+                start, i, j, gap, *pairs = part.contacts
+                of_frame = np.repeat(np.array(numbers), np.diff(start))
+                self._insert("contacts", _rows(of_frame, i, j, gap, *(column for pair in pairs for column in pair.T)))
             self._file.execute("COMMIT")
-        self._frames += len(frames)
+        self._frames += len(numbers)
 
     def finish(self, facts: Mapping[str, Any]) -> Path:
         """Write the last facts, and move the file to its place."""
@@ -130,6 +113,10 @@ class SqliteWriter:
     def _insert(self, table: str, rows: Any) -> None:
         (columns,) = self._file.execute("SELECT count(*) FROM pragma_table_info(?)", (table,)).fetchone()
         self._file.executemany(f"INSERT INTO {table} VALUES ({', '.join('?' * columns)})", rows)
+
+
+def _rows(*columns: np.ndarray) -> Iterator[tuple[Any, ...]]:
+    return zip(*(column.tolist() for column in columns), strict=True)
 
 
 @contextmanager

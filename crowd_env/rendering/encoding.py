@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from crowd_env.core.files.atomic import check_suffix, written
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import RAMP
-from crowd_env.rendering.text import Image
 
 if TYPE_CHECKING:
-    import PIL.Image
+    from PIL.Image import Image
 
 _QUALITY = 5.5  # of an MP4, 10 is the best: CRF 22, at which flat areas and letters still look as they were drawn
 _FLAT = 32  # colors of a film that are kept as they are
@@ -23,37 +22,37 @@ _FLAT = 32  # colors of a film that are kept as they are
 _APART = 9
 
 
-def write_png(path: str | Path, image: Image) -> Path:
+def write_png(path: str | Path, image: "Image | NDArray[np.uint8]") -> Path:
     """Write ``image`` to ``path``, which ends in .png, and return it."""
     with drawing_library():
         import PIL.Image
     path = check_suffix(path, (".png",))
+    picture = PIL.Image.fromarray(image) if isinstance(image, np.ndarray) else image
     with written(path) as part:
-        PIL.Image.fromarray(image).save(part, format="PNG", optimize=True)
+        picture.save(part, format="PNG", optimize=True)
     return path
 
 
-def write_mp4(path: Path, frames: Iterable[Image], fps: float) -> Path:
+def write_mp4(path: Path, frames: "Iterable[Image]", fps: float) -> Path:
     """Write ``frames`` of even width and height as H.264 and return the path."""
     with drawing_library():
         import imageio_ffmpeg
     frames = iter(frames)
     first = next(frames)
-    size = (first.shape[1], first.shape[0])
     with written(path) as part:
         video = imageio_ffmpeg.write_frames(
-            str(part), size, fps=fps, codec="libx264", pix_fmt_out="yuv420p", macro_block_size=2, quality=_QUALITY
+            str(part), first.size, fps=fps, codec="libx264", pix_fmt_out="yuv420p", macro_block_size=2, quality=_QUALITY
         )
         video.send(None)
         try:
             for frame in chain([first], frames):
-                video.send(np.ascontiguousarray(frame))
+                video.send(frame.tobytes())
         finally:
             video.close()
     return path
 
 
-def write_gif(path: Path, frames: Iterable[Image], step: float, sample: Sequence[Image]) -> Path:
+def write_gif(path: Path, frames: "Iterable[Image]", step: float, sample: "Sequence[Image]") -> Path:
     """Write ``frames``, each shown for ``step`` [s], with one palette made of ``sample``; return the path.
 
     No dithering: flat areas stay flat, so that nothing flickers and little has to be stored.
@@ -62,8 +61,8 @@ def write_gif(path: Path, frames: Iterable[Image], step: float, sample: Sequence
         import PIL.Image
     palette = _palette(sample)
 
-    def indexed(frame: Image) -> PIL.Image.Image:
-        return PIL.Image.fromarray(frame).quantize(palette=palette, dither=PIL.Image.Dither.NONE)
+    def indexed(frame: "Image") -> "Image":
+        return frame.quantize(palette=palette, dither=PIL.Image.Dither.NONE)
 
     frames = iter(frames)
     first = indexed(next(frames))
@@ -81,7 +80,7 @@ def write_gif(path: Path, frames: Iterable[Image], step: float, sample: Sequence
     return path
 
 
-def _palette(sample: Sequence[Image]) -> "PIL.Image.Image":
+def _palette(sample: "Sequence[Image]") -> "Image":
     """Return an image with a palette for the images.
 
     The commonest colors and the ramp of pressures are kept as they are; all others, of edges and letters, are merged by
@@ -89,7 +88,7 @@ def _palette(sample: Sequence[Image]) -> "PIL.Image.Image":
     """
     with drawing_library():
         import PIL.Image
-    line = PIL.Image.fromarray(np.concatenate([image.reshape(1, -1, 3) for image in sample], axis=1))
+    line = PIL.Image.fromarray(np.concatenate([np.asarray(image).reshape(1, -1, 3) for image in sample], axis=1))
     counted: Any = line.getcolors(line.width)
     commonest = [color for _, color in sorted(counted, reverse=True)[:_FLAT]]
     merged = line.quantize(256, method=PIL.Image.Quantize.MEDIANCUT).getpalette() or []

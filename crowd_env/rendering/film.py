@@ -2,31 +2,35 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from crowd_env.core.arrays.outline import make_outline
 from crowd_env.core.files.atomic import check_suffix
-from crowd_env.rendering.egress import EgressStrip
+from crowd_env.recording import Recording
+from crowd_env.rendering.curves import EgressStrip, group_names
 from crowd_env.rendering.encoding import write_gif, write_mp4, write_png
 from crowd_env.rendering.frames import Renderer
+from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import BACKGROUND, FULL_PRESSURE
-from crowd_env.rendering.recordings import Recording
-from crowd_env.rendering.text import Image
+from crowd_env.rendering.words import titles as titles_of
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 _PANEL, _WIDEST = 480, 1280  # px, of one evacuation and of a film, if no width is asked for
 _SECONDS = 30.0  # s  that a film lasts at most, if no speed is asked for
 _FPS = 20.0  # 1/s, if no rate is asked for
-_GIF_FPS, _GIF_FRAMES = (
-    10.0,
-    300,
-)  # a GIF stores each frame whole where people walk: beyond so many the rate sinks so far
+# A GIF stores each frame whole where people walk: beyond so many the rate sinks so far.
+_GIF_FPS, _GIF_FRAMES = 10.0, 300
 
 
 def write_film(
     path: str | Path,
     recordings: Recording | Sequence[Recording],
     *,
+    titles: Sequence[str] = (),
     fps: float | None = None,
     width: int | None = None,
     max_seconds: float | None = None,
@@ -41,6 +45,7 @@ def write_film(
     Parameters
     ----------
     path : ends in .gif, .mp4, or .png (then only the moment of most pressure is written).
+    titles : what stands above each; default what tells them apart, or what is known of a single one.
     fps : frames per second; a GIF counts in hundredths of a second, so that 30 becomes 33.3.  Default 20; of a GIF that lasts
         longer than 15 s as many as make about 300 frames, but at least 10.
     width : px of the whole film; default 480 an evacuation, at most 1280.
@@ -56,11 +61,11 @@ def write_film(
         If the suffix is another, there is no recording, or ``width``, ``fps`` or ``speed`` is not positive.
     """
     path = check_suffix(path, tuple(FORMATS))
-    films = _several(recordings)
+    films = _several(recordings, titles)
     for name, value in (("fps", fps), ("speed", speed)):
         if value is not None and not value > 0:
             raise ValueError(f"{name} is {value!r}; it must be > 0")
-    end = max(film.end for film in films)
+    end = max(film.end for film in films.recordings)
     end = end if max_seconds is None else min(end, max_seconds)
     speed = default_speed(end) if speed is None else speed
     if fps is None:
@@ -85,27 +90,41 @@ class _Clock(NamedTuple):
     progress: Callable[[int, int], object] | None
 
 
-def _gif(path: Path, films: Sequence[Recording], width: int | None, clock: _Clock) -> Path:
+class _Films(NamedTuple):
+    recordings: list[Recording]
+    titles: list[str]
+
+
+def _several(recordings: Recording | Sequence[Recording], titles: Sequence[str]) -> _Films:
+    found = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    if not found:
+        raise ValueError("a film needs at least one recording")
+    if not titles:
+        titles = titles_of(found, [f"recording {k + 1}" for k in range(len(found))])[2]
+        if len(found) == 1:
+            titles = [
+                " · ".join(str(found[0].facts[name]) for name in ("scenario", "scheme") if name in found[0].facts)
+            ]
+    return _Films(found, list(titles))
+
+
+def _gif(path: Path, films: _Films, width: int | None, clock: _Clock) -> Path:
     step = max(round(100.0 / clock.fps), 2) / 100.0
     stage = _Stage(films, width, clock.end, clock.speed)
     sample = [stage.frame(part * clock.end) for part in np.linspace(0.0, 1.0, 9)]
     return write_gif(path, stage.frames(clock, step), step, sample)
 
 
-def _mp4(path: Path, films: Sequence[Recording], width: int | None, clock: _Clock) -> Path:
+def _mp4(path: Path, films: _Films, width: int | None, clock: _Clock) -> Path:
     return write_mp4(path, _Stage(films, width, clock.end, clock.speed).frames(clock, 1.0 / clock.fps), clock.fps)
 
 
-def _png(path: Path, films: Sequence[Recording], width: int | None, clock: _Clock) -> Path:
-    return write_still(path, films, width=width)
+def _png(path: Path, films: _Films, width: int | None, clock: _Clock) -> Path:
+    return write_still(path, films.recordings, titles=films.titles, width=width)
 
 
 # Suffix -> what writes a film of recordings: (path, films, width in px or None, clock) -> path.
-FORMATS: dict[str, Callable[[Path, Sequence[Recording], int | None, _Clock], Path]] = {
-    ".gif": _gif,
-    ".mp4": _mp4,
-    ".png": _png,
-}
+FORMATS: dict[str, Callable[[Path, _Films, int | None, _Clock], Path]] = {".gif": _gif, ".mp4": _mp4, ".png": _png}
 
 
 def write_still(
@@ -113,6 +132,7 @@ def write_still(
     recordings: Recording | Sequence[Recording],
     time: float | None = None,
     *,
+    titles: Sequence[str] = (),
     width: int | None = None,
 ) -> Path:
     """Write the moment ``time`` [s] of the evacuations as a PNG; default when the first one's crowd is pressed most.
@@ -122,9 +142,10 @@ def write_still(
     ValueError
         If the suffix is not .png or there is no recording.
     """
-    films = _several(recordings)
-    end = max(film.end for film in films)
-    return write_png(path, _Stage(films, width, end).frame(films[0].peak_time() if time is None else time))
+    films = _several(recordings, titles)
+    end = max(film.end for film in films.recordings)
+    time = films.recordings[0].peak_time() if time is None else time
+    return write_png(path, _Stage(films, width, end).frame(time))
 
 
 def write_strip(path: str | Path, recording: Recording, times: Sequence[float], *, width: int = 1280) -> Path:
@@ -139,43 +160,49 @@ def write_strip(path: str | Path, recording: Recording, times: Sequence[float], 
         raise ValueError("a strip needs at least one time")
     panel = 2 * (width // (2 * len(times)))
     text = float(np.clip(panel / 22.0, 10.0, 20.0))  # large enough for a strip shown at half its size
-    images = []
+    with drawing_library():
+        import PIL.Image
+    strip: PIL.Image.Image | None = None
     for k, time in enumerate(times):
         renderer = Renderer(recording.geometry, width=panel, text=text, scale_bar=k == len(times) - 1)
-        images.append(_panel(renderer, recording, time, title=f"{time:.1f} s", clock=False, legend=k == 0))
-    return write_png(path, np.concatenate(images, axis=1))
+        image = _panel(renderer, recording, time, title=f"{time:.1f} s", clock=False, legend=k == 0)
+        strip = strip or PIL.Image.new("RGB", (panel * len(times), image.height))
+        strip.paste(image, (k * panel, 0))
+    assert strip is not None
+    return write_png(path, strip)
 
 
 class _Stage:
     """Places the panels and the curves of a film on one image."""
 
-    def __init__(self, recordings: Sequence[Recording], width: int | None, end: float, speed: float = 1.0) -> None:
-        count = len(recordings)
+    def __init__(self, films: _Films, width: int | None, end: float, speed: float = 1.0) -> None:
+        count = len(films.recordings)
         width = min(_PANEL * count, _WIDEST) if width is None else width
-        panel = 2 * (width // (2 * count))
+        self._panel = panel = 2 * (width // (2 * count))
         text = float(np.clip(panel / 32.0, 10.0, 18.0))
-        same_place = all(recording.geometry is recordings[0].geometry for recording in recordings)
-        self.recordings = recordings
+        same_place = len({recording.walkable for recording in films.recordings}) == 1
+        self._films = films
         self.renderers = [
             Renderer(recording.geometry, width=panel, text=text, scale_bar=not same_place or k == count - 1)
-            for k, recording in enumerate(recordings)
+            for k, recording in enumerate(films.recordings)
         ]
-        layout = self.renderers[0].layout
-        self.strip = EgressStrip(
-            recordings, width=layout.width * count, margin=layout.margin, text=text, end=end, speed=speed
-        )
+        margin = self.renderers[0].layout.margin
+        self.strip = EgressStrip(*films, width=panel * count, margin=margin, text=text, end=end, speed=speed)
         self._plans = max(renderer.size[1] for renderer in self.renderers)
 
-    def frame(self, time: float) -> Image:
+    def frame(self, time: float) -> "Image":
         """Return the image at ``time`` [s]."""
-        panels = [
-            _panel(renderer, recording, time, title=recording.title, clock=True, legend=k == 0)
-            for k, (renderer, recording) in enumerate(zip(self.renderers, self.recordings, strict=True))
-        ]
-        row = np.concatenate([_padded(panel, self._plans) for panel in panels], axis=1)
-        return np.concatenate([row, self.strip.draw(time)])
+        import PIL.Image
 
-    def frames(self, clock: _Clock, step: float) -> Iterator[Image]:
+        count = len(self.renderers)
+        whole = PIL.Image.new("RGB", (self._panel * count, self._plans + self.strip.height), BACKGROUND)
+        for k, (renderer, recording, title) in enumerate(zip(self.renderers, *self._films, strict=True)):
+            panel = _panel(renderer, recording, time, title=title, clock=True, legend=k == 0)
+            whole.paste(panel, (k * self._panel, 0))
+        whole.paste(self.strip.draw(time), (0, self._plans))
+        return whole
+
+    def frames(self, clock: _Clock, step: float) -> "Iterator[Image]":
         """Yield the images of a film, one every ``step`` [s] of it, and then the last one as long as it is held."""
         shown = step * clock.speed
         count = int(np.ceil(clock.end / shown - 1e-9))
@@ -188,39 +215,24 @@ class _Stage:
             yield last
 
 
-def _panel(renderer: Renderer, recording: Recording, time: float, *, title: str, clock: bool, legend: bool) -> Image:
-    seen = recording.at(time)
-    inside = int(seen.active.sum())
-    status = None
+def _panel(renderer: Renderer, recording: Recording, time: float, *, title: str, clock: bool, legend: bool) -> "Image":
+    seen, inside, count = recording.at(time), int(recording.inside(time)), len(recording.radius)
+    status = f"{inside} of {count} inside"
     if time >= recording.end:
         status = (
             f"{inside} still inside after {recording.end:.1f} s" if inside else f"all out after {recording.end:.1f} s"
         )
-    return renderer.frame(
+    return renderer.draw(
         seen.position,
-        recording.radius,
-        active=seen.active,
+        recording.radius[seen.person],
         color_value=seen.pressure / FULL_PRESSURE,
         velocity=seen.velocity,
         angle=seen.angle,
-        outline=recording.outline,
-        group=recording.group,
+        outline=make_outline(recording.outline),
+        group=recording.group[seen.person] if group_names(recording) else None,
         title=title,
         clock=time if clock else None,
         inside=inside,
         status=status,
         legend=legend,
     )
-
-
-def _several(recordings: Recording | Sequence[Recording]) -> list[Recording]:
-    films = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    if not films:
-        raise ValueError("a film needs at least one recording")
-    return films
-
-
-def _padded(image: Image, height: int) -> Image:
-    below = np.empty((height - image.shape[0], image.shape[1], 3), dtype=np.uint8)
-    below[:] = BACKGROUND
-    return np.concatenate([image, below])

@@ -1,7 +1,9 @@
 """One moment of an evacuation as an image."""
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Floats
@@ -9,7 +11,10 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, group_color, pressure_color
 from crowd_env.rendering.plan import MAT, Layout, draw_plan, fit, round_length
-from crowd_env.rendering.text import Image, put_text, shortened, text_width
+from crowd_env.rendering.text import put_text, shortened, text_width
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 _STANDING = 0.1  # m/s, slower than this nobody has a heading
 
@@ -47,7 +52,7 @@ class Renderer:
             raise ValueError(f"width is {width} px; it must be at least 1")
         self.geometry = geometry
         self.layout: Layout = fit(geometry, width, text=text)
-        self._empty: Image = draw_plan(geometry, self.layout)
+        self._empty = draw_plan(geometry, self.layout)
         _put_exit_names(self._empty, geometry, self.layout)
         if scale_bar:
             _put_scale_bar(self._empty, self.layout)
@@ -59,7 +64,11 @@ class Renderer:
         """Width and height of a frame [px], both even."""
         return self.layout.width, self.layout.height
 
-    def frame(
+    def frame(self, position: ArrayLike, radius: ArrayLike, **seen: Any) -> NDArray[np.uint8]:
+        """Return `draw` as an array (H, W, 3)."""
+        return np.asarray(self.draw(position, radius, **seen))
+
+    def draw(
         self,
         position: ArrayLike,
         radius: ArrayLike,
@@ -75,8 +84,8 @@ class Renderer:
         inside: int | None = None,
         status: str | None = None,
         legend: bool = True,
-    ) -> Image:
-        """Return an image (H, W, 3) uint8.
+    ) -> "Image":
+        """Return an image of people.
 
         Parameters
         ----------
@@ -111,7 +120,7 @@ class Renderer:
         self._put_header(image, title, clock, status or f"{left} of {count} inside", finished=left == 0)
         return image
 
-    def _put_header(self, image: Image, title: str, clock: float | None, status: str, *, finished: bool) -> None:
+    def _put_header(self, image: "Image", title: str, clock: float | None, status: str, *, finished: bool) -> None:
         layout = self.layout
         x, end, y, size = float(layout.margin), float(layout.width - layout.margin), 0.5 * layout.header, layout.text
         if clock is not None:
@@ -128,13 +137,11 @@ class Renderer:
 
 
 def _headings(velocity: Floats) -> Floats:
-    speed = np.linalg.norm(velocity, axis=1)
-    moving = speed > _STANDING
-    unit = velocity / np.where(moving, speed, 1.0)[:, None]
-    return np.where(moving[:, None], unit, 0.0) * (1.0, -1.0)
+    """Return where people walk (N,) [rad] on the image, whose y points down; nan for those who stand."""
+    return np.where(np.hypot(*velocity.T) > _STANDING, np.arctan2(-velocity[:, 1], velocity[:, 0]), np.nan)
 
 
-def _put_exit_names(image: Image, geometry: Geometry, layout: Layout) -> None:
+def _put_exit_names(image: "Image", geometry: Geometry, layout: Layout) -> None:
     """Write the names of exits, if there are several, outside of them along the wall."""
     names = dict.fromkeys(geometry.exit_names)
     if len(names) < 2:
@@ -152,7 +159,9 @@ def _put_exit_names(image: Image, geometry: Geometry, layout: Layout) -> None:
         put_text(image, name, (x, y), size, EXIT, side="center", upward=bool(upward))
 
 
-def _put_legend(image: Image, layout: Layout) -> None:
+def _put_legend(image: "Image", layout: Layout) -> None:
+    import PIL.Image
+
     size, y = 0.78 * layout.text, layout.height - 0.5 * layout.footer
     x = float(layout.margin)
     for text in ("contact pressure", "0"):
@@ -161,11 +170,11 @@ def _put_legend(image: Image, layout: Layout) -> None:
     length, thick = round(0.15 * layout.width), max(round(0.5 * size), 4)
     left, top = round(x), round(y - 0.5 * thick)
     columns = np.rint(np.linspace(0.0, len(RAMP) - 1.0, length)).astype(int)
-    image[top : top + thick, left : left + length] = RAMP[columns]
+    image.paste(PIL.Image.fromarray(np.broadcast_to(RAMP[columns], (thick, length, 3)).copy()), (left, top))
     put_text(image, f"{FULL_PRESSURE:g} N/m", (left + length + 0.7 * size, y), size, QUIET)
 
 
-def _put_scale_bar(image: Image, layout: Layout) -> None:
+def _put_scale_bar(image: "Image", layout: Layout) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten meters, at most a fifth of the width."""
     meters = round_length(0.2 * layout.width / layout.scale)
     size, y = 0.78 * layout.text, layout.height - 0.5 * layout.footer
@@ -174,7 +183,7 @@ def _put_scale_bar(image: Image, layout: Layout) -> None:
     put_text(image, text, (right, y), size, QUIET, side="right")
     right -= round(text_width(text, size) + 0.6 * size)
     left, thick, row = right - round(meters * layout.scale), max(round(0.09 * size), 1), round(y)
-    image[row : row + thick, left:right] = QUIET
     tall = round(0.3 * size)
+    image.paste(QUIET, (left, row, right, row + thick))
     for column in (left, right - thick):
-        image[row - tall : row + thick + tall, column : column + thick] = QUIET
+        image.paste(QUIET, (column, row - tall, column + thick, row + thick + tall))

@@ -1,15 +1,18 @@
 """The still part of a frame: where meters lie on the image, and the floor, walls, obstacles and exits on it."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, OBSTACLE, WALL, Color
-from crowd_env.rendering.text import Image
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 _WALL_THICKNESS = 0.11  # m, as drawn; walls of the model have none
 _THIN_WALL = 0.04  # m, walls that are touched from both sides
@@ -58,56 +61,54 @@ def fit(geometry: Geometry, width: int, *, text: float | None = None) -> Layout:
     return Layout(width, height, scale, (origin_x, origin_y), wall, text, margin, header, footer)
 
 
-def draw_plan(geometry: Geometry, layout: Layout, samples: int = 4) -> Image:
-    """Return the image (H, W, 3) of the empty geometry; ``samples`` a pixel along each axis are averaged."""
-    image = np.empty((layout.height, layout.width, 3), dtype=np.uint8)
-    image[:] = BACKGROUND
+def draw_plan(geometry: Geometry, layout: Layout) -> "Image":
+    """Return the image of the empty geometry."""
+    with drawing_library():
+        import PIL.Image
+    image = PIL.Image.new("RGB", (layout.width, layout.height), BACKGROUND)
 
-    def fill(rings: Iterable[ArrayLike], color: Color) -> None:
-        _fill(image, [layout.pixels(ring) for ring in rings], color, samples)
+    def fill(shapes: Iterable[tuple[Floats, Sequence[Floats]]], color: Color) -> None:
+        _fill(
+            image, [(layout.pixels(shell), [layout.pixels(hole) for hole in holes]) for shell, holes in shapes], color
+        )
 
     pixel = 1.0 / layout.scale
     with_walls: Any = geometry.walkable.buffer(layout.wall * pixel, join_style="mitre")
-    fill(holes_of(with_walls), OBSTACLE)
-    fill([*shells_of(with_walls), *holes_of(with_walls)], WALL)
-    for hole in exit_areas(geometry):
-        fill([hole], EXIT_MAT)
-    for a, b in geometry.exits:
-        fill([_strip(a, b, 0.0, (layout.wall + MAT * layout.margin) * pixel)], EXIT_MAT)
-    fill([*shells_of(geometry.walkable), *holes_of(geometry.walkable)], FLOOR)
+    fill([(hole, []) for hole in holes_of(with_walls)], OBSTACLE)
+    fill(_rings(with_walls), WALL)
+    deep = (layout.wall + MAT * layout.margin) * pixel
+    mats = [*exit_areas(geometry), *(_strip(a, b, 0.0, deep) for a, b in geometry.exits)]
+    fill([(mat, []) for mat in mats], EXIT_MAT)
+    fill(_rings(geometry.walkable), FLOOR)
     line = float(np.clip(0.35 * layout.wall, 2.0, 4.0)) * pixel
-    for a, b in geometry.exits:
-        fill([_strip(a, b, 0.0, line)], EXIT)
+    fill([(_strip(a, b, 0.0, line), []) for a, b in geometry.exits], EXIT)
     half = 0.5 * max(_THIN_WALL, 2.0 * pixel)
-    for a, b in geometry.walls[geometry.two_sided]:
-        along = half * (b - a) / np.linalg.norm(b - a)
-        fill([_strip(a - along, b + along, -half, half)], WALL)
+    thin = geometry.walls[geometry.two_sided]
+    along = half * (thin[:, 1] - thin[:, 0]) / np.linalg.norm(thin[:, 1] - thin[:, 0], axis=1)[:, None]
+    fill([(_strip(a - d, b + d, -half, half), []) for (a, b), d in zip(thin, along, strict=True)], WALL)
     return image
 
 
-def _fill(image: Image, rings: Sequence[Floats], color: Color, samples: int) -> None:
-    """Fill what lies within an odd number of closed lines (K, 2) [px], each pixel as far as it is covered."""
-    if not rings:
+def _fill(image: "Image", shapes: Sequence[tuple[Floats, Sequence[Floats]]], color: Color) -> None:
+    """Fill polygons with holes [px], each pixel as far as it is covered; what lies in a hole comes later."""
+    import PIL.Image
+    import PIL.ImageDraw
+
+    if not shapes:
         return
-    points = np.concatenate(rings)
-    left, top = np.maximum(np.floor(points.min(axis=0)).astype(int), 0)
-    right, bottom = np.minimum(np.ceil(points.max(axis=0)).astype(int), (image.shape[1], image.shape[0]))
-    if right <= left or bottom <= top:
-        return
-    rows, columns = (bottom - top) * samples, (right - left) * samples
-    crossings = np.zeros((rows, columns + 1), dtype=np.int32)
-    for ring in rings:
-        ends = (ring - (left, top)) * samples
-        for (x0, y0), (x1, y1) in zip(ends, np.roll(ends, -1, axis=0), strict=True):
-            upper, lower = np.clip(np.ceil(np.sort([y0, y1]) - 0.5), 0, rows).astype(int)
-            row = np.arange(upper, lower)  # whose middle the edge passes
-            if len(row):
-                x = x0 + (row + 0.5 - y0) * (x1 - x0) / (y1 - y0)
-                crossings[row, np.clip(np.ceil(x - 0.5), 0, columns).astype(int)] += 1
-    inside = np.cumsum(crossings[:, :-1], axis=1) % 2
-    cover = inside.reshape(bottom - top, samples, right - left, samples).mean(axis=(1, 3))[..., None]
-    patch = image[top:bottom, left:right]
-    patch[:] = np.rint(patch + (np.asarray(color) - patch) * cover).astype(np.uint8)
+    fine = 4 if max(image.size) <= 1400 else 2
+    mask = PIL.Image.new("L", (fine * image.width, fine * image.height))
+    draw = PIL.ImageDraw.Draw(mask)
+    for shell, holes in shapes:
+        for ring, value in ((shell, 255), *((hole, 0) for hole in holes)):
+            draw.polygon((fine * ring - 0.5).ravel().tolist(), fill=value)
+    image.paste(color, None, mask.reduce(fine))
+
+
+def _rings(area: Any) -> list[tuple[Floats, list[Floats]]]:
+    """Return the outer border (K, 2) [m] and those of the holes of each polygon, the largest first."""
+    parts = sorted(polygons_of(area), key=lambda part: -float(part.area))
+    return [(shell, holes_of(part)) for part in parts for shell in shells_of(part)]
 
 
 def polygons_of(area: Any) -> list[Any]:

@@ -4,9 +4,9 @@ import time
 from types import TracebackType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.text import Image
 
 
 class Window:
@@ -39,7 +39,7 @@ class Window:
         self._size = (0, 0)
         self._due = 0.0
 
-    def show(self, frame: Image) -> bool:
+    def show(self, frame: NDArray[np.uint8]) -> bool:
         """Show ``frame`` (H, W, 3) when it is due; return False, and show nothing, once the window was closed."""
         if not self.is_open:
             return False

@@ -19,7 +19,7 @@ from crowd_env.recording import record
 def evacuate(path: Path, seed: int) -> jupedsim.Recording:
     """Record 30 people who leave a room, and return the recording as JuPedSim reads it."""
     room = make_scenario("room-v0", people=30)
-    return jupedsim.Recording(str(record(room, path, seed=seed)))
+    return jupedsim.Recording(str(record(room, seed=seed).save(path)))
 
 
 def walked(recording: jupedsim.Recording) -> dict[int, float]:

@@ -14,7 +14,7 @@ from crowd_env.recording import load
 RUN = "run room-v0 --n 8 --runs 2 --scheme dem --seed 4"
 
 
-@pytest.mark.parametrize("suffix", [".sqlite", ".h5", ".parquet"])
+@pytest.mark.parametrize("suffix", [".sqlite", ".h5"])
 def test_the_first_run_is_recorded_and_the_figures_stay(suffix, tmp_path):
     path = tmp_path / f"run{suffix}"
     result = call(f"{RUN} --json --record {path} --record-contacts --every 0.2")
@@ -73,7 +73,7 @@ def test_a_recording_can_be_made_of_a_folder_that_is_whole(tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ("--record run.txt", "must end in .sqlite, .h5, .parquet"),
+        ("--record run.txt", "must end in .sqlite, .h5"),
         ("--record none/run.h5", "--record none/run.h5: there is no folder"),
         ("--record run.h5 --every 0.25", "--every = 0.25 s is not a whole number"),
         ("--record run.h5 --every -1", "--every is -1"),

@@ -1,22 +1,17 @@
-"""Drawings in letters: the names in them are those of the code, and a format that is described is read as described."""
+"""Drawings in letters: the names in them are those of the code."""
 
 import ast
-import base64
-import gzip
 import re
 
-import numpy as np
 import pytest
-from cases import looped
 from repository import ROOT
 from shown import blocks, called, named
 
 from crowd_env import SCHEMES, ObservationLayout
-from crowd_env.rendering.replay.pack import Column, pack
 
 pytestmark = pytest.mark.more
 
-ARCHITECTURE, REPLAY = "docs/architecture.md", "docs/replay.md"
+ARCHITECTURE = "docs/architecture.md"
 
 
 def texts(page):
@@ -26,7 +21,7 @@ def texts(page):
 
 def test_every_text_is_about_something_that_is_tried_here():
     """A new one needs a test of its own, or a language."""
-    assert [named(block.page) for block in blocks("text")] == [ARCHITECTURE, ARCHITECTURE, REPLAY], [
+    assert [named(block.page) for block in blocks("text")] == [ARCHITECTURE, ARCHITECTURE], [
         called(block) for block in blocks("text")
     ]
 
@@ -57,20 +52,3 @@ def test_the_drawing_of_a_step_names_files_and_stages_that_exist():
     assert len(stages) >= 5
     assert set(stages) <= functions("physics") | functions("core")
     assert f"observation (P, {ObservationLayout().size}) float32" in drawing
-
-
-@looped("order", [0, 1, 2])
-def test_columns_of_a_page_are_read_as_the_three_lines_say(order):
-    (described,) = texts(REPLAY)
-    assert [line.split(" = ")[0].strip() for line in described.splitlines()[:2]] == ["w", "d"]
-    values = np.array([3.0, 3.5, -2.0, 1000.25, 1000.25, 0.0])
-    about, text = pack([Column("v", values, step=0.25, order=order, offset=1.0)])
-    (column,) = about
-    data = np.frombuffer(gzip.decompress(base64.b64decode(text)), dtype=np.uint8)
-    z = sum(data[k * len(values) : (k + 1) * len(values)].astype(np.uint32) << (8 * k) for k in range(4))
-    d = (z >> 1) ^ -(z & 1).astype(np.int32).astype(np.uint32)
-    for _ in range(order):
-        d = np.cumsum(d, dtype=np.uint32)
-    w = d.astype(np.int32)
-    assert described.count("order") == 1
-    np.testing.assert_allclose(w * column["step"] + column["offset"], values, atol=column["step"] / 2)

@@ -4,6 +4,7 @@ import sqlite3
 
 import numpy as np
 import pytest
+from cases import looped
 
 from crowd_env.recording import load
 
@@ -38,7 +39,7 @@ def text(path):
     path.write_text(head + "".join(f"{i} {f} {100 * x:.4f} {100 * y:.4f} 0\n" for i, f, x, y in ROWS))
 
 
-@pytest.mark.parametrize(("write", "suffix"), [(jupedsim, ".sqlite"), (archive, ".h5"), (text, ".txt")])
+@looped(("write", "suffix"), [(jupedsim, ".sqlite"), (archive, ".h5"), (text, ".txt")])
 def test_positions_are_read_and_what_follows_from_them(write, suffix, tmp_path):
     path = tmp_path / f"theirs{suffix}"
     write(path)
@@ -57,7 +58,7 @@ def test_positions_are_read_and_what_follows_from_them(write, suffix, tmp_path):
         assert kept.walkable == SQUARE
 
 
-@pytest.mark.parametrize(
+@looped(
     ("content", "words"),
     [
         ("1 0 0 0\n", "no frame rate; a comment must tell it"),

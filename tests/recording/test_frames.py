@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import CASES, two_doors
+from cases import looped
+from recordings import CASES
 
 from crowd_env import CrowdEnv, contact_pressure, make_scenario
 from crowd_env.core.executors import Processes
@@ -38,7 +39,7 @@ def test_rows_are_those_of_the_environment():
     assert np.isfinite(kept.exit_time).all()
 
 
-@pytest.mark.parametrize("case", CASES)
+@looped("case", CASES)
 def test_who_leaves_has_two_rows_beyond_the_exit_line_in_the_frames_after(case):
     scenario, run, options = CASES[case]
     kept = record(scenario, seed=1, **run, **options)
@@ -193,13 +194,6 @@ def test_large_crowds_are_the_same_bit_by_bit():
     assert len(told) == len(set(told)) == round(2.5 / plain.simulation.dt)
     for name in ("position", "velocity", "exit_time"):
         np.testing.assert_array_equal(getattr(plain.simulation.state, name), getattr(listened.simulation.state, name))
-
-
-def test_every_is_a_multiple_of_the_decision_step():
-    with pytest.raises(ValueError, match=r"every = 0\.25 s is not a whole number of decisions = 0\.1 s"):
-        record(two_doors(), every=0.25)
-    with pytest.raises(ValueError, match="every is 0 s; it must be > 0"):
-        record(two_doors(), every=0)
 
 
 def test_the_number_inside_is_that_of_the_exit_times():

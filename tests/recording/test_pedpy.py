@@ -5,6 +5,7 @@ PedPy is installed by `make test`.
 
 import numpy as np
 import pytest
+from cases import looped
 from recordings import two_doors
 
 from crowd_env import make_scenario
@@ -27,7 +28,7 @@ def opened(path):
     return trajectory(trajectory_file=path), area(trajectory_file=path)
 
 
-@pytest.fixture(scope="module", params=READERS)
+@pytest.fixture(scope="module", params=[".sqlite", pytest.param(".h5", marks=pytest.mark.more)])
 def door(request, tmp_path_factory):
     """60 people before a door of 1.2 m: the episode, our reading, PedPy's reading."""
     scenario = make_scenario("room-v0", people=60, door_width=1.2, side=8.0)
@@ -57,8 +58,7 @@ def test_n_t_on_the_exit_line_counts_everybody_within_a_frame_of_the_exit(door):
     np.testing.assert_array_equal(inside, kept.inside(n_t.time.to_numpy() + 1e-9))
 
 
-@pytest.mark.parametrize("every", [0.1, 0.5, 1.0])
-@pytest.mark.parametrize("limit", [30.0, 2.5])
+@looped(("every", "limit"), [(every, limit) for every in (0.1, 0.5, 1.0) for limit in (30.0, 2.5)])
 def test_every_exit_counts_those_who_leave_by_it(every, limit, tmp_path):
     """Also if frames are rare, and if people are left inside."""
     (episode,) = run_episodes(
@@ -116,18 +116,3 @@ def test_the_speed_is_the_one_that_people_have(tmp_path):
     ours = np.hypot(*kept.velocity.T)[inside]
     assert len(ours) > 20 and np.median(np.abs(speed[inside] / ours - 1.0)) < 0.01
     assert ours.mean() == pytest.approx(kept.desired_speed[kept.person[inside]].mean(), rel=0.1)
-
-
-def test_a_fundamental_diagram_comes_out(door):
-    _, _, trajectory, area = door
-    cells = pedpy.compute_individual_voronoi_polygons(traj_data=trajectory, walkable_area=area)
-    speed = pedpy.compute_individual_speed(traj_data=trajectory, frame_step=5, speed_calculation=ONE_SIDED)
-    before = pedpy.MeasurementArea([(5.5, 3), (7.5, 3), (7.5, 5), (5.5, 5)])
-    density, shares = pedpy.compute_voronoi_density(individual_voronoi_data=cells, measurement_area=before)
-    mean = pedpy.compute_voronoi_speed(
-        traj_data=trajectory, individual_voronoi_intersection=shares, individual_speed=speed, measurement_area=before
-    )
-    diagram = density.set_index("frame").join(mean.set_index("frame"))
-    dense = diagram[diagram.density > 3.0]
-    assert len(diagram) == 1 + trajectory.data.frame.max() and np.isfinite(diagram).all(axis=None)
-    assert len(dense) > 10 and 0.2 < dense.speed.mean() < 1.0 < 1.2  # than which nobody wants to be slower

@@ -12,10 +12,8 @@ from recordings import arrays_of
 from repository import ROOT
 
 from crowd_env import make_scenario
-from crowd_env.recording import FORMATS, load, record
-from crowd_env.recording.frames import Frame, Head
+from crowd_env.recording import FORMATS, FrameContacts, Recording, load, record
 from crowd_env.recording.recorder import RunningRecording
-from crowd_env.recording.recording import FrameContacts
 from crowd_env.recording.writer import part_of
 
 WRITTEN = [suffix for suffix, one in FORMATS.items() if one.write is not None]
@@ -23,7 +21,8 @@ SCENARIO, OPTIONS = "room-v0", {"scheme": "dem", "seed": 3, "contacts": True}
 KILLED = f"""
 import os, signal, sys
 from crowd_env import make_scenario
-from crowd_env.recording import record
+from crowd_env.envs.rollout import rollout
+from crowd_env.recording import RunRecorder
 from crowd_env.recording.frames import FrameSampler
 
 after, frames = FrameSampler.after_step, 0
@@ -36,7 +35,8 @@ def dies(self, env, last):
     return after(self, env, last)
 
 FrameSampler.after_step = dies
-record(make_scenario({SCENARIO!r}), sys.argv[1], **{OPTIONS!r})
+recorder = RunRecorder(sys.argv[1], contacts=True, seed=3)
+list(rollout(make_scenario({SCENARIO!r}), 1, seed=3, scheme="dem", recorder=recorder))
 """
 
 
@@ -69,73 +69,68 @@ def test_a_killed_run_leaves_all_but_the_last_second(suffix, tmp_path):
 
 @pytest.mark.parametrize("suffix", WRITTEN)
 def test_a_growing_file_can_be_read(suffix, tmp_path):
-    path, head = tmp_path / f"run{suffix}", large_head(50)
-    running = RunningRecording(FORMATS[suffix].write(path, head), None)
-    for k in range(25):
-        running.add(large_frame(head, k))
+    path = tmp_path / f"run{suffix}"
+    running = RunningRecording(path, Stopped(), large_frame(50, 0))
+    for k in range(1, 25):
+        running.add(large_frame(50, k))
         if k >= 10:
             assert len(load(part_of(path)).times) >= k - 9
-    running.flush()
-    running.writer.finish({"finished": True})
+    running.finish({"finished": True})
     kept = load(path)
     assert len(kept.times) == 25 and kept.facts["finished"]
-    np.testing.assert_array_equal(kept.position[kept.frame == 13], large_frame(head, 13).position)
+    np.testing.assert_array_equal(kept.position[kept.frame == 13], large_frame(50, 13).position)
 
 
-def large_head(count):
-    """Return the head of a recording of so many people."""
-    square = "POLYGON ((0 0, 1000 0, 1000 1000, 0 1000, 0 0))"
-    facts = {"outline": "disc", "finished": False, "people": count}
-    bodies = {
-        "radius": np.full(count, 0.2),
-        "desired_speed": np.full(count, 1.3),
-        "group": np.zeros(count, dtype=np.int64),
-    }
-    place = {"walkable": square, "with_aprons": square, "bounds": (0, 0, 1000, 1000), "thin_walls": np.zeros((0, 2, 2))}
-    return Head(
-        facts=facts, **place, doors=(), exits=(), groups=("",), **bodies, outline=None, interval=0.1, contacts=True
-    )
+class Stopped:
+    """In place of what samples an environment."""
+
+    def stop(self):
+        pass
 
 
-def large_frame(head, k):
-    """Return frame ``k`` of everybody, each in contact with the next."""
-    count, rng = len(head.radius), np.random.default_rng(k)
+def large_frame(count, k):
+    """Return frame ``k`` of so many people, each in contact with the next."""
+    rng = np.random.default_rng(k)
     pairs = rng.uniform(0, 1000, (5, count, 2))
     i = np.arange(count - 1)
-    contacts = FrameContacts(np.array([0, count - 1]), i, i + 1, pairs[0, 1:, 0], *(pair[1:] for pair in pairs[1:4]))
-    none = np.zeros(0)
-    inside = np.ones(count, dtype=np.bool_)
-    rows = Frame(
-        0.1 * k,
-        np.arange(count),
-        *pairs[:3],
-        pairs[4, :, 0],
-        None,
-        contacts,
-        inside,
-        none.astype(np.int64),
-        none,
-        none.astype(np.int64),
+    return Recording(
+        facts={"outline": "disc", "finished": False, "people": count, "every": 0.1},
+        walkable="POLYGON ((0 0, 1000 0, 1000 1000, 0 1000, 0 0))",
+        thin_walls=np.zeros((0, 2, 2)),
+        doors=(),
+        exits=(),
+        groups=("",),
+        times=np.array([0.1 * k]),
+        frame_start=np.array([0, count]),
+        radius=np.full(count, 0.2),
+        desired_speed=np.full(count, 1.3),
+        group=np.zeros(count, dtype=np.int64),
+        exit_time=np.full(count, np.nan),
+        exit_index=np.full(count, -1),
+        person=np.arange(count),
+        position=pairs[0],
+        velocity=pairs[1],
+        pressure=pairs[4, :, 0],
+        contacts=FrameContacts(np.array([0, count - 1]), i, i + 1, pairs[0, 1:, 0], *(pair[1:] for pair in pairs[1:4])),
     )
-    return rows
 
 
 def peak_of(suffix, people, frames, folder):
     """Return how much memory [bytes] writing takes at most."""
-    head = large_head(people)
     tracemalloc.start()
-    running = RunningRecording(FORMATS[suffix].write(folder / f"run-{frames}{suffix}", head), None)
-    for k in range(frames):
-        running.add(large_frame(head, k))
-    running.flush()
-    running.writer.finish({})
+    running = RunningRecording(folder / f"run-{frames}{suffix}", Stopped(), large_frame(people, 0))
+    for k in range(1, frames):
+        running.add(large_frame(people, k))
+    running.finish({})
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return peak
 
 
 @pytest.mark.parametrize("suffix", WRITTEN)
-@pytest.mark.parametrize("people", [6_000, pytest.param(100_000, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(
+    "people", [pytest.param(6_000, marks=pytest.mark.more), pytest.param(100_000, marks=pytest.mark.nightly)]
+)
 def test_memory_does_not_grow_with_the_run(suffix, people, tmp_path):
     peak_of(suffix, 100, 2, tmp_path)  # libraries are loaded
     short, long = (peak_of(suffix, people, frames, tmp_path) for frames in (3, 12))

@@ -42,6 +42,28 @@ def grid_over(geometry: Geometry) -> Grid:
     return Grid((x0 - margin, y0 - margin), (shape[0], shape[1]))
 
 
+class Spread:
+    """Spreads people over the cells of a grid: how dense crowds are there, and how hard they press."""
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
+        self._near = _disc(REACH, grid.shape[1])
+        offset, cover = _disc(_FELT, grid.shape[1])
+        self._felt = offset[cover > 0.3]  # the cell and its four neighbors
+
+    def __call__(self, position: Floats, pressure: Floats, crowd: Ints, crowds: int) -> tuple[Floats, Floats]:
+        """Return density [1/m2] and pressure [N/m] of so many crowds (C, cells), of K people in the ``crowd`` (K,) of each."""
+        cells, (offset, cover) = self._grid.shape[0] * self._grid.shape[1], self._near
+        at = crowd * cells + self._grid.cell_of(position)
+        place = at[:, None] + offset
+        weights = np.broadcast_to(cover / (np.pi * REACH**2), place.shape)
+        density = np.bincount(place.ravel(), weights.ravel(), minlength=crowds * cells).astype(np.float64)
+        felt, pressed = np.zeros(crowds * cells), pressure > 0.0
+        place = at[pressed][:, None] + self._felt
+        np.maximum.at(felt, place.ravel(), np.repeat(pressure[pressed], len(self._felt)))
+        return density.reshape(crowds, cells), felt.reshape(crowds, cells)
+
+
 class Maps(NamedTuple):
     """Where it was crowded and where people pressed, over all samples with someone inside; arrays (rows, columns)."""
 
@@ -83,11 +105,8 @@ class MeasurementRecorder:
 
     def __init__(self, geometry: Geometry) -> None:
         self.grid = grid_over(geometry)
-        cells = self.grid.shape[0] * self.grid.shape[1]
-        self._spread = _disc(REACH, self.grid.shape[1])
-        offset, cover = _disc(_FELT, self.grid.shape[1])
-        self._felt = offset[cover > 0.3]  # the cell and its four neighbors
-        self._sums, self._most = np.zeros((2, cells)), np.zeros((2, cells))
+        self._spread = Spread(self.grid)
+        self._sums, self._most = (np.zeros((2, self.grid.shape[0] * self.grid.shape[1])) for _ in range(2))
         self._samples = 0
         self._spent = np.zeros(2)  # s  on steps, and the part of it in which the fastest routes are found anew
 
@@ -166,18 +185,9 @@ class MeasurementRecorder:
         near = most_within(as_grid(position, env.num_envs), as_grid(inside, env.num_envs), REACH)
         density = near / (np.pi * REACH**2)
         np.maximum(self._max_density, density, out=self._max_density)
-        cells = self._sums.shape[1]
         people = np.flatnonzero(inside)
-        at = self.grid.cell_of(position[people])
-        offset, cover = self._spread
-        place = (env.env_of_person[people] * cells + at)[:, None] + offset
-        weights = np.broadcast_to(cover / (np.pi * REACH**2), place.shape)
-        crowd = np.bincount(place.ravel(), weights.ravel(), minlength=env.num_envs * cells).reshape(-1, cells)
-        felt = np.zeros(env.num_envs * cells)
-        pressed = pressure[people] > 0.0
-        place = (env.env_of_person[people[pressed]] * cells + at[pressed])[:, None] + self._felt
-        np.maximum.at(felt, place.ravel(), np.repeat(pressure[people[pressed]], len(self._felt)))
-        for k, field in enumerate((crowd, felt.reshape(-1, cells))):
+        fields = self._spread(position[people], pressure[people], env.env_of_person[people], env.num_envs)
+        for k, field in enumerate(fields):
             self._sums[k] += field.sum(axis=0)
             np.maximum(self._most[k], field.max(axis=0), out=self._most[k])
         self._samples += int(as_grid(inside, env.num_envs).any(axis=1).sum())

@@ -86,7 +86,7 @@ def main(
         for one in films:
             inside = int(one.inside(one.end))
             told = f"{inside} still inside after" if inside else "all out after"
-            typer.echo(f"{one.title}: {told} {one.end:.1f} s")
+            typer.echo(f"{one.facts['shown_as']}: {told} {one.end:.1f} s")
         with progress_bar("film, frames") as progress:
             write_beside(path, films, width=film_width, fps=film_fps, speed=film_speed, progress=progress)
         notes.print(said_of(path), markup=False, soft_wrap=True)

@@ -4,20 +4,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import ContactForces, contact_forces
 from crowd_env.physics.simulation.simulation import Simulation
+from crowd_env.recording import Recording
 from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
 from crowd_env.rendering.discs import put_bodies, put_discs
+from crowd_env.rendering.forces.moment import forces_of
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, QUIET, RAMP, Color
 from crowd_env.rendering.plan import Layout, draw_plan
-from crowd_env.rendering.text import Image
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
 _DPI = 160
 _BIG = 9.0  # m, of a longer geometry only the surroundings of an exit are shown
@@ -34,8 +37,9 @@ _WIDEST = 0.45  # of the width of the bodies: the line of the largest force
 
 def write_force_network(
     path: str | Path,
-    crowd: Simulation | ContactForces,
+    crowd: Recording | Simulation | ContactForces,
     *,
+    at: float | None = None,
     e: int = 0,
     around: float | None = None,
     full_force: float | None = None,
@@ -49,8 +53,9 @@ def write_force_network(
     Parameters
     ----------
     path : ends in .png.
-    crowd : a simulation, after a step, or forces kept from one.
-    e : environment of the simulation.
+    crowd : a recording with contacts; a simulation, after a step, or forces kept from one.
+    at : s, the moment of a recording; see `forces_of`.
+    e : environment of a simulation.
     around : m, how far around the exit at which people press most is shown; inf for all of it.  Default 3.5 m, or the
         whole geometry if its longer side is at most 9 m.
     full_force : N, the force of the widest line; default the largest seen.  Give the same to pictures to be compared.
@@ -62,9 +67,13 @@ def write_force_network(
     ValueError
         If the suffix is another, or ``around`` or ``full_force`` is not positive.
     """
-    forces = contact_forces(crowd, e) if isinstance(crowd, Simulation) else crowd
+    forces = crowd if isinstance(crowd, ContactForces) else _forces(crowd, at, e)
     figure = force_network_figure(forces, around=around, full_force=full_force, color=color, title=title)
     return save_figure(figure, path, formulas=False)
+
+
+def _forces(crowd: Recording | Simulation, at: float | None, e: int) -> ContactForces:
+    return contact_forces(crowd, e) if isinstance(crowd, Simulation) else forces_of(crowd, at)
 
 
 def force_network_figure(
@@ -82,13 +91,15 @@ def force_network_figure(
     with drawing_library():
         from matplotlib.collections import LineCollection
     layout = _layout(forces.geometry, _window(forces, around))
-    plan = draw_plan(forces.geometry, layout, 2)
+    plan = draw_plan(forces.geometry, layout)
     size = (layout.width, _HEADER + layout.height + _FOOTER)
     figure = new_figure((size[0] / _DPI, size[1] / _DPI), dpi=_DPI, background=BACKGROUND, constrained=False)
     axes = figure.add_axes((0.0, _FOOTER / size[1], 1.0, layout.height / size[1]))
     extent = (0, layout.width, layout.height, 0)
-    axes.imshow(_with_people(plan, forces, layout), extent=extent, interpolation="none")
-    axes.imshow(_walls_only(plan), extent=extent, interpolation="none", zorder=4)  # lines end where the wall begins
+    axes.imshow(np.asarray(_with_people(plan, forces, layout)), extent=extent, interpolation="none")
+    axes.imshow(
+        _walls_only(np.asarray(plan)), extent=extent, interpolation="none", zorder=4
+    )  # lines end where the wall begins
     axes.set_axis_off()
     pressing = np.flatnonzero(forces.force > 0.0)
     pressing = pressing[np.argsort(forces.force[pressing])]  # the largest on top
@@ -159,7 +170,7 @@ def _layout(geometry: Geometry, window: tuple[float, float, float, float]) -> La
     return Layout(width, height, scale, origin, max(_WALL * scale, 3.0), 20.0, round(0.04 * width), 0, 0)
 
 
-def _with_people(plan: Image, forces: ContactForces, layout: Layout) -> Image:
+def _with_people(plan: "Image", forces: ContactForces, layout: Layout) -> "Image":
     """Return the image of the geometry with the people drawn lightly."""
     image, inside = plan.copy(), forces.active
     if forces.outline is not None and forces.angle is not None:
@@ -169,13 +180,11 @@ def _with_people(plan: Image, forces: ContactForces, layout: Layout) -> Image:
         return image
     center, radius = layout.pixels(forces.position[inside]), layout.scale * forces.radius[inside]
     for color, smaller in ((_RIM, 0.0), (_PERSON, _RIM_WIDTH)):
-        put_discs(
-            image, center, radius - smaller, np.tile(np.array(color, dtype=np.uint8), (len(radius), 1)), rim=False
-        )
+        put_discs(image, center, radius - smaller, np.full((len(radius), 3), color, dtype=np.uint8), rim=False)
     return image
 
 
-def _walls_only(plan: Image) -> Image:
+def _walls_only(plan: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the image (H, W, 4) of the geometry, transparent where people can be."""
     floor = np.zeros(plan.shape[:2], dtype=bool)
     for color in (FLOOR, EXIT, EXIT_MAT):

@@ -17,7 +17,7 @@ from crowd_env.rendering.replay.colors import STEPS, plain_colors, style_variabl
 from crowd_env.rendering.replay.pack import Column, pack
 from crowd_env.rendering.replay.shapes import plain_plan
 from crowd_env.rendering.replay.tracks import contacts_of, thinned_frames, tracks_of
-from crowd_env.rendering.replay.words import fact_rows, outcome, titles
+from crowd_env.rendering.words import fact_rows, outcome, titles
 
 MOST_ROWS = 5_000_000  # people in frames, and contacts, of one page: about 30 MB
 MOST_RECORDINGS = 2
@@ -96,27 +96,27 @@ def _packed(recording: Recording, most_rows: int) -> _Packed:
     tracks, contacts = tracks_of(recording, frames), contacts_of(recording, frames)
     plan, origin = plain_plan(recording)
     columns = [
-        Column("times", tracks.times, 1e-4, 2),
-        Column("first", tracks.first, order=1),
-        Column("samples", tracks.samples, order=1),
-        Column("until", tracks.until, 1e-4, 1),
-        Column("exit_time", np.nan_to_num(recording.exit_time, nan=_NEVER), 1e-4, 1),
-        Column("exit_index", recording.exit_index, order=1),
-        Column("radius", recording.radius, 1e-4, 1),
-        Column("desired_speed", np.nan_to_num(recording.desired_speed), 1e-3, 1),
-        Column("group", recording.group, order=1),
-        Column("x", tracks.x, 1e-3, 2, float(origin[0])),
-        Column("y", tracks.y, 1e-3, 2, float(origin[1])),
-        Column("speed", tracks.speed, 1e-2, 1),
-        Column("pressure", tracks.pressure, 5.0, 1),
+        Column("times", tracks.times),
+        Column("first", tracks.first),
+        Column("samples", tracks.samples),
+        Column("until", tracks.until),
+        Column("exit_time", np.nan_to_num(recording.exit_time, nan=_NEVER)),
+        Column("exit_index", recording.exit_index),
+        Column("radius", recording.radius),
+        Column("desired_speed", np.nan_to_num(recording.desired_speed)),
+        Column("group", recording.group),
+        Column("x", tracks.x - origin[0], 1e-3),
+        Column("y", tracks.y - origin[1], 1e-3),
+        Column("speed", tracks.speed, 1e-2),
+        Column("pressure", tracks.pressure, 5.0),
     ]
     if tracks.angle is not None:
-        columns.append(Column("angle", tracks.angle, 2.0 * np.pi / 1024, 2))
+        columns.append(Column("angle", tracks.angle, 2.0 * np.pi / 1024))
     if contacts is not None:
         columns += [
-            Column("contact_start", contacts.start, order=1),
-            Column("contact_i", contacts.i, order=1),
-            Column("contact_j", np.maximum(contacts.j, -1), order=1),
+            Column("contact_start", contacts.start),
+            Column("contact_i", contacts.i),
+            Column("contact_j", np.maximum(contacts.j, -1)),
             # Lines between people go from body to body; where a wall is touched must be said.
             *(
                 Column(f"contact_{axis}", np.where(contacts.j < 0, contacts.point[:, k] - origin[k], 0.0), 1e-2)

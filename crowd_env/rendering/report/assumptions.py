@@ -1,4 +1,4 @@
-"""The sections of a report that say what was put in, and what may not be concluded from it."""
+"""What was put into the runs of a report, and what may not be concluded from them."""
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
@@ -6,85 +6,43 @@ from typing import Any
 
 from crowd_env.analysis.results.folder import CONFIG
 from crowd_env.rendering.report.limits import limits_of, validation_map
-from crowd_env.rendering.report.markup import bullets, code, heading, paragraph, section, table
 from crowd_env.rendering.report.runs import Runs, described
 
 
-def population(runs: Sequence[Runs]) -> str:
-    """Return the section on who is evacuated."""
-    parts = []
-    for names, one in _different(runs, lambda one: [one.config[key] for key in ("population", "manner", "outline")]):
-        if names:
-            parts.append(heading(names))
-        groups = one.config["population"]
-        head = ("", *(_group(k, part, len(groups)) for k, part in enumerate(groups)))
-        rows = [(label, *(words(part) for part in groups)) for label, words in _OF_A_GROUP.items()]
-        rows.append(("how they walk before they touch", *([described(one.config["manner"])] * len(groups))))
-        rows.append(("shape of the body", *([described(one.config["outline"])] * len(groups))))
-        parts.append(table(rows, head if len(groups) > 1 else ()))
-    return section("Population", *parts)
+def assumptions(runs: Sequence[Runs]) -> dict[str, Any]:
+    """Return who is evacuated, what was assumed and is not modeled, what the validation map says, and how to repeat it."""
+    again = [["crowd-env", "run", "--config", str(one.folder / CONFIG)] for one in runs]
+    first = [one.config.get("command") or ["crowd-env", "run"] for one in runs]
+    people = _different(runs, ("population", "manner", "outline"))
+    return {
+        "population": [{"names": names, **_population(one)} for names, one in people],
+        "assumed": [(label, *(words(one) for one in runs)) for label, words in _ASSUMED.items()],
+        "known": validation_map(),
+        "limits": [
+            {"names": names, **limits_of(one)._asdict()}
+            for names, one in _different(runs, ("scheme", "manner", "outline", "dt"))
+        ],
+        "made": [(label, *(words(one) for one in runs)) for label, words in _MADE.items()],
+        "again": "\n".join(map(shlex.join, again)),
+        "first": "\n".join(map(shlex.join, first)),
+    }
 
 
-def assumptions(runs: Sequence[Runs]) -> str:
-    """Return the section on what was assumed, and what is not modeled."""
-    head = ("", *(one.name for one in runs)) if len(runs) > 1 else ()
-    rows = [(label, *(words(one) for one in runs)) for label, words in _ASSUMED.items()]
-    return section(
-        "Assumptions", table(rows, head), heading("What is not modeled"), bullets(validation_map()["not_modeled"])
-    )
+def _population(one: Runs) -> dict[str, Any]:
+    groups = one.config["population"]
+    rows = [(label, *(words(part) for part in groups)) for label, words in _OF_A_GROUP.items()]
+    for label, name in (("how they walk before they touch", "manner"), ("shape of the body", "outline")):
+        rows.append((label, *([described(one.config[name])] * len(groups))))
+    head = ("", *(part["name"] or f"group {k + 1}" for k, part in enumerate(groups)))
+    return {"head": head if len(groups) > 1 else (), "rows": rows}
 
 
-def limits(runs: Sequence[Runs]) -> str:
-    """Return the section on what the validation map says of the schemes and manners of the runs."""
-    parts = [
-        paragraph(
-            "Each row is a case of the project's own validation: the contact scheme and the manner of walking of these runs, "
-            "held against a recorded experiment, published figures or a test of a standard. That a case is met says nothing of "
-            f"plans and crowds unlike it. From {validation_map()['source']}, as it ships with this version."
-        )
-    ]
-    for names, one in _different(runs, lambda one: [one.config[key] for key in ("scheme", "manner", "outline", "dt")]):
-        found = limits_of(one)
-        parts += [heading(f"{found.about} ({names})" if names else found.about), paragraph(found.summary, "lead")]
-        parts.append(bullets(found.notes))
-        if found.rows:
-            parts.append(table(found.rows, ("case", "outcome", "criterion and source"), kind="limits"))
-    parts += [heading("Tests of standards that cannot be run"), bullets(validation_map()["not_supported"], "small")]
-    return section("Limits of validity", *parts)
-
-
-def provenance(runs: Sequence[Runs]) -> str:
-    """Return the section on versions, seeds and the commands that repeat the runs."""
-    head = ("", *(one.name for one in runs)) if len(runs) > 1 else ()
-    rows = [(label, *(words(one) for one in runs)) for label, words in _MADE.items()]
-    again = [shlex.join(["crowd-env", "run", "--config", str(one.folder / CONFIG)]) for one in runs]
-    first = [shlex.join(one.config.get("command") or ["crowd-env", "run"]) for one in runs]
-    return section(
-        "Versions, seeds, and how to repeat this",
-        table(rows, head),
-        paragraph("The same runs again, from the folders of this report:"),
-        code(again),
-        paragraph("They were made by:"),
-        code(first),
-    )
-
-
-def _different(runs: Sequence[Runs], of: Callable[[Runs], Any]) -> list[tuple[str, Runs]]:
-    """Return the first of those that are alike, with the names of all of them; no name if all are alike."""
-    kinds: list[tuple[Any, list[Runs]]] = []
+def _different(runs: Sequence[Runs], names: Sequence[str]) -> list[tuple[str, Runs]]:
+    """Return the first of those whose config is alike, with the names of all of them; no name if all are alike."""
+    kinds: dict[str, list[Runs]] = {}
     for one in runs:
-        alike = next((group for value, group in kinds if value == of(one)), None)
-        if alike is None:
-            kinds.append((of(one), [one]))
-        else:
-            alike.append(one)
-    if len(kinds) == 1:
-        return [("", runs[0])]
-    return [("; ".join(one.name for one in group), group[0]) for _, group in kinds]
-
-
-def _group(k: int, part: Mapping[str, Any], groups: int) -> str:
-    return part["name"] or (f"group {k + 1}" if groups > 1 else "")
+        kinds.setdefault(repr([one.config[name] for name in names]), []).append(one)
+    return [("; ".join(one.name for one in kind) if len(kinds) > 1 else "", kind[0]) for kind in kinds.values()]
 
 
 def _spread(value: Any, unit: str) -> str:

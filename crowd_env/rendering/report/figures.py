@@ -1,8 +1,10 @@
-"""The sections of a report that show something: the plan as it was understood, and what came out."""
+"""What a report shows: the plan as it was understood, and what came out."""
 
+import base64
 from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 from math import inf, isfinite
+from pathlib import Path
 from typing import Any
 
 from crowd_env.analysis.plan_check import PlanCheck, check_plan, spot
@@ -11,17 +13,45 @@ from crowd_env.analysis.results.measurements import INJURY, REACH
 from crowd_env.core.arrays.outline import room_of
 from crowd_env.rendering.comparison import Band, Share, egress_bands, share_bars
 from crowd_env.rendering.heat import heat_maps
-from crowd_env.rendering.report.differences import COMPARED
+from crowd_env.rendering.report.differences import COMPARED, differences
 from crowd_env.rendering.report.maps import Measured, Worst, heat_of
-from crowd_env.rendering.report.markup import Drawer, bullets, heading, paragraph, picture, section, table
 from crowd_env.rendering.report.runs import Runs
 from crowd_env.rendering.sheet import draw_sheet
 
 _LOW, _HIGH = QUANTILES.index(0.05), QUANTILES.index(0.95)
 
 
-def place(runs: Sequence[Runs], drawer: Drawer) -> str:
-    """Return the section on the plan: each that differs from the others, as it was understood."""
+def figures(runs: Sequence[Runs], measured: Sequence[Measured], folder: Path) -> dict[str, Any]:
+    """Return the tables and pictures (as base64) of a report; pictures are drawn in ``folder`` on their way."""
+    path = folder / "picture.png"
+    names = [one.name for one in runs]
+    found: dict[str, Any] = {
+        "names": names,
+        "head": ("", *names) if len(runs) > 1 else (),
+        "places": _places(runs, path),
+        "results": [(label, *(words(one) for one in runs)) for label, words in _ROWS.items()],
+        "curves": _curves(runs, path),
+        "exits": _exits(runs, path),
+        "gaps": _gaps(runs),
+        "maps": [],
+        "reach": f"{REACH:g}",
+        "injury": f"{INJURY:g}",
+    }
+    of_name = {one.name: one for one in runs}
+    for one in measured:
+        heat_maps(path, of_name[one.name].scenario.geometry, heat_of(one, measured), title=one.name)
+        pairs = zip_longest(one.densest, one.hardest)
+        rows = [(k + 1, _spot(dense, "people/m²", 1), _spot(hard, "N/m", 0)) for k, (dense, hard) in enumerate(pairs)]
+        found["maps"].append({"name": one.name, "runs": one.runs, "png": _taken(path), "rows": rows})
+    return found
+
+
+def _taken(path: Path) -> str:
+    return base64.b64encode(path.read_bytes()).decode("ascii")
+
+
+def _places(runs: Sequence[Runs], path: Path) -> list[dict[str, Any]]:
+    """Return each plan that differs from the others, as it was understood."""
     parts = []
     of_plan: dict[str, list[Runs]] = {}
     for one in runs:
@@ -36,16 +66,11 @@ def place(runs: Sequence[Runs], drawer: Drawer) -> str:
             room=room_of(scenario.outline_of_run()),
             seed=group[0].episodes[0].seed,
         )
-        if len(of_plan) > 1:
-            parts.append(heading("; ".join(one.name for one in group)))
-        draw_sheet(drawer.path, [check])
-        parts.append(
-            picture(drawer.taken(), f"Plan of {scenario.name} with exits and people at the start", kind="plan")
-        )
-        parts.append(table(_plan_rows(check)))
-        if check.remarks:
-            parts += [paragraph("To be checked:"), bullets(check.remarks, "remarks")]
-    return section("The plan as it was understood", *parts)
+        draw_sheet(path, [check])
+        names = "; ".join(one.name for one in group) if len(of_plan) > 1 else ""
+        place = {"names": names, "name": scenario.name, "png": _taken(path)}
+        parts.append({**place, "rows": _plan_rows(check), "remarks": check.remarks})
+    return parts
 
 
 def _plan_rows(check: PlanCheck) -> list[tuple[str, str]]:
@@ -75,75 +100,19 @@ def _passage(check: PlanCheck, name: str) -> str:
     return f"to {name}: {passage.gap.width:.2f} m, {where}"
 
 
-def results(runs: Sequence[Runs], minus_first: Sequence[Mapping[str, Any]], drawer: Drawer) -> str:
-    """Return the section on what came out."""
-    head = ("", *(one.name for one in runs)) if len(runs) > 1 else ()
-    rows = [(label, *(words(one) for one in runs)) for label, words in _ROWS.items()]
-    parts = [
-        table(rows, head, kind="numbers"),
-        paragraph(
-            "Means over runs with the 95 % interval of the mean (Student's t) and ± the standard deviation of single runs; "
-            "shares of runs with Wilson's 95 % interval. Evacuation time is over the runs in which everyone got out, mean exit "
-            "time over those who got out. The intervals are those of the draw of people, not of what the model leaves out.",
-            "small",
-        ),
-        _curves(runs, drawer),
-        _shares(runs, drawer),
-    ]
-    if len(runs) > 1:
-        parts += [heading(f"Differences to {runs[0].name}"), *_differences(minus_first)]
-    return section("Results", *parts)
-
-
-def maps(runs: Sequence[Runs], found: Sequence[Measured], drawer: Drawer) -> str:
-    """Return the section on where it was crowded, and where people pressed each other; nothing if it was not measured."""
-    if not found:
-        return ""
-    parts = [
-        paragraph(
-            "In each cell the largest value of any moment of the runs that were made again for this. Density: people within "
-            f"{REACH:g} m over the area of that disc. Pressure: contact force on a person over the circumference of the body, "
-            f"mean of one decision; beyond {INJURY:g} N/m people are taken for injured in Helbing, Farkas, Vicsek 2000 (Nature "
-            "407:487). Forces are those of the contact scheme and were not held against measured ones.",
-            "small",
-        )
-    ]
-    for one, measured in zip(runs, found, strict=True):
-        again = "1 run" if measured.runs == 1 else f"{measured.runs} runs"
-        came = "came out as before, to the last bit" if measured.same else "did NOT come out as before"
-        heat_maps(drawer.path, one.scenario.geometry, heat_of(measured, found), title=one.name)
-        caption = (
-            f"{one.name}: {again} made again from their seeds; they {came}. All maps of a kind have the same colors."
-        )
-        parts.append(picture(drawer.taken(), f"Maps of {one.name}", caption, "maps"))
-        rows = [
-            (k + 1, *(_spot(pair, unit) for pair, unit in zip(pairs, ("people/m²", "N/m"), strict=True)))
-            for k, pairs in enumerate(zip_longest(measured.densest, measured.hardest))
-        ]
-        parts.append(table(rows, ("worst places", "density", "pressure"), kind="numbers"))
-    return section("Where it was crowded, and where people pressed", *parts)
-
-
-def _spot(place: Worst | None, unit: str) -> str:
+def _spot(place: Worst | None, unit: str, digits: int) -> str:
     if place is None:
         return "–"
-    value = f"{place.value:.1f}" if unit == "people/m²" else f"{place.value:.0f}"
-    return f"{value} {unit} at ({place.x:.1f}, {place.y:.1f}) m, {place.distance:.1f} m from exit {place.exit}"
+    at = f"at ({place.x:.1f}, {place.y:.1f}) m, {place.distance:.1f} m from exit {place.exit}"
+    return f"{place.value:.{digits}f} {unit} {at}"
 
 
-def _curves(runs: Sequence[Runs], drawer: Drawer) -> str:
+def _curves(runs: Sequence[Runs], path: Path) -> str:
     bands = {}
     for one in runs:
         curve = egress([episode.exit_time for episode in one.episodes])
         bands[one.name] = Band(curve.time, curve.mean, curve.quantiles[:, _LOW], curve.quantiles[:, _HIGH], _known(one))
-    egress_bands(drawer.path, bands)
-    caption = (
-        "N(t): how many people are inside; lines are means over draws, bands hold 90 % of them (5 % to 95 % quantile). "
-        "A curve ends where the time limit ended a run with people inside."
-    )
-    return heading("Egress curves") + picture(
-        drawer.taken(), "Number of people inside over time", caption, "small-plot"
-    )
+    return _taken(egress_bands(path, bands))
 
 
 def _known(runs: Runs) -> float:
@@ -152,16 +121,14 @@ def _known(runs: Runs) -> float:
     return min((one.end for one in cut), default=inf)
 
 
-def _shares(runs: Sequence[Runs], drawer: Drawer) -> str:
-    exits = list(dict.fromkeys(name for one in runs for name in one.figures["exits"]))
-    if len(exits) < 2:
-        return ""
+def _exits(runs: Sequence[Runs], path: Path) -> dict[str, Any] | None:
+    """Return the shares of the exits; None if there is one."""
+    names = list(dict.fromkeys(name for one in runs for name in one.figures["exits"]))
+    if len(names) < 2:
+        return None
     shares = {one.name: {name: _share(found["share"]) for name, found in one.figures["exits"].items()} for one in runs}
-    share_bars(drawer.path, shares, exits)
-    rows = [(name, *(_exit(one.figures["exits"].get(name)) for one in runs)) for name in exits]
-    caption = "Share of those who got out by each exit, mean over runs with its 95 % interval."
-    shown = picture(drawer.taken(), "Shares of the exits", caption, "small-plot")
-    return heading("Exits") + shown + table(rows, ("exit", *(one.name for one in runs)), kind="numbers")
+    rows = [(name, *(_exit(one.figures["exits"].get(name)) for one in runs)) for name in names]
+    return {"png": _taken(share_bars(path, shares, names)), "rows": rows, "head": ("exit", *(one.name for one in runs))}
 
 
 def _share(figure: Mapping[str, Any]) -> Share:
@@ -179,22 +146,16 @@ def _exit(found: Mapping[str, Any] | None) -> str:
     return f"{100 * found['share']['mean']:.1f} %{interval}"
 
 
-def _differences(minus_first: Sequence[Mapping[str, Any]]) -> list[str]:
+def _gaps(runs: Sequence[Runs]) -> dict[str, Any]:
+    """Return by how much the runs differ from the first, and why some cannot be compared."""
+    minus_first = differences(runs)
     pairable = [one for one in minus_first if "why_not" not in one]
-    parts = []
-    if pairable:
-        rows = [(label, *(_gap(one[name]) for one in pairable)) for name, label in COMPARED.items()]
-        rows.append(("runs of the same draw", *(str(one["shared_seeds"]) for one in pairable)))
-        parts.append(table(rows, ("", *(f"{one['name']} minus {one['minus']}" for one in pairable)), kind="numbers"))
-        parts.append(
-            paragraph(
-                "Paired, run by run on the same people in the same places (common random numbers), with the 95 % interval of "
-                "the mean difference. An interval that holds 0 shows no clear difference.",
-                "small",
-            )
-        )
-    parts.append(bullets(f"{one['name']}: {one['why_not']}." for one in minus_first if "why_not" in one))
-    return parts
+    rows = [(label, *(_gap(one[name]) for one in pairable)) for name, label in COMPARED.items()]
+    return {
+        "head": ("", *(f"{one['name']} minus {one['minus']}" for one in pairable)) if pairable else (),
+        "rows": [*rows, ("runs of the same draw", *(str(one["shared_seeds"]) for one in pairable))],
+        "why_not": [f"{one['name']}: {one['why_not']}." for one in minus_first if "why_not" in one],
+    }
 
 
 def _gap(figure: Mapping[str, Any]) -> str:

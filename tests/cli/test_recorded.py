@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import looped
 from replayed_pages import Parsed, read_page
 from typer.testing import CliRunner
 
@@ -25,8 +26,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenario = make_scenario("room-v0")
     few = replace(scenario, population=scenario.population.changed(people=5))
     path = tmp_path_factory.mktemp("recordings") / "room.sqlite"
-    record(few, path, seed=2, contacts=True)
-    return path
+    return record(few, seed=2, contacts=True).save(path)
 
 
 def test_the_page_lies_beside_the_recording_and_holds_it(recorded: Path) -> None:
@@ -65,6 +65,21 @@ def test_a_run_refuses_a_page_that_cannot_be_written_before_it_runs(tmp_path: Pa
     assert "must end in .html" in result.stderr
 
 
+def test_a_folder_of_runs_is_filmed_replayed_and_its_forces_drawn(recorded: Path, tmp_path: Path) -> None:
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "000.sqlite").write_bytes(recorded.read_bytes())
+    for words, made in (
+        (["film", "--speed", "4", "-o", str(tmp_path / "a.gif")], "a.gif"),
+        (["replay"], "replay.html"),
+        (["forces", "--around", "2"], "forces.png"),
+    ):
+        result = CliRunner().invoke(app, [*words, str(tmp_path)])
+        assert result.exit_code == 0, result.stderr
+        assert str(tmp_path / made) in result.stderr.replace("\n", "") and (tmp_path / made).stat().st_size > 1000
+    result = CliRunner().invoke(app, ["forces", str(tmp_path), "--at", "99"])
+    assert result.exit_code == 2 and "there are no forces at 99 s" in result.stderr
+
+
 def test_two_recordings_share_a_page(recorded: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.sqlite"
     other.write_bytes(recorded.read_bytes())
@@ -74,9 +89,10 @@ def test_two_recordings_share_a_page(recorded: Path, tmp_path: Path) -> None:
     assert [one["label"] for one in about["recordings"]] == ["room", "other"]  # nothing else tells them apart
 
 
-@pytest.mark.parametrize(
+@looped(
     ("arguments", "said"),
     [
+        (["empty"], "holds no recording"),
         (["nowhere.sqlite"], "nowhere.sqlite"),
         (["broken.sqlite"], "broken.sqlite"),
         (["broken.sqlite", "-o", "page.pdf"], "must end in .html"),
@@ -91,7 +107,8 @@ def test_mistakes_are_one_sentence_and_nothing_is_written(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "broken.sqlite").write_bytes(b"SQLite format 3\x00 and no more")
     (tmp_path / "plan.wkt").write_text("POLYGON ((0 0, 1 0, 1 1, 0 0))")
-    (tmp_path / "folder.html").mkdir()
+    (tmp_path / "folder.html").mkdir(exist_ok=True)
+    (tmp_path / "empty").mkdir(exist_ok=True)
     before = sorted(tmp_path.iterdir())
     code, text = replay(*arguments)
     assert code == 2

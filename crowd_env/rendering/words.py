@@ -1,4 +1,4 @@
-"""What a page says about recordings: a title, what tells them apart, and a table of all facts."""
+"""What pages and films say about recordings: a title, what tells them apart, and a table of all facts."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
