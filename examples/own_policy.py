@@ -1,7 +1,7 @@
 """A policy of your own beside the rule: python -m examples.own_policy (from the checkout).
 
 Everyone walks the shortest path, the slower the more people are near.  A policy is any object with `name`, `env_options`,
-`reset` and `act`; see docs/extending.md for how to give it a name on the command line.
+`reset` and `act`; on the command line it is `--policies examples/own_policy.py:Patient`.
 """
 
 from typing import Any

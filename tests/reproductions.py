@@ -6,15 +6,8 @@ import json
 from typer.testing import CliRunner
 
 from crowd_env.cli.reproduce import app
-from crowd_env.reproduce import Work
-
-
-def nothing(count):
-    """Report progress to nobody."""
-
 
 PNG = b"\x89PNG\r\n\x1a\n"
-ALONE = Work(nothing, {})  # what a figure is made with that simulates by itself
 
 
 def call(line):

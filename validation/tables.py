@@ -218,11 +218,12 @@ def clogging(source: Source) -> Grid:
 
 def frozen(source: Source) -> Grid:
     """One row a variant of Lin's room: how many draws block at each multiple of v*, and where half of them do."""
-    columns = {"friction of people": "{friction:g}", "A, N": "{A, N:g}", "φ": "{phi:g}", "v*, m/s": "{v*, m/s:.2f}"}
+    names = {"friction of people": "friction:g", "A, N": "A, N:g", "φ": "phi:g", "v*, m/s": "v*, m/s:.2f"}
+    columns = {head: "{{more[{}]:{}}}".format(*name.split(":")) for head, name in names.items()}
     for at in ("blocked at 1.2 v*", "blocked at 1.4 v*"):
-        columns[at] = f"{{{at}}} of {{draws}} ({{{at}, least share:%}} to {{{at}, most:%}} %)"
-    columns["half block at"] = "{half block at, v*:.2f} v* = {half block at, m/s:.2f} m/s"
-    return grid((row["more"] for row in source.rows("frozen")), **columns)
+        columns[at] = f"{{more[{at}]}} of {{more[draws]}} ({{more[{at}, least share]:%}} to {{more[{at}, most]:%}} %)"
+    columns["half block at"] = "{more[half block at, v*]:.2f} v* = {more[half block at, m/s]:.2f} m/s"
+    return grid(source.rows("frozen"), **columns)
 
 
 def strategies(source: Source) -> Grid:
@@ -309,9 +310,16 @@ def variants(source: Source) -> Grid:
     """Return the flows of Table 5 with other readings of the room, and in how many runs people were left inside."""
     options = [
         "",
-        *(f"--door-width {width}" for width in (0.78, 0.86, 0.9)),
-        *(f"--target {target}" for target in ("centre", "nearest", "width")),
-        *("--side 8", "--dt 0.005", "--dt 0.001 --stiffness 1.2e6", "--stiffness 1.2e4", "--k-normal 80", "--seed 50"),
+        *(f"--set door_width={width}" for width in (0.78, 0.86, 0.9)),
+        *(f"--set target={target}" for target in ("centre", "nearest", "width")),
+        *(
+            "--set side=8",
+            "--set dt=0.005",
+            "--set dt=0.001 --set stiffness=1.2e6",
+            "--set stiffness=1.2e4",
+            "--set k_normal=80",
+            "--seed 50",
+        ),
     ]
     rows = [
         {"options": f"`{one}`" if one else "(none)", "r": _report(source, f"table5 {one}".strip())} for one in options

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from crowd_env import Scenario
 from crowd_env.core.arrays.headway import Manner
 from crowd_env.core.executors import Executor, WorkerDied
+from crowd_env.core.files.own import load_own, names_own
 from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.physics import ContactScheme, make_scheme
@@ -152,6 +153,8 @@ def _make(name: str, crowd: _Crowd) -> Entry:
         return _policy_entry(StrategyPolicy(name), crowd)
     if name in POLICIES:
         return _policy_entry(make_policy(name), crowd)
+    if names_own(name):
+        return _policy_entry(load_own("--policies", name), crowd)
     plain, sampled = name.removesuffix(SAMPLED), name.endswith(SAMPLED)
     if plain in PRETRAINED:
         return replace(_learned_entry(PRETRAINED[plain], crowd, sampled), name=name)

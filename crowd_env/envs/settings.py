@@ -95,7 +95,7 @@ class Physics:
     outline : shape of all bodies: a name in ``OUTLINES``, an `Outline`, or a table of its parameters.  By default the scenario
         decides, and if it says nothing bodies are discs.  Only schemes that turn bodies take another: `hertz`, `hertz-literal`.
     max_drive : N, the largest force with which a pedestrian drives forwards; by default as large as the papers make it, up to
-        1,600 N.  No scheme without a driving force takes it (`nsm1`).
+        2 kN.  No scheme without a driving force takes it (`nsm1`).
     threads : spread environments over threads; results do not depend on it.
 
     Raises

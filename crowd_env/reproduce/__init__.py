@@ -5,23 +5,23 @@ A paper is a folder with its settings, a file a figure and a `Paper` that lists 
 
 from typing import Any
 
+from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.lin2016.paper import PAPER as LIN
-from crowd_env.reproduce.paper import Figure, Paper, Work
+from crowd_env.reproduce.paper import Figure, Paper
 from crowd_env.reproduce.pecol2011.paper import PAPER as PECOL
-from crowd_env.reproduce.result import Progress, RawTable, Result, Row
+from crowd_env.reproduce.result import RawTable, Result, Row
 from crowd_env.reproduce.settings import Settings
 
 __all__ = [
     "FIGURES",
     "PAPERS",
+    "Case",
     "Figure",
     "Paper",
-    "Progress",
     "RawTable",
     "Result",
     "Row",
     "Settings",
-    "Work",
     "find",
 ]
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
 import typer
@@ -12,7 +13,6 @@ from rich.table import Table
 
 from crowd_env.reproduce import FIGURES, PAPERS
 from crowd_env.reproduce.result import Result
-from crowd_env.reproduce.settings import flag
 
 _WIDTH = 100
 
@@ -32,8 +32,8 @@ def show(result: Result) -> None:
         table.add_row(*map(escape, cells), end_section=row.closes)
     console.print(table)
     if result.options:
-        changed = ", ".join(flag(key) + ("" if value is True else f" {value}") for key, value in result.options.items())
-        console.print(f"Options that differ from the defaults: {changed}", markup=False)
+        changed = ", ".join(f"{key} {value}" for key, value in result.options.items())
+        console.print(f"Settings that differ from the defaults: {changed}", markup=False)
     for remark in result.remarks:
         console.print(f"* {remark}", markup=False)
     console.print()
@@ -62,16 +62,20 @@ def show_names(as_json: bool) -> None:
     for paper in PAPERS.values():
         for name, figure in paper.figures.items():
             table.add_row(name, figure.title, _duration(figure.cpu_time), end_section=name == list(paper.figures)[-1])
-    sharing = [name for name, paper in PAPERS.items() if any(figure.runs for figure in paper.figures.values())]
     for name, paper in PAPERS.items():
-        shared = "; they share runs" if name in sharing else ""
-        table.add_row(name, f"all of {paper.title}{shared}", _duration(paper.cpu_time))
+        table.add_row(name, f"all of {paper.title}", _duration(paper.cpu_time))
     table.add_row("all", "all papers", _duration(sum(paper.cpu_time for paper in PAPERS.values())))
     console = _console()
     console.print(table)
-    console.print(
-        f"about: time on one core with the default draws; runs of {', '.join(sharing)} spread over the cores and are kept."
-    )
+    for paper in PAPERS.values():
+        settings = Table(f"--set, {paper.title}", "default", "meaning", box=SIMPLE_HEAD, pad_edge=False)
+        for one in fields(paper.settings):
+            if one.name not in ("runs", "seed"):
+                settings.add_row(
+                    one.name, "" if one.default is None else str(one.default), escape(one.metadata["help"])
+                )
+        console.print(settings)
+    console.print("about: time on one core with the default draws; evacuations spread over the cores and are kept.")
 
 
 def _duration(seconds: float) -> str:

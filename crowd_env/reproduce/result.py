@@ -8,8 +8,6 @@ from typing import Any, NamedTuple
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.json_file import write_json
 
-Progress = Callable[[int], None]
-
 _EQUAL = 1e-9  # relative; what the solvers leave
 
 
@@ -105,24 +103,6 @@ class RawTable(NamedTuple):
 
     header: Sequence[str]
     rows: Iterable[Sequence[object]]
-
-
-class Halfway(KeyboardInterrupt):
-    """Ctrl-C in the middle of the runs of a table or figure.
-
-    Attributes
-    ----------
-    finished : the numbers of the runs that were finished by then.
-    runs : how many these are.
-    """
-
-    def __init__(self, finished: RawTable, runs: int) -> None:
-        super().__init__(f"{runs} runs are finished")
-        self.finished, self.runs = finished, runs
-
-    def after(self, before: RawTable, runs: int) -> "Halfway":
-        """Return it with ``runs`` more, finished before."""
-        return Halfway(RawTable(self.finished.header, [*before.rows, *self.finished.rows]), runs + self.runs)
 
 
 @dataclass(frozen=True)

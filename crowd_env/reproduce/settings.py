@@ -1,7 +1,8 @@
-"""Settings of a paper: a frozen dataclass whose fields are the options of its figures on the command line."""
+"""Settings of a paper: a frozen dataclass whose fields are what the command line may ``--set``."""
 
 import math
 from dataclasses import dataclass, field, fields
+from types import NoneType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 TARGET_HELP = (
@@ -16,8 +17,8 @@ def option(default: Any, help: str, *, may_be_infinite: bool = False) -> Any:
 
 
 def flag(name: str) -> str:
-    """Return the option of the command line for a setting."""
-    return "--" + name.replace("_", "-")
+    """Return how the command line spells an option or a setting."""
+    return f"--{name}" if name in ("runs", "seed", "workers", "fresh", "ray") else f"--set {name}"
 
 
 @dataclass(frozen=True)
@@ -48,13 +49,31 @@ class Settings:
             if isinstance(value, float) and not math.isfinite(value) and not one.metadata["may_be_infinite"]:
                 raise ValueError(f"{flag(one.name)} is {value}; it must be a finite number")
         if not self.dt > 0:
-            raise ValueError(f"--dt is {self.dt:g} s; it must be > 0")
+            raise ValueError(f"--set dt is {self.dt:g} s; it must be > 0")
 
     @property
     def draws_are(self) -> str:
         """The beginning of a sentence: "Draws 0 to 9 are"."""
         last = self.seed + self.runs - 1
         return f"Draw {last} is" if self.runs == 1 else f"Draws {self.seed} to {last} are"
+
+    @classmethod
+    def read(cls, name: str, text: str) -> Any:
+        """Return the value of a setting that the command line gives as text.
+
+        Raises
+        ------
+        ValueError
+            If it is not of its kind.
+        """
+        hint = get_type_hints(cls)[name]
+        kind = (
+            str if get_origin(hint) is Literal else next((one for one in get_args(hint) if one is not NoneType), hint)
+        )
+        try:
+            return {"true": True, "false": False}[text.lower()] if kind is bool else kind(text)
+        except (ValueError, KeyError):
+            raise ValueError(f"--set {name}={text}: {text!r} is no {kind.__name__}") from None
 
     def changed(self) -> dict[str, object]:
         """Return the options that differ from the defaults, without which draws are made."""

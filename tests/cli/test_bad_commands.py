@@ -210,13 +210,13 @@ CASES = [
     # papers
     ("reproduce table9", "table9"),
     ("reproduce table5 --runs 0", "--runs 0 at least 1"),
-    ("reproduce table5 --n 1", "--n 1 at least 3"),
-    ("reproduce table5 --n 1000000000", "1000000000 people do not fit"),
-    ("reproduce table5 --dt nan", "--dt finite"),
-    ("reproduce table3 --n 9", "--n belongs to"),
+    ("reproduce table5 --set people=1", "people 1 at least 3"),
+    ("reproduce table5 --set people=1000000000", "1000000000 people do not fit"),
+    ("reproduce table5 --set dt=nan", "dt finite"),
+    ("reproduce table3 --set people=9", "people belongs to"),
     ("reproduce table5 --out good.toml", "good.toml not a folder"),
     ("reproduce lin-fig6 --workers 0", "--workers 0 at least 1"),
-    ("reproduce table5 --side 1e9", "nodes"),
+    ("reproduce table5 --set side=1e9", "nodes"),
     ("reproduce lin-fig5 --workers 2 --ray", "--workers 2 beside --ray"),
     ("reproduce table3 --ray", "--ray belongs to"),
 ]

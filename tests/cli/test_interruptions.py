@@ -91,24 +91,13 @@ def test_clogging_reports_what_is_finished(stop_after, tmp_path):
         assert len({row["run"] for row in csv.DictReader(file)}) == only["runs"]
 
 
-def test_reproduce_keeps_the_runs_of_an_unfinished_table(stop_after, tmp_path):
-    stop_after(5)
-    result = call(f"reproduce table5 --runs 3 --n 5 --out {tmp_path} --json")
-    assert result.exit_code == 130 and result.stdout == "", result.output
-    with (tmp_path / "table5-interrupted.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    runs = {(row["scheme"], row["seed"]) for row in rows}
-    assert len(runs) >= 5 and len(rows) == 5 * len(runs) and all(row["time_s"] for row in rows)
-    assert f"interrupted: {len(runs)} runs of table5 were finished" in result.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["table5-interrupted.csv"]
-
-
-def test_reproduce_keeps_the_figures_before(stop_after, tmp_path):
-    stop_after(100)
-    result = call(f"reproduce pecol --runs 2 --n 5 --out {tmp_path}")
+def test_reproduce_keeps_its_runs_and_the_figures_before(stop_after, tmp_path):
+    stop_after(8)
+    result = call(f"reproduce pecol --runs 2 --set people=5 --workers 1 --out {tmp_path}")
     assert result.exit_code == 130 and "Traceback" not in result.output
     last = result.stderr.strip().splitlines()[-1]
-    assert last.startswith("interrupted: ") and ("not finished" in last or "were finished" in last)
+    assert last.startswith("interrupted: ") and "runs are kept in" in last and "whole: table3" in last
+    assert (tmp_path / "table3.csv").exists() and not (tmp_path / "runs" / ".lock").exists()
 
 
 # ------------------------------------------------------------------------------------------- what else can go wrong

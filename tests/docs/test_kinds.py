@@ -18,7 +18,7 @@ TRIED = {
     "{toctree}": "test_site.py",
     "{include}": "docs/test_kinds.py",
 }
-WITH_FORMULAS = ("docs/clogging.md", "docs/physics.md")
+WITH_FORMULAS = ("docs/clogging.md", "docs/physics.md", "docs/walking.md")
 
 
 @looped("page", PAGES, ids=named)

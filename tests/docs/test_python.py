@@ -7,6 +7,9 @@ import pytest
 from repository import ROOT
 from shown import blocks, tried
 
+from crowd_env import CrowdEnv
+from crowd_env.core.files.own import load_own
+
 
 @pytest.mark.parametrize("block", tried("python"))
 def test_python_blocks_run(block, monkeypatch, tmp_path):
@@ -41,3 +44,16 @@ def test_examples_run(name, monkeypatch, tmp_path):
     else:
         example.main(tmp_path / "room.png")
         assert os.path.getsize(tmp_path / "room.png") > 1000
+
+
+@pytest.mark.more
+def test_a_law_of_your_own_leads_people_out():
+    law = load_own("--physics", f"{ROOT / 'examples' / 'my_law.py'}:MyLaw")
+    env = CrowdEnv("room-v0", people=10, physics=law)
+    env.reset(seed=0)
+    while not env.finished.all():
+        env.step(None)
+    metrics = env.metrics(0)
+    assert metrics.unfinished == metrics.escaped == 0 and metrics.max_overlap < law.overlap_bound(
+        env.simulation.bodies, 0.01
+    )

@@ -2,20 +2,19 @@
 
 import pytest
 from lin_runs import invented
-from reproductions import ALONE
 
+from crowd_env.cli import reproduce as command
 from crowd_env.reproduce import PAPERS
-from crowd_env.reproduce.lin2016.run import Run
 
 
 @pytest.fixture(scope="module")
 def results():
-    """Return name -> its result with the defaults, made once."""
+    """Return name -> its result with the defaults, made once; of what simulates something small by itself."""
     paper, made = PAPERS["pecol"], {}
 
     def get(name):
         if name not in made:
-            made[name] = paper.figures[name].reproduce(paper.settings_of(name, {}), ALONE)
+            made[name] = paper.figures[name].reproduce(paper.settings_of(name, {}), {})
         return made[name]
 
     return get
@@ -23,15 +22,21 @@ def results():
 
 @pytest.fixture
 def computed(monkeypatch):
-    """Let nothing be simulated, and return the list of runs that would have been."""
-    runs = []
+    """Let nothing be simulated, and return the runs, case and seed, that were asked for."""
+    asked = []
 
-    def instead(run, stopped=None):
-        runs.append(run)
-        return invented(run)
+    def instead(cases, *_, **__):
+        asked.extend((case.label, seed) for case in cases.values() for seed in case.seeds)
+        return {key: [invented(case, seed) for seed in case.seeds] for key, case in cases.items()}
 
-    monkeypatch.setattr(Run, "simulate", instead)
-    return runs
+    monkeypatch.setattr(command, "evacuate", instead)
+    return asked
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Write no files of results: drawing takes most of the time."""
+    monkeypatch.setattr(command, "_write", lambda result, out: [out / f"{result.name}.csv"])
 
 
 @pytest.fixture

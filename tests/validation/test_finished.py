@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from cases import looped
 from typer.testing import CliRunner
 
 from crowd_env.core.arrays.headway import MANNERS, Headway
@@ -78,7 +79,7 @@ def test_processes_that_fill_one_folder_add_up_in_the_order_of_the_schemes(asked
     assert figures == ["dem, hurried", "dem, calm", "hertz, calm"]
 
 
-@pytest.mark.parametrize(
+@looped(
     ("words", "said"),
     [
         (("--draws", 3), "draws is 7 there and 3 here"),

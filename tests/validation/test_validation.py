@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from cases import looped
 from typer.testing import CliRunner
 
 from crowd_env.core.arrays.headway import Headway
@@ -64,7 +65,7 @@ def test_only_the_first_crossing_counts(tmp_path):
     assert read_trajectories(path).crossing_times(0.0) == pytest.approx([0.05])
 
 
-@pytest.mark.parametrize(
+@looped(
     ("text", "said"),
     [
         ("1 0 0.0 1.0\n", "framerate"),
@@ -109,6 +110,7 @@ def students(tmp_path):
     return folder
 
 
+@pytest.mark.more
 def test_the_command_reports_draws_and_writes(students, tmp_path):
     out = tmp_path / "out"
     words = ["gate", "--data", students, "--schemes", "nsm1", "--schemes", "dem", "--manner", "calm", "--draws", 1]
@@ -132,7 +134,7 @@ def test_the_command_reports_draws_and_writes(students, tmp_path):
     ]
 
 
-@pytest.mark.parametrize(
+@looped(
     ("words", "said"),
     [
         (["gate", "--schemes", "magic"], "unknown contact scheme"),
@@ -153,7 +155,7 @@ def made_up(run_case, **options):
     return {"made-up": Case("t", run_case, "none", **options)}
 
 
-@pytest.mark.parametrize("passed", [True, False])
+@looped("passed", [True, False])
 def test_a_new_case_is_one_line_and_decides_the_exit_code(monkeypatch, passed):
     asked = []
 
@@ -201,6 +203,7 @@ def test_numbers_of_a_row_are_what_json_holds():
 PACKED = Setting("dem", "competitive", draws=1)
 
 
+@pytest.mark.more
 def test_a_hall_is_emptied_with_nobody_outside():
     found = empty(Hall(500, 4.0, 4.0), PACKED, time_limit=3.0)
     assert holds(found) and found["people"] == 500
@@ -208,6 +211,7 @@ def test_a_hall_is_emptied_with_nobody_outside():
     assert "nobody outside" in told(found)
 
 
+@pytest.mark.more
 def test_a_step_that_is_refused_is_told_with_what_was_seen_until_then(monkeypatch):
     def refused(self, action):
         raise FloatingPointError("person 7 went too far")

@@ -13,24 +13,40 @@ the loosest rigid one.
 
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowd_env.core.executors import Processes
+from crowd_env.core.files.store import Store
 from crowd_env.envs.metrics import share_interval
-from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.reproduce.pool import complete
-from crowd_env.reproduce.store import Store
+from crowd_env.reproduce.evacuations import evacuate
+from crowd_env.reproduce.lin2016.settings import LinSettings
 from validation.cases.case import Row, Setting, row
 
 PEOPLE = 200
 SPEEDS = (1.2, 1.4)  # times v*: below and above the onset in the paper's Figure 7, 1.6 to 1.8 m/s
 _RELAXATION_TIME, _MASS = 0.5, 70.0  # s, kg: of the population of Lin, Ma, Lo, mean
 
-# What is varied, one at a time; the social force of walls keeps its ratio to that of people.
+
+class Variant(NamedTuple):
+    """What is varied, one at a time; the social force of walls keeps its ratio to that of people."""
+
+    friction: float = 0.5
+    strength: float = 300.0  # N    A of the social force
+    anisotropy: float = 0.3  # phi
+
+    @property
+    def characteristic_speed(self) -> float:
+        """v* = 2 phi A tau / m [m/s]."""
+        return 2.0 * self.anisotropy * self.strength * _RELAXATION_TIME / _MASS
+
+    def settings(self, runs: int, seed: int) -> LinSettings:
+        """Return the settings of the paper's room."""
+        return LinSettings(runs, seed, friction=self.friction, anisotropy=self.anisotropy, wall_social=self.strength)
+
+
 VARIANTS: tuple[Mapping[str, Any], ...] = (
     {"friction": 0.5},
     {"friction": 0.0},
@@ -41,11 +57,6 @@ VARIANTS: tuple[Mapping[str, Any], ...] = (
     {"anisotropy": 0.15},
     {"anisotropy": 0.6},
 )
-
-
-def characteristic_speed(run: Run) -> float:
-    """Return v* = 2 phi A tau / m [m/s] of a run."""
-    return 2.0 * run.anisotropy * run.strength * _RELAXATION_TIME / _MASS
 
 
 def onset(speeds: tuple[float, ...], shares: list[float]) -> float | None:
@@ -75,31 +86,29 @@ def run(setting: Setting) -> Iterable[Row]:
 def _rows(setting: Setting) -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))
-        for variant in VARIANTS:
-            usual = replace(Run(PEOPLE, 1.0), **variant)
-            usual = replace(usual, wall_social=usual.strength)
-            speed = characteristic_speed(usual)
+        for varied in VARIANTS:
+            variant = Variant(**varied)
+            speed = variant.characteristic_speed
             # A band over frictions needs more draws than a scale with the force.
-            draws = setting.draws if "friction" in variant else max(setting.draws // 2, 1)
-            seeds = range(setting.seed, setting.seed + draws)
-            runs = {
-                times: [replace(usual, desired_speed=times * speed, seed=seed) for seed in seeds] for times in SPEEDS
-            }
-            at = ", ".join(f"{name} {value:g}" for name, value in variant.items())
+            draws = setting.draws if "friction" in varied else max(setting.draws // 2, 1)
+            settings = variant.settings(draws, setting.seed)
+            cases = {times: settings.case(PEOPLE, times * speed, variant.strength) for times in SPEEDS}
+            at = ", ".join(f"{name} {value:g}" for name, value in varied.items())
             setting.notify(f"{at}: {len(SPEEDS) * draws} evacuations")
-            every = [one for some in runs.values() for one in some]
-            records = complete(every, store, executor=Processes(), progress=lambda _: None)
-            blocked = {times: [records[one].blocked_since is not None for one in some] for times, some in runs.items()}
-            yield finding(setting, usual, speed, blocked)
+            runs = evacuate(cases, store, Processes())
+            blocked = {
+                times: [bool(np.isfinite(one.metrics.blocked_since)) for one in some] for times, some in runs.items()
+            }
+            yield finding(setting, variant, speed, blocked)
 
 
-def finding(setting: Setting, run: Run, speed: float, blocked: Mapping[float, list[bool]]) -> Row:
+def finding(setting: Setting, variant: Variant, speed: float, blocked: Mapping[float, list[bool]]) -> Row:
     """Return the row of one variant; ``blocked`` says of every draw at every multiple of ``speed`` whether it did."""
     half = onset(tuple(blocked), [float(np.mean(draws)) for draws in blocked.values()])
     more: dict[str, Any] = {
-        "friction": run.friction,
-        "A, N": run.strength,
-        "phi": run.anisotropy,
+        "friction": variant.friction,
+        "A, N": variant.strength,
+        "phi": variant.anisotropy,
         "v*, m/s": speed,
         "half block at, m/s": None if half is None else half * speed,
         "half block at, v*": half,
@@ -113,5 +122,5 @@ def finding(setting: Setting, run: Run, speed: float, blocked: Mapping[float, li
             f"blocked at {times:g} v*, most": high,
         }
     shares = ", ".join(f"{sum(draws)} of {len(draws)} at {times:g} v*" for times, draws in blocked.items())
-    figure = f"friction {run.friction:g}, A {run.strength:g} N, phi {run.anisotropy:g}: blocked {shares}"
+    figure = f"friction {variant.friction:g}, A {variant.strength:g} N, phi {variant.anisotropy:g}: blocked {shares}"
     return row("frozen", setting, half is not None, figure, CRITERION, SOURCE, **more)

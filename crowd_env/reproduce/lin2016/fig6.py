@@ -1,12 +1,15 @@
 """Figure 6 of Lin, Ma, Lo: the room at four moments of one evacuation."""
 
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
+from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.lin2016.figures.room import draw_rooms
-from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.reproduce.lin2016.sample import foot
+from crowd_env.reproduce.lin2016.sample import Samples, foot
 from crowd_env.reproduce.lin2016.settings import LinSettings
-from crowd_env.reproduce.paper import Work
 from crowd_env.reproduce.result import RawTable, Result, Row
 
 TITLE = "Lin, Ma, Lo, Figure 6: 200 people at 0, 30, 60 and 120 s"
@@ -15,39 +18,52 @@ PEOPLE, SPEED = 200, 1.0  # m/s, Table 1
 MOMENTS = (0.0, 30.0, 60.0, 120.0)  # s
 
 
-def runs(settings: LinSettings) -> list[Run]:
+class _Moments:
+    """Keeps where the people inside are at the moments: rows of x, y, radius [m] and the angle turned [rad]."""
+
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
+        self._kept: list[list[list[list[float]]]] = [[] for _ in runs]
+        self._look(env)
+
+    def add(self, env: CrowdEnv, step: Step) -> None:
+        self._look(env)
+
+    def record(self, env: CrowdEnv, e: int) -> list[list[list[float]]]:
+        # A run ends before the last moment only when everybody is out.
+        return self._kept[e] + [[]] * (len(MOMENTS) - len(self._kept[e]))
+
+    def _look(self, env: CrowdEnv) -> None:
+        state, bodies = env.simulation.state, env.simulation.bodies
+        columns = np.column_stack([state.position, bodies.radius, state.angle])
+        for e, kept in enumerate(self._kept):
+            people = env.people(e)
+            if len(kept) < len(MOMENTS) and abs(state.time[e] - MOMENTS[len(kept)]) < 0.5 * env.decision_dt:
+                kept.append(columns[people][state.active[people]].tolist())
+
+
+def cases(settings: LinSettings) -> dict[str, Case]:
     """Return the run that the figure shows: the first draw."""
-    return list(settings.draws(PEOPLE, SPEED, moments=MOMENTS)[:1])
+    return {"shown": settings.case(PEOPLE, SPEED, recorder=_Moments())}
 
 
-def reproduce(settings: LinSettings, work: Work) -> Result:
-    """Return the figure, made of the record of its run."""
-    (run,) = runs(settings)
-    record = work.records[run]
-    shown = [s for s in record.snapshots if any(abs(s.time - moment) <= run.dt for moment in MOMENTS)]
+def reproduce(settings: LinSettings, found: Samples) -> Result:
+    """Return the figure, made of its run."""
+    shown = found["shown"]
+    (episode,) = shown.episodes
+    moments = {moment: np.array(rows).reshape(-1, 4) for moment, rows in zip(MOMENTS, episode.record, strict=True)}
     rows = [
-        Row(f"inside, t = {s.time:g} s", None, len(s.x), "people", 1, "one draw; the paper shows it only")
-        for s in shown
+        Row(f"inside, t = {moment:g} s", None, len(people), "people", 1, "one draw; the paper shows it only")
+        for moment, people in moments.items()
     ]
     raw = RawTable(
         ("time_s", "x_m", "y_m", "radius_m", "angle_rad"),
-        [
-            (f"{s.time:g}", *(f"{value:.6f}" for value in row))
-            for s in shown
-            for row in zip(s.x, s.y, s.radius, s.angle, strict=True)
-        ],
+        [(f"{moment:g}", *(f"{one:.6f}" for one in row)) for moment, people in moments.items() for row in people],
     )
-    remarks = [
-        f"Draw {run.seed} at {SPEED:g} m/s, the speed of Table 1; the paper does not say which run it shows. The line in each "
-        "body turns with it.",
-        *settings.remarks()[:1],
-    ]
-    if record.blocked_since is not None:
-        remarks.insert(0, f"The exit is blocked since {record.blocked_since:.0f} s.")
+    remarks = [f"Draw {episode.seed} at {SPEED:g} m/s, the speed of Table 1. {settings.readings().partition('; ')[2]}"]
 
     def draw() -> Any:
-        figure = draw_rooms(shown, run.scenario().geometry)
-        foot(figure, f"{SPEED:g} m/s, draw {run.seed}; {settings.readings().partition('; ')[2]}")
+        figure = draw_rooms(moments, shown.case.place.geometry)
+        foot(figure, f"{SPEED:g} m/s, draw {episode.seed}; {settings.readings().partition('; ')[2]}")
         return figure
 
     return Result("lin-fig6", TITLE, rows, {"positions": raw}, draw, remarks, settings.changed(), "people")

@@ -1,19 +1,17 @@
 """Figure 9 of Lin, Ma, Lo: the flow through the exit in windows of 10 s, 100 and 300 people."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
+from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.lin2016.figures.flow import window_flows
-from crowd_env.reproduce.lin2016.record import Record
-from crowd_env.reproduce.lin2016.sample import Sample, result
+from crowd_env.reproduce.lin2016.sample import Sample, Samples, result
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
 TITLE = "Lin, Ma, Lo, Figure 9: flow through the exit in windows of 10 s, people/s"
 
-WINDOW = 10.0  # s
+WINDOW = 10.0  # s  a single window is uncertain by about 0.2 to 0.3 /s
 CROWDS = (100, 300)  # people, panels a and b
 # Speeds [m/s] that the paper puts together, and the lowest and highest flow that it prints for them.
 STATES = {
@@ -22,11 +20,11 @@ STATES = {
     "≥ 1.6 m/s": ((1.6, 2.0), "0", "1.6"),
 }
 PRINTED = {speed: (float(low), float(high)) for speeds, low, high in STATES.values() for speed in speeds}
-CASES = {(n, v): {"count": n, "desired_speed": v} for n in CROWDS for v in PRINTED}
 
-_CLOSE = 0.2  # 1/s
 
-Found = Mapping[tuple[int, float], Sample]
+def cases(settings: LinSettings) -> dict[tuple[int, float], Case]:
+    """Return the draws for each number of people and speed [m/s]."""
+    return {(people, speed): settings.case(people, speed) for people in CROWDS for speed in PRINTED}
 
 
 def window_flow(exits: Floats, until: float, window: float = WINDOW) -> Floats:
@@ -35,30 +33,24 @@ def window_flow(exits: Floats, until: float, window: float = WINDOW) -> Floats:
     return np.histogram(exits, edges)[0] / window
 
 
-def inner_flow(record: Record, window: float = WINDOW) -> Floats:
+def inner_flow(exits: Floats, window: float = WINDOW) -> Floats:
     """Return the flow [1/s] in the windows that lie wholly between the first and the last exit."""
-    exits = np.array(record.exit_times)
     if len(exits) == 0:
         return np.empty(0)
     first, last = int(np.ceil(exits[0] / window)), int(exits[-1] // window)
     return window_flow(exits, exits[-1], window)[first:last]
 
 
-def reproduce(settings: LinSettings, found: Found) -> Result:
+def reproduce(settings: LinSettings, found: Samples) -> Result:
     """Return the figure, made of a sample for each number of people and speed [m/s]."""
     rows = [row for people in CROWDS for state in STATES for row in _rows(found, people, state)]
-    remarks = [
-        "A window of 10 s with k exits has the flow k/10: a single window is uncertain by about 0.2 to 0.3 /s. The lowest and "
-        "highest are percentiles over the windows that lie wholly between the first and the last exit of a run.",
-        *_verdict(rows),
-    ]
-    flows = {key: [_shown(record) for record in draws.records] for key, draws in found.items()}
+    flows = {key: _shown(draws) for key, draws in found.items()}
     raw = RawTable(
         ("people", "desired_speed_mps", "seed", "window_start_s", "flow_per_s"),
         [
             (*key, run.seed, f"{WINDOW * k:g}", f"{flow:.3f}")
             for key, draws in found.items()
-            for run, of_run in zip(draws.runs, flows[key], strict=True)
+            for run, of_run in zip(draws.episodes, flows[key], strict=True)
             for k, flow in enumerate(of_run)
         ],
     )
@@ -66,14 +58,14 @@ def reproduce(settings: LinSettings, found: Found) -> Result:
     def draw() -> object:
         return window_flows(flows, {key: draws.blocked for key, draws in found.items()}, PRINTED, WINDOW)
 
-    return result("lin-fig9", TITLE, settings, found.values(), rows, remarks, draw, raw={"windows": raw}, unit="1/s")
+    return result("lin-fig9", TITLE, settings, found, rows, draw, {"windows": raw}, "1/s")
 
 
-def _rows(found: Found, people: int, state: str) -> list[Row]:
+def _rows(found: Samples, people: int, state: str) -> list[Row]:
     speeds, low, high = STATES[state]
     draws = [found[people, speed] for speed in speeds]
-    flows = np.concatenate([inner_flow(record) for each in draws for record in each.records])
-    lost, of = sum(each.blocked for each in draws), sum(len(each.records) for each in draws)
+    flows = np.concatenate([inner_flow(exits) for each in draws for exits in each.exits])
+    lost, of = sum(each.blocked for each in draws), sum(len(each.episodes) for each in draws)
     counted = f"{lost or 'none'} of {of} runs blocked"
     values = [None] * 3 if len(flows) == 0 else [*np.percentile(flows, [5, 95]), flows.mean()]
     label = f"{people} at {state}"
@@ -85,18 +77,9 @@ def _rows(found: Found, people: int, state: str) -> list[Row]:
     ]
 
 
-def _verdict(rows: list[Row]) -> list[str]:
-    """Return how far the ends of the ranges are from the printed ones."""
-    apart = [(row, row.here - float(row.paper)) for row in rows if row.paper is not None and row.here is not None]
-    if not apart:
-        return ["No run had a window between its first and its last exit."]
-    far = [f"{row.quantity} ({value:+.2f})" for row, value in apart if abs(value) > _CLOSE + 1e-9]
-    text = f"Of the {len(apart)} ends of a range, {len(apart) - len(far)} are within {_CLOSE:g} /s of the printed ones"
-    return [text + (f"; NOT: {', '.join(far)}." if far else ".")]
-
-
-def _shown(record: Record) -> Floats:
-    """Return the flow in all windows until the last one got out, or until the exit was given up as blocked."""
-    exits = np.array(record.exit_times)
-    since = record.blocked_since
-    return window_flow(exits, exits[-1] if since is None and len(exits) else (since or 0.0) + 120.0)
+def _shown(draws: Sample) -> list[Floats]:
+    """Return the flow of every draw in all windows until the last one got out, or until the exit was given up as blocked."""
+    return [
+        window_flow(exits, exits[-1] if since is None and len(exits) else (since or 0.0) + 120.0)
+        for exits, since in zip(draws.exits, draws.blocked_since, strict=True)
+    ]

@@ -1,43 +1,46 @@
 """All draws of one configuration: how many cleared the room, how long that took, and how many blocked."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.metrics import share_interval
+from crowd_env.envs.rollout import Episode
 from crowd_env.rendering.canvas import hex_of
 from crowd_env.rendering.palette import QUIET
-from crowd_env.reproduce.lin2016.record import Record
-from crowd_env.reproduce.lin2016.run import Run
+from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
-Key = TypeVar("Key")
-Cases = Mapping[Key, Mapping[str, Any]]  # the configurations of a figure: arguments of `LinSettings.draws`
-
-_CLOSE = 0.10
+# A run is blocked, as in the paper, when nobody has got out for 2 minutes.
+BLOCKED = "a run is blocked when nobody has got out for 2 minutes; medians are over the runs that cleared"
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
     """The draws of one configuration, R of them, none of which need have cleared."""
 
-    runs: tuple[Run, ...]
-    records: tuple[Record, ...]
+    case: Case
+    episodes: Sequence[Episode]
 
     @property
-    def times(self) -> list[float | None]:
-        """Clearance time of every draw [s]; None if it did not clear."""
-        return [record.clearance_time for record in self.records]
+    def exits(self) -> list[Floats]:
+        """Exit times [s] of every draw, ascending, of the people who got out."""
+        return [np.sort(one.exit_time[np.isfinite(one.exit_time)]) for one in self.episodes]
 
-    @cached_property
+    @property
+    def blocked_since(self) -> list[float | None]:
+        """When the last person got out before the exit blocked [s], 0 if nobody did; None of draws that did not block."""
+        since = [one.metrics.blocked_since for one in self.episodes]
+        return [None if np.isnan(time) else time for time in since]
+
+    @property
     def cleared(self) -> Floats:
         """Clearance times [s] of the draws that cleared."""
-        return np.array([time for time in self.times if time is not None])
+        return np.array([one.metrics.evacuation_time for one in self.episodes if not one.metrics.unfinished])
 
     @property
     def median(self) -> float | None:
@@ -47,37 +50,21 @@ class Sample:
     @property
     def mean_flows(self) -> Floats:
         """People divided by clearance time [1/s] of the draws that cleared."""
-        return self.runs[0].count / self.cleared
+        return np.asarray(self.case.facts["people"] / self.cleared)
 
     @property
     def blocked(self) -> int:
         """Number of draws whose exit blocked."""
-        return sum(record.blocked_since is not None for record in self.records)
-
-    @property
-    def mostly_blocked(self) -> bool:
-        """Whether at least half of the draws blocked."""
-        return 2 * self.blocked >= len(self.records)
-
-    @property
-    def unfinished(self) -> int:
-        """Number of draws that neither cleared nor blocked within the time."""
-        return len(self.records) - len(self.cleared) - self.blocked
+        return sum(since is not None for since in self.blocked_since)
 
     def count_blocked(self) -> str:
-        """Return "2 of 5 blocked"."""
-        text = f"{self.blocked or 'none'} of {len(self.records)} blocked"
-        return text + (f", {self.unfinished} unfinished" if self.unfinished else "")
-
-    def blocked_share(self) -> str:
-        """Return "2 of 10 blocked (95 %: 6 to 51 %)", with Wilson's interval of the share."""
-        low, high = share_interval(self.blocked, len(self.records))
-        return f"{self.count_blocked()} (95 %: {100 * low:.0f} to {100 * high:.0f} %)"
+        """Return "2 of 5 blocked", and how many draws neither cleared nor blocked within the time."""
+        unfinished = len(self.episodes) - len(self.cleared) - self.blocked
+        text = f"{self.blocked or 'none'} of {len(self.episodes)} blocked"
+        return text + (f", {unfinished} unfinished" if unfinished else "")
 
 
-def sample(records: Mapping[Run, Record], runs: Sequence[Run]) -> Sample:
-    """Return what came of the draws ``runs``."""
-    return Sample(tuple(runs), tuple(records[run] for run in runs))
+Samples = Mapping[Any, Sample]
 
 
 def clearance_rows(of: str, found: Sample, paper: str | None = None, remark: str = "") -> list[Row]:
@@ -88,17 +75,17 @@ def clearance_rows(of: str, found: Sample, paper: str | None = None, remark: str
     times = found.cleared
     spread = f"median, {times.min():.0f} to {times.max():.0f}" if len(times) > 1 else "one draw" if len(times) else ""
     reading = "; ".join(text for text in (spread, found.count_blocked(), remark) if text)
-    return [Row(f"clearance, {of}", paper, found.median, "s", len(times), reading), blocked_row(of, found)]
+    return [Row(f"clearance, {of}", paper, found.median, "s", len(times), reading), _blocked_row(of, found)]
 
 
-def blocked_row(of: str, found: Sample) -> Row:
+def _blocked_row(of: str, found: Sample) -> Row:
     """Return how many draws blocked, since when, and with how many people left."""
-    ends = [(record.blocked_since, record.left) for record in found.records if record.blocked_since is not None]
+    pairs = zip(found.blocked_since, found.episodes, strict=True)
+    ends = [(since, one.metrics.unfinished) for since, one in pairs if since is not None]
     reading = "nobody out for 2 minutes"
     if ends:
-        since, left = [end[0] for end in ends], [end[1] for end in ends]
-        reading = f"since {_span(since)} s, {_span(left)} left"
-    draws = len(found.records)
+        reading = f"since {_span([end[0] for end in ends])} s, {_span([end[1] for end in ends])} left"
+    draws = len(found.episodes)
     interval = share_interval(found.blocked, draws)
     return Row(f"blocked, {of}", None, found.blocked, "runs", draws, reading, ci95=interval, closes=True)
 
@@ -108,30 +95,13 @@ def _span(values: Sequence[float]) -> str:
     return f"{low:.0f}" if f"{low:.0f}" == f"{high:.0f}" else f"{low:.0f} to {high:.0f}"
 
 
-def verdict(rows: Iterable[Row]) -> list[str]:
-    """Return which printed numbers are met to 10 %, and which are not; nothing if none is printed."""
-    close: list[str] = []
-    far: list[str] = []
-    for row in rows:
-        if row.paper is None:
-            continue
-        number = f"{row.quantity} ({row.shown()} {row.unit}, printed {row.paper})"
-        met = row.here is not None and abs(row.here / float(row.paper) - 1) <= _CLOSE
-        (close if met else far).append(number)
-    if not close and not far:
-        return []
-    return [f"Within 10 %: {', '.join(close) or 'none'}" + (f"; NOT reproduced: {', '.join(far)}." if far else ".")]
-
-
 def result(
     name: str,
     title: str,
     settings: LinSettings,
-    samples: Collection[Sample],
+    samples: Samples,
     rows: list[Row],
-    remarks: list[str],
     draw: Callable[[], Any],
-    *,
     raw: Mapping[str, RawTable] | None = None,
     unit: str = "s",
 ) -> Result:
@@ -142,10 +112,8 @@ def result(
         foot(figure, settings.readings())
         return figure
 
-    open_ended = sum(found.unfinished for found in samples)
-    unfinished = [f"{open_ended} runs neither cleared nor blocked within their time limit."] if open_ended else []
     raw = raw or {"runs": raw_runs(samples), "exit-times": raw_exits(samples)}
-    remarks = [*remarks, *unfinished, *settings.remarks()]
+    remarks = [f"{settings.readings()}; {BLOCKED}."]
     return Result(name, title, rows, raw, drawn, remarks, settings.changed(), unit)
 
 
@@ -157,30 +125,32 @@ def foot(figure: Any, text: str) -> None:
 _HEADER = ("people", "desired_speed_mps", "strength_N", "rotation", "seed")
 
 
-def _key(run: Run) -> tuple[object, ...]:
-    return run.count, run.desired_speed, run.strength, run.rotation, run.seed
-
-
-def raw_runs(samples: Iterable[Sample]) -> RawTable:
+def raw_runs(samples: Samples) -> RawTable:
     """Return every run: cleared when, or blocked since when with how many left."""
     rows = [
-        (*_key(run), _seconds(record.clearance_time), _seconds(record.blocked_since), record.left)
-        for found in samples
-        for run, record in zip(found.runs, found.records, strict=True)
+        (
+            *found.case.facts.values(),
+            one.seed,
+            _seconds(one.metrics.evacuation_time),
+            _seconds(since),
+            one.metrics.unfinished,
+        )
+        for found in samples.values()
+        for one, since in zip(found.episodes, found.blocked_since, strict=True)
     ]
     return RawTable((*_HEADER, "clearance_time_s", "blocked_since_s", "left"), rows)
 
 
-def raw_exits(samples: Iterable[Sample]) -> RawTable:
+def raw_exits(samples: Samples) -> RawTable:
     """Return every exit: the run, how many are out by then, and when."""
     rows = [
-        (*_key(run), k + 1, f"{time:.6f}")
-        for found in samples
-        for run, record in zip(found.runs, found.records, strict=True)
-        for k, time in enumerate(record.exit_times)
+        (*found.case.facts.values(), one.seed, k + 1, f"{time:.6f}")
+        for found in samples.values()
+        for one, times in zip(found.episodes, found.exits, strict=True)
+        for k, time in enumerate(times)
     ]
     return RawTable((*_HEADER, "number_out", "time_s"), rows)
 
 
 def _seconds(time: float | None) -> str:
-    return "" if time is None else f"{time:.6f}"
+    return "" if time is None or np.isnan(time) else f"{time:.6f}"

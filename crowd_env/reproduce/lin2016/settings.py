@@ -1,13 +1,15 @@
 """What the reproductions of Lin, Ma, Lo may vary: the draws, and the readings of what their paper leaves open."""
 
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
-from crowd_env.physics import Hertz
+from crowd_env.envs.rollout import Recorder
+from crowd_env.physics import Hertz, SocialForce
 from crowd_env.physics.hertz import DampingUnit
-from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.reproduce.settings import TARGET_HELP, Settings, flag, option
+from crowd_env.reproduce.evacuations import Case
+from crowd_env.reproduce.settings import TARGET_HELP, Settings, option
 from crowd_env.routing.route_set import Target
+from crowd_env.scenarios import make_scenario
 
 Preset = Literal["calibrated", "literal"]
 Damping = Literal["per-length", "rate", "critical"]
@@ -55,56 +57,44 @@ class LinSettings(Settings):
         social = preset.social.wall_strength if self.wall_social is None else self.wall_social
         return friction, social
 
-    def draws(self, count: int, desired_speed: float, **more: Any) -> tuple[Run, ...]:
-        """Return every draw of ``count`` people who want ``desired_speed`` [m/s]; ``more`` are parameters of `Run`."""
+    def scheme(self, strength: float = 300.0, rotation: bool | None = None) -> Hertz:
+        """Return how people touch; ``strength`` [N] is A of the social force."""
         friction, social = self.walls
-        first = Run(
-            count,
-            desired_speed,
-            rotation=not self.no_rotation,
+        force = SocialForce(strength=strength, anisotropy=self.anisotropy, wall_strength=social, cutoff=self.cutoff)
+        return Hertz(
             friction=self.friction,
             wall_friction=friction,
-            wall_social=social,
-            anisotropy=self.anisotropy,
-            damping=_DAMPING_UNITS[self.damping],
-            cutoff=self.cutoff,
-            target=self.target,
-            exit_depth=self.exit_depth,
-            dt=self.dt,
+            rotation=not self.no_rotation if rotation is None else rotation,
+            damping_unit=_DAMPING_UNITS[self.damping],
+            social=force,
         )
-        return tuple(replace(first, seed=self.seed + k, **more) for k in range(self.runs))
+
+    def case(
+        self,
+        people: int,
+        speed: float,
+        strength: float = 300.0,
+        rotation: bool | None = None,
+        recorder: Recorder | None = None,
+    ) -> Case:
+        """Return all draws of so many ``people`` who want to walk at ``speed`` [m/s]."""
+        scheme = self.scheme(strength, rotation)
+        place = make_scenario(
+            "lin-room-v0", people=people, desired_speed=speed, exit_depth=self.exit_depth, target=self.target,
+            time_limit=1000.0, blocked_after=120.0,
+        )  # fmt: skip
+        seeds = range(self.seed, self.seed + self.runs)
+        facts = {"people": people, "desired_speed_mps": speed, "strength_N": strength, "rotation": scheme.rotation}
+        label = f"{people}-people-{speed:g}-mps"
+        return Case(label, place, scheme, seeds, self.dt, recorder=recorder, facts=facts)
 
     def readings(self) -> str:
         """Return in one line what the runs rest on, for the foot of a figure."""
         friction, social = self.walls
-        fitted = {"calibrated": ", both fitted to Figure 7", "literal": ", the text as printed"}
+        fitted = {"calibrated": ", both FITTED to Figure 7", "literal": ", the text as printed"}
         own = self.wall_friction is not None or self.wall_social is not None
         text = (
             f"walls: friction {friction:g}, social force {social:g} N{', as asked for' if own else fitted[self.preset]}"
         )
-        rest = [
-            f"{flag(k)} {v}" for k, v in self.changed().items() if k not in ("preset", "wall_friction", "wall_social")
-        ]
+        rest = [f"{k} {v}" for k, v in self.changed().items() if k not in ("preset", "wall_friction", "wall_social")]
         return "; ".join([f"{self.runs} draw{'s' if self.runs > 1 else ''} each", text, *rest])
-
-    def remarks(self) -> list[str]:
-        """Return in words what the runs rest on."""
-        friction, social = self.walls
-        values = f"friction {friction:g} and a social force of {social:g} N"
-        if self.wall_friction is not None or self.wall_social is not None:
-            walls = f"Walls have {values}, as asked for. The paper says nothing about walls."
-        elif self.preset == "calibrated":
-            walls = (
-                f"Preset calibrated: walls have {values}. Both are FITTED to Figure 7, because the paper says nothing about "
-                "walls; all else is its text and Table 1. --preset literal leaves the fitting out."
-            )
-        else:
-            walls = (
-                f"Preset literal: the text as printed. Walls have {values}: the one friction coefficient of Table 1, and no "
-                "social force, because the paper mentions none."
-            )
-        return [
-            walls,
-            f"{self.draws_are} the same start in every configuration. A run is blocked, as in the paper, when nobody has got "
-            "out for 2 minutes; it has no clearance time, and medians are over the runs that cleared.",
-        ]

@@ -1,7 +1,10 @@
 """Figure 3: fifty simulated evacuations of the room, and one regression line through all of them."""
 
-from crowd_env.reproduce.paper import Work
-from crowd_env.reproduce.pecol2011.evacuations import PRINTED, evacuate, flow_rows, raw_times, room_remarks
+from collections.abc import Mapping, Sequence
+
+from crowd_env.envs.rollout import Episode
+from crowd_env.reproduce.evacuations import Case
+from crowd_env.reproduce.pecol2011.evacuations import PRINTED, flow_rows, of_schemes, raw_times, room_remarks
 from crowd_env.reproduce.pecol2011.figures.room import exits_against_time
 from crowd_env.reproduce.pecol2011.flow import pooled_line
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
@@ -10,26 +13,28 @@ from crowd_env.reproduce.result import Result
 TITLE = "Figure 3: pedestrians out of the room against time; flows in persons/s"
 
 
-def reproduce(settings: PecolSettings, work: Work) -> Result:
-    """Return Figure 3 for the scheme of the settings; the paper draws NSM2."""
-    done = evacuate(settings, settings.scheme, work.progress, work.executor)
-    slope, start, exits = pooled_line(done.exit_times)
-    mean = done.estimates["per run"].value
+def cases(settings: PecolSettings) -> dict[str, Case]:
+    """Return the draws under the scheme of the settings; the paper draws NSM2."""
+    return settings.cases([settings.scheme])
+
+
+def reproduce(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Result:
+    """Return Figure 3."""
+    done = of_schemes(runs)
+    ((scheme, one),) = done.items()
+    slope, start, exits = pooled_line(one.exit_times)
     remarks = [
-        f"The line drawn is {slope:.2f} /s · t {start:+.2f}, least squares through {exits} exits; the flow that Table 5 prints "
-        f"for this scheme is {PRINTED[done.scheme]} /s, the mean slope of the single runs is "
-        f"{'-' if mean is None else f'{mean:.2f}'} /s. The paper does not say which exits its regression uses.",
-        *room_remarks(settings, [done]),
+        f"The line drawn is {slope:.2f} /s · t {start:+.2f}, least squares through {exits} exits; the paper does not say which "
+        "exits its regression uses, and draws this figure for NSM2 only.",
+        *room_remarks(settings, done),
     ]
-    if settings.scheme != "nsm2-printed":
-        remarks.insert(0, f"The paper draws this figure for NSM2 only; here it is {settings.scheme}.")
-    title = f"{done.scheme.upper()}, door {100 * settings.door_width:g} cm, {len(done.exit_times)} runs of {settings.n}"
+    title = f"{scheme.upper()}, door {100 * settings.door_width:g} cm, {len(one.exit_times)} runs of {settings.people}"
     return Result(
         "fig3",
-        f"{TITLE} ({done.scheme})",
-        flow_rows(done),
-        {"exit-times": raw_times(settings, [done])},
-        lambda: exits_against_time(done.exit_times, slope, start, title, f"paper {PRINTED[done.scheme]}"),
+        f"{TITLE} ({scheme})",
+        flow_rows(one),
+        {"exit-times": raw_times(done)},
+        lambda: exits_against_time(one.exit_times, slope, start, title, f"paper {PRINTED[scheme]}"),
         remarks,
         settings.changed(),
         "1/s",

@@ -4,13 +4,11 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
-import numpy as np
-
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme, make_scheme
+from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.settings import TARGET_HELP, Settings, flag, option
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios import make_scenario
-from crowd_env.scenarios.groups import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
 
 SchemeName = Literal["dem", "nsm1", "nsm1-inertial", "nsm2-printed"]  # those of Table 5; it has one NSM1, its text two
@@ -34,7 +32,7 @@ class PecolSettings(Settings):
     scheme: SchemeName = option("nsm2-printed", f"Scheme that fig3 draws: {', '.join(get_args(SchemeName))}")
     door_width: float = option(0.82, "Width of the door, m")
     side: float = option(5.0, "Side of the square room, m")
-    n: int = option(20, "Number of people")
+    people: int = option(20, "Number of people")
     target: Target = option("path", TARGET_HELP)
     stiffness: float = option(1.2e5, "k of dem, N/m")
     k_normal: float = option(1e5, "K_N of nsm2-printed, kg", may_be_infinite=True)
@@ -42,13 +40,13 @@ class PecolSettings(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.n < _FEWEST:
-            raise ValueError(f"--n is {self.n}; a flow is a slope and needs at least {_FEWEST} people")
+        if self.people < _FEWEST:
+            raise ValueError(f"--set people is {self.people}; a flow is a slope and needs at least {_FEWEST} people")
 
     @property
     def time_limit(self) -> float:
         """Time [s] at which a run ends, finished or not: 60 s, or 3 s a person if that is longer."""
-        return max(60.0, 3.0 * self.n)
+        return max(60.0, 3.0 * self.people)
 
     def room(self) -> Scenario:
         """Return the room."""
@@ -56,7 +54,7 @@ class PecolSettings(Settings):
             "room-v0",
             side=self.side,
             door_width=self.door_width,
-            people=self.n,
+            people=self.people,
             time_limit=self.time_limit,
             target=self.target,
         )
@@ -71,22 +69,16 @@ class PecolSettings(Settings):
         assert isinstance(scheme, NSM1)
         return scheme
 
-    def check(self, schemes: Collection[str]) -> None:
-        """Raise ValueError, before anything runs, if the room, the crowd or the step cannot be used with the schemes.
+    def cases(self, schemes: Collection[str]) -> dict[str, Case]:
+        """Return the draws of the room under every scheme.
 
-        An option that none of the schemes knows is refused too.
+        Raises
+        ------
+        ValueError
+            If an option is given that none of the schemes knows.
         """
         for name, owner in _SCHEME_OF_OPTION.items():
             if name in self.changed() and owner not in schemes:
                 raise ValueError(f"{flag(name)} belongs to {owner}; it changes nothing for {', '.join(schemes)}")
-        room = self.room()
-        room.field()
-        room.population.draw(np.random.default_rng([self.seed, 0]), room.geometry)
-        bodies = extreme_bodies(room.population)
-        for name in schemes:
-            scheme = self.contact(name)
-            limit = scheme.stable_dt(bodies)
-            if self.dt > limit:
-                raise ValueError(
-                    f"--dt {self.dt:g} s is above the stable step of {name}, {limit:.4g} s: {scheme.info.stable_step}"
-                )
+        room, seeds = self.room(), range(self.seed, self.seed + self.runs)
+        return {name: Case(f"room-{name}", room, self.contact(name), seeds, self.dt) for name in schemes}

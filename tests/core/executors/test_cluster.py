@@ -6,11 +6,11 @@ import pytest
 from pieces_of_work import die, die_at_first, process, square, wait
 from repository import ROOT
 
-from crowd_env.core.executors import WorkerDied, make_executor
+from crowd_env.core.executors import Serial, WorkerDied, make_executor
+from crowd_env.core.files.store import Store
 from crowd_env.envs.rollout import run_episodes
-from crowd_env.reproduce.lin2016.run import Run
-from crowd_env.reproduce.pool import complete
-from crowd_env.reproduce.store import Store
+from crowd_env.reproduce.evacuations import evacuate
+from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.scenarios import make_scenario
 
 ray = pytest.importorskip("ray", reason="Ray is not installed: an environment of its own has it, see docs/ray.md")
@@ -110,9 +110,10 @@ def test_runs_are_the_same_runs_when_a_node_is_killed_meanwhile(nodes, executor)
 
 
 def test_kept_runs_are_the_same_runs(executor, tmp_path):
-    runs = [Run(6, speed, seed) for speed in (1.0, 2.0) for seed in (0, 1)]
-    alone = complete(runs, Store(tmp_path / "alone"), progress=lambda count: None)
-    assert complete(runs, Store(tmp_path / "ray"), executor=executor, progress=lambda count: None) == alone
-    assert {path.name for path in (tmp_path / "ray").iterdir()} == {
-        path.name for path in (tmp_path / "alone").iterdir()
-    }
+    cases = {speed: LinSettings(2).case(6, speed) for speed in (1.0, 2.0)}
+    alone = evacuate(cases, Store(tmp_path / "alone"), Serial())
+    assert repr(evacuate(cases, Store(tmp_path / "ray"), executor)) == repr(alone)
+    names = [
+        {path.relative_to(tmp_path / one) for path in (tmp_path / one).rglob("*.json")} for one in ("alone", "ray")
+    ]
+    assert names[0] == names[1] and len(names[0]) == 4

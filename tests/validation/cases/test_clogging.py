@@ -22,6 +22,7 @@ def test_a_power_law_is_told_from_an_exponential():
     assert not case.met(of_gaps(np.full(20, 0.3)))
 
 
+@pytest.mark.more
 def test_draws_are_watched_until_nobody_gets_out_any_more(monkeypatch):
     """In the first draw half of the people pass, in the second all do."""
 
@@ -44,6 +45,7 @@ def test_draws_are_watched_until_nobody_gets_out_any_more(monkeypatch):
     assert found.blocked == 1 and "1 of 2 (9 to 91 %) blocked" in case.told(found, 2)
 
 
+@pytest.mark.more
 def test_only_people_who_press_on_are_judged(monkeypatch, tmp_path):
     rng = np.random.default_rng(0)
     runs = [exits_of_run(np.cumsum(rng.pareto(2.0, 100) + 0.2)), exits_of_run([1.0, 2.0, np.nan], 40.0)]

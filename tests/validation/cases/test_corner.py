@@ -29,6 +29,7 @@ def test_the_corner_is_where_it_says():
     assert place.contains(points).tolist() == [True, True, False, True, False, True, False]
 
 
+@pytest.mark.more
 def test_a_run_is_measured():
     (found,) = corner.measure(Setting("dem", "calm", draws=1), (corner.Run(1.2, 2.4, 24),))
     assert 0.05 < found["density"] < 4.0 and 0.3 < found["speed"] < 1.9 and 0.3 < found["flow"] < 8.0

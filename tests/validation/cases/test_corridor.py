@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import looped
 
 from crowd_env.geometry.geometry import box
 from validation.cases import Setting, corridor
@@ -17,7 +18,7 @@ def lattice(spacing):
     return np.column_stack([x.ravel(), y.ravel()])
 
 
-@pytest.mark.parametrize("spacing", [0.2, 0.3, 0.6, 0.9])
+@looped("spacing", [0.2, 0.3, 0.6, 0.9])
 def test_people_in_squares_have_the_density_of_squares(spacing):
     position = lattice(spacing)
     field = box(0.0, -4.0, 1.8, -4.0 + 6 * spacing)  # whole squares
@@ -53,6 +54,7 @@ def test_density_speed_and_flow_are_those_between_two_persons():
     assert len(samples) == 0 and np.isnan(flow)
 
 
+@pytest.mark.more
 def test_densities_and_speeds_are_those_of_pedpy():
     """Fifty moments of people at random, by PedPy (Schrödter et al., JOSS 10(111), 2025) and here."""
     pedpy = pytest.importorskip("pedpy", reason="PedPy is not installed")
@@ -120,6 +122,7 @@ def test_corridors_are_as_narrow_as_they_say():
         assert place.contains([*there, *back, (1.79, 0.0), (1.81, 0.0)]).tolist() == [True, False] * 3
 
 
+@pytest.mark.more
 def test_a_run_is_measured():
     small = corridor.Run(1.0, 1.8, 24, 4, 20, 1.0, 1.0, 1.0)
     (found,) = corridor.measure(Setting("dem", "calm", draws=1), (small,))

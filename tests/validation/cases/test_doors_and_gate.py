@@ -64,6 +64,7 @@ def test_a_crowd_in_which_nobody_passes_any_more_is_stopped():
     assert crowds.simulation.state.active[second].all()
 
 
+@pytest.mark.more
 def test_crowds_of_a_seed_are_the_same_for_every_scheme():
     one, other = (
         draw_crowds([doors.door(0.8, 24)], ONE),
@@ -77,6 +78,7 @@ def test_crowds_of_a_seed_are_the_same_for_every_scheme():
     )
 
 
+@pytest.mark.more
 def test_crowds_walk_as_environments_do():
     crowds = draw_crowds([doors.door(0.8, 24)], Setting("dem", "hurried", draws=1, strategy="shortest"))
     env = CrowdEnv(doors.door(0.8, 24), physics="dem", walking="hurried")
@@ -88,6 +90,7 @@ def test_crowds_walk_as_environments_do():
     np.testing.assert_array_equal(env.simulation.state.position, state.position)
 
 
+@pytest.mark.more
 def test_doors_are_as_wide_as_they_say_and_judged_by_the_worst():
     found = doors.specific_flows(ONE, (0.8,))["0.8"]
     assert 0.5 < found["flow"] < 10.0 and found["stuck"] == 0
@@ -132,6 +135,7 @@ def test_the_recorded_counts_meet_the_criterion_and_others_do_not():
     assert not gate.met(gate.counted([np.append(bursts, recorded[-1])[:75]]) | {"stuck": 0})  # two at a time
 
 
+@pytest.mark.more
 def test_the_gate_runs_without_a_recording_and_says_so():
     (row,) = gate.run(ONE)
     assert "no recording" in row.figure and row.more["starts"] == "random"

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import looped
 
 from crowd_env import Hertz
 from validation.cases import Setting, faster
@@ -26,7 +27,7 @@ def test_everyone_wants_the_same_speed():
     assert (bodies.desired_speed == 2.0).all() and len(bodies.radius) == 100
 
 
-@pytest.mark.parametrize(
+@looped(
     ("scheme", "manner", "curves"),
     [("dem", "calm", 3), ("dem", "competitive", 1), ("hertz", "hurried", 6), (Hertz(), "competitive", 2)],
 )
@@ -45,6 +46,7 @@ def test_curves_are_run_for_what_scheme_and_manner_have(scheme, manner, curves, 
     assert ("stuck" in row.figure) == (curves in (6, 2))
 
 
+@pytest.mark.more
 def test_people_who_press_on_are_through_sooner():
     setting = Setting("dem", "calm", draws=1)
     polite, pressing = (faster.clearing_times(setting, push, (1.5,))[0] for push in (0.0, 0.5))

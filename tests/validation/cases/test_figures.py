@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import looped
 
 from validation.cases import corridor, corridor_figure, gate_figure, ring, ring_figure
 from validation.cases.case import Setting, row
@@ -14,7 +15,8 @@ def is_picture(path):
     return path.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("recorded", [None, np.arange(1.0, 76.0)])
+@pytest.mark.more
+@looped("recorded", [None, np.arange(1.0, 76.0)])
 def test_the_gate_has_counts_and_gaps(tmp_path, recorded):
     passages = [np.arange(75.0), np.append(np.arange(5.0), np.full(70, np.nan)), np.full(75, np.nan)]
     rows = [
@@ -31,13 +33,15 @@ def test_the_share_of_longer_gaps_falls_from_one_to_none():
     np.testing.assert_allclose(share, [1, 0.75, 0.5, 0.25, 0])
 
 
+@pytest.mark.more
 def test_the_ring_has_speeds_beside_the_band(tmp_path):
     speed = {density: (np.nan if density > 2.0 else 0.5) for density in ring.BANDS}
     ring_figure.draw(tmp_path, [row("ring", one, True, "", "c", "s", speed=speed, band=ring.BANDS) for one in SETTINGS])
     assert is_picture(tmp_path / "ring.png")
 
 
-@pytest.mark.parametrize("diagram", [None, {0.5: 1.3, 1.5: 1.0}])
+@pytest.mark.more
+@looped("diagram", [None, {0.5: 1.3, 1.5: 1.0}])
 def test_the_corridor_has_a_fundamental_diagram(tmp_path, diagram):
     runs = [{"density": 0.5, "speed": 1.2}, {"density": np.nan, "speed": np.nan}]
     more = {"runs": runs, "diagram": {0.5: 1.2}, "recorded_diagram": diagram}

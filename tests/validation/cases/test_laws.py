@@ -1,6 +1,7 @@
 """The laws that run with the tests: what breaks them, and by hand what other schemes and experiments must show."""
 
 import pytest
+from cases import looped
 from typer.testing import CliRunner
 
 from validation.cases import CASES, Setting, corner, counterflow, doors, laws, ring
@@ -10,13 +11,13 @@ from validation.cli import app
 SETTING = Setting("dem", "calm", draws=1)
 
 
-@pytest.mark.parametrize(("speeds", "holds"), [((1.2, 0.9, 0.5, 0.1), True), ((1.2, 0.9, 1.0, 1.1), False)])
+@looped(("speeds", "holds"), [((1.2, 0.9, 0.5, 0.1), True), ((1.2, 0.9, 1.0, 1.1), False)])
 def test_speed_must_fall_with_line_density(monkeypatch, speeds, holds):
     monkeypatch.setattr(ring, "speeds", lambda setting: dict(zip((0.5, 1.0, 1.5, 2.0), speeds, strict=True)))
     assert laws.speed_falls_in_single_file(SETTING)[0] == holds
 
 
-@pytest.mark.parametrize(
+@looped(
     ("speeds", "stuck", "holds"), [((1.2, 0.9, 0.3), 0, True), ((1.2, 1.3, 0.3), 0, False), ((1.2, 0.9, 0.3), 1, False)]
 )
 def test_speed_must_fall_at_a_corner(monkeypatch, speeds, stuck, holds):
@@ -86,22 +87,21 @@ def test_quick_is_one_scheme_and_one_draw(monkeypatch):
         assert found.exit_code == 2 and "--quick is one case and one scheme" in found.stderr
 
 
+@pytest.mark.more
 def test_a_push_travels_under_dem():
     assert laws.pushes_travel(SETTING)[0]
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("scheme", ["dem", "nsm1-inertial", "nsm2"])
-@pytest.mark.parametrize(
-    ("case", "manner"), [("ring", "calm"), ("corner", "calm"), ("doors", "hurried"), ("counterflow", "hurried")]
-)
+@looped("scheme", ["dem", "nsm1-inertial", "nsm2"])
+@looped(("case", "manner"), [("ring", "calm"), ("corner", "calm"), ("doors", "hurried"), ("counterflow", "hurried")])
 def test_a_headway_makes_schemes_true_to_the_experiments(case, scheme, manner):
     (found,) = CASES[case].run(Setting(scheme, manner, draws=2))
     assert found.passed, found.figure
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("case", ["ring", "doors", "corner"])
+@looped("case", ["ring", "doors", "corner"])
 def test_without_it_the_experiments_are_missed(case):
     (found,) = CASES[case].run(Setting("dem", "competitive", draws=1))
     assert not found.passed

@@ -33,6 +33,7 @@ def test_people_are_led_along_the_lane_and_back_to_its_middle():
     assert command[1, 0] < -0.9 and command[1, 1] < -0.1 < 0.1 < command[2, 1]
 
 
+@pytest.mark.more
 def test_someone_alone_walks_at_the_own_desired_speed():
     setting = Setting("dem", "calm", draws=2)
     desired = np.mean([adults(1).draw_bodies(generator(setting, d)).desired_speed[0] for d in range(2)])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import looped
 
 from validation.cases import Setting, row
 
@@ -54,7 +55,8 @@ def test_bodies_of_the_rows_have_room_and_pushes_begin_and_end():
     np.testing.assert_allclose(impulses, [972.0, 509.0], rtol=0.01)  # N s, of the recorded curves
 
 
-@pytest.mark.parametrize("scheme", ["dem", "nsm2"])
+@pytest.mark.more
+@looped("scheme", ["dem", "nsm2"])
 def test_what_a_push_gives_is_braked_by_the_drive(scheme):
     """With nothing in front, sum of m v' = F - m v / tau: the masses times distances add up to tau times the impulse."""
     moved = row.displacements(Setting(scheme, "competitive"), OPEN, (0.5, 1.0))
@@ -64,6 +66,7 @@ def test_what_a_push_gives_is_braked_by_the_drive(scheme):
     assert one.passed and one.more["open"]["reached"] == [5, 5, 5]
 
 
+@pytest.mark.more
 def test_what_people_do_without_a_push_does_not_count():
     """Under hertz people who stand close step back from each other."""
     assert not row.displacements(Setting("hertz", "competitive"), OPEN, (0.0,)).any()

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import looped
 
 from validation.cases import Setting, standards
 from validation.cases.crowds import Moment, draw_crowds
@@ -15,7 +16,8 @@ ONE = Setting("dem", "hurried", draws=1)
 QUICK = ("rimea-1", "rimea-2", "rimea-5", "rimea-6", "rimea-10", "nist-4.1", "nist-2.10")
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.more
+@looped("name", QUICK)
 def test_people_of_the_package_pass(name):
     verdict = standards.TESTS[name].run(ONE)
     assert verdict.passed, verdict.figure
@@ -32,6 +34,7 @@ def test_every_test_has_a_row_and_those_that_do_not_apply_a_reason(monkeypatch):
     assert all(row.passed is None and row.figure for row in rest)
 
 
+@pytest.mark.more
 def test_walking_speed_is_that_between_two_lines():
     desired, walked, out = walking.alone(replace(ONE, draws=3), walking.corridor(walking.adults(1)), 5.0, 35.0)
     np.testing.assert_allclose(walked, desired, rtol=0.01)
@@ -39,12 +42,14 @@ def test_walking_speed_is_that_between_two_lines():
     assert len(set(desired)) == 3
 
 
+@pytest.mark.more
 def test_stairs_are_too_fast_without_their_zone(monkeypatch):
     plain = walking.corridor
     monkeypatch.setattr(walking, "corridor", lambda people, length, zones: plain(people, length))
     assert not walking.stairs(ONE).passed
 
 
+@pytest.mark.more
 def test_a_share_of_people_at_the_wrong_exit_is_seen(monkeypatch):
     def everyone_by_the_first(scenarios, setting):
         crowds = draw_crowds(scenarios, setting)
@@ -58,6 +63,7 @@ def test_a_share_of_people_at_the_wrong_exit_is_seen(monkeypatch):
     assert not evacuations.closing_exit(ONE).passed
 
 
+@pytest.mark.more
 def test_a_crowd_that_never_slows_has_no_fundamental_diagram(monkeypatch):
     monkeypatch.setattr(walking, "_DENSITIES", (0.5, 2.0, 4.0))
     assert walking.fundamental_diagram(Setting("dem", "calm", draws=1)).passed

@@ -41,6 +41,7 @@ def test_streams_walk_towards_each_other_at_half_the_density():
     assert (position[:100, 0] < 0.0).all() and (position[100:, 0] > 20.0).all()
 
 
+@pytest.mark.more
 def test_crossing_counts_the_last_of_the_hundred(monkeypatch):
     monkeypatch.setattr(crossing, "AGAINST", (0, 50))
     (row,) = crossing.run(ONE)

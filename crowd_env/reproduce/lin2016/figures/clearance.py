@@ -8,7 +8,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats
 from crowd_env.rendering.canvas import hex_of, mark, new_figure, quiet_axes, series
 from crowd_env.rendering.palette import INK, QUIET, blend
-from crowd_env.reproduce.lin2016.sample import Sample
+from crowd_env.reproduce.lin2016.sample import Sample, Samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 BLOCKED = "#b3262f"  # crosses and the band they lie in
 _BAND = "#f8ebe9"
 _SPEEDS = ((158, 122, 22), (15, 118, 128), (74, 92, 160), (137, 71, 145), (70, 20, 60))  # from slow to fast
+_LIGHT: dict[str, Any] = {"lw": 0.8, "alpha": 0.3, "zorder": 2}
 _PAPER_MEAN: dict[str, Any] = {"color": "black", "lw": 1.3, "dashes": (4, 3)}
 
 
@@ -31,17 +32,9 @@ class Curve(NamedTuple):
     @property
     def middle(self) -> int:
         """The draw in the middle of all draws, by the time of the last exit; those that blocked come last."""
-        ends = [(r.blocked_since is not None, max(r.exit_times, default=0.0)) for r in self.sample.records]
-        order = sorted(range(len(ends)), key=ends.__getitem__)
-        return order[(len(order) - 1) // 2]
-
-
-class Panel(NamedTuple):
-    """One panel of leaving curves."""
-
-    title: str
-    people: int
-    curves: Sequence[Curve]
+        pairs = zip(self.sample.blocked_since, self.sample.exits, strict=True)
+        ends = [(since is not None, max(exits, default=0.0)) for since, exits in pairs]
+        return sorted(range(len(ends)), key=ends.__getitem__)[(len(ends) - 1) // 2]
 
 
 def _speed_color(level: float) -> str:
@@ -50,21 +43,21 @@ def _speed_color(level: float) -> str:
     return hex_of((r, g, b))
 
 
-def leaving_curves(panels: Sequence[Panel]) -> "Figure":
-    """Return how many are out against time (Figures 4 and 5), panels side by side, all draws light, one of them strong."""
+def leaving_curves(people: int, panels: Mapping[str, Sequence[Curve]]) -> "Figure":
+    """Return how many are out against time (Figures 4 and 5), a panel a title, all draws light, one of them strong."""
     figure = new_figure((6.8, 4.9) if len(panels) == 1 else (11.0, 4.9))
-    for axes, panel in zip(np.atleast_1d(figure.subplots(1, len(panels), sharey=True)), panels, strict=True):
-        label = "people out" if panel is panels[0] else ""
-        quiet_axes(axes, "time [s]", label, title=panel.title, grid=True)
-        _leaving(axes, panel.people, panel.curves, every=True)
-        draws = max(len(curve.sample.records) for curve in panel.curves)
-        _name_curves(axes, draws, with_paper=any(curve.paper is not None for curve in panel.curves))
+    all_axes = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
+    for axes, (title, curves) in zip(all_axes, panels.items(), strict=True):
+        quiet_axes(axes, "time [s]", "people out" if axes is all_axes[0] else "", title=title, grid=True)
+        _leaving(axes, people, curves, every=True)
+        draws = max(len(curve.sample.episodes) for curve in curves)
+        _name_curves(axes, draws, with_paper=any(curve.paper is not None for curve in curves))
     return figure
 
 
 def clearance_times(
     people: int,
-    found: Mapping[float, Sample],
+    found: Samples,
     paper: Mapping[float, str],
     paper_mean: tuple[float, float, str] | None,
     paper_blocked: float,
@@ -86,7 +79,7 @@ def clearance_times(
     curves = [Curve(f"{v:.1f} m/s", _speed_color((v - slowest) / span), draws) for v, draws in found.items()]
     _leaving(left, people, curves, every=False)
     _name_curves(left, 1, with_paper=False, title="desired speed")
-    draws = max(len(sample.records) for sample in found.values())
+    draws = max(len(sample.episodes) for sample in found.values())
     title = f"b. Clearance time, {draws} draws a speed"
     quiet_axes(right, "desired speed [m/s]", "clearance time [s]", title=title, grid=True)
     printed = {speed: float(time) for speed, time in paper.items()}
@@ -95,38 +88,26 @@ def clearance_times(
 
 
 def _leaving(axes: "Axes", people: int, curves: Sequence[Curve], *, every: bool) -> None:
-    """Draw curves: of each the middle draw strongly, and if ``every`` the others lightly."""
+    """Draw curves: of each the middle draw strongly, and if ``every`` the others lightly; a cross where a draw blocked."""
     for curve in curves:
-        draws = curve.sample
-        lost = f", {draws.blocked} of {len(draws.records)} blocked" if every and draws.blocked else ""
-        for k in range(len(draws.records)) if every else (curve.middle,):
-            _one_leaving(axes, curve, k, curve.label + lost if k == curve.middle else None)
+        draws, middle = curve.sample, curve.middle
+        lost = f", {draws.blocked} of {len(draws.episodes)} blocked" if every and draws.blocked else ""
+        for k, exits in enumerate(draws.exits):
+            if not every and k != middle:
+                continue
+            strong = k == middle
+            style: dict[str, Any] = (
+                {"color": curve.color, "lw": 1.9, "zorder": 4} if strong else {"color": curve.color, **_LIGHT}
+            )
+            at, label = np.append(0.0, exits), curve.label + lost if strong else None
+            axes.plot(at, np.arange(len(at)), drawstyle="steps-post", label=label, **style)
+            if draws.blocked_since[k] is not None:
+                axes.plot(at[-1], len(exits), "x", color=curve.color, ms=7, mew=1.6, zorder=5, clip_on=False)
         if curve.paper is not None:
-            at = float(curve.paper)
-            axes.plot(at, people, "D", mfc="white", mec=curve.color, mew=1.7, ms=7.5, zorder=6, clip_on=False)
-    end = axes.get_xlim()[1]
-    for curve in curves:
-        record = curve.sample.records[curve.middle]
-        if record.blocked_since is not None:  # nobody else gets out
-            begin, level = max(record.exit_times, default=0.0), len(record.exit_times)
-            axes.plot([begin, end], [level, level], color=curve.color, lw=1.2, dashes=(1, 2.5), zorder=3)
-    axes.set_xlim(0.0, end)
+            at_paper = float(curve.paper)
+            axes.plot(at_paper, people, "D", mfc="white", mec=curve.color, mew=1.7, ms=7.5, zorder=6, clip_on=False)
+    axes.set_xlim(left=0.0)
     axes.set_ylim(0.0, 1.06 * people)
-
-
-def _one_leaving(axes: "Axes", curve: Curve, k: int, label: str | None) -> None:
-    """Draw the draw ``k`` of a curve, strongly if it has a label; where it blocked, there is a cross."""
-    record, strong = curve.sample.records[k], label is not None
-    at, out = [0.0, *record.exit_times], np.arange(len(record.exit_times) + 1.0)
-    axes.plot(
-        at, out, color=curve.color, lw=1.9 if strong else 0.8, alpha=1.0 if strong else 0.3, drawstyle="steps-post",
-        label=label, zorder=4 if strong else 2,
-    )  # fmt: skip
-    if record.blocked_since is not None:
-        axes.plot(
-            at[-1], out[-1], "x", color=curve.color, ms=8.5 if strong else 6.0, mew=2.0 if strong else 1.1,
-            alpha=1.0 if strong else 0.6, zorder=5, clip_on=False,
-        )  # fmt: skip
 
 
 def _name_curves(axes: "Axes", draws: int, *, with_paper: bool, title: str | None = None) -> None:
@@ -147,7 +128,7 @@ def _name_curves(axes: "Axes", draws: int, *, with_paper: bool, title: str | Non
 
 def _times(
     axes: "Axes",
-    found: Mapping[float, Sample],
+    found: Samples,
     paper: Mapping[float, float],
     paper_mean: tuple[float, float, str] | None,
     paper_blocked: float,
@@ -184,23 +165,17 @@ def _times(
     axes.legend(handles=marks, frameon=False, fontsize=9, loc="lower left", labelcolor=ink)
 
 
-def _blocked_band(axes: "Axes", found: Mapping[float, Sample], top: float) -> None:
-    """End the upright axis with a band above ``top``: a cross for every blocked draw, and how many they are."""
-    height = 0.16 * top
+def _blocked_band(axes: "Axes", found: Samples, top: float) -> None:
+    """End the upright axis with a band above ``top`` that counts the blocked draws."""
+    height = 0.1 * top
     axes.axhspan(top, top + height, color=_BAND, lw=0.0, zorder=0)
-    axes.text(
-        0.012, top + 0.5 * height, "blocked", transform=axes.get_yaxis_transform(), va="center",
-        color=BLOCKED, fontsize=9.5, fontweight="bold", zorder=7,
-    )  # fmt: skip
     for speed, draws in found.items():
-        number = draws.blocked
-        rows = [min(number, 5), max(number - 5, 0)] if number <= 10 else [number]
-        for row, some in enumerate(rows):
-            level = top + height * (0.38 - 0.2 * row if rows[-1] else 0.3)
-            axes.plot(speed + _aside(some, 0.024), np.full(some, level), "x", color=BLOCKED, ms=4.2, mew=1.2, zorder=6)
-        if number:
-            text = f"{number}/{len(draws.records)}"
-            axes.text(speed, top + 0.76 * height, text, ha="center", va="center", fontsize=8.5, color=BLOCKED, zorder=7)
+        if draws.blocked:
+            text = f"{draws.blocked}/{len(draws.episodes)}"
+            axes.text(speed, top + 0.5 * height, text, ha="center", va="center", fontsize=8.5, color=BLOCKED, zorder=7)
+    axes.text(
+        0.012, top + 0.5 * height, "blocked", transform=axes.get_yaxis_transform(), va="center", color=BLOCKED, fontsize=9.5,
+    )  # fmt: skip
     axes.set_ylim(0.0, top + height)
     axes.set_yticks([tick for tick in axes.get_yticks() if tick <= top])
 

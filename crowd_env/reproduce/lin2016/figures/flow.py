@@ -9,7 +9,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.rendering.canvas import hex_of, mark, name_panel, new_figure, quiet_axes, series
 from crowd_env.rendering.palette import INK, QUIET
 from crowd_env.reproduce.lin2016.figures.clearance import BLOCKED
-from crowd_env.reproduce.lin2016.sample import Sample
+from crowd_env.reproduce.lin2016.sample import Samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,7 +84,7 @@ def _name_windows(figure: "Figure", draws: int, window: float) -> None:
 
 
 def mean_flows(
-    found: Mapping[tuple[int, float], Sample],
+    found: Samples,
     states: Sequence[tuple[str, float, float]],
     paper_range: tuple[float, float],
     paper_mean: float,
@@ -117,7 +117,7 @@ def mean_flows(
     for k, people in enumerate(crowds):
         draws = {speed: sample for (of, speed), sample in found.items() if of == people}
         _flows(upper, {speed: sample.mean_flows for speed, sample in draws.items()}, k, len(crowds))
-        share = [sample.blocked / len(sample.records) for sample in draws.values()]
+        share = [sample.blocked / len(sample.episodes) for sample in draws.values()]
         lower.bar([speed + 0.032 * (k - 1) for speed in draws], share, width=0.028, color=series(k), zorder=3)
     highest = max(flow for sample in found.values() for flow in (1.2, *sample.mean_flows))
     upper.set_ylim(bottom=0.0, top=1.12 * highest)

@@ -1,0 +1,37 @@
+"""Objects of the user's own that a command line names by file and name: ``my_law.py:MyLaw``."""
+
+import importlib
+import sys
+from pathlib import Path
+from typing import Any
+
+
+def names_own(text: str) -> bool:
+    """Return whether a text names an object of the user's own rather than one of the package."""
+    return ".py:" in text
+
+
+def load_own(option: str, text: str) -> Any:
+    """Return the object that a text such as ``my_law.py:MyLaw`` names; of a class, the one that it makes without arguments.
+
+    Parameters
+    ----------
+    option : of the command line, for messages.
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, or nothing in it has the name.
+    """
+    file, _, name = text.rpartition(":")
+    path = Path(file).resolve()
+    if not path.is_file():
+        raise ValueError(f"{option} {text}: there is no file {file}")
+    sys.path.insert(0, str(path.parent))  # also of the processes that compute runs
+    module = importlib.import_module(path.stem)
+    if Path(module.__file__ or "").resolve() != path:
+        raise ValueError(f"{option} {text}: another module is called {path.stem}; rename the file")
+    if not hasattr(module, name):
+        raise ValueError(f"{option} {text}: {file} has no {name}")
+    found = getattr(module, name)
+    return found() if isinstance(found, type) else found

@@ -1,0 +1,18 @@
+"""Objects that a command line names by file and name."""
+
+import pytest
+
+from crowd_env.core.files.own import load_own, names_own
+
+pytestmark = pytest.mark.more
+
+
+def test_objects_of_a_file_are_found(tmp_path):
+    file = tmp_path / "things_of_my_own.py"
+    file.write_text("class Thing:\n    size = 3\n\n\nready = Thing()\n")
+    assert names_own(f"{file}:Thing") and not names_own("nsm2")
+    made, ready = load_own("--physics", f"{file}:Thing"), load_own("--physics", f"{file}:ready")
+    assert made.size == ready.size == 3 and made is not ready
+    for text, answer in ((f"{file}:Other", "has no Other"), (f"{tmp_path}/none.py:Thing", "there is no file")):
+        with pytest.raises(ValueError, match=answer):
+            load_own("--physics", text)
