@@ -38,7 +38,7 @@ class SchemeInfo:
 class ContactScheme(ABC):
     """Base of all schemes: a frozen dataclass of parameters; all memory is handed in.
 
-    A scheme has to give `info`, `overlap_bound`, `kernel` and `parameters`; ``examples/own_law.py`` is one to begin with.  The
+    A scheme has to give `info`, `overlap_bound`, `kernel` and `parameters`; ``examples/my_law.py`` is one to begin with.  The
     defaults of the rest are those of a scheme that is unconditionally stable in contact, moves pedestrians and grains, and
     steps a crowd on one thread.
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
+from cases import looped
 from refusals import (
     INF,
     NAN,
@@ -295,8 +295,8 @@ NUMBERS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("call", NUMBERS)
-@pytest.mark.parametrize("kind", [float, np.float64, np.float32, np.int64, np.int32, np.uint8])
+@looped("call", NUMBERS)
+@looped("kind", [float, np.float64, np.float32, np.int64, np.int32, np.uint8])
 def test_numbers_of_numpy_and_whole_floats_are_numbers(call, kind):
     assert repr(call(kind)) == repr(call(int))  # and become Python's: what is computed from them is the same
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import looped
 from refusals import refuses
 
 from crowd_env import CrowdEnv, make_scenario
@@ -64,7 +65,7 @@ def test_only_that_environment_and_only_what_is_given_until_it_restarts():
     assert (bodies.push != before).all()  # drawn anew
 
 
-@pytest.mark.parametrize(
+@looped(
     ("environment", "options", "words"),
     [
         (0, {"push": 1.5}, ("push of pedestrian 0 is 1.5", "[0, 1]")),
