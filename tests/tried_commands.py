@@ -37,7 +37,7 @@ FEW = 8  # people
 SMALL = {"--runs": "1", "--n": str(FEW), "--people": str(FEW), "--seeds": "1"}
 # Word of a command -> options that are added to it, so that it has little to do.
 ADDED = {
-    "--film": ["--film-width", "320", "--film-fps", "1"],
+    "film": ["--width", "320", "--fps", "1"],
     "show": ["--film-width", "320", "--film-fps", "1"],
     "lin-fig4": ["--workers", "1"],
     "--scenario": ["--people", str(FEW)],

@@ -125,7 +125,7 @@ _BLOCKED = "{blocked_share[ci95][0]:%} to {blocked_share[ci95][1]:%} %"
 
 
 def _room(source: Source, scheme: str, options: str = "", place: str = "room-v0", runs: int = 50) -> dict[str, Any]:
-    return _left({"scheme": scheme, **source(f"crowd_env run {place} --scheme {scheme}{options} --runs {runs}")})
+    return _left({"scheme": scheme, **source(f"crowd_env run {place} --physics {scheme}{options} --runs {runs}")})
 
 
 def _left(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -138,7 +138,7 @@ def schemes(source: Source) -> Grid:
     """One row a scheme at its own step, and for three of them shorter steps."""
     shorter = {"dem": (0.001,), "nsm2": (0.005, 0.0025, 0.001), "nsm2-printed": (0.001,)}
     rows = [
-        {**_room(source, scheme, f" --dt {dt:g}" if dt else ""), "step": dt or SCHEMES[scheme].info.default_dt}
+        {**_room(source, scheme, f" --set dt={dt:g}" if dt else ""), "step": dt or SCHEMES[scheme].info.default_dt}
         for scheme in SCHEMES
         for dt in (None, *shorter.get(scheme, ()))
     ]
@@ -205,7 +205,7 @@ def bodies_doors(source: Source) -> Grid:
 def clogging(source: Source) -> Grid:
     """One row a desired speed."""
     rows = [
-        {"speed": speed, **source(f"crowd_env clogging --speed {speed} --n 200 --runs 10")["sets"][0]}
+        {"speed": speed, **source(f"crowd_env clogging --set speed={speed} --people 200 --runs 10")["sets"][0]}
         for speed in ("1.0", "1.5", "1.8")
     ]
     return grid(rows, **{
@@ -229,7 +229,7 @@ def frozen(source: Source) -> Grid:
 def strategies(source: Source) -> Grid:
     """One row a strategy and scheme, beside the shortest way on the same draws."""
     line = "--scenario two-exit-hall-v0 --policies shortest fastest comfortable nearest"
-    found = source(f"crowd_env.cli.agents.evaluate {line} --schemes dem nsm1 nsm2 nsm2-printed hertz --runs 20")["rows"]
+    found = source(f"crowd_env.cli.agents.evaluate {line} --physics dem nsm1 nsm2 nsm2-printed hertz --runs 20")["rows"]
     by = "minus_first[evacuation_time][ci95]"
     return grid(map(_left, found), **{
         "route": "{policy}", "scheme": "`{scheme}`", "last person out, s": "{bound}{unfinished_at_limit[last]:.1f}",
@@ -241,7 +241,7 @@ def controller(source: Source) -> Grid:
     """One row a controller of Routing-v0, the learned one last."""
     by = "learned_minus_this[last]"
     return grid(map(_left, source.read("results.json")["rows"]), **{
-        "": "{controller}", "last person, s": "{bound}{last[mean]:.1f}",
+        "": "{policy}", "last person, s": "{bound}{last[mean]:.1f}",
         "learned minus this": f"{{{by}[mean]:+.1f}} ({{{by}[ci95][0]:+.1f}} to {{{by}[ci95][1]:+.1f}})",
         "mean, s": "{bound}{mean[mean]:.1f}", "left inside": "{left}",
     })  # fmt: skip
@@ -273,9 +273,9 @@ def bodies(source: Source) -> Grid:
     # Shoulders of 30 to 38 cm are those of children; 1 to 1.4 m/s is a walk, and 1.2 to 2 m/s the hurry of Table 4.
     kinds = {
         "Table 4: 0.2 to 0.25 m, 1.2 to 2 m/s": "",
-        "pupils: 0.15 to 0.19 m, 1.2 to 2 m/s": " --radius 0.15,0.19",
-        "adults who walk: 0.2 to 0.25 m, 1 to 1.4 m/s": " --speed 1,1.4",
-        "pupils who walk: 0.15 to 0.19 m, 1 to 1.4 m/s": " --radius 0.15,0.19 --speed 1,1.4",
+        "pupils: 0.15 to 0.19 m, 1.2 to 2 m/s": " --set radius=0.15,0.19",
+        "adults who walk: 0.2 to 0.25 m, 1 to 1.4 m/s": " --set speed=1,1.4",
+        "pupils who walk: 0.15 to 0.19 m, 1 to 1.4 m/s": " --set radius=0.15,0.19 --set speed=1,1.4",
     }
     rows = [
         {"kind": kind, **_room(source, scheme, options)}
@@ -451,18 +451,18 @@ _BODIES = "python -m validation {} --schemes hertz --manner hurried --draws {} -
 _TWICE = "also with `--manner competitive`, and all of it with `--outline torso`"
 
 MAKERS: dict[str, Table] = {
-    "schemes": Table(schemes, "crowd-env run room-v0 --scheme SCHEME --runs 50"),
+    "schemes": Table(schemes, "crowd-env run room-v0 --physics SCHEME --runs 50"),
     "halls": Table(halls, "python -m validation halls great-halls --out DIR"),
     "jambs": Table(jambs, "python -m validation jambs --out DIR"),
     "bodies-gate": Table(bodies_gate, _BODIES.format("gate", 100), _TWICE),
     "bodies-doors": Table(bodies_doors, _BODIES.format("doors", 10), _TWICE),
-    "clogging": Table(clogging, "crowd-env clogging --speed SPEED --n 200 --runs 10"),
+    "clogging": Table(clogging, "crowd-env clogging --set speed=SPEED --people 200 --runs 10"),
     "frozen": Table(frozen, "python -m validation frozen --out DIR"),
     "strategies": Table(strategies, "crowd-env evaluate --scenario two-exit-hall-v0 --policies STRATEGY --schemes SCHEME"),
-    "controller": Table(controller, "crowd-env train-routing --out DIR"),
+    "controller": Table(controller, "crowd-env train --scenario two-exit-hall-v0 --decides routing --out DIR"),
     "training": Table(training, "python train.py"),
-    "scenarios": Table(scenarios, "crowd-env run SCENARIO --scheme SCHEME --runs 100"),
-    "bodies": Table(bodies, "crowd-env run room-v0 --scheme SCHEME --radius RANGE --speed RANGE --runs 50"),
+    "scenarios": Table(scenarios, "crowd-env run SCENARIO --physics SCHEME --runs 100"),
+    "bodies": Table(bodies, "crowd-env run room-v0 --physics SCHEME --set radius=RANGE --set speed=RANGE --runs 50"),
     "theatre": Table(theatre, "crowd-env reproduce table7"),
     "variants": Table(variants, "crowd-env reproduce table5 OPTIONS"),
     "clearance": Table(clearance, "crowd-env reproduce lin-fig7 lin-fig8"),

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import CrowdEnv, EpisodeMetrics, Physics, Scenario, make_scenario
+from crowd_env.analysis.figures import column, figures_of, named
 from crowd_env.analysis.results.measurements import Measured, MeasurementRecorder
-from crowd_env.analysis.results.report import column, figures_of, named
 from crowd_env.core.arrays.headway import Manner
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.executors import Executor, Serial, WorkerDied
@@ -17,7 +17,8 @@ from crowd_env.envs.rollout import BatchDone, Driver, RunBatch, make_batches, si
 from crowd_env.envs.settings import AsPhysics, part_of
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 
-from ..drivers import PolicyBatches, learned_people, policy_driver
+from ..controllers import Controller
+from ..drivers import PolicyBatches, driver_of, learned_people
 from ..policy import Policy
 
 # Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.
@@ -149,7 +150,7 @@ def _mean_of(values: Floats, those: Bools) -> Floats:
 
 
 def evaluate(
-    policy: str | Policy,
+    policy: str | Policy | Controller,
     scenario: str | Scenario = "room-v0",
     *,
     physics: AsPhysics | None = None,
@@ -159,7 +160,7 @@ def evaluate(
     progress: Callable[[int], None] | None = None,
     **options: Any,
 ) -> Evaluation:
-    """Run ``runs`` evacuations under a policy, draw ``first_seed + k`` for run ``k``.
+    """Run ``runs`` evacuations under a policy or controller, draw ``first_seed + k`` for run ``k``.
 
     Parameters
     ----------
@@ -169,12 +170,13 @@ def evaluate(
     """
     from .. import make_policy  # which knows this file by its tasks
 
-    place, policy = make_scenario(scenario), make_policy(policy)
+    place = make_scenario(scenario)
+    policy = make_policy(policy) if isinstance(policy, str) else policy
     if physics is not None:
         part = part_of(Physics, physics)
         scheme = part.law
         options |= {"dt": part.dt, "outline": part.outline, "max_drive": part.max_drive, "threads": part.threads}
-    driver = policy_driver(policy, place, scheme=scheme, **options)
+    driver = driver_of(policy, place, scheme=scheme, **options)
     return evaluate_driver(driver, place, policy.name, scheme, runs=runs, first_seed=first_seed, progress=progress)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 from rich.table import Table
 
 from crowd_env import Scenario
-from crowd_env.analysis.results.report import named
+from crowd_env.analysis.figures import named
 
 from ..tasks.task import Task
 from .comparison import mean_times, minus_first

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import EpisodeMetrics, Scenario
-from crowd_env.analysis.results.report import figures_of, named
+from crowd_env.analysis.figures import figures_of, named
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.json_file import read_json
 

@@ -1,24 +1,28 @@
 """What was understood of a place, in figures: how large, how wide its exits, where it is narrow, how many people fit."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from crowd_env.analysis.figures import exit_widths, listed
 from crowd_env.analysis.gaps import Gap
 from crowd_env.analysis.passages import Passage, narrowest_passages
-from crowd_env.analysis.results.report import exit_widths
 from crowd_env.analysis.terrain import Terrain, survey
+from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.checks import counted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off
 from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.groups import People
 from crowd_env.scenarios.placement import CLOSEST_PACKING
+from crowd_env.scenarios.scenario import Scenario
 
 # Beyond these a plan is rarely what it is meant to be.
 _WIDE_EXIT, _LARGE, _SMALL = 20.0, 300.0, 2.0  # m
+_SHOWN = 12  # rows of a kind in a table
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,3 +202,98 @@ def spot(gap: Gap) -> str:
     """Return where the middle of a gap is, to the centimeter."""
     x, y = gap.line.mean(axis=0)
     return f"({x:.2f}, {y:.2f})"
+
+
+def check_place(scenario: Scenario, seed: int = 0) -> PlanCheck:
+    """Return what is understood of a scenario."""
+    return check_plan(
+        scenario.name,
+        scenario.geometry,
+        scenario.population,
+        title=scenario.title,
+        room=room_of(scenario.outline_of_run()),
+        seed=seed,
+    )
+
+
+def plain_check(check: PlanCheck) -> dict[str, Any]:
+    """Return what is known of a place, ready for JSON: lengths in meters, areas in square meters."""
+    geometry = check.geometry
+    exits = []
+    for name, width in check.widths.items():
+        lines = zip(geometry.exits, geometry.exit_names, strict=True)
+        one: dict[str, Any] = {
+            "name": name,
+            "width": width,
+            "lines": [line.tolist() for line, other in lines if other == name],
+            "narrowest_passage": None,
+        }
+        if passage := check.passages[name]:
+            one["narrowest_passage"] = {
+                "width": passage.gap.width,
+                "line": passage.gap.line.tolist(),
+                "is_exit": passage.is_exit,
+                "share_of_people": passage.behind,
+            }
+        exits.append(one)
+    return {
+        "name": check.name,
+        "bounds": list(geometry.bounds),
+        "area": geometry.area,
+        "exits": exits,
+        "regions": {name: geometry.area_of(name) for name in geometry.regions},
+        "doors": list(geometry.doors),
+        "not_reached": [{"area": area, "at": _inside(part)} for part, area in check.unreached],
+        "people": check.people.people,
+        "body_diameter": list(check.body),
+        "free_area": check.free_area,
+        "capacity": check.capacity,
+        "remarks": list(check.remarks),
+    }
+
+
+def cells(check: PlanCheck) -> dict[str, str]:
+    """Return the rows of the table of a place: label -> cell."""
+    geometry = check.geometry
+    x0, y0, x1, y1 = geometry.bounds
+    exits = [f"{name} {width:.2f} m" for name, width in check.widths.items()]
+    rows = {
+        "plan": f"{geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m",
+        "  x, y": f"{x0:.2f} to {x1:.2f} m, {y0:.2f} to {y1:.2f} m",
+        "exits": _rows(exits) if exits else "none yet: give --exit x1,y1,x2,y2, points on the edge",
+        "narrowest passage": _rows([_passage(check, name) for name in check.passages]),
+        "regions": _rows([f"{name} {geometry.area_of(name):.1f} m2" for name in geometry.regions]),
+        "doors": _rows(list(geometry.doors)),
+        "no exit reaches": _rows(
+            ["{:.3g} m2 around ({:.2f}, {:.2f})".format(area, *_inside(part)) for part, area in check.unreached]
+        ),
+        "people": f"{counted(check.people.people, 'person', 'people')}, bodies {body_width(check)} wide",
+        "room for": f"at most {check.capacity} people on the {check.start_area:.1f} m2 where they start",
+        "  centers of bodies": f"{check.free_area:.1f} m2",
+        "check": _rows(check.remarks),
+    }
+    return {label: cell for label, cell in rows.items() if cell}
+
+
+def body_width(check: PlanCheck) -> str:
+    """Return the diameters of bodies in words."""
+    least, most = check.body
+    return f"{least:.2f} m" if most - least < 1e-9 else f"{least:.2f} to {most:.2f} m"
+
+
+def _rows(items: Sequence[str]) -> str:
+    return listed(items, _SHOWN, "\n")
+
+
+def _inside(part: Any) -> list[float]:
+    at = part.representative_point()
+    return [at.x, at.y]
+
+
+def _passage(check: PlanCheck, name: str) -> str:
+    passage = check.passages[name]
+    if passage is None:
+        return f"to {name}: no way"
+    share = 100.0 * passage.behind
+    where = "the exit itself" if passage.is_exit else f"at {spot(passage.gap)}, for {share:.0f} % of the people"
+    return f"to {name}: {passage.gap.width:.2f} m, {passage.gap.width / check.body[1]:.1f} bodies, {where}"

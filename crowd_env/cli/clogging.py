@@ -7,40 +7,45 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run, powerlaw_library
 from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
-from crowd_env.analysis.results.report import share
-from crowd_env.cli.completion import complete_from
-from crowd_env.cli.console import AsJson, MannerName, OutlineOption, Runs, Seed, Workers
+from crowd_env.analysis.figures import number, percent, share
+from crowd_env.cli.console import AsJson, Runs, Seed, Workers, show_table
 from crowd_env.cli.evacuations import evacuate
-from crowd_env.cli.place import PLACES, Count, Exits, Speed, Unit, complete_scenario, read_place
+from crowd_env.cli.place import (
+    PLACES,
+    Changes,
+    CrowdName,
+    Exits,
+    PeopleCount,
+    PhysicsName,
+    Unit,
+    complete_scenario,
+    place_of,
+)
 from crowd_env.core.arrays.headway import plain_manner
 from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.checks import counted
 from crowd_env.core.console import check_folder, friendly_errors, interrupted, notes
 from crowd_env.envs.rollout import Episode, RunsInterrupted
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
+from crowd_env.physics import ContactScheme
 from crowd_env.scenarios.scenario import Scenario
-from crowd_env.scenarios.titles import run_title, with_manner
-
-_WIDTH = 100
+from crowd_env.scenarios.titles import run_title
 
 EXAMPLES = """Examples:
 
-crowd-env clogging --speed 1.5 --runs 10
+crowd-env clogging --set speed=1.5 --runs 10
 
-crowd-env clogging lin-room-v0 --speed 1.5 --times experiment.csv --out clogging
+crowd-env clogging lin-room-v0 --set speed=1.5 --times experiment.csv --out clogging
 
 crowd-env clogging --times results/exits.csv
 """
 
 
 def clog(
+    context: typer.Context,
     scenario: Annotated[
         str | None,
         typer.Argument(
@@ -49,19 +54,15 @@ def clog(
             help=f"{PLACES}  By default lin-room-v0, or with --times none.",
         ),
     ] = None,
-    scheme: Annotated[
-        str, typer.Option(autocompletion=complete_from(SCHEMES), help="Contact scheme: " + ", ".join(SCHEMES) + ".")
-    ] = "hertz",
     exit: Exits = None,
     unit: Unit = None,
-    n: Count = None,
-    speed: Speed = None,
-    manner: MannerName = None,
-    outline: OutlineOption = None,
+    people: PeopleCount = None,
+    crowd: CrowdName = None,
+    physics: PhysicsName = "hertz",
+    set: Changes = None,
     runs: Runs = 10,
     seed: Seed = 0,
     workers: Workers = None,
-    dt: Annotated[float | None, typer.Option(help="Physics step in s; default the scheme's.")] = None,
     times: Annotated[
         list[Path] | None,
         typer.Option(
@@ -82,20 +83,15 @@ def clog(
         if out is not None:
             check_folder("--out", out)
         powerlaw_library()  # is missed now, not after the work
-        if not pause > 0:
-            raise ValueError(f"--pause is {pause:g} s; it must be > 0")
         sets = _recorded(times or [])
         blocked_after = 120.0
         episodes: list[Episode] = []
         stopped: RunsInterrupted | None = None
         if scenario is not None or not sets:
-            found_place = read_place(scenario or "lin-room-v0", exits=exit, unit=unit, people=n, speed=speed)
-            place = with_manner(found_place, manner, outline)
-            contact = make_scheme(scheme)
-            name = _name(place, contact)
+            place, scheme, options = place_of({**context.params, "scenario": scenario or "lin-room-v0"})
+            name = _name(place, scheme)
             blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
-            options: dict[str, Any] = {"scheme": contact, "dt": dt, "workers": workers}
-            episodes, stopped, *_ = evacuate(name, place, runs, seed=seed, **options)
+            episodes, stopped, _ = evacuate(name, place, runs, seed=seed, workers=workers, scheme=scheme, **options)
             sets = {name: [exits_of_episode(episode, place.geometry) for episode in episodes], **sets}
         found = {
             name: clogging(data, pause=pause, per_exit=per_exit, blocked_after=blocked_after)
@@ -155,19 +151,9 @@ def _write(
 
 
 def _show(found: dict[str, Clogging]) -> None:
-    console = Console(highlight=False)
-    console.width = min(_WIDTH, console.width) if console.is_terminal else _WIDTH
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("")
-    columns = []
+    show_table("", {name: _cells(each) for name, each in found.items()}, sections=(3, 9, 12))
     for name, each in found.items():
-        table.add_column(name, justify="right")
-        columns.append(_cells(each))
-    for row, label in enumerate(columns[0]):
-        table.add_row(label, *(column[label] for column in columns), end_section=row in (3, 9, 12))
-    console.print(table)
-    for name, each in found.items():
-        console.print(f"* {name}: {each.statement()}." if len(found) > 1 else f"{each.statement()}.", markup=False)
+        typer.echo(f"* {name}: {each.statement()}." if len(found) > 1 else f"{each.statement()}.")
 
 
 def _figures(found: Clogging) -> dict[str, Any]:
@@ -179,32 +165,25 @@ def _cells(found: Clogging) -> dict[str, str]:
     """Return the rows of the table."""
     figures = _figures(found)
     gaps, bursts, tail = figures["gaps"], figures["bursts"], figures["tail"] or {}
-
-    def number(value: float | None, unit: str = "", digits: int = 2) -> str:
-        return "-" if value is None else f"{value:.{digits}f}{unit}"
-
-    error = "" if not tail else f" ± {tail['error']:.2f}"
-    opened = f"{gaps['open']}" + (f", longest above {gaps['longest_open']:.1f} s" if gaps["open"] else "")
+    opened = f", longest above {gaps['longest_open']:.1f} s" if gaps["open"] else ""
     return {
         "runs": str(found.runs),
         "  unfinished, of these blocked": f"{found.unfinished}, {found.blocked}",
-        "  share blocked, 95 %": "{:.0f} to {:.0f} %".format(
-            *(100.0 * bound for bound in figures["blocked_share"]["ci95"])
-        ),
+        "  share blocked, 95 %": f"{percent(figures['blocked_share'])} %",
         "people out": str(found.exits),
         "gaps": str(gaps["count"]),
-        "  mean": number(gaps["mean"], " s"),
+        "  mean": number(gaps["mean"], "s"),
         "  standard deviation / mean": number(gaps["cv"]),
-        "  90 % are below": number(gaps["q90"], " s"),
-        "  longest": number(gaps["max"], " s"),
-        "  open at the end": opened,
+        "  90 % are below": number(gaps["q90"], "s"),
+        "  longest": number(gaps["max"], "s"),
+        "  open at the end": f"{gaps['open']}{opened}",
         f"bursts (gaps below {found.pause:g} s)": str(bursts["count"]),
-        "  mean size": number(bursts["mean_size"], " people"),
-        "  largest": "-" if bursts["max_size"] is None else f"{bursts['max_size']} people",
-        "exponent of the tail": number(tail.get("alpha")) + error,
+        "  mean size": number(bursts["mean_size"], "people"),
+        "  largest": number(bursts["max_size"], "people", 0),
+        "exponent of the tail": number(tail.get("alpha")) + (f" ± {tail['error']:.2f}" if tail else ""),
         "  if open gaps count as longer": number(tail.get("alpha_open")),
-        "  from (x_min)": number(tail.get("x_min"), " s"),
-        "  gaps in the tail": str(tail.get("n", "-")),
+        "  from (x_min)": number(tail.get("x_min"), "s"),
+        "  gaps in the tail": number(tail.get("n"), digits=0),
         "  Kolmogorov-Smirnov distance": number(tail.get("distance"), digits=3),
         "  log-likelihood ratio to an exponential": number(tail.get("ratio"), digits=1),
         "    p": number(tail.get("p"), digits=3),

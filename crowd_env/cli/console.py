@@ -1,19 +1,29 @@
-"""Options that several commands have, and checks of what they name."""
+"""Options that several commands have, tables, and what commands check before they work."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
 
-from crowd_env.cli.completion import complete_from
 from crowd_env.core.arrays.headway import MANNERS
 from crowd_env.core.arrays.outline import OUTLINES
 from crowd_env.core.console import check_place
-from crowd_env.core.files.store import claimed
 
 # Sections of the help.
 OF_PLACE, OF_PEOPLE, OF_PHYSICS, OF_RUNS, OF_OUTPUT = "Place", "People", "Physics", "Runs", "Output"
+
+_WIDTH = 100  # letters of a table that no terminal shows
+
+
+def complete_from(names: Iterable[str]) -> Callable[[str], list[str]]:
+    """Return what proposes names to a shell: those of ``names`` that begin as the user has begun."""
+    known = tuple(names)
+    return lambda incomplete: [name for name in known if name.startswith(incomplete)]
+
 
 # Options that several commands have.
 AsJson = Annotated[
@@ -51,16 +61,38 @@ OutlineOption = Annotated[
 Seed = Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0, rich_help_panel=OF_RUNS)]
 
 
-def claim(context: typer.Context, option: str, path: Path, lock: Path) -> None:
-    """Keep other commands from writing to ``path`` until this one ends, by the lock file ``lock``.
+def show_table(
+    title: str,
+    columns: Mapping[str, Mapping[str, str]],
+    *,
+    caption: str = "",
+    sections: Sequence[int] = (),
+) -> None:
+    """Print a table: a row for each label of the first column, a column for each of ``columns``.
 
-    Raises
-    ------
-    ValueError
-        If another command writes there now.
+    Parameters
+    ----------
+    columns : heading -> label -> cell; the heading "" of a single column is not shown.
+    sections : numbers of rows that a line follows.
     """
-    if not context.with_resource(claimed(lock)):
-        raise ValueError(f"{option} {path}: another command is writing there; let it end, or name another place")
+    console = Console(highlight=False)
+    console.width = min(_WIDTH, console.width) if console.is_terminal else _WIDTH
+    alone = list(columns) == [""]
+    table = Table(
+        title=title or None,
+        caption=caption or None,
+        show_header=not alone,
+        box=SIMPLE_HEAD,
+        pad_edge=False,
+        title_justify="left",
+        caption_justify="left",
+    )
+    table.add_column("", no_wrap=True)
+    for heading in columns:
+        table.add_column(heading, justify="left" if alone else "right")
+    for row, label in enumerate(next(iter(columns.values()))):
+        table.add_row(label, *(cells[label] for cells in columns.values()), end_section=row in sections)
+    console.print(table)
 
 
 def check_picture(option: str, path: Path, suffixes: Sequence[str], *, makes_folder: bool = False) -> None:

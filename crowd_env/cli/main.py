@@ -5,17 +5,15 @@ import time
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
 import crowd_env
 from crowd_env.cli.agents import WithLearning
 from crowd_env.cli.clogging import EXAMPLES as CLOGGING_EXAMPLES
 from crowd_env.cli.clogging import clog
-from crowd_env.cli.completion import complete_from
-from crowd_env.cli.console import AsJson
+from crowd_env.cli.console import AsJson, complete_from, show_table
 from crowd_env.cli.film import film
 from crowd_env.cli.forces import forces
+from crowd_env.cli.place import CrowdName
 from crowd_env.cli.plan import plan
 from crowd_env.cli.replay import replay
 from crowd_env.cli.report import report
@@ -23,7 +21,6 @@ from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.run import EXAMPLES as RUN_EXAMPLES
 from crowd_env.cli.run import run
 from crowd_env.cli.schema import schema
-from crowd_env.core.arrays.headway import MANNERS, make_manner
 from crowd_env.core.console import friendly_errors, progress_bar
 from crowd_env.physics import SCHEMES, make_scheme
 from crowd_env.scenarios import SCENARIOS, make_scenario
@@ -63,10 +60,7 @@ def list_names(as_json: AsJson = False) -> None:
         typer.echo(json.dumps({"scenarios": scenarios, "schemes": schemes}))
         return
     for title, names in (("scenarios", scenarios), ("contact schemes", schemes)):
-        table = Table(title=title, show_header=False, title_justify="left")
-        for name, text in names.items():
-            table.add_row(name, text)
-        Console().print(table)
+        show_table(title, {"": names})
 
 
 app.command()(plan)
@@ -78,19 +72,13 @@ app.command("report")(report)
 
 @app.command()
 def warmup(
-    scheme: Annotated[
+    physics: Annotated[
         list[str] | None,
-        typer.Option(autocompletion=complete_from(SCHEMES), help="Contact scheme; may be repeated; default all."),
-    ] = None,
-    manner: Annotated[
-        str | None,
         typer.Option(
-            metavar="NAME",
-            autocompletion=complete_from(MANNERS),
-            help=f"Compile for people who walk in this manner: {', '.join(MANNERS)}; default competitive, "
-            "all others share their kernels.",
+            metavar="NAME", autocompletion=complete_from(SCHEMES), help="Contact scheme; may be repeated; default all."
         ),
     ] = None,
+    crowd: CrowdName = None,
     as_json: AsJson = False,
 ) -> None:
     """Compile the kernels now, so that the first step of every later program starts at once."""
@@ -98,17 +86,14 @@ def warmup(
 
     seconds = {}
     with friendly_errors():
-        chosen = scheme or list(SCHEMES)
-        for name in chosen:
-            make_scheme(name)
-        make_manner(manner)
+        chosen = [make_scheme(name) for name in physics or SCHEMES]
         with progress_bar("compiling", len(chosen)) as progress:
-            for name in chosen:
+            for scheme in chosen:
                 begin = time.monotonic()
-                env = CrowdEnv("room-v0", physics=name, walking=manner)
+                env = CrowdEnv("room-v0", physics=scheme, walking=crowd)
                 env.reset(seed=0)
                 env.step(None)
-                seconds[name] = round(time.monotonic() - begin, 2)
+                seconds[scheme.info.name] = round(time.monotonic() - begin, 2)
                 progress(1)
     if as_json:
         typer.echo(json.dumps({"seconds": seconds}))

@@ -1,25 +1,37 @@
-"""Which place a command is about: a scenario by name, a scenario file, or a floor plan with its exits and people."""
+"""What a command is about: a place, the people there, the physics between them and the routes that they take."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from crowd_env.cli.completion import complete_from
-from crowd_env.cli.console import OF_PEOPLE, OF_PLACE, OF_RUNS
+from crowd_env.cli.console import OF_PEOPLE, OF_PHYSICS, OF_PLACE, OF_RUNS, complete_from
+from crowd_env.core.arrays.headway import MANNERS
+from crowd_env.core.arrays.state import MOTIVATION
+from crowd_env.core.checks import flag, known
+from crowd_env.core.files.own import load_own, names_own
+from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
+from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
 from crowd_env.scenarios.floor_plan import PEOPLE, people_on, scenario_on
 from crowd_env.scenarios.plans.reading import PLANS, read_plan
 from crowd_env.scenarios.plans.units import unit_in_meters
-from crowd_env.scenarios.population import Uniform
+from crowd_env.scenarios.population import DRAWN, Uniform
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.starts import read_starts
+from crowd_env.scenarios.titles import with_manner
 
 # What a command line says of a place.
 PLACES = f"Name of a scenario, a scenario file (.toml, .json), or a floor plan: {PLANS}."
 complete_scenario = complete_from(SCENARIOS)
 
+# Names of --set that change people, and what they change in a population.
+_DRAWN = {"speed": "desired_speed", **{name: name for name in (*DRAWN, *MOTIVATION) if name != "desired_speed"}}
+_SWITCHES = {"yes": True, "no": False, "true": True, "false": False}
+
+PlaceName = Annotated[str, typer.Argument(help=PLACES, autocompletion=complete_scenario)]
 Exits = Annotated[
     list[str] | None,
     typer.Option(
@@ -37,34 +49,114 @@ Unit = Annotated[
         rich_help_panel=OF_PLACE,
     ),
 ]
-Count = Annotated[
+PeopleCount = Annotated[
     int | None,
     typer.Option(
-        "--n",
+        "--people",
         help=f"Number of people; default the scenario's, or {PEOPLE} on a floor plan.",
         min=1,
         rich_help_panel=OF_PEOPLE,
     ),
 ]
-Radius = Annotated[
-    str | None,
-    typer.Option(
-        help="Body radius in m, one number or a range; default the scenario's, or 0.2,0.25.", rich_help_panel=OF_PEOPLE
-    ),
-]
-Speed = Annotated[
-    str | None,
-    typer.Option(
-        help="Desired speed in m/s, one number or a range; default the scenario's, or 1.2,2.", rich_help_panel=OF_PEOPLE
-    ),
-]
 Starts = Annotated[
     Path | None, typer.Option(help="CSV file with columns x,y: recorded starting positions.", rich_help_panel=OF_PEOPLE)
+]
+CrowdName = Annotated[
+    str | None,
+    typer.Option(
+        "--crowd",
+        metavar="NAME",
+        autocompletion=complete_from(MANNERS),
+        help=f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's.",
+        rich_help_panel=OF_PEOPLE,
+    ),
+]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "
+        "routing (signs); may be repeated. speed=1.5 is the same for all, speed=1.2,2 is drawn from a range.",
+        rich_help_panel=OF_PEOPLE,
+    ),
+]
+PhysicsName = Annotated[
+    str,
+    typer.Option(
+        "--physics",
+        metavar="NAME",
+        help=f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw.",
+        autocompletion=complete_from(SCHEMES),
+        rich_help_panel=OF_PHYSICS,
+    ),
+]
+RoutingName = Annotated[
+    str,
+    typer.Option(
+        "--routing",
+        metavar="NAME",
+        help="How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit.",
+        autocompletion=complete_from(STRATEGIES),
+        rich_help_panel=OF_PEOPLE,
+    ),
 ]
 TimeLimit = Annotated[
     float | None,
     typer.Option(help="People who are inside after this many seconds are unfinished.", rich_help_panel=OF_RUNS),
 ]
+
+
+class Setting(NamedTuple):
+    """What a command line asks to be run."""
+
+    place: Scenario
+    scheme: ContactScheme
+    options: dict[str, Any]  # of a rollout: dt, max_drive, strategy, rules
+
+
+def place_of(given: Mapping[str, Any]) -> Setting:
+    """Return what the options of a command stand for.
+
+    Parameters
+    ----------
+    given : the options by their names; those that are missing, or None, are as the place or the physics says.
+
+    Raises
+    ------
+    ValueError
+        If there is no such place, something in its file is wrong, or an option does not suit it.
+    """
+    changes = split_changes(given.get("set"))
+    named = given.get("physics") or "nsm2"
+    scheme = make_scheme(load_own("--physics", named) if names_own(named) else named)
+    owners = {
+        "the crowd": ("outline", *_DRAWN),
+        f"the physics {named}": ("dt", "max_drive", *(one.name for one in fields(scheme) if one.init)),
+        "the routing": ("signs",),
+    }
+    for name in changes:
+        if not any(name in names for names in owners.values()):
+            there = "; ".join(f"{who} has {', '.join(names)}" for who, names in owners.items())
+            raise ValueError(f"--set {name}: nothing has this name; {there}")
+    drawn, of_physics, _ = ({name: changes[name] for name in names if name in changes} for names in owners.values())
+    outline, social = drawn.pop("outline", None), of_physics.pop("social", None)
+    found = read_place(
+        given.get("scenario") or "room-v0",
+        exits=given.get("exit"),
+        unit=given.get("unit"),
+        people=given.get("people"),
+        starts=None if given.get("starts") is None else Path(given["starts"]),
+        time_limit=given.get("time_limit"),
+        drawn=drawn,
+    )
+    place = with_manner(found, given.get("crowd"), outline)
+    numbers = {name: _value(text) for name, text in of_physics.items()}
+    options: dict[str, Any] = {"strategy": given.get("routing") or "shortest", "dt": numbers.pop("dt", None)}
+    if "max_drive" in numbers:
+        options["max_drive"] = numbers.pop("max_drive")
+    options["rules"] = flag("--set signs", _value(changes.get("signs", "yes")))
+    return Setting(place, replace(make_scheme(scheme, social), **numbers), options)
 
 
 def read_place(
@@ -73,10 +165,9 @@ def read_place(
     exits: Sequence[str] | None = None,
     unit: str | None = None,
     people: int | None = None,
-    radius: str | None = None,
-    speed: str | None = None,
     starts: Path | None = None,
     time_limit: float | None = None,
+    drawn: Mapping[str, str] | None = None,
 ) -> Scenario:
     """Return the place that a command line names, with its people changed as the options say; None = as they are.
 
@@ -86,17 +177,16 @@ def read_place(
     exits : of a floor plan, in the forms of `crowd_env.geometry.parsing.parse_exit`.
     unit : of a floor plan, of ``exits`` and of ``starts``.
     people : number of people.
-    radius : m, as "0.2" or "0.2,0.25".
-    speed : m/s, the desired one, in the same forms.
     starts : CSV file of starting positions.
     time_limit : s.
+    drawn : radius, speed and other properties of people, each as "0.2" or "0.2,0.25".
 
     Raises
     ------
     ValueError
         If there is no such place, something in its file is wrong, or an option does not suit it.
     """
-    crowd = people_options(people, radius, speed, starts, unit)
+    crowd = people_options(people, starts, unit, drawn)
     timing: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
     options = plan_options(name, exits, unit)
     if kind_of_place(name) == "plan":
@@ -115,27 +205,25 @@ def changed_place(name: str, people: Mapping[str, Any], **options: Any) -> Scena
 
 
 def people_options(
-    people: int | None, radius: str | None, speed: str | None, starts: Path | None, unit: str | None
+    people: int | None, starts: Path | None, unit: str | None, drawn: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
     """Return the fields of a `Population` that options stand for; they are those of `read_place`.
 
     Raises
     ------
     ValueError
-        If an option is not understood, the file of starts cannot be read, or it holds another number of people than --n says.
+        If an option is not understood, or the file of starts cannot be read or holds another number of people.
     """
     recorded = None if starts is None else unit_in_meters(unit) * read_starts(starts)
     if recorded is not None and people not in (None, len(recorded)):
-        raise ValueError(f"--n is {people}, but {starts} holds {len(recorded)} positions")
-    fields: dict[str, Any] = {} if recorded is None else {"starts": recorded, "start_region": None}
+        raise ValueError(f"--people is {people}, but {starts} holds {len(recorded)} positions")
+    found: dict[str, Any] = {} if recorded is None else {"starts": recorded, "start_region": None}
     number = people if recorded is None else len(recorded)
     if number is not None:
-        fields["people"] = number
-    if radius is not None:
-        fields["radius"] = _range(radius, "--radius")
-    if speed is not None:
-        fields["desired_speed"] = _range(speed, "--speed")
-    return fields
+        found["people"] = number
+    for name, text in (drawn or {}).items():
+        found[_DRAWN[known("property of people", name, _DRAWN, "--set: ")]] = _range(name, text)
+    return found
 
 
 def plan_options(name: str, exits: Sequence[str] | None, unit: str | None) -> dict[str, Any]:
@@ -154,12 +242,49 @@ def plan_options(name: str, exits: Sequence[str] | None, unit: str | None) -> di
     return {**({"exits": list(exits)} if exits else {}), **({} if unit is None else {"unit": unit})}
 
 
-def _range(text: str, option: str) -> Uniform:
+def files_of(given: Mapping[str, Any]) -> dict[str, Path]:
+    """Return the files that options name, by the names of the options."""
+    named = {} if given.get("scenario") in SCENARIOS else {"scenario": given["scenario"]}
+    named |= {"starts": given["starts"]} if given.get("starts") is not None else {}
+    named |= {"physics": given["physics"].rpartition(":")[0]} if names_own(given.get("physics", "")) else {}
+    return {name: Path(file) for name, file in named.items()}
+
+
+def split_changes(texts: Sequence[str] | None) -> dict[str, str]:
+    """Return what --set changes, by names.
+
+    Raises
+    ------
+    ValueError
+        If one is no NAME=VALUE, or a name is set twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts or ():
+        name, sign, value = (part.strip() for part in text.partition("="))
+        if not (name and sign and value):
+            raise ValueError(f"--set {text}: this must be NAME=VALUE, such as speed=1.5")
+        if name in found:
+            raise ValueError(f"--set {text}: {name} is set twice")
+        found[name] = value
+    return found
+
+
+def _value(text: str) -> Any:
+    """Return the number, the switch or the text that is written."""
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            pass
+    return _SWITCHES.get(text.lower(), text)
+
+
+def _range(name: str, text: str) -> Uniform:
     """Read "0.2,0.25" or "0.2"."""
     try:
         bounds = [float(part) for part in text.split(",")]
     except ValueError:
         bounds = []
     if len(bounds) not in (1, 2):
-        raise ValueError(f"{option} is {text!r}; it must be one number or two separated by a comma, such as 0.2,0.25")
+        raise ValueError(f"--set {name}={text}: this must be one number or two separated by a comma, such as 0.2,0.25")
     return Uniform(bounds[0], bounds[-1])

@@ -1,44 +1,18 @@
-"""The command ``crowd-env replay``, and the page that ``crowd-env run`` makes of its first run."""
+"""The command ``crowd-env replay``."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from crowd_env.cli.first_run import FirstRun
 from crowd_env.cli.recorded import Sources, place_of, read_recorded
 from crowd_env.core.checks import counted
 from crowd_env.core.console import check_place, friendly_errors, notes
 from crowd_env.core.files.atomic import check_suffix
-from crowd_env.envs.rollout import Episode, Recorder
 
 if TYPE_CHECKING:
     from crowd_env.recording import Recording
-
-
-@dataclass(frozen=True)
-class Html:
-    """``--html``."""
-
-    path: Path | None
-
-    def check(self) -> None:
-        """Raise if the page cannot be written."""
-        if self.path is not None:
-            check_page("--html", self.path)
-
-    def recorder(self, run: FirstRun) -> Recorder:
-        """Return what keeps every decision, and who presses on whom."""
-        from crowd_env.recording import RunRecorder
-
-        return RunRecorder(contacts=True, seed=run.seed)
-
-    def write(self, run: FirstRun, episode: Episode) -> str:
-        """Write the page."""
-        assert self.path is not None  # else it is not asked for
-        return _write(self.path, [episode.record], [run.title])
 
 
 def check_page(option: str, path: Path) -> None:

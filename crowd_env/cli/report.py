@@ -1,22 +1,18 @@
 """The command ``crowd-env report``."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from crowd_env.cli.console import OF_OUTPUT, AsJson, check_picture
-from crowd_env.cli.place import read_place
+from crowd_env.cli.place import place_of
 from crowd_env.core.console import check_place, friendly_errors, notes
 from crowd_env.core.files.atomic import check_suffix
-from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.rendering.report.differences import differences
 from crowd_env.rendering.report.maps import measure
 from crowd_env.rendering.report.runs import load_runs, remarks_on
-from crowd_env.scenarios.scenario import Scenario
-from crowd_env.scenarios.titles import with_manner
 
 
 def report(
@@ -37,9 +33,9 @@ def report(
 ) -> None:
     """Make one web page to hand in: plan, people, assumptions, results with intervals, comparison, limits of validity.
 
-    Examples: crowd-env run two-exit-hall-v0 --runs 20 --strategy nearest --out nearest
+    Examples: crowd-env run two-exit-hall-v0 --runs 20 --routing nearest --out nearest
 
-    crowd-env run two-exit-hall-v0 --runs 20 --strategy fastest --out fastest
+    crowd-env run two-exit-hall-v0 --runs 20 --routing fastest --out fastest
 
     crowd-env report nearest fastest -o report.html
     """
@@ -60,28 +56,3 @@ def report(
         typer.echo(json.dumps({"report": str(written), **figures}))
         return
     notes.print(f"report: {written} ({written.stat().st_size / 1e3:.0f} kB)", markup=False, soft_wrap=True)
-
-
-def place_of(config: Mapping[str, Any]) -> tuple[Scenario, ContactScheme]:
-    """Return the place and the contact scheme of a config of ``crowd-env run``.
-
-    Raises
-    ------
-    ValueError
-        If its plan cannot be read, or an option does not suit it.
-    """
-    given = config["arguments"]
-    starts = given.get("starts")
-    place = read_place(
-        given["scenario"],
-        exits=given.get("exit"),
-        unit=given.get("unit"),
-        people=given.get("n"),
-        radius=given.get("radius"),
-        speed=given.get("speed"),
-        starts=None if starts is None else Path(starts),
-        time_limit=given.get("time_limit"),
-    )
-    return with_manner(place, given.get("manner"), given.get("outline")), make_scheme(
-        given["scheme"], given.get("social")
-    )

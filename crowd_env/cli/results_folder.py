@@ -10,6 +10,7 @@ import typer
 
 from crowd_env.analysis.results.config import FREE, run_config
 from crowd_env.analysis.results.folder import ResultsFolder
+from crowd_env.cli.place import files_of
 from crowd_env.core.checks import counted
 from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.core.files.json_file import read_json
@@ -17,15 +18,14 @@ from crowd_env.core.files.store import difference
 from crowd_env.envs.rollout import Episode
 from crowd_env.physics import ContactScheme
 from crowd_env.rendering.libraries import require_libraries
-from crowd_env.scenarios import SCENARIOS
 from crowd_env.scenarios.scenario import Scenario
 
 CURVES = "nt.png"
 
 # Options that decide the results: what a config keeps of a command line.
 _KEPT = (
-    *("scenario", "exit", "unit", "n", "radius", "speed", "starts", "manner", "outline", "strategy", "rules"),
-    *("scheme", "social", "dt", "runs", "seed", "time_limit"),
+    *("scenario", "exit", "unit", "people", "starts", "crowd", "routing", "physics", "set"),
+    *("runs", "seed", "time_limit"),
 )
 
 
@@ -33,7 +33,14 @@ def again(context: typer.Context, path: Path | None) -> Path | None:
     """Take the options of a config for those that the command line leaves out: the callback of ``--config``."""
     if path is not None and not context.resilient_parsing:
         with friendly_errors():
-            context.default_map = {**(context.default_map or {}), **_arguments(path)}
+            config = read_json(path)
+            arguments = config.get("arguments") if isinstance(config, dict) else None
+            if not isinstance(arguments, dict):
+                raise ValueError(f"--config {path}: this is no config of crowd-env run, as it writes it into --out")
+            if not set(arguments) <= set(_KEPT):
+                version = config.get("version", "another version")
+                raise ValueError(f"--config {path}: its options are those of {version}; give them by their new names")
+            context.default_map = {**(context.default_map or {}), **arguments}
     return path
 
 
@@ -45,7 +52,7 @@ def config_of(
     Parameters
     ----------
     given : the parameters of the command by their names.
-    options : of the environment: ``dt``, ``strategy``, ``rules``.
+    options : of a rollout, see `crowd_env.cli.place.Setting`.
 
     Raises
     ------
@@ -53,12 +60,9 @@ def config_of(
         If a file that the command names cannot be read.
     """
     arguments = {name: given[name] for name in _KEPT if given[name] is not None}
-    files = [Path(given["scenario"])] if given["scenario"] not in SCENARIOS else []
-    files += [given["starts"]] if given["starts"] is not None else []
-    if given["scenario"] not in SCENARIOS:  # wherever the config is taken up again
-        arguments["scenario"] = str(files[0].absolute())
-    if given["starts"] is not None:
-        arguments["starts"] = str(given["starts"].absolute())
+    files = files_of(given)
+    for name, file in files.items():  # wherever the config is taken up again
+        arguments[name] = str(given[name]).replace(str(file), str(file.absolute()), 1)
     config = run_config(
         place,
         scheme,
@@ -67,8 +71,10 @@ def config_of(
         **options,
         command=["crowd-env", *sys.argv[1:]],
         arguments=arguments,
-        files=files,
+        files=list(files.values()),
     )
+    if "physics" in files:
+        config["law"] = config["files"][str(files["physics"].absolute())]
     if given["config"] is not None:
         other = difference(read_json(given["config"]), config, FREE)
         if other:
@@ -77,7 +83,7 @@ def config_of(
 
 
 def open_folder(context: typer.Context, out: Path, config: dict[str, Any]) -> tuple[ResultsFolder, list[Episode]]:
-    """Return the folder, which is this command's alone, and its runs, after saying how many, and if its figure cannot be drawn.
+    """Return the folder, which is this command's alone, and the runs in it, after saying how many there are.
 
     Raises
     ------
@@ -128,9 +134,8 @@ def write_results(
     try:
         from crowd_env.rendering.figures import egress_curves
 
-        paths.append(
-            egress_curves(folder.folder / CURVES, {"last out": [one.exit_time for one in episodes]}, title=title)
-        )
+        times = {"last out": [one.exit_time for one in episodes]}
+        paths.append(egress_curves(folder.folder / CURVES, times, title=title))
     except ModuleNotFoundError:
         pass  # said before the work
     notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
@@ -139,18 +144,3 @@ def write_results(
 def how_to_go_on() -> str:
     """Return the command that goes on with the runs of an interrupted one."""
     return shlex.join(["crowd-env", *sys.argv[1:]])
-
-
-def _arguments(path: Path) -> dict[str, Any]:
-    """Return the options of a config.
-
-    Raises
-    ------
-    ValueError
-        If the file is no config of a command.
-    """
-    config = read_json(path)
-    arguments = config.get("arguments") if isinstance(config, dict) else None
-    if not isinstance(arguments, dict) or not set(arguments) <= set(_KEPT):
-        raise ValueError(f"--config {path}: this is no config of crowd-env run, as it writes it into --out")
-    return arguments

@@ -72,35 +72,6 @@ class Recorder(Protocol):
         ...
 
 
-class Together:
-    """Several recorders as one, whose record of an evacuation is the tuple of theirs."""
-
-    def __init__(self, recorders: Sequence[Recorder]) -> None:
-        self.recorders = tuple(recorders)
-
-    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
-        """Let all of them look at the first moment of a batch."""
-        for recorder in self.recorders:
-            recorder.begin(env, runs)
-
-    def add(self, env: CrowdEnv, step: Step) -> None:
-        """Let all of them look at the batch after a step."""
-        for recorder in self.recorders:
-            recorder.add(env, step)
-
-    def record(self, env: CrowdEnv, e: int) -> tuple[Any, ...]:
-        """Return what each of them kept of the evacuation in environment ``e``."""
-        return tuple(recorder.record(env, e) for recorder in self.recorders)
-
-
-class Watch(Protocol):
-    """Is told how far runs are while they are under way."""
-
-    def look(self, runs: Sequence[int], env: CrowdEnv, over: bool) -> None:
-        """Look at a batch of these ``runs`` after its reset and after every step; ``over`` = all of them have ended."""
-        ...
-
-
 class RunsInterrupted(KeyboardInterrupt):
     """Ctrl-C in the middle of many runs.
 
@@ -123,7 +94,6 @@ def rollout(
     driver: Callable[[int], Driver] | None = None,
     recorder: Recorder | None = None,
     progress: Callable[[int], object] | None = None,
-    watch: Watch | None = None,
     only: Sequence[int] | None = None,
     at_once: int | None = None,
     threads: int = 1,
@@ -139,7 +109,6 @@ def rollout(
     driver : makes a batch of so many evacuations of ``scenario``; by default everyone walks as the strategy says.
     recorder : sees every moment of every batch; what it kept of an evacuation is `Episode.record`.
     progress : called with the number of evacuations that have just been yielded.
-    watch : is told how far the runs are.
     only : numbers of the runs that are wanted, 0 to ``runs`` - 1; by default all.
     at_once : most runs side by side under the rule; fewer end sooner, and are a little slower in all.
     threads : of the simulation, at most one an evacuation.
@@ -157,7 +126,6 @@ def rollout(
         seed=seed,
         driver=driver,
         recorder=recorder,
-        watch=watch,
         only=only,
         at_once=at_once,
         threads=threads,
@@ -211,7 +179,6 @@ class RunBatch:
     seed: int  # run k is the draw seed + k
     driver: ReusedDriver
     recorder: Recorder | None
-    watch: Watch | None = None
 
     def episodes(
         self, progress: Callable[[int], object] | None = None, stopped: Callable[[], bool] | None = None
@@ -228,16 +195,12 @@ class RunBatch:
         driver.reset([self.seed + run for run in self.runs])
         if recorder is not None:
             recorder.begin(env, self.runs)
-        if self.watch is not None:
-            self.watch.look(self.runs, env, False)
         while not env.finished.all():
             if stopped is not None and stopped():
                 raise KeyboardInterrupt
             step = driver.step()
             if recorder is not None:
                 recorder.add(env, step)
-            if self.watch is not None:
-                self.watch.look(self.runs, env, bool(env.finished.all()))
             ended = [int(e) for e in np.flatnonzero(step.info["finished"])]
             for e in ended:
                 state, people = env.simulation.state, env.people(e)
@@ -283,7 +246,6 @@ def make_batches(
     seed: int = 0,
     driver: Callable[[int], Driver] | None = None,
     recorder: Recorder | None = None,
-    watch: Watch | None = None,
     only: Sequence[int] | None = None,
     at_once: int | None = None,
     threads: int = 1,
@@ -313,9 +275,7 @@ def make_batches(
     else:
         edges = [*range(0, len(numbers), most), len(numbers)]
     parts = [numbers[first:stop] for first, stop in itertools.pairwise(edges)]
-    return [
-        RunBatch(part, seed, reused, recorder if workers is None else copy.deepcopy(recorder), watch) for part in parts
-    ]
+    return [RunBatch(part, seed, reused, recorder if workers is None else copy.deepcopy(recorder)) for part in parts]
 
 
 def run_episodes(

@@ -165,7 +165,8 @@ class Geometry:
             say_left_out(left_out)
         if lost := closed_off(area, exit_rows, narrowest) if narrowest > 0.0 else []:
             say_left_out(lost)
-            area = read_area(shapely.difference(area, shapely.union_all(lost)), "walkable area")
+            rest = read_area(shapely.difference(area, shapely.union_all(lost)), "walkable area")
+            area, _ = split_by_exits(rest, exit_rows)  # without the crumbs of a slit
             left_out += lost
         if left_out:
             with warnings.catch_warnings():  # what it has to say has been said

@@ -10,7 +10,7 @@ from repository import ROOT
 from typer.testing import CliRunner
 
 from crowd_env import SCENARIOS, SCHEMES
-from crowd_env.analysis.results.report import doubts, report
+from crowd_env.analysis.figures import doubts, report
 from crowd_env.cli.main import app
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import make_scenario
@@ -69,7 +69,7 @@ KEYS = {
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_run_prints_one_json_object_with_the_documented_keys(scheme):
-    told = figures(f"run room-v0 --scheme {scheme} --runs 3 --seed 5 --time-limit 30")
+    told = figures(f"run room-v0 --physics {scheme} --runs 3 --seed 5 --time-limit 30")
     assert set(told) == set(KEYS)
     for name, parts in KEYS.items():
         assert parts is None or set(told[name]) == parts
@@ -80,8 +80,8 @@ def test_run_prints_one_json_object_with_the_documented_keys(scheme):
 
 
 def test_run_says_when_its_figures_are_doubtful():
-    assert call("run --runs 1 --n 5").stdout.count("check:") == 0
-    short = call("run --runs 2 --n 5 --time-limit 1").stdout
+    assert call("run --runs 1 --people 5").stdout.count("check:") == 0
+    short = call("run --runs 2 --people 5 --time-limit 1").stdout
     assert "check: 9 people are left inside; 2 runs were cut by the time limit" in short
     fast = {"exits": {"door": {"flow_per_meter": {"mean": 3.1}}}, "unfinished": 0, "runs": 2, "interrupted_of": 5}
     assert doubts(fast) == (
@@ -91,7 +91,7 @@ def test_run_says_when_its_figures_are_doubtful():
 
 
 def test_run_prints_a_table():
-    result = call("run --runs 2 --n 5 --scheme dem")
+    result = call("run --runs 2 --people 5 --physics dem")
     assert result.exit_code == 0 and result.stderr == ""
     for words in ("room-v0: 5 people, dem, 2 runs", "evacuation time", "flow", "0 people in 0 runs", "overlap", "1/s"):
         assert words in result.stdout
@@ -99,23 +99,23 @@ def test_run_prints_a_table():
 
 
 def test_one_run_of_few_people_has_no_spread_and_says_so():
-    told = figures("run --runs 1 --n 2")
+    told = figures("run --runs 1 --people 2")
     assert told["evacuation_time"]["sd"] is None and told["flow"]["mean"] is None
-    assert "nan" not in call("run --runs 1 --n 2").stdout
+    assert "nan" not in call("run --runs 1 --people 2").stdout
 
 
 def test_options_reach_the_population():
-    slow = figures("run --runs 2 --n 4 --speed 0.5 --radius 0.2")["evacuation_time"]["mean"]
-    fast = figures("run --runs 2 --n 4 --speed 2 --radius 0.2,0.25")["evacuation_time"]["mean"]
+    slow = figures("run --runs 2 --people 4 --set speed=0.5 --set radius=0.2")["evacuation_time"]["mean"]
+    fast = figures("run --runs 2 --people 4 --set speed=2 --set radius=0.2,0.25")["evacuation_time"]["mean"]
     assert slow > 2 * fast
 
 
 def test_a_floor_plan_of_ones_own(folder):
-    told = figures("run plan.wkt --exit 6,2,6,3 --n 10 --runs 2")
+    told = figures("run plan.wkt --exit 6,2,6,3 --people 10 --runs 2")
     assert (told["scenario"], told["people"], told["unfinished"]) == ("plan", 10, 0)
     assert told["outside_mm"] < 100
     assert 1.0 < told["max_speed"] < 12.5 and told["escaped"] == 0
-    by_line = call("run plan.wkt --exit POLYGON((6\u00a02))".replace("\u00a0", " ") + " --n 3")
+    by_line = call("run plan.wkt --exit POLYGON((6\u00a02))".replace("\u00a0", " ") + " --people 3")
     assert by_line.exit_code == 2  # half a polygon
     args = ["run", "plan.wkt", "--exit", "LINESTRING (6 2, 6 3)", "--exit", "0,1,0,2", "--runs", "1", "--json"]
     assert json.loads(CliRunner().invoke(app, args).stdout)["unfinished"] == 0
@@ -124,23 +124,7 @@ def test_a_floor_plan_of_ones_own(folder):
 def test_recorded_starting_positions(folder):
     told = figures("run room-v0 --starts starts.csv --runs 2")
     assert told["people"] == 3 and told["unfinished"] == 0
-    assert figures("run plan.wkt --exit 6,2,6,3 --starts starts.csv --n 3 --runs 1")["people"] == 3
-
-
-def test_the_first_run_can_be_filmed(folder):
-    result = call("run --n 2 --runs 1 --film out.gif --json")
-    assert result.exit_code == 0, result.output
-    assert (folder / "out.gif").read_bytes()[:3] == b"GIF"
-    assert json.loads(result.stdout)["people"] == 2
-
-
-def test_a_film_without_a_suffix_is_of_the_format_that_can_be_written(folder, monkeypatch):
-    (folder / "films").mkdir()
-    assert call("run --n 2 --runs 1 --film first").exit_code == 0 and (folder / "first.mp4").exists()
-    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    result = call("run --n 2 --runs 1 --film films --film-width 320 --film-fps 5 --film-speed 2")
-    assert result.exit_code == 0 and (folder / "films" / "film.gif").exists()
-    assert "MP4 needs imageio-ffmpeg" in result.stderr
+    assert figures("run plan.wkt --exit 6,2,6,3 --starts starts.csv --people 3 --runs 1")["people"] == 3
 
 
 # ------------------------------------------------------------------------------------------------------ the other ones
@@ -154,9 +138,9 @@ def test_list_names_everything():
 
 
 def test_warmup_compiles_what_is_asked_for():
-    told = json.loads(call("warmup --scheme nsm2 --json").stdout)
+    told = json.loads(call("warmup --physics nsm2 --json").stdout)
     assert set(told) == {"seconds"} and set(told["seconds"]) == {"nsm2"} and told["seconds"]["nsm2"] >= 0
-    assert call("warmup --scheme dem").stdout.startswith("dem")
+    assert call("warmup --physics dem").stdout.startswith("dem")
 
 
 def test_help_and_module():

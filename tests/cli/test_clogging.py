@@ -68,7 +68,7 @@ KEYS = {
     "clogged": None,
     "statement": None,
 }
-ROOM = ["clogging", "room-v0", "--scheme", "dem", "--runs", "4", "--seed", "3"]
+ROOM = ["clogging", "room-v0", "--physics", "dem", "--runs", "4", "--seed", "3"]
 
 
 @needs_powerlaw
@@ -108,12 +108,14 @@ def test_an_evacuation_becomes_the_exits_of_a_run():
 @needs_powerlaw
 def test_the_command_prints_a_table_and_sets_side_by_side(tmp_path):
     (tmp_path / "sheep.csv").write_text("run,time\n" + "\n".join(f"0,{t}" for t in np.cumsum(pareto(1.7, 200, 3))))
-    result = CliRunner().invoke(app, [*ROOM, "--n", "3", "--speed", "1.5", "--times", str(tmp_path / "sheep.csv")])
+    result = CliRunner().invoke(
+        app, [*ROOM, "--people", "3", "--set", "speed=1.5", "--times", str(tmp_path / "sheep.csv")]
+    )
     assert result.exit_code == 0, result.stderr
     for words in ("room-v0, dem, 3 people, 1.5 m/s", "sheep.csv", "± ", "no exponent: 8 gaps", "diverges", "bursts"):
         assert words in " ".join(result.stdout.split()), words
     assert "nan" not in result.stdout
-    assert "share blocked, 95 % 0 to 49 % 0 to 79 %" in " ".join(result.stdout.split())  # none of 4 runs, none of 1
+    assert "share blocked, 95 % 0 (0..49) % 0 (0..79) %" in " ".join(result.stdout.split())  # none of 4 runs, none of 1
 
 
 @needs_powerlaw

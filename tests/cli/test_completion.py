@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 
-import pytest
+from cases import looped
 from repository import ROOT
 from typer.testing import CliRunner
 
@@ -19,15 +19,15 @@ def proposed(line):
     return CliRunner().invoke(app, [], env=asked, prog_name="crowd-env").stdout.split()
 
 
-@pytest.mark.parametrize(
+@looped(
     ("line", "names"),
     [
         ("ru", ["run"]),
         ("sho", ["show"]),
         ("run two-exit", ["two-exit-hall-v0"]),
-        ("run room-v0 --scheme hertz-", ["hertz-literal"]),
-        ("run room-v0 --strategy n", ["nearest"]),
-        ("run room-v0 --manner comp", ["competitive"]),
+        ("run room-v0 --physics hertz-", ["hertz-literal"]),
+        ("run room-v0 --routing n", ["nearest"]),
+        ("run room-v0 --crowd comp", ["competitive"]),
         ("run my_plan.wk", []),  # a file: the shell's own
         ("show competitive", ["competitive-door"]),
         ("evaluate --task narrow", ["narrow-door"]),
@@ -41,7 +41,7 @@ def test_names_are_completed(line, names):
 
 def test_all_names_are_proposed_where_nothing_is_begun():
     assert proposed("clogging ") == list(SCENARIOS)
-    assert proposed("warmup --scheme ") == list(SCHEMES)
+    assert proposed("warmup --physics ") == list(SCHEMES)
 
 
 def test_the_program_answers_a_shell_and_loads_nothing_for_drawing_or_learning():

@@ -28,7 +28,7 @@ def of(line, out):
 
 
 def test_it_says_how_large_a_plan_is_and_how_wide_its_exits(tmp_path):
-    head = of(f"{FOYER} {DOOR} --n 40", tmp_path / "foyer.png")
+    head = of(f"{FOYER} {DOOR} --people 40", tmp_path / "foyer.png")
     assert head["bounds"] == [0, 0, 14, 8] and head["area"] == pytest.approx(9 * 8 + 5 * 2.5 - 0.8**2)
     (door,) = head["exits"]
     assert (door["name"], door["width"]) == ("exit-0", 1.5)
@@ -45,22 +45,22 @@ def test_it_answers_for_the_people_of_the_run(tmp_path):
         tmp_path / "narrow.wkt", box(0, 0, 6, 4).difference(box(3, 0, 3.2, 1.6)).difference(box(3, 2.3, 3.2, 4))
     )
     line, picture = f"{narrow} --exit 6,1,6,2", tmp_path / "narrow.png"
-    usual, large = of(line, picture), of(f"{line} --radius 0.3,0.4", picture)
+    usual, large = of(line, picture), of(f"{line} --set radius=0.3,0.4", picture)
     assert large["body_diameter"] == [0.6, 0.8] and large["free_area"] < usual["free_area"]
     assert large["capacity"] == int(large["area"] / (np.sqrt(12) * 0.35**2)) < usual["capacity"]
     assert not usual["remarks"] and any("narrower than the largest bodies (0.80 m)" in one for one in large["remarks"])
-    assert of(f"{line} --outline torso", picture)["capacity"] < usual["capacity"]
+    assert of(f"{line} --set outline=torso", picture)["capacity"] < usual["capacity"]
     without = f"{narrow}"  # of which no exit is known yet
-    assert of(f"{without} --outline torso --radius 0.3", picture)["capacity"] < of(without, picture)["capacity"]
+    assert of(f"{without} --set outline=torso --set radius=0.3", picture)["capacity"] < of(without, picture)["capacity"]
     behind = tmp_path / "behind.csv"
     behind.write_text("x,y\n4,1\n5,2\n5,3\n")
     told = of(f"{line} --starts {behind}", picture)
     (door,) = told["exits"]
     assert told["people"] == 3 and door["narrowest_passage"]["is_exit"]  # nobody has to pass the door before it
-    assert of("room-v0 --radius 0.4 --n 3", picture)["body_diameter"] == [0.8, 0.8]
+    assert of("room-v0 --set radius=0.4 --people 3", picture)["body_diameter"] == [0.8, 0.8]
     for bad, words in (
-        (f"{line} --radius wide", "--radius is 'wide'; it must be one number"),
-        (f"{line} --starts {behind} --n 4", "--n is 4, but "),
+        (f"{line} --set radius=wide", "--set radius=wide: this must be one number"),
+        (f"{line} --starts {behind} --people 4", "--people is 4, but "),
         (f"room-v0 floor-v0 --starts {behind}", "--starts is for one floor plan, but 2 places are given"),
     ):
         result = call(f"plan {bad} --out {picture}")
@@ -110,9 +110,9 @@ def test_wide_exits_and_passages_narrower_than_bodies_are_remarked(tmp_path):
 
 
 def test_more_people_than_fit_are_refused_in_one_sentence(tmp_path):
-    wrong = call(f"plan {FOYER} {DOOR} --n 4000 --out {tmp_path / 'foyer.png'}")
+    wrong = call(f"plan {FOYER} {DOOR} --people 4000 --out {tmp_path / 'foyer.png'}")
     assert wrong.exit_code == 2 and "4000 people do not fit" in wrong.stderr and not list(tmp_path.iterdir())
-    nowhere = of(f"{FOYER} --n 4000", tmp_path / "foyer.png")  # without exits there is nothing to run yet
+    nowhere = of(f"{FOYER} --people 4000", tmp_path / "foyer.png")  # without exits there is nothing to run yet
     assert any("people cannot be placed: 4000 people do not fit" in remark for remark in nowhere["remarks"])
 
 

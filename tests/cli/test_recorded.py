@@ -46,7 +46,7 @@ def test_the_page_lies_beside_the_recording_and_holds_it(recorded: Path) -> None
 
 def test_a_run_makes_the_page_of_its_first_evacuation(tmp_path: Path) -> None:
     page = tmp_path / "room.html"
-    words = ["run", "room-v0", "--n", "6", "--runs", "2", "--seed", "7", "--html", str(page)]
+    words = ["run", "room-v0", "--people", "6", "--runs", "2", "--seed", "7", "--html", str(page)]
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.stderr
     assert f"page: {page} (" in " ".join(result.stderr.split())

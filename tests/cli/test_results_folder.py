@@ -3,14 +3,14 @@
 import json
 
 import pytest
+from cases import looped
 from commands import call, figures
 
-from crowd_env.analysis.results.tally import Tally
 from crowd_env.cli import evacuations
 from crowd_env.envs.rollout import RunsInterrupted, run_episodes
 
-RUN = "run two-exit-hall-v0 --scheme dem --n 6 --seed 3"
-FILES = {"config.json", "exits.csv", "nt.csv", "nt.png", "runs", "runs.csv", "summary.json"}
+RUN = "run two-exit-hall-v0 --physics dem --people 6 --seed 3"
+FILES = {"config.json", "exits.csv", "nt.csv", "nt.png", "recordings", "runs", "runs.csv", "summary.json"}
 
 
 def tables(folder):
@@ -27,7 +27,11 @@ def whole(tmp_path_factory):
 
 def test_the_folder_holds_what_was_run_and_what_came_of_it(whole, tmp_path):
     told = call(f"{RUN} --runs 4 --out {tmp_path} --json")
-    assert told.exit_code == 0 and told.stderr.count("\n") == 1 and told.stderr.startswith("files: ")
+    assert (
+        told.exit_code == 0
+        and told.stderr.startswith("files: ")
+        and told.stderr.splitlines()[1:] == [f"recording: {tmp_path / 'recordings' / 'run-0.sqlite'}"]
+    )
     assert {path.name for path in tmp_path.iterdir()} == FILES
     assert json.loads(told.stdout) == json.loads((tmp_path / "summary.json").read_text())
     assert tables(tmp_path) == tables(whole)
@@ -42,15 +46,14 @@ def test_clogging_reads_the_exits(whole):
 
 
 def test_an_interrupted_command_goes_on_where_it_was(whole, tmp_path, monkeypatch):
-    take = Tally.take
     with monkeypatch.context() as patch:
 
-        def stop_at_two(tally, episode):
-            take(tally, episode)
-            if sum(row[1] > 0 for row in tally._rows) >= 2:
+        def stop_at_two(*args, only, **options):
+            run_episodes(*args, only=only[:1], **options)
+            if only != [0]:
                 raise KeyboardInterrupt
 
-        patch.setattr(Tally, "take", stop_at_two)
+        patch.setattr(evacuations, "run_episodes", stop_at_two)
         stopped = call(f"{RUN} --runs 4 --out {tmp_path}")
     assert (
         stopped.exit_code == 130 and "2 of 4 runs are finished" in stopped.stderr and "; to go on: " in stopped.stderr
@@ -67,36 +70,36 @@ def test_an_interrupted_command_goes_on_where_it_was(whole, tmp_path, monkeypatc
     assert (tmp_path / "summary.json").read_text() == (whole / "summary.json").read_text()
 
 
-def test_what_is_whole_is_not_computed_again_but_to_be_filmed(whole, tmp_path, monkeypatch):
+def test_what_is_whole_is_computed_again_only_to_be_recorded(whole, monkeypatch):
     made = []
     monkeypatch.setattr(
         evacuations, "run_episodes", lambda *a, only, **b: made.extend(only) or run_episodes(*a, only=only, **b)
     )
     before = tables(whole)
-    assert call(f"{RUN} --runs 4 --out {whole}").exit_code == 0 and made == []
-    assert call(f"{RUN} --runs 4 --out {whole} --film {tmp_path / 'a.png'}").exit_code == 0 and made == [0]
+    assert call(f"{RUN} --runs 4 --out {whole} --record 0").exit_code == 0 and made == []
+    assert call(f"{RUN} --runs 4 --out {whole} --record 2").exit_code == 0 and made == [1]
     assert tables(whole) == before
 
 
 def test_a_folder_of_another_command_is_refused(whole):
     before = {path: path.read_bytes() for path in whole.rglob("*.*")}
-    refused = call(f"{RUN} --runs 4 --strategy nearest --out {whole}")
+    refused = call(f"{RUN} --runs 4 --routing nearest --out {whole}")
     assert refused.exit_code == 2 and refused.stdout == "" and refused.stderr.count("\n") == 1
     assert "holds results of another command: strategy is shortest there and nearest here" in refused.stderr
     assert {path: path.read_bytes() for path in whole.rglob("*.*")} == before
 
 
 def test_a_mistake_makes_no_folder(tmp_path):
-    for line in ("--strategy glue", "--dt 0.03", "--runs 0", "--film a.txt"):
-        assert call(f"run --n 2 {line} --out {tmp_path / 'out'}").exit_code == 2
-    assert call(f"run --n 2 --out {__file__}").exit_code == 2
+    for line in ("--routing glue", "--set dt=0.03", "--runs 0", "--record first"):
+        assert call(f"run --people 2 {line} --out {tmp_path / 'out'}").exit_code == 2
+    assert call(f"run --people 2 --out {__file__}").exit_code == 2
     assert not list(tmp_path.iterdir())
 
 
 def test_an_error_loses_no_run_that_was_finished(monkeypatch, tmp_path):
     def fails(*_, only, keep=None, **options):
         found = run_episodes(*_, only=only[:2], keep=keep, **options)
-        if keep is not None:  # not the first one, alone
+        if len(only) > 1:  # not the first one, alone
             raise ValueError("a process has died")
         return found
 
@@ -136,7 +139,7 @@ def test_a_plan_in_a_file_is_found_from_anywhere(tmp_path, monkeypatch):
     starts.write_text("x,y\n1,1\n1,4\n")
     (tmp_path / "away").mkdir()
     monkeypatch.chdir(tmp_path)
-    line = "run plan.wkt --exit 6,2,6,3 --exit 0,1,0,2 --starts starts.csv --runs 1 --no-rules --out out"
+    line = "run plan.wkt --exit 6,2,6,3 --exit 0,1,0,2 --starts starts.csv --runs 1 --set signs=no --out out"
     assert call(line).exit_code == 0
     monkeypatch.chdir(tmp_path / "away")
     told = call("run --config ../out/config.json --out ../again")
@@ -146,7 +149,7 @@ def test_a_plan_in_a_file_is_found_from_anywhere(tmp_path, monkeypatch):
     assert set(files) == {str(plan), str(starts)} and all(len(digest) == 64 for digest in files.values())
 
 
-@pytest.mark.parametrize("text", ["", "[1]", "{}", '{"arguments": {"film": "x.gif"}}'])
+@looped("text", ["", "[1]", "{}", '{"version": "0.1.0", "arguments": {"scheme": "dem"}}'])
 def test_what_is_no_config_is_refused(text, tmp_path):
     (tmp_path / "config.json").write_text(text)
     refused = call(f"run --config {tmp_path / 'config.json'}")
@@ -156,12 +159,13 @@ def test_what_is_no_config_is_refused(text, tmp_path):
 # ---------------------------------------------------------------------------------------------------------- processes
 
 
+@pytest.mark.more
 def test_results_do_not_depend_on_the_number_of_processes(whole, monkeypatch, tmp_path):
-    monkeypatch.setattr(evacuations, "_START", -10.0)  # as if a process cost nothing
+    monkeypatch.setattr(evacuations, "_WORTH_A_PROCESS", 0.0)
     started = []
     processes = evacuations.Processes
     monkeypatch.setattr(evacuations, "Processes", lambda workers: started.append(workers) or processes(workers))
-    for workers, expected in ((1, []), (2, [2]), (3, [3])):
+    for workers, expected in ((1, []), (3, [3])):
         started.clear()
         assert call(f"{RUN} --runs 4 --workers {workers} --out {tmp_path / str(workers)}").exit_code == 0
         assert started == expected and tables(tmp_path / str(workers)) == tables(whole)
@@ -169,18 +173,7 @@ def test_results_do_not_depend_on_the_number_of_processes(whole, monkeypatch, tm
 
 def test_a_handful_of_small_runs_starts_no_process(monkeypatch):
     monkeypatch.setattr(evacuations, "Processes", None)
-    assert figures("run --scheme dem --n 5 --runs 20 --workers 8")["runs"] == 20
-
-
-def test_processes_are_started_where_they_save_more_than_they_cost():
-    with Tally(1) as tally:
-        tally.spent, tally.decisions = 2.0, 100
-        way = evacuations._way(49, 4, 0.5, tally)
-        assert way["executor"].workers == 4 and way["at_once"] == 3  # 0.5 s to set up, 6 s of runs
-        assert evacuations._way(2, 4, 0.5, tally)["executor"] is None  # 2 s saved, and 2 s for a process to begin
-        assert evacuations._way(49, 1, 0.5, tally)["executor"] is None
-        tally.spent = 0.02  # a decision takes as long as its overhead, which runs of a batch share
-        assert evacuations._way(1000, 4, 0.1, tally) == {"executor": None, "at_once": 1000}
+    assert figures("run --physics dem --people 5 --runs 20 --workers 8")["runs"] == 20
 
 
 def test_an_interruption_keeps_runs_of_a_batch_that_were_finished():

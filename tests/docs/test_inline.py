@@ -26,7 +26,7 @@ COMMAND_LINES = {
 MADE_BY = {"train": "crowd_env.cli.agents.learn", "map": "validation", "bench": "benchmarks"}
 STANDS_FOR_MORE = re.compile(r"\.\.\.|\[|\|")  # "crowd-env run ... --film out.mp4", "[--json]", "FILE.sqlite|.h5"
 
-OF_AN_EXAMPLE = "crowd-env reproduce two-fig1 --width 1.2"  # of a paper that the block above it has made up
+OF_AN_EXAMPLE = "crowd-env reproduce two-fig1 --set width=1.2"  # of a paper that the block above it has made up
 
 
 def sentences_of(page):

@@ -9,7 +9,7 @@ from refusals import refuses
 
 import crowd_env
 from crowd_env import MANNERS, CrowdEnv, Headway, Walking, make_scenario
-from crowd_env.analysis.results.report import report
+from crowd_env.analysis.figures import report
 from crowd_env.envs.parallel import env as aec_env
 from crowd_env.envs.rollout import run_episodes
 

@@ -10,7 +10,7 @@ from shapely.geometry import box
 
 import crowd_env
 from crowd_env import OUTLINES, CrowdEnv, Geometry, Groups, Outline, Physics, Population, Scenario, make_scenario
-from crowd_env.analysis.results.report import report
+from crowd_env.analysis.figures import report
 from crowd_env.envs.parallel import env as aec_env
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios.starts import closest_pair

@@ -5,7 +5,7 @@ import pytest
 from evacuations import evacuated
 
 from crowd_env import CrowdEnv, make_scenario
-from crowd_env.analysis.results.report import report
+from crowd_env.analysis.figures import report
 from crowd_env.core.executors import Processes, Serial
 from crowd_env.envs.rollout import Driver, RunsInterrupted, Together, rollout, run_episodes
 from crowd_env.recording import RunRecorder, record

@@ -90,6 +90,7 @@ def test_a_shaft_behind_a_crack_is_left_out_of_a_floor_plan(tmp_path):
     with pytest.warns(UserWarning, match=r"no exit can be reached from a part of 5\.97 m2 around .*: left out"):
         place = make_scenario(written(tmp_path / "a.wkt", crack), exits=["6,2,6,3"], people=20)
     assert place.geometry.area == pytest.approx(ROOM.area, abs=0.2) and place.geometry.is_left_out((-2, 3))
+    assert place.geometry.walkable.geom_type == "Polygon"  # no crumb of the crack is left
     place.field()
     _, position = place.population.draw(np.random.default_rng(0), place.geometry)
     assert (position[:, 0] > 0).all()

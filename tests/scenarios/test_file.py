@@ -150,6 +150,7 @@ def test_everything_arrives(write):
     np.testing.assert_allclose(guests.starts, [[0.5, 0.5], [0.5, 1.1], [1.2, 1.1]])
 
 
+@pytest.mark.more
 def test_toml_and_json_are_the_same(write):
     content = tomllib.loads(FULL)
     del content["blocked_after"]  # JSON knows no infinity

@@ -163,6 +163,7 @@ def test_a_rule_turns_away_those_elsewhere_whose_way_leads_through(crowd, least,
         assert others == expected, count
 
 
+@pytest.mark.more
 def test_other_thresholds():
     assert with_others(UPPER[:2], crowded=(2, 5, 15))[1]["below 1"] == "B"
     assert with_others(UPPER[:6], crowded=(7, 5, 15))[1]["below 1"] == "out"

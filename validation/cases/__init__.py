@@ -4,19 +4,17 @@ from validation.cases import (
     clogging,
     corner,
     corridor,
-    corridor_figure,
     counterflow,
     crossing,
     doors,
     faster,
+    figures,
     frozen,
     gate,
-    gate_figure,
     halls,
     jambs,
     laws,
     ring,
-    ring_figure,
     row,
     standards,
 )
@@ -25,12 +23,12 @@ from validation.cases.case import Case, Row, Setting
 _NO_ROOM = "where 4 people stand on a square meter, shoulders of their breadth cannot turn"
 
 CASES = {
-    "gate": Case("75 students and a gate of 0.5 m", gate.run, gate.SOURCE, recordings=True, draw=gate_figure.draw),
+    "gate": Case("75 students and a gate of 0.5 m", gate.run, gate.SOURCE, recordings=True, draw=figures.gate),
     "doors": Case("doors of 0.5 to 5 m", doors.run, doors.SOURCE),
     "corridor": Case(
-        "open corridor of 1.8 m, nine runs", corridor.run, corridor.SOURCE, recordings=True, draw=corridor_figure.draw
+        "open corridor of 1.8 m, nine runs", corridor.run, corridor.SOURCE, recordings=True, draw=figures.corridor
     ),
-    "ring": Case("single file around a ring of 27 m", ring.run, ring.SOURCE, draw=ring_figure.draw),
+    "ring": Case("single file around a ring of 27 m", ring.run, ring.SOURCE, draw=figures.ring),
     "counterflow": Case("two streams in a corridor of 4 m", counterflow.run, counterflow.SOURCE),
     "crossing": Case(
         "people of two rooms change places through a corridor",

@@ -42,10 +42,8 @@ def run(setting: Setting) -> list[Row]:
     slots = [crowds.people(e) for e in range(crowds.count)]
     eastward = np.concatenate([np.arange(people.stop - people.start) < _PEOPLE for people in slots])
     door = np.where(eastward, _ROOM + _LENGTH, _ROOM)
-    arrived, stuck = Passages(crowds, 0, door, np.where(eastward, 1, -1)), set()
-    for before, now in crowds.moments(240.0):
-        arrived.see(before, now)
-        stuck |= set(arrived.stop_the_stuck(now, _PATIENCE))
+    arrived = Passages(crowds, 0, door, np.where(eastward, 1, -1))
+    stuck = arrived.watch(240.0, _PATIENCE)
     last = [float(np.max(arrived.time[people][:_PEOPLE])) for people in slots]  # nan if somebody did not arrive
     times = [mean_of([last[e] for e in crowds.of(k)]) for k in range(len(AGAINST))]
     deadlocks = [sum(e in stuck for e in crowds.of(k)) for k in range(len(AGAINST))]

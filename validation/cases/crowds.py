@@ -146,6 +146,14 @@ class Passages:
                 found.append(int(e))
         return found
 
+    def watch(self, limit: float, patience: float) -> set[int]:
+        """Let all crowds walk for ``limit`` seconds, and stop the stuck; return which these are."""
+        stuck: set[int] = set()
+        for before, now in self._crowds.moments(limit):
+            self.see(before, now)
+            stuck |= set(self.stop_the_stuck(now, patience))
+        return stuck
+
     def times(self, e: int) -> Floats:
         """Return when the people of crowd ``e`` passed, in order; nan last."""
         return np.sort(self.time[self._crowds.people(e)])

@@ -39,10 +39,8 @@ def clearing_times(setting: Setting, push: float, speeds: tuple[float, ...] = SP
     """Return the mean time [s] until all are through, for each desired speed; infinite if any of the draws is stuck."""
     crowds = draw_crowds([room(speed) for speed in speeds], setting)
     crowds.simulation.bodies.push[:] = push
-    passages, stuck = Passages(crowds, 0, 0.3), set()
-    for before, now in crowds.moments(_LIMIT):
-        passages.see(before, now)
-        stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
+    passages = Passages(crowds, 0, 0.3)
+    stuck = passages.watch(_LIMIT, _PATIENCE)
     last = [float("inf") if e in stuck else float(passages.times(e)[-1]) for e in range(crowds.count)]
     return [float(np.mean([last[e] for e in crowds.of(k)])) for k in range(len(speeds))]
 

@@ -101,10 +101,8 @@ def run(setting: Setting) -> list[Row]:
         starts, recorded = trajectories.starts, np.sort(trajectories.crossing_times(_LINE))
     crowds = draw_crowds([gate(starts, setting.room)], setting)
     began = crowds.simulation.state.position[crowds.people(0)].copy()
-    passages, stuck = Passages(crowds, 1, _LINE, sign=-1), set()
-    for before, now in crowds.moments(300.0):
-        passages.see(before, now)
-        stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
+    passages = Passages(crowds, 1, _LINE, sign=-1)
+    stuck = passages.watch(300.0, _PATIENCE)
     times = [passages.times(e) for e in range(crowds.count)]
     figures = counted([each for e, each in enumerate(times) if e not in stuck])
     figures |= {"stuck": len(stuck), "starts": "random" if starts is None else "recorded"}

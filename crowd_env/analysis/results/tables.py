@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from crowd_env.analysis.figures import exit_names, time_of_share
 from crowd_env.analysis.results.egress import QUANTILES, egress
-from crowd_env.analysis.results.report import exit_names, time_of_share
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.rollout import Episode

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.analysis.results.report import named, time_of_share
+from crowd_env.analysis.figures import named, time_of_share
 from crowd_env.envs.rollout import Episode
 from crowd_env.rendering.report.runs import Runs
 

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from crowd_env.analysis.figures import report
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
-from crowd_env.analysis.results.report import report
 from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json
@@ -14,8 +14,8 @@ from crowd_env.envs.rollout import Episode
 from crowd_env.physics import ContactScheme
 from crowd_env.scenarios.scenario import Scenario
 
-# Returns the place and the contact scheme that a config names.
-PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme]]
+# Returns the place and the contact scheme that the arguments of a config name, and more.
+PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme, Any]]
 
 # What tells runs apart, in the order in which it is looked for.
 _TELLING = ("scenario", "strategy", "scheme", "manner", "outline", "rules", "people", "seed")
@@ -30,7 +30,7 @@ class Runs(NamedTuple):
     scenario: Scenario
     scheme: ContactScheme
     episodes: list[Episode]
-    figures: dict[str, Any]  # of `crowd_env.analysis.results.report.report`
+    figures: dict[str, Any]  # of `crowd_env.analysis.figures.report`
 
     @property
     def draw(self) -> str:
@@ -97,7 +97,7 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
     if missing:
         raise ValueError(f"{folder / CONFIG} is not the config of crowd-env run: {missing[0]!r} is missing")
     try:
-        scenario, scheme = place_of(config)
+        scenario, scheme = place_of(config["arguments"])[:2]
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{folder}: the place of these runs cannot be read again: {error}") from None
     if fingerprint(scenario) != config["fingerprint"]:

@@ -9,13 +9,11 @@ from repository import ROOT
 
 from crowd_env import Groups, Population, make_scenario
 from crowd_env.analysis.exit_times import read_exits
+from crowd_env.analysis.figures import report, time_of_share
 from crowd_env.analysis.results.config import FREE, run_config
 from crowd_env.analysis.results.egress import egress
 from crowd_env.analysis.results.folder import ResultsFolder
-from crowd_env.analysis.results.report import report, time_of_share
 from crowd_env.analysis.results.tables import write_curve, write_tables
-from crowd_env.analysis.results.tally import Tally
-from crowd_env.core.executors import Processes
 from crowd_env.core.files.csv_table import read_table
 from crowd_env.core.files.store import difference as differs
 from crowd_env.envs.rollout import run_episodes
@@ -119,38 +117,6 @@ def test_every_column_is_explained(place, episodes, tmp_path):
     columns = {name for path in paths for name in path.read_text().splitlines()[0].split(",")}
     missing = {name for name in columns if f"`{name}`" not in text}
     assert missing == {"inside_q25", "inside_q50", "inside_q75"}  # between the first and the last, which are named
-
-
-# ---------------------------------------------------------------------------------------------------------- the tally
-
-
-@pytest.mark.parametrize("executor", [None, Processes(2)])
-def test_a_tally_comes_to_what_the_runs_do(place, executor):
-    with Tally(4) as tally:
-        assert tally.sofar() == (0.0, 0)
-        episodes = run_episodes(place, 4, scheme="dem", only=[0, 1, 3], executor=executor, watch=tally)
-        out = sum(int(np.isfinite(episode.exit_time).sum()) for episode in episodes)
-        assert tally.sofar() == (pytest.approx(sum(episode.end for episode in episodes)), out)
-        before = tally.sofar()
-        tally.take(episodes[0])  # its row is there already
-        assert tally.sofar() == before
-
-
-def test_a_tally_tells_of_a_run_under_way(place, monkeypatch):
-    monkeypatch.setattr("crowd_env.analysis.results.tally._EVERY", 0.0)
-    seen = []
-
-    class Seen(Tally):
-        def look(self, runs, env, over):
-            super().look(runs, env, over)
-            seen.append((*self.sofar(), self.decisions))
-
-    with Seen(1) as tally:
-        (episode,) = run_episodes(place, 1, scheme="dem", watch=tally)
-    seconds, out, decisions = zip(*seen, strict=True)
-    assert seconds[0] == 0.0 and seconds[-1] == episode.end and list(seconds) == sorted(seconds)
-    assert out[0] == 0 and list(out) == sorted(out) and len(set(out)) > 2
-    assert list(decisions) == list(range(-1, len(seen) - 1))
 
 
 # --------------------------------------------------------------------------------------------------------- the folder

@@ -17,7 +17,16 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium t
 
 
 def test_the_page_fits_a_phone_and_asks_for_nothing(tmp_path: Path) -> None:
-    words = ["run", "room-v0", "--n", "4", "--runs", "2", "--out", str(tmp_path / "a folder with a rather long name")]
+    words = [
+        "run",
+        "room-v0",
+        "--people",
+        "4",
+        "--runs",
+        "2",
+        "--out",
+        str(tmp_path / "a folder with a rather long name"),
+    ]
     assert CliRunner().invoke(app, words).exit_code == 0
     page = tmp_path / "report.html"
     assert CliRunner().invoke(app, ["report", words[-1], "-o", str(page), "--no-maps"]).exit_code == 0

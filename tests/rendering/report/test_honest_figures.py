@@ -14,7 +14,7 @@ from crowd_env.rendering import comparison
 from crowd_env.rendering.report.differences import differences
 from crowd_env.rendering.report.runs import load_runs
 
-HALL = ("run", "two-exit-hall-v0", "--n", 20, "--runs", 3, "--scheme", "dem")
+HALL = ("run", "two-exit-hall-v0", "--people", 20, "--runs", 3, "--physics", "dem")
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def test_folders_of_one_name_are_told_apart(folders: Path, tmp_path: Path) -> No
 
 def test_one_evacuation_is_one(folders: Path, tmp_path: Path) -> None:
     one, page = tmp_path / "one", tmp_path / "report.html"
-    assert command("run", "room-v0", "--n", 4, "--runs", 1, "--scheme", "dem", "--out", one)[0] == 0
+    assert command("run", "room-v0", "--people", 4, "--runs", 1, "--physics", "dem", "--out", one)[0] == 0
     assert command("report", one, "-o", page, "--no-maps")[0] == 0
     assert "1 simulated evacuation." in Parsed(page).text
 
@@ -98,7 +98,7 @@ def test_one_evacuation_is_one(folders: Path, tmp_path: Path) -> None:
 def test_a_dollar_in_the_name_of_a_plan_is_no_formula(name: str, tmp_path: Path) -> None:
     plan = tmp_path / name
     plan.write_text("POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))", "utf-8")
-    place = (plan, "--exit", "6,1,6,2.2", "--n", 3)
+    place = (plan, "--exit", "6,1,6,2.2", "--people", 3)
     assert command("plan", *place, "--out", tmp_path / "plan.png")[0] == 0
     code, _, said = command("run", *place, "--runs", 1, "--out", tmp_path / "runs")
     assert code == 0, said

@@ -25,7 +25,7 @@ def plan(tmp_path):
     return path
 
 
-@looped("command", ["run {} --scheme dem --runs 1 --json", "clogging {} --scheme dem --runs 1 --json"])
+@looped("command", ["run {} --physics dem --runs 1 --json", "clogging {} --physics dem --runs 1 --json"])
 def test_a_plan_and_its_options_are_understood(command, plan):
     result = call(command.format(f"{plan} --exit {CM} --unit cm --n 6"))
     assert result.exit_code == 0 and result.stderr == "", result.output
@@ -39,7 +39,7 @@ def test_a_plan_is_drawn(plan, tmp_path):
 
 
 def test_policies_are_compared_on_a_plan(plan):
-    line = f"--scenario {plan} --exit {CM} --unit cm --people 5 --policies shortest --schemes dem --runs 1 --json"
+    line = f"--scenario {plan} --exit {CM} --unit cm --people 5 --policies shortest --physics dem --runs 1 --json"
     result = CliRunner().invoke(evaluate, line.split())
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["people"] == 5
@@ -80,7 +80,7 @@ def test_notes_stand_before_the_table_once(tmp_path):
     room_drawing(tmp_path / "room.dxf", 4)
     (tmp_path / "two.wkt").write_text(f"GEOMETRYCOLLECTION ({ROOM.wkt}, POLYGON ((10 0, 12 0, 12 2, 10 2, 10 0)))")
     for name, note in (("room.dxf", "the file says that it is in mm"), (f"two.wkt --exit {EAST}", "left out")):
-        result = call(f"run {tmp_path}/{name} --scheme dem --n 3 --runs 1")
+        result = call(f"run {tmp_path}/{name} --physics dem --people 3 --runs 1")
         assert result.exit_code == 0
         (line,) = [one for one in result.stderr.splitlines() if one]
         assert line.startswith("note: ") and note in line

@@ -1,18 +1,51 @@
-"""The figures of the gate: the plan, N(t) recorded and simulated, and how long the gaps between people are."""
+"""The figures of the map: a panel for each manner, a color for each scheme, and black for what was recorded."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from crowd_env import SCHEMES
 from crowd_env.rendering.canvas import new_figure, quiet_axes, save_figure
 from validation.cases.case import Row
 from validation.cases.crowds import Floats
 from validation.cases.gate import PASSED, PLAN, RADIUS
-from validation.cases.panels import COLORS, QUIET, WALL, Panel, manner_panels
+from validation.cases.ring import BANDS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Told apart in print and by color-blind eyes; the recording is black.
+COLORS = dict(zip(SCHEMES, ("#0f7680", "#89478f", "#9e7a16", "#4a5ca0", "#747b83", "#a03c3c", "#5d7a2b"), strict=True))
+WALL, QUIET, BAND = "#37414d", "#747b83", "#d5d8dc"
 
 
-def draw(folder: Path, rows: Sequence[Row]) -> None:
+class Panel:
+    """The axes of one manner."""
+
+    def __init__(self, axes: "Axes", manner: str, rows: Sequence[Row]) -> None:
+        self.axes, self.rows = axes, [row for row in rows if row.manner == manner]
+        axes.set_title(manner, loc="left", fontsize=9, color=QUIET)
+
+    def legend(self, place: Literal["upper right", "lower right"]) -> None:
+        """Write which line is which."""
+        for line in self.axes.legend(loc=place, frameon=False, fontsize=8).get_lines():
+            line.set(linewidth=2.0, alpha=1.0)
+
+
+def manner_panels(rows: Sequence[Row], xlabel: str, ylabel: str) -> tuple["Figure", Iterator[Panel]]:
+    """Return a figure, and a panel for each manner side by side."""
+    manners = list(dict.fromkeys(row.manner for row in rows))
+    figure = new_figure((0.6 + 4.2 * len(manners), 4.2), dpi=130)
+    every = figure.subplots(1, len(manners), squeeze=False)[0]
+    for axes in every:
+        quiet_axes(axes, xlabel, ylabel)
+    return figure, (Panel(axes, manner, rows) for axes, manner in zip(every, manners, strict=True))
+
+
+def gate(folder: Path, rows: Sequence[Row]) -> None:
     """Write ``gate.png``, the counts, and ``gate-gaps.png``, the distribution of the gaps."""
     _draw_gate(folder, rows)
     _draw_gaps(folder, rows)
@@ -94,3 +127,44 @@ def _curve(times: Floats, end: float) -> tuple[Floats, Floats]:
     """Return N(t) up to ``end``."""
     count = np.arange(len(times) + 1.0)
     return np.concatenate([[0.0], times, [end]]), np.append(count, count[-1])
+
+
+def corridor(folder: Path, rows: Sequence[Row]) -> None:
+    """Write ``corridor.png``: a point for each of the nine runs, and lines of mean speeds in bins of density."""
+    figure, panels = manner_panels(rows, "density [1/m²]", "speed [m/s]")
+    for panel in panels:
+        recorded = panel.rows[0].more["recorded"]
+        for row in panel.rows:
+            color = COLORS[row.scheme]
+            points = np.array([(run["density"], run["speed"]) for run in row.more["runs"]], dtype=np.float64)
+            panel.axes.plot(*points.T, "o", color=color, ms=4, label=row.scheme)
+            panel.axes.plot(*_line(row.more["diagram"]), color=color, lw=1.0)
+        points = np.array([(run["density"], run["speed"]) for run in recorded])
+        panel.axes.plot(*points.T, "o", color="black", ms=5, label="recorded")
+        if panel.rows[0].more["recorded_diagram"] is not None:
+            panel.axes.plot(*_line(panel.rows[0].more["recorded_diagram"]), color="black", lw=1.6)
+        panel.axes.set(xlim=(0.0, 6.0), ylim=(0.0, 1.6))
+        panel.legend("upper right")
+    save_figure(figure, folder / "corridor.png")
+
+
+def _line(diagram: dict[str, float]) -> tuple[list[float], list[float]]:
+    """Return densities [1/m2] and mean speeds [m/s] of the bins."""
+    return [float(density) for density in diagram], list(diagram.values())
+
+
+def ring(folder: Path, rows: Sequence[Row]) -> None:
+    """Write ``ring.png``: the recorded 10 to 90 % band with its median, and the mean speeds of every scheme."""
+    density = np.array(list(BANDS))
+    low, median, high = np.array(list(BANDS.values())).T
+    figure, panels = manner_panels(rows, "people per metre of the lane [1/m]", "mean speed [m/s]")
+    for panel in panels:
+        panel.axes.fill_between(density, low, high, color=BAND, label="recorded, 10 to 90 %")
+        panel.axes.plot(density, median, color="black", lw=1.8, label="recorded, median")
+        for row in panel.rows:
+            found = {float(k): speed for k, speed in row.more["speed"].items() if speed is not None}
+            color = COLORS[row.scheme]
+            panel.axes.plot(list(found), list(found.values()), "o-", color=color, lw=1.2, ms=3.5, label=row.scheme)
+        panel.axes.set(xlim=(0.4, 2.6), ylim=(0.0, 1.4))
+        panel.legend("upper right")
+    save_figure(figure, folder / "ring.png")

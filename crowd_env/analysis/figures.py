@@ -1,0 +1,256 @@
+"""The figures of evacuations: what they are, how they are found from runs, and how they are written.
+
+Every table of figures takes its cells from here, so that a figure looks the same on the command line, in a report and in a
+comparison of policies.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowd_env.analysis.results.plain import plain
+from crowd_env.core.arrays.headway import Manner, plain_manner
+from crowd_env.core.arrays.outline import BodyShape, plain_outline
+from crowd_env.core.arrays.state import MAX_SPEED, Floats, Ints
+from crowd_env.core.checks import counted
+from crowd_env.core.files.json_file import json_number
+from crowd_env.core.version import __version__
+from crowd_env.envs.metrics import EpisodeMetrics, flow_slope, share_interval, summarise
+from crowd_env.envs.rollout import Episode
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.scenarios.scenario import Scenario
+
+_NEARLY_ALL = 0.95  # of the people, for T95
+# 1/(s m)  What crowds of experiments reach at doors is below.
+HIGHEST_FLOW = 2.8
+_EXITS_SHOWN, _RUNS_SHOWN = 4, 10
+
+
+class Figure(NamedTuple):
+    """A figure that every run has."""
+
+    title: str
+    unit: str
+    of: Callable[[Episode], float]  # nan where a run has none
+
+
+FIGURES: dict[str, Figure] = {
+    "evacuation_time": Figure("evacuation time", "s", lambda run: run.metrics.evacuation_time),
+    "t95": Figure("95 % of the people out", "s", lambda run: time_of_share(run.exit_time, _NEARLY_ALL)),
+    "mean_exit_time": Figure("mean exit time", "s", lambda run: run.metrics.mean_exit_time),
+    "flow": Figure("flow", "1/s", lambda run: run.metrics.flow),
+}
+
+
+def report(
+    scenario: Scenario,
+    scheme: str | ContactScheme,
+    episodes: Sequence[Episode],
+    manner: Manner | None = None,
+    outline: BodyShape | None = None,
+    *,
+    dt: float | None = None,
+    strategy: str = "shortest",
+) -> dict[str, Any]:
+    """Return the figures of many evacuations, ready for JSON: times in s, flow in 1/s, lengths in mm, residual in m/s.
+
+    ``manner``, ``outline``, ``dt`` [s] and ``strategy`` are those of the run, by default the scenario's or the scheme's.
+
+    ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
+    ``evacuation_time``, ``t95`` (95 % of the people are out) and ``flow`` (per-run least-squares slopes) are over the runs in
+    which everyone, so many, or at least three people, got out.  ``mean_exit_time`` is the mean over runs of the mean over those
+    who got out.  ``exits`` are those of `exits_of`.  ``overlap_mm.mean`` is the mean over runs of the mean over all overlapping
+    contacts of a run.  ``outside_mm`` is the furthest that any body reached beyond a wall.  The shares of runs in which people
+    were left inside, and in which the exits blocked, have Wilson's interval.
+    """
+    metrics = [episode.metrics for episode in episodes]
+    chosen = make_scheme(scheme)
+    return {
+        "scenario": scenario.name,
+        "scheme": chosen.info.name,
+        "manner": plain_manner(scenario.manner_of_run(manner)),
+        "outline": plain_outline(scenario.outline_of_run(outline)),
+        "strategy": strategy,
+        "seed": episodes[0].seed - episodes[0].run,
+        "dt": chosen.info.default_dt if dt is None else dt,
+        "time_limit": episodes[0].time_limit,
+        "version": __version__,
+        "people": scenario.population.people,
+        "population": plain(scenario.population.parts),
+        **figures_of(metrics),
+        **{name: named(np.array([figure.of(one) for one in episodes])) for name, figure in FIGURES.items()},
+        "exits": exits_of(scenario, episodes),
+        "blocked": [
+            {"run": episode.run, "since": episode.metrics.blocked_since, "left": episode.metrics.unfinished}
+            for episode in episodes
+            if np.isfinite(episode.metrics.blocked_since)
+        ],
+        "overlap_mm": {
+            "mean": 1e3 * float(column(metrics, "mean_overlap").mean()),
+            "max": 1e3 * float(column(metrics, "max_overlap").max()),
+        },
+        "outside_mm": 1e3 * float(column(metrics, "max_outside").max()),
+        "residual": float(column(metrics, "residual").max()),
+        "unconverged_steps": int(column(metrics, "unconverged").sum()),
+    }
+
+
+def figures_of(metrics: Sequence[EpisodeMetrics]) -> dict[str, Any]:
+    """Return the figures that every report of many evacuations has, ready for JSON; see `report`."""
+    runs, unfinished = len(metrics), column(metrics, "unfinished")
+    left, blocked = int((unfinished > 0).sum()), int(np.isfinite(column(metrics, "blocked_since")).sum())
+    return {
+        "runs": runs,
+        "unfinished": int(unfinished.sum()),
+        "unfinished_runs": left,
+        "unfinished_share": share(left, runs),
+        "blocked_runs": blocked,
+        "blocked_share": share(blocked, runs),
+        "evacuation_time": named(column(metrics, "evacuation_time")),
+        "flow": named(column(metrics, "flow")),
+        "max_speed": float(column(metrics, "max_speed").max()),
+        "escaped": int(column(metrics, "escaped").sum()),
+    }
+
+
+def time_of_share(exit_time: Floats, share: float) -> float:
+    """Return when at least this share of the people were out [s]; nan if they never were.
+
+    ``exit_time`` (N,) [s] is nan for people who did not get out.
+    """
+    count = max(int(np.ceil(share * len(exit_time) - 1e-9)), 1)
+    return float(np.sort(exit_time)[count - 1])  # nan go last
+
+
+def exit_names(scenario: Scenario, exit_index: Ints) -> np.ndarray:
+    """Return the name of the exit that each person (N,) took; "" for those who did not get out."""
+    return np.append(np.array(scenario.geometry.exit_names), "")[exit_index]
+
+
+def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
+    """Return figures of each exit, ready for JSON.
+
+    ``people`` took it in all runs, ``share`` is of those who got out in a run, ``flow_per_meter`` is its flow over its
+    width [1/(s m)].
+    """
+    taken = [exit_names(scenario, episode.exit_index) for episode in episodes]
+    out = np.array([(names != "").sum() for names in taken])
+    found = {}
+    for name, width in exit_widths(scenario.geometry).items():
+        count = np.array([(names == name).sum() for names in taken])
+        of_run = np.divide(count, out, out=np.full(len(out), np.nan), where=out > 0)
+        flows = [flow_slope(one.exit_time[names == name]) / width for one, names in zip(episodes, taken, strict=True)]
+        found[name] = {"people": int(count.sum()), "share": named(of_run), "flow_per_meter": named(np.array(flows))}
+    return found
+
+
+def exit_widths(geometry: Geometry) -> dict[str, float]:
+    """Return the width of each exit by its name [m]."""
+    widths: dict[str, float] = {}
+    for name, (a, b) in zip(geometry.exit_names, geometry.exits, strict=True):
+        widths[name] = widths.get(name, 0.0) + float(np.hypot(*(b - a)))
+    return widths
+
+
+def column(metrics: Sequence[EpisodeMetrics], name: str) -> Floats:
+    """Return one of the metrics of every evacuation (R,)."""
+    return np.array([getattr(one, name) for one in metrics], dtype=np.float64)
+
+
+def named(values: np.ndarray) -> dict[str, Any]:
+    """Return mean, spread and interval of the mean of the finite values, ready for JSON."""
+    mean, sd, ci95 = summarise(values)
+    return {"mean": json_number(mean), "sd": json_number(sd), "ci95": [json_number(bound) for bound in ci95]}
+
+
+def share(count: int, of: int) -> dict[str, Any]:
+    """Return a share with its Wilson interval, ready for JSON."""
+    return {"mean": count / of, "ci95": list(share_interval(count, of))}
+
+
+# ---------------------------------------------------------------------------------------------------- in tables
+
+
+def number(value: float | None, unit: str = "", digits: int = 2) -> str:
+    """Return "1.25 s"; "-" for no number."""
+    return "-" if value is None or value != value else f"{value:.{digits}f} {unit}".rstrip()
+
+
+def spread(figure: Mapping[str, Any], unit: str = "", digits: int = 2) -> str:
+    """Return "1.25 ± 0.10 s": the mean with the standard deviation over runs, if there is one."""
+    if figure["mean"] is None or figure["sd"] is None:
+        return number(figure["mean"], unit, digits)
+    return f"{number(figure['mean'], digits=digits)} ± {number(figure['sd'], unit, digits)}"
+
+
+def interval(figure: Mapping[str, Any], unit: str = "", digits: int = 2) -> str:
+    """Return "1.05 to 1.45 s": the 95 % interval of the mean; "" if there is none."""
+    low, high = figure["ci95"]
+    return "" if low is None else f"{number(low, digits=digits)} to {number(high, unit, digits)}"
+
+
+def percent(share: Mapping[str, Any]) -> str:
+    """Return "12 (3..20)": a share of runs in percent with its interval."""
+    low, high = (100.0 * bound for bound in share["ci95"])
+    return f"{100.0 * share['mean']:.0f} ({low:.0f}..{high:.0f})"
+
+
+def cells(place: Scenario, figures: Mapping[str, Any]) -> dict[str, str]:
+    """Return the rows of the table of a `report`: label -> cell."""
+    x0, y0, x1, y1 = place.geometry.bounds
+    widths = [f"{name} {width:.2f} m" for name, width in exit_widths(place.geometry).items()]
+    rows = {
+        "plan": f"{place.geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m",
+        "exits": listed(widths),
+    }
+    for name, figure in FIGURES.items():
+        rows[figure.title] = spread(figures[name], figure.unit)
+        if name == "evacuation_time" and (bounds := interval(figures[name], figure.unit)):
+            rows["  95 % interval of the mean"] = bounds
+    if len(figures["exits"]) > 1:
+        shares = [(name, taken["share"]["mean"]) for name, taken in figures["exits"].items()]
+        parts = [f"{name} {'-' if mean is None else f'{100.0 * mean:.0f} %'}" for name, mean in shares]
+        rows["shares of the exits"] = listed(parts)
+    left = counted(figures["unfinished"], "person", "people"), counted(figures["unfinished_runs"], "run", "runs")
+    rows["unfinished"] = f"{left[0]} in {left[1]}"
+    if figures["unfinished_runs"]:
+        rows["unfinished"] += f", {percent(figures['unfinished_share'])} % of runs"
+    if figures["blocked"]:
+        runs = [f"run {one['run']} since {one['since']:.1f} s, {one['left']} left" for one in figures["blocked"]]
+        rows["  blocked"] = listed(runs, _RUNS_SHOWN, "\n")
+    overlap, fastest, lost = figures["overlap_mm"], figures["max_speed"], figures["escaped"]
+    bound = " (the bound: some were pushed harder)" if fastest >= MAX_SPEED * (1 - 1e-12) else ""
+    return {
+        **rows,
+        "overlap of bodies": f"mean {number(overlap['mean'])}, at most {number(overlap['max'], 'mm')}",
+        "reach beyond a wall": f"at most {number(figures['outside_mm'], 'mm')}",
+        "largest speed": number(fastest, "m/s") + bound,
+        "outside of the plan": f"{counted(lost, 'person', 'people')}: these figures are void" if lost else "nobody",
+        "solver residual": f"at most {figures['residual']:.1e} m/s",
+    }
+
+
+def doubts(figures: Mapping[str, Any]) -> str:
+    """Return in one sentence what makes the figures of a `report` doubtful; "" if nothing does."""
+    fast = {name: taken["flow_per_meter"]["mean"] or 0.0 for name, taken in figures["exits"].items()}
+    said = [
+        f"{flow:.1f} people per second and meter pass exit {name}, more than the {HIGHEST_FLOW:g} that experiments found"
+        for name, flow in fast.items()
+        if flow > HIGHEST_FLOW
+    ]
+    if figures["unfinished"]:
+        left, cut = figures["unfinished"], figures["unfinished_runs"] - figures["blocked_runs"]
+        said.append(f"{counted(left, 'person is', 'people are')} left inside")
+        if cut:
+            said.append(f"{counted(cut, 'run was', 'runs were')} cut by the time limit")
+    if "interrupted_of" in figures:
+        said.append(f"only {figures['runs']} of {figures['interrupted_of']} runs were finished")
+    return "; ".join(said)
+
+
+def listed(items: Sequence[str], most: int = _EXITS_SHOWN, separator: str = ", ") -> str:
+    """Return the first few items, and how many more there are."""
+    more = [f"and {len(items) - most} more"] if len(items) > most else []
+    return separator.join([*items[:most], *more])
