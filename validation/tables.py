@@ -458,7 +458,7 @@ MAKERS: dict[str, Table] = {
     "bodies-doors": Table(bodies_doors, _BODIES.format("doors", 10), _TWICE),
     "clogging": Table(clogging, "crowd-env clogging --set speed=SPEED --people 200 --runs 10"),
     "frozen": Table(frozen, "python -m validation frozen --out DIR"),
-    "strategies": Table(strategies, "crowd-env evaluate --scenario two-exit-hall-v0 --policies STRATEGY --schemes SCHEME"),
+    "strategies": Table(strategies, "crowd-env evaluate --scenario two-exit-hall-v0 --policies STRATEGY --physics SCHEME"),
     "controller": Table(controller, "crowd-env train --scenario two-exit-hall-v0 --decides routing --out DIR"),
     "training": Table(training, "python train.py"),
     "scenarios": Table(scenarios, "crowd-env run SCENARIO --physics SCHEME --runs 100"),
