@@ -26,7 +26,7 @@ def test_each_tells_what_it_does(name):
 
 def test_a_mistake_is_told_as_everywhere():
     result = call("evaluate --task no-such-task")
-    assert result.exit_code == 2 and "unknown task 'no-such-task'" in result.stderr
+    assert result.exit_code == 2 and "'no-such-task'; known: " in result.stderr
 
 
 def test_other_commands_do_not_load_them():
