@@ -1,7 +1,8 @@
 """Controllers for ``crowd_env/Routing-v0`` that need no learning: what a learned one has to beat."""
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -10,6 +11,11 @@ from crowd_env.envs.routing.batch import RoutingBatch
 
 class Controller(Protocol):
     """Says where people go, in every evacuation of a batch at once."""
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Options of `RoutingBatch`: when and where it decides, what it observes."""
+        ...
 
     @property
     def name(self) -> str:
@@ -21,9 +27,11 @@ class Controller(Protocol):
         ...
 
 
+@dataclass
 class RandomController:
     """Draw every choice uniformly, every time."""
 
+    options: Mapping[str, Any] = field(default_factory=dict)
     name = "random"
 
     def act(self, observation: np.ndarray, batch: RoutingBatch, rng: np.random.Generator) -> np.ndarray:
@@ -31,22 +39,19 @@ class RandomController:
         return rng.integers(0, batch.choices, (len(observation), len(batch.choices)))
 
 
-@dataclass(frozen=True)
+@dataclass
 class FixedSplit:
-    """Send the regions with their center left of ``x`` [m] to the leftmost exit, the others to the rightmost; doors open."""
+    """Send regions left of the middle of the plan to the leftmost exit, the others to the rightmost; doors open."""
 
-    x: float
-
-    @property
-    def name(self) -> str:
-        """What tables call it."""
-        return f"split at {self.x:g} m"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    name = "split"
 
     def act(self, observation: np.ndarray, batch: RoutingBatch, rng: np.random.Generator) -> np.ndarray:
         """Return the same choices whatever is observed."""
         geometry, routes = batch.scenario.geometry, batch.layout.routes
         middle = geometry.exits.mean(axis=1)[:, 0]
         left, right = (routes.index(geometry.exit_names[k]) for k in (middle.argmin(), middle.argmax()))
-        of_region = np.where(batch.regions.center[:, 0] < self.x, left, right)
+        low, _, high, _ = geometry.bounds
+        of_region = np.where(batch.regions.center[:, 0] < (low + high) / 2.0, left, right)
         row = np.concatenate([of_region, np.ones(len(batch.layout.doors), dtype=np.int64)])
         return np.tile(row, (len(observation), 1))

@@ -1,6 +1,6 @@
 """What drives a rollout beside the rules of the environment: a policy, or a controller that sends people to exits."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
 from typing import Any, cast
 
@@ -11,12 +11,14 @@ from crowd_env.core.arrays.state import Bools
 from crowd_env.envs.rollout import Driver, run_episodes
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.envs.settings import arguments_of
+from crowd_env.physics import make_scheme
 
 from .controllers import Controller
 from .policy import Policy
 from .walking import RuleAtShare
 
 SAMPLE = 0.1  # s  between two measurements of a crowd
+INTERVAL = 2.0  # s  between two decisions of a controller that does not say otherwise
 
 SHARES = tuple(k / 10 for k in range(10, 1, -1))  # of the desired speed
 SEARCH_RUNS, SEARCH_SEED = 10, 10_000  # draws of `best_share`, below those that are held out
@@ -132,16 +134,21 @@ def best_share(scenario: Scenario, **options: Any) -> float:
 class ControllerDriver(Driver):
     """A batch of evacuations whose people a controller of ``crowd_env/Routing-v0`` sends to exits.
 
-    A step may be shorter than the interval between two decisions (`sample_step`), so that crowds are measured in between.
+    A step may be shorter than the interval between two decisions, so that crowds are measured in between.
 
     Parameters
     ----------
-    options : of `RoutingBatch`.
+    options : of `RoutingBatch`; the controller's own override them.
     """
 
-    def __init__(self, controller: Controller, scenario: str | Scenario, **options: Any) -> None:
+    def __init__(self, controller: Controller, scenario: Scenario, **options: Any) -> None:
         self.controller = controller
-        self.batch = RoutingBatch(**routing_arguments(scenario, **options))
+        dt = options.get("dt") or make_scheme(options["scheme"]).info.default_dt
+        interval = controller.options.get("interval", INTERVAL)
+        sample_dt = SAMPLE if _divides(SAMPLE, interval) and _divides(dt, SAMPLE) else interval
+        self.batch = RoutingBatch(
+            **routing_arguments(scenario, sample_dt=sample_dt, **{**options, **controller.options})
+        )
         super().__init__(self.batch.env)
 
     def reset(self, seeds: list[int]) -> None:
@@ -164,10 +171,20 @@ class ControllerDriver(Driver):
         return step
 
 
-def sample_step(interval: float, dt: float) -> float:
-    """Return the decision step of `ControllerDriver` [s]: `SAMPLE`, or ``interval`` where `SAMPLE` does not fit into it."""
-    return SAMPLE if _divides(SAMPLE, interval) and _divides(dt, SAMPLE) else interval
-
-
 def _divides(part: float, whole: float) -> bool:
     return abs(whole / part - round(whole / part)) < 1e-6 and whole > 0.5 * part
+
+
+def driver_of(
+    who: Policy | Controller, scenario: Scenario, *, learned_share: float | None = None, **options: Any
+) -> Callable[[int], Driver]:
+    """Return a maker of batches of a scenario under a policy (`policy_driver`) or a controller.
+
+    Parameters
+    ----------
+    options : of `CrowdEnv`; a controller chooses routes, and decides at its own interval.
+    """
+    if not isinstance(who, Policy):
+        own = {name: value for name, value in options.items() if name not in ("strategy", "decision_dt", "rules")}
+        return lambda num_envs: ControllerDriver(who, scenario, num_envs=num_envs, **own)
+    return policy_driver(who, scenario, learned_share=learned_share, **options)

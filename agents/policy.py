@@ -1,12 +1,13 @@
 """The door by which every policy enters, rule or network."""
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from crowd_env import ObservationLayout
 
 
+@runtime_checkable
 class Policy(Protocol):
     """Decides for all people of a batch at once.
 

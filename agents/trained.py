@@ -19,7 +19,9 @@ from crowd_env.envs.routing.batch import RoutingBatch
 from .networks import Network, read_network, write_network
 
 PICKLE, NUMBERS = ".zip", ".safetensors"
-_EARLIER = ".npz"
+# Options of `RoutingBatch` that belong to a controller; the others say where it was trained.
+_OF_CONTROLLER = ("interval", "regions", "grid", "routes", "doors", "observation", "reward", "rules", "signs")
+TRUSTED = ":trusted"  # behind the name of a file of stable-baselines3: its maker is trusted
 SAMPLED = ":sampled"  # behind the name of a policy: it draws its actions
 Kind = TypeVar("Kind", bound="_Learned")
 
@@ -156,7 +158,7 @@ class LearnedController(_Learned):
     ----------
     network : from the observation of a `RoutingBatch` to the logits of all choices, one entry of an action after the other.
     choices : (R + D,) number of choices of each entry.
-    options : scenario and options of `RoutingVectorEnv` that it was trained with.
+    options : of `RoutingBatch`: when and where it decides, what it observes.
     trained : what it was trained for (task, seed, ...), for the record.
 
     Raises
@@ -174,7 +176,8 @@ class LearnedController(_Learned):
         options: dict[str, Any],
         trained: dict[str, Any] | None = None,
     ) -> None:
-        self.network, self.options, self.trained = network, options, trained or {}
+        self.network, self.trained = network, trained or {}
+        self.options = {name: options[name] for name in _OF_CONTROLLER if name in options}
         self.choices = np.asarray(choices, dtype=np.int64)
         if self.choices.ndim != 1 or (self.choices < 1).any() or network.outputs != self.choices.sum():
             raise ValueError(f"the network has {network.outputs} outputs for choices among {self.choices.tolist()}")
@@ -185,8 +188,12 @@ class LearnedController(_Learned):
         return np.column_stack([part.argmax(axis=1) for part in logits])
 
     def facts(self) -> dict[str, Any]:
-        options = {key: value for key, value in self.options.items() if key != "threads"}
-        return {"kind": "controller", "choices": self.choices.tolist(), "options": options, "trained": self.trained}
+        return {
+            "kind": "controller",
+            "choices": self.choices.tolist(),
+            "options": self.options,
+            "trained": self.trained,
+        }
 
 
 def load_trained(path: str | Path, *, trust_pickle: bool = False) -> LearnedPolicy | LearnedController:
@@ -209,7 +216,7 @@ def load_trained(path: str | Path, *, trust_pickle: bool = False) -> LearnedPoli
     if not trust_pickle:
         raise ValueError(
             f"{path} is a stable-baselines3 file: opening it would run any code that is in it; if you trust who made "
-            f"it, add --trust-pickle (in Python trust_pickle=True); networks in {NUMBERS} files need no trust"
+            f"it, name it {path.name}{TRUSTED} (in Python trust_pickle=True); networks in {NUMBERS} files need no trust"
         )
     from .learned.pickled import read_pickled
 
@@ -240,16 +247,11 @@ def made_from(path: Path, network: Network, facts: dict[str, Any]) -> LearnedPol
 
 def names_file(name: str) -> bool:
     """Return whether this is the path of a network, and no name of a policy."""
-    return name.endswith((NUMBERS, PICKLE, _EARLIER))
+    return name.endswith((NUMBERS, PICKLE))
 
 
 def _checked(path: str | Path) -> Path:
     path = Path(path)
-    if path.suffix == _EARLIER:
-        raise ValueError(
-            f"{path} is a network of an earlier version, which this one does not read: networks are {NUMBERS} files now; "
-            "train it again with train.py or agents.train_routing"
-        )
     if path.suffix != NUMBERS:
         raise ValueError(f"{path} is no network: its name must end in {NUMBERS}")
     return path

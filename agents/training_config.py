@@ -13,6 +13,8 @@ from crowd_env.core.arrays.headway import plain_manner
 from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.checks import POSITIVE, Range, known, number, whole
 from crowd_env.core.files.json_file import read_json
+from crowd_env.envs.routing.batch import routing_arguments
+from crowd_env.envs.routing.env import RoutingVectorEnv
 from crowd_env.envs.settings import arguments_of
 
 from . import POLICIES, make_policy
@@ -26,6 +28,17 @@ from .walking import WalkingRule
 # People simulated side by side in training: a rollout of more takes many gigabytes.
 MOST_PEOPLE = 200_000
 MINUTES = 15.0  # after which a training on a task stops on a machine that is too slow for its steps
+# PPO of a controller, where it departs from that of a policy: decisions are rare, and one a crowd.
+ROUTING_PPO: dict[str, Any] = {
+    "learning_rate": 1e-3,
+    "n_steps": 32,
+    "batch_size": 256,
+    "n_epochs": 8,
+    "gamma": 0.99,
+    "target_kl": 0.03,
+}
+ROUTING_BUDGET: dict[str, Any] = {"envs": 32, "steps": 120_000, "minutes": 10.0}
+_MOST_CELLS = 10_000  # of a grid: nobody decides about more, and their names alone fill memory
 LEAST_DT = Range(1e-5)  # s  a decision of 0.1 s is ten thousand steps of these
 RUNS = Range(1, HELD_OUT_SEED - 1)  # held-out draws of an evaluation
 SEEDS = Range(0, HELD_OUT_SEED - 1).because("larger ones are kept for evaluation")
@@ -43,11 +56,12 @@ def default_config(
     outline: str | None = None,
     people: int | None = None,
     options: Mapping[str, Any] | None = None,
+    routing: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return every parameter of a run in a scenario that is no task.
 
     Unless given, ``dt`` [s] is the scheme's own, manner, outline and number of people are the scenario's; ``options`` are those
-    of `make_scenario`.
+    of `make_scenario`.  With ``routing``, options of `RoutingVectorEnv`, a controller is trained that sends people to exits.
     """
     from .learned import PPOSettings
 
@@ -59,7 +73,8 @@ def default_config(
         "scenario": scenario,
         "options": options,
         "people": place.population.people,
-        "strategy": "shortest",
+        "routing": None if routing is None else dict(routing),
+        "strategy": "shortest" if routing is None else "fastest",
         "scheme": scheme,
         "seed": seed,
         "envs": envs,
@@ -74,9 +89,9 @@ def default_config(
         "observation": ObservationLayout().as_table(),
         "reward": {"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.5},
         "start": RULE,
-        "ppo": asdict(PPOSettings()),
-        "eval_every": 1_500_000,
-        "eval_runs": 500,
+        "ppo": asdict(PPOSettings(**({} if routing is None else ROUTING_PPO))),
+        "eval_every": 1_500_000 if routing is None else 8192,
+        "eval_runs": 500 if routing is None else 50,
         "validation_seed": VALIDATION_SEED,
         "held_out_seed": HELD_OUT_SEED,
         "versions": versions(),
@@ -88,8 +103,8 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
 
     Parameters
     ----------
-    given : any of ``people``, ``scheme``, ``dt`` [s], ``manner``, ``outline``, ``start``, ``envs``, ``steps``, ``minutes``;
-        None = as the preset has it.
+    given : any of ``people``, ``scheme``, ``dt`` [s], ``manner``, ``outline``, ``start``, ``envs``, ``steps``, ``minutes``,
+        ``routing``; None = as the preset has it.  With ``routing`` there is no preset: it is trained in the task as it stands.
 
     Raises
     ------
@@ -99,8 +114,14 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
     from .learned import PPOSettings
 
     given = {name: value for name, value in given.items() if value is not None}
-    judged, preset = make_task(task), make_preset(task)
+    judged = make_task(task)
     scheme = given.get("scheme", judged.scheme)
+    if "routing" in given:
+        own = {"dt": judged.dt} if scheme == judged.scheme else {}
+        usual = {**ROUTING_BUDGET, **own, "people": judged.people, "manner": judged.manner, "scheme": scheme}
+        config = default_config(judged.scenario, seed=seed, options=judged.options, **(usual | given))
+        return {**config, "task": task, "strategy": judged.rule, "decision_dt": judged.decision_dt}
+    preset = make_preset(task)
     config = default_config(judged.scenario, scheme, seed, preset.envs, preset.steps, MINUTES)
     place, start = preset.place(given.get("people")), given.get("start", preset.start)
     return {
@@ -180,8 +201,16 @@ def facts_of(config: Mapping[str, Any]) -> dict[str, Any]:
     return {"task": task, **{name: config[name] for name in facts}}
 
 
-def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 1) -> CrowdEnv:
-    """Return the training batch, of ``envs`` rooms if that is given, on so many threads."""
+def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 1) -> Any:
+    """Return the training batch, of ``envs`` rooms if that is given, on so many threads.
+
+    It is a `CrowdEnv`, or a `RoutingVectorEnv` where a controller is trained.
+    """
+    num_envs = config["envs"] if envs is None else envs
+    if config["routing"] is not None:
+        physics = {name: config[name] for name in ("scheme", "dt", "manner", "outline")}
+        arguments = routing_arguments(place_of(config), threads=threads, **physics, **config["routing"])
+        return RoutingVectorEnv(num_envs=num_envs, **arguments)
     options = (
         "scheme",
         "dt",
@@ -196,7 +225,7 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
     )
     return CrowdEnv(
         place_of(config),
-        num_envs=config["envs"] if envs is None else envs,
+        num_envs=num_envs,
         autoreset=True,
         **arguments_of({"threads": threads, **{name: config[name] for name in options}}),
     )
@@ -235,8 +264,13 @@ def check_config(config: Mapping[str, Any]) -> None:
     PPOSettings(**config["ppo"])
     whole("seed", config["seed"], SEEDS)
     check_budget(minutes=config["minutes"], steps=config["steps"], envs=config["envs"])
-    number("--dt", config["dt"], LEAST_DT, "s")
+    number("--set dt", config["dt"], LEAST_DT, "s")
     check_envs(config["envs"], place_of(config).population.people)
+    columns, rows = (config["routing"] or {}).get("grid", (1, 1))
+    if columns * rows > _MOST_CELLS:
+        raise ValueError(f"--grid is {columns} {rows}; it must have at most {_MOST_CELLS} cells")
+    if config["routing"] is not None and config["start"] != RULE:
+        raise ValueError(f"--start is {config['start']}: a controller begins at the nearest exits; leave it out")
     env = make_env(config, envs=1)
     if config["start"] != RULE:
         rule = start_of(config)
@@ -254,6 +288,7 @@ def read_config(path: Path) -> dict[str, Any]:
     config = read_json(path)
     if not isinstance(config, dict):
         raise ValueError(f"{path} does not hold the parameters of a run")
+    config = {"routing": None, **config}  # runs of 0.1.0 know no other
     expected = default_config("room-v0", "nsm2", 0, 1, 1, 1.0)
     missing = [name for name in expected if name not in config]
     if missing:
@@ -284,13 +319,16 @@ def extended(
         If an option would change what is trained, or a budget leaves nothing to do.
     """
     found = dict(config)
-    begun = {**config, "exit": config["options"].get("exits"), "unit": config["options"].get("unit")}
+    routing = config["routing"] or {}
+    begun = {**config, **routing, "exit": config["options"].get("exits"), "unit": config["options"].get("unit")}
+    begun |= {"place": config["task"] or config["scenario"], "decides": "routing" if routing else "walking"}
+    said = {"scheme": "physics", "manner": "crowd", "place": "task"} | {one: f"set {one}" for one in ("dt", "outline")}
     for option, value in given.items():
         if option in ("minutes", "steps"):
             found[option] = value
-        elif value != begun[option]:
+        elif value != begun.get(option):
             raise ValueError(
-                f"--{option} is {value}, but {name} was begun with {begun[option]}: "
+                f"--{said.get(option, option)} is {value}, but {name} was begun with {begun.get(option)}: "
                 "what is trained cannot change in between; begin another run"
             )
     if not curve or not {"minutes", "steps"} & set(given):

@@ -229,7 +229,7 @@ def frozen(source: Source) -> Grid:
 def strategies(source: Source) -> Grid:
     """One row a strategy and scheme, beside the shortest way on the same draws."""
     line = "--scenario two-exit-hall-v0 --policies shortest fastest comfortable nearest"
-    found = source(f"crowd_env.cli.agents.evaluate {line} --schemes dem nsm1 nsm2 nsm2-printed hertz --runs 20")["rows"]
+    found = source(f"crowd_env.cli.agents.evaluate {line} --physics dem nsm1 nsm2 nsm2-printed hertz --runs 20")["rows"]
     by = "minus_first[evacuation_time][ci95]"
     return grid(map(_left, found), **{
         "route": "{policy}", "scheme": "`{scheme}`", "last person out, s": "{bound}{unfinished_at_limit[last]:.1f}",
@@ -241,7 +241,7 @@ def controller(source: Source) -> Grid:
     """One row a controller of Routing-v0, the learned one last."""
     by = "learned_minus_this[last]"
     return grid(map(_left, source.read("results.json")["rows"]), **{
-        "": "{controller}", "last person, s": "{bound}{last[mean]:.1f}",
+        "": "{policy}", "last person, s": "{bound}{last[mean]:.1f}",
         "learned minus this": f"{{{by}[mean]:+.1f}} ({{{by}[ci95][0]:+.1f}} to {{{by}[ci95][1]:+.1f}})",
         "mean, s": "{bound}{mean[mean]:.1f}", "left inside": "{left}",
     })  # fmt: skip
@@ -458,8 +458,8 @@ MAKERS: dict[str, Table] = {
     "bodies-doors": Table(bodies_doors, _BODIES.format("doors", 10), _TWICE),
     "clogging": Table(clogging, "crowd-env clogging --set speed=SPEED --people 200 --runs 10"),
     "frozen": Table(frozen, "python -m validation frozen --out DIR"),
-    "strategies": Table(strategies, "crowd-env evaluate --scenario two-exit-hall-v0 --policies STRATEGY --schemes SCHEME"),
-    "controller": Table(controller, "crowd-env train-routing --out DIR"),
+    "strategies": Table(strategies, "crowd-env evaluate --scenario two-exit-hall-v0 --policies STRATEGY --physics SCHEME"),
+    "controller": Table(controller, "crowd-env train --scenario two-exit-hall-v0 --decides routing --out DIR"),
     "training": Table(training, "python train.py"),
     "scenarios": Table(scenarios, "crowd-env run SCENARIO --physics SCHEME --runs 100"),
     "bodies": Table(bodies, "crowd-env run room-v0 --physics SCHEME --set radius=RANGE --set speed=RANGE --runs 50"),

@@ -15,11 +15,12 @@ from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 
 from .. import POLICIES, PRETRAINED, make_policy
-from ..drivers import SAMPLE, ControllerDriver, policy_driver
+from ..controllers import Controller
+from ..drivers import SAMPLE, driver_of, policy_driver
 from ..policy import Policy
 from ..rules import StrategyPolicy
 from ..tasks.task import Task
-from ..trained import SAMPLED, LearnedPolicy, load_trained, names_file
+from ..trained import SAMPLED, TRUSTED, LearnedPolicy, load_trained, names_file
 
 RULES = "rules"
 RULE = "rule"  # the strategy of a task, at full speed
@@ -49,7 +50,6 @@ def make_entries(
     scenario: Scenario,
     task: Task | None = None,
     *,
-    trust_pickle: bool = False,
     learned_share: float | None = None,
 ) -> list[Entry]:
     """Return the entries of these names for a scenario.
@@ -58,7 +58,7 @@ def make_entries(
 
     Parameters
     ----------
-    trust_pickle : see `crowd_env.agents.trained.load_trained`.
+    names : a file of stable-baselines3 is opened with ``:trusted`` behind it (`crowd_env.agents.trained.load_trained`).
     learned_share : of the people whom a policy moves, see `crowd_env.agents.drivers.PolicyBatches`.
 
     Raises
@@ -72,7 +72,7 @@ def make_entries(
     twice = [name for k, name in enumerate(names) if name in names[:k]]
     if twice:
         raise ValueError(f"policy {twice[0]!r} is named twice; once is enough")
-    crowd = _Crowd(scenario, task, trust_pickle, learned_share)
+    crowd = _Crowd(scenario, task, learned_share)
     found = []
     for name in names:
         try:
@@ -137,7 +137,6 @@ class _Crowd(NamedTuple):
 
     scenario: Scenario
     task: Task | None
-    trust_pickle: bool
     learned_share: float | None
 
 
@@ -158,7 +157,7 @@ def _make(name: str, crowd: _Crowd) -> Entry:
     plain, sampled = name.removesuffix(SAMPLED), name.endswith(SAMPLED)
     if plain in PRETRAINED:
         return replace(_learned_entry(PRETRAINED[plain], crowd, sampled), name=name)
-    if names_file(plain):
+    if names_file(plain.removesuffix(TRUSTED)):
         return _learned_entry(Path(plain), crowd, sampled)
     if name == RULE:
         raise ValueError(
@@ -203,15 +202,13 @@ def _of_task(task: Task | None, scheme: str | ContactScheme) -> dict[str, Any]:
 def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
     """Return the entry of a network: its file says whether it is a policy or a controller; ``sampled``: it draws its actions.
 
-    A controller keeps the options of `RoutingBatch` that it was trained with, but for what the evaluation itself says.
-
     Raises
     ------
     ValueError
         If it cannot be read, or was trained in a scenario with other regions, exits or routes.
     """
-    scenario, task = crowd.scenario, crowd.task
-    found = load_trained(path, trust_pickle=crowd.trust_pickle)
+    scenario = crowd.scenario
+    found = load_trained(Path(str(path).removesuffix(TRUSTED)), trust_pickle=str(path).endswith(TRUSTED))
     if isinstance(found, LearnedPolicy):
         if not sampled:
             return _policy_entry(found, crowd, path)
@@ -224,24 +221,22 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
         raise ValueError(f"{path}{SAMPLED}: a controller takes the most likely choices alone")
     if crowd.learned_share is not None:
         raise NotMixed(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
-    of_the_run = ("scenario", "exits", "unit", "people", "count", "scheme", "dt", "threads", "manner", "outline")
-    own = {key: value for key, value in found.options.items() if key not in of_the_run}
-    own["sample_dt"] = SAMPLE
     try:
-        batch = RoutingBatch(**routing_arguments(scenario, **own))
+        batch = RoutingBatch(**routing_arguments(scenario, **found.options))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path} does not fit {scenario.name}: {error}") from None
     if found.network.inputs != batch.layout.size or found.choices.tolist() != batch.choices.tolist():
         raise ValueError(
-            f"{path} was trained for {found.options.get('scenario', 'another place')} and observes "
+            f"{path} was trained for {found.trained.get('scenario', 'another place')} and observes "
             f"{found.network.inputs} numbers; {scenario.name} has {batch.layout.size}"
         )
+    return replace(controller_entry(found, crowd.task), name=path.stem, source=path)
+
+
+def controller_entry(controller: Controller, task: Task | None = None) -> Entry:
+    """Return the entry of a controller of ``crowd_env/Routing-v0``."""
 
     def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int) -> Callable[[int], Driver]:
-        step = {
-            name: value for name, value in _of_task(task, scheme).items() if name == "dt"
-        }  # it has its own interval
-        options = {"scheme": scheme, "threads": threads, **own, **step}
-        return lambda num_envs: ControllerDriver(found, scenario, num_envs=num_envs, **options)
+        return driver_of(controller, scenario, **{"scheme": scheme, "threads": threads, **_of_task(task, scheme)})
 
-    return Entry(path.stem, driver, path)
+    return Entry(controller.name, driver)

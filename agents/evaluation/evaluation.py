@@ -16,7 +16,8 @@ from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.rollout import BatchDone, Driver, RunBatch, make_batches, simulate_batch
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 
-from ..drivers import PolicyBatches, learned_people, policy_driver
+from ..controllers import Controller
+from ..drivers import PolicyBatches, driver_of, learned_people
 from ..policy import Policy
 
 # Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.
@@ -148,7 +149,7 @@ def _mean_of(values: Floats, those: Bools) -> Floats:
 
 
 def evaluate(
-    policy: Policy,
+    policy: Policy | Controller,
     scenario: str | Scenario = "room-v0",
     *,
     scheme: str | ContactScheme = "nsm2",
@@ -157,7 +158,7 @@ def evaluate(
     progress: Callable[[int], None] | None = None,
     **options: Any,
 ) -> Evaluation:
-    """Run ``runs`` evacuations under a policy, draw ``first_seed + k`` for run ``k``.
+    """Run ``runs`` evacuations under a policy or controller, draw ``first_seed + k`` for run ``k``.
 
     Parameters
     ----------
@@ -165,7 +166,7 @@ def evaluate(
     options : further options of `CrowdEnv`; the options that the policy was trained with override them.
     """
     place = make_scenario(scenario)
-    driver = policy_driver(policy, place, scheme=scheme, **options)
+    driver = driver_of(policy, place, scheme=scheme, **options)
     return evaluate_driver(driver, place, policy.name, scheme, runs=runs, first_seed=first_seed, progress=progress)
 
 

@@ -60,7 +60,7 @@ def few_runs(task: Task) -> int:
     return max(LEAST_RUNS, task.runs // PART)
 
 
-def make_trials(task: Task, policies: Sequence[str], *, trust_pickle: bool = False) -> list[Trial]:
+def make_trials(task: Task, policies: Sequence[str]) -> list[Trial]:
     """Return a trial for the task as it stands and for each variation, before any of them is run.
 
     Raises
@@ -68,15 +68,15 @@ def make_trials(task: Task, policies: Sequence[str], *, trust_pickle: bool = Fal
     ValueError
         As `make_entries`, and if people do not fit.
     """
-    return [_trial(task, one, policies, trust_pickle) for one in variations(task)]
+    return [_trial(task, one, policies) for one in variations(task)]
 
 
-def _trial(task: Task, one: Variation, policies: Sequence[str], trust_pickle: bool) -> Trial:
+def _trial(task: Task, one: Variation, policies: Sequence[str]) -> Trial:
     place, named = one.place(task), list(policies)
     left_out: list[str] = []
     while True:
         try:
-            entries = make_entries(named, place, task, trust_pickle=trust_pickle, learned_share=one.learned_share)
+            entries = make_entries(named, place, task, learned_share=one.learned_share)
             return Trial(one, place, one.scheme or task.scheme, entries, left_out)
         except NotMixed as error:
             if len(named) == 1:

@@ -9,18 +9,19 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from crowd_env.analysis.figures import named
 from crowd_env.core.files.json_file import json_number, write_json
 from crowd_env.scenarios.titles import run_title
 
 from .. import POLICIES
-from ..drivers import policy_driver
+from ..controllers import FixedSplit, RandomController
+from ..drivers import driver_of
 from ..networks import NETWORK, network_digest
-from ..policy import Policy
 from ..rules import StrategyPolicy
-from ..trained import SAMPLED, LearnedPolicy
+from ..trained import SAMPLED, LearnedPolicy, load_trained
 from ..training_config import judged_place, physics_of, task_of
-from .comparison import last_times, minus_first, ratio
-from .entries import RULE, make_entries
+from .comparison import last_times, mean_times, minus_first, paired, ratio
+from .entries import RULE, controller_entry, make_entries
 from .evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from .folder import EvaluationFolder, settings_of
 from .protocol import task_row, task_table
@@ -32,6 +33,7 @@ RESULTS = "results.json"
 # The first is what the others are compared with.
 _OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still", "random")), "random")
 _OF_SCENARIO = ("shortest", "stand-still", "random")
+_OF_ROUTES = ("fastest", "nearest", "shortest")
 
 
 def title_of(config: Mapping[str, Any]) -> str:
@@ -54,7 +56,9 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     """
     task, place, scheme = task_of(config), judged_place(config), config["scheme"]
     own = config["task"] is not None
-    rules = make_entries(_OF_TASK if own else _OF_SCENARIO, place, task)
+    rules = make_entries(_named(config), place, task)
+    if config["routing"] is not None:
+        rules += [controller_entry(kind(config["routing"]), task) for kind in (FixedSplit, RandomController)]
     kinds = _kinds(folder)
     networks = make_entries([f"{folder / NETWORK}{kind}" for kind in kinds], place, task)
     named = [replace(entry, name=LEARNED + kind) for entry, kind in zip(networks, kinds, strict=True)]
@@ -62,7 +66,7 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     kept = EvaluationFolder(folder / f"held-out-{runs}", settings_of(place, runs, 0, task if own else None))
     results = compare(entries, place, [scheme], runs=runs, threads=threads, folder=kept)
     rule, learned = results[0], results[-1]
-    rows = [task_row(task, place, result, results) if own else result.row() for result in results]
+    rows = [task_row(task, place, one, results) if own else one.row() | _beside(one, learned) for one in results]
     content = {
         "config": config,
         "task": task.identity() if own else None,
@@ -74,6 +78,20 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     }
     write_json(folder / RESULTS, content)
     return results
+
+
+def _beside(result: Evaluation, learned: Evaluation) -> dict[str, Any]:
+    """Return the times of a policy, of everybody, and how much longer the learned one takes on the same draws."""
+    of = {"last": last_times, "mean": mean_times}
+    more = {name: paired(times(learned), times(result)) for name, times in of.items()}
+    return {**{name: named(times(result)) for name, times in of.items()}, "learned_minus_this": more}
+
+
+def _named(config: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what is judged beside the learned policy."""
+    if config["routing"] is not None:
+        return _OF_ROUTES if config["task"] is None else (RULE, *_OF_ROUTES)
+    return _OF_SCENARIO if config["task"] is None else _OF_TASK
 
 
 def _kinds(folder: Path) -> tuple[str, ...]:
@@ -160,6 +178,6 @@ def _write_film(folder: Path, config: Mapping[str, Any], results: list[Evaluatio
     stuck = np.flatnonzero(results[0].column("unfinished") > 0)
     seed = HELD_OUT_SEED + (int(stuck[0]) if len(stuck) else 0)
     options = {"scheme": config["scheme"], "rules": False, **task.env_options(config["scheme"])}
-    shown: dict[str, Policy] = {RULE_AHEAD: StrategyPolicy(task.rule), LEARNED: LearnedPolicy.load(folder / NETWORK)}
-    ways = {title: partial(policy_driver, policy, **options) for title, policy in shown.items()}
+    shown: dict[str, Any] = {RULE_AHEAD: StrategyPolicy(task.rule), LEARNED: load_trained(folder / NETWORK)}
+    ways = {title: partial(driver_of, who, **options) for title, who in shown.items()}
     write_beside(folder / "evacuation.gif", record_beside(ways, place, seed))

@@ -3,7 +3,7 @@
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import gymnasium
 import numpy as np
@@ -14,7 +14,9 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from crowd_env import CrowdEnv
 from crowd_env.core.checks import known
-from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
+from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer, VectorVecEnv
+from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.routing.env import RoutingVectorEnv
 
 from .beta import BetaPolicy, bias_at
 from .rate import FallingRate
@@ -38,22 +40,28 @@ class PPOSettings:
     hidden: int = 64  # units in each of two layers
     distribution: str = "gaussian"  # of continuous actions: that, or "beta", which is bounded
     log_std_init: float = -0.7  # of a Gaussian
-    rule_logit: float = 2.0  # of a discrete action: how much likelier the rule is at first, as a logit
+    rule_logit: float = 2.0  # of choices: how much likelier the rule is at first, as a logit
     target_kl: float = 0.05
 
     def __post_init__(self) -> None:
         known("distribution", self.distribution, DISTRIBUTIONS)
 
 
-def new_ppo(venv: VecEnv, settings: PPOSettings, seed: int, **options: Any) -> PPO:
-    """Return an untrained PPO model on ``venv``; ``options`` are further ones of PPO."""
+def make_ppo(env: CrowdEnv | RoutingVectorEnv, settings: PPOSettings, seed: int, log_folder: Path | None = None) -> PPO:
+    """Return an untrained PPO model on ``env``, a `CrowdEnv` made with ``autoreset=True``.
+
+    The mean action, of a Beta distribution the likeliest, starts at (1, 0), walk the shortest path, and of discrete actions
+    that choice is the likeliest: learning begins at the rule, not at a random walk through the room, and looks for what is
+    better.  In `RoutingVectorEnv` the likeliest choice of every region is the exit nearest to its center.
+    """
     torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
+    venv: VecEnv = CrowdVecEnv(env) if isinstance(env, CrowdEnv) else VectorVecEnv(env)
     taken = ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "target_kl")
     own = {"log_std_init": settings.log_std_init} if settings.distribution == "gaussian" else {}
     with warnings.catch_warnings():
         # How many samples of people inside a rollout holds is not known before: a last batch that is smaller is no mistake.
         warnings.filterwarnings("ignore", message="You have specified a mini-batch size")
-        return PPO(
+        model = PPO(
             DISTRIBUTIONS[settings.distribution],
             venv,
             learning_rate=FallingRate(settings.learning_rate),
@@ -61,28 +69,32 @@ def new_ppo(venv: VecEnv, settings: PPOSettings, seed: int, **options: Any) -> P
             policy_kwargs={"net_arch": [settings.hidden] * 2, **own},
             seed=seed,
             device="cpu",
+            rollout_buffer_class=MaskedRolloutBuffer if isinstance(env, CrowdEnv) else None,
+            tensorboard_log=None if log_folder is None else str(log_folder),
             **{name: getattr(settings, name) for name in taken},
-            **options,
         )
-
-
-def make_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, log_folder: Path | None = None) -> PPO:
-    """Return an untrained PPO model on ``env`` (made with ``autoreset=True``).
-
-    The mean action, of a Beta distribution the likeliest, starts at (1, 0), walk the shortest path, and of discrete actions
-    that choice is the likeliest: learning begins at the rule, not at a random walk through the room, and looks for what is
-    better.
-    """
-    log = None if log_folder is None else str(log_folder)
-    model = new_ppo(CrowdVecEnv(env), settings, seed, rollout_buffer_class=MaskedRolloutBuffer, tensorboard_log=log)
-    space, neutral = env.single_action_space, env.action_kind.neutral
-    if env.action_kind.frame == "path":
-        bias = cast(torch.nn.Linear, model.policy.action_net).bias
-        with torch.no_grad():
+    bias = cast(torch.nn.Linear, model.policy.action_net).bias
+    with torch.no_grad():
+        if isinstance(env, RoutingVectorEnv):
+            bias[_nearest(env.batch)] += settings.rule_logit
+        elif env.action_kind.frame == "path":
+            neutral = np.ravel(env.action_kind.neutral)
             if isinstance(model.policy, BetaPolicy):
-                bias.copy_(torch.tensor(bias_at(np.ravel(neutral))))
-            elif isinstance(space, gymnasium.spaces.Box):
-                bias.copy_(torch.tensor(np.ravel(neutral)))
-            elif isinstance(space, gymnasium.spaces.Discrete):
-                bias[int(np.asarray(neutral))] += settings.rule_logit
+                bias.copy_(torch.tensor(bias_at(neutral)))
+            elif isinstance(env.single_action_space, gymnasium.spaces.Box):
+                bias.copy_(torch.tensor(neutral))
+            elif isinstance(env.single_action_space, gymnasium.spaces.Discrete):
+                bias[int(neutral[0])] += settings.rule_logit
     return model
+
+
+def _nearest(batch: RoutingBatch) -> list[int]:
+    """Return the output that stands for the exit nearest to the center of each region."""
+    routes = batch.layout.routes
+    names = [name for name in routes if name in batch.layout.exits]
+    if not names:
+        return []
+    route_set = batch.env.route_set[0]
+    numbers = [route_set.number(name) for name in names]
+    nearest = route_set.nearest(names, batch.regions.center)
+    return [region * len(routes) + routes.index(names[numbers.index(number)]) for region, number in enumerate(nearest)]

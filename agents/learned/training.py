@@ -1,81 +1,158 @@
-"""What accompanies the training of a shared policy: its learning curve, its checkpoints, a clean stop."""
+"""A training run: the network of a config learns by stable-baselines3's PPO; its curve, its checkpoints, a clean stop.
+
+Policies of people's own steps and controllers that send people to exits are trained alike.
+"""
 
 import csv
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, cast
 
+import gymnasium
 import numpy as np
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
 
-from crowd_env import CrowdEnv, Scenario
+from crowd_env import CrowdEnv
 from crowd_env.core.console import notes, stops_by
 from crowd_env.core.files.csv_table import write_csv
+from crowd_env.envs.routing.env import RoutingVectorEnv
 
 from ..evaluation.comparison import last_times
-from ..evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
-from ..trained import LearnedPolicy
-from .callback import TrainingCallback
-from .checkpoint import write_checkpoint
+from ..evaluation.entries import RULE
+from ..evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
+from ..networks import NETWORK, Network
+from ..trained import LearnedController, LearnedPolicy
+from ..training_config import facts_of, judged_place, make_env, physics_of, start_of
+from .checkpoint import read_checkpoint, write_checkpoint
+from .cloning import clone
 from .export import network_of, spread_of
+from .ppo import PPOSettings, make_ppo
+from .rate import FallingRate
 
 START = "start.safetensors"  # the network that training began with
+CURVE = "learning_curve.csv"
 
 # evacuation_time and its standard error are over all validation draws, people left inside count as in
 # `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.
 CURVE_COLUMNS = (
-    "steps",
-    "seconds",
-    "cpu_seconds",
-    "evacuation_time",
-    "standard_error",
-    "unfinished",
-    "contact_impulse",
-    "reward",
-    "episodes",
+    *("steps", "seconds", "cpu_seconds", "evacuation_time", "standard_error"),
+    *("unfinished", "contact_impulse", "reward", "episodes"),
 )
 
 
-class PolicyCallback(TrainingCallback):
-    """Accompanies the training of a policy that everyone shares.
-
-    Every ``eval_every`` steps it evaluates the mean action on validation draws, writes the learning curve, the checkpoint and,
-    if it is the best so far, ``best.safetensors``; the first is ``start.safetensors`` too.  Training stops when ``max_seconds``
-    have passed or at the first Ctrl-C or SIGTERM; a second one stops at once.
+class Keeper:
+    """Judges the network of a training on validation draws, and keeps its curve, its start and the best of all.
 
     Parameters
     ----------
-    env : what is trained in.
-    scenario : what is evaluated.
-    judged : options of `crowd_env.agents.evaluation.evaluation.evaluate`: scheme, steps, strategy, manner, outline.
-    trained : facts about the training, for the files of the networks.
-    options : of `TrainingCallback`.
+    config : of the run; ``threads`` are those of the evaluations.
+
+    Attributes
+    ----------
+    curve : a row for each evaluation, of earlier parts of the run too.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        env: CrowdEnv,
-        scenario: Scenario,
-        judged: dict[str, Any],
-        *,
-        trained: dict[str, Any] | None = None,
-        **options: Any,
-    ) -> None:
-        super().__init__(folder, **options)
-        self.env, self.scenario, self.judged, self.trained = env, scenario, judged, trained or {}
-        self.interrupted = False
-        self._returns: list[float] = []
-        self._signals = ExitStack()
+    def __init__(self, folder: Path, config: Mapping[str, Any], threads: int = 1) -> None:
+        self.folder, self.config = folder, config
+        self.curve = read_curve(folder / CURVE)
+        before = self.curve[-1] if self.curve else {"seconds": 0.0, "cpu_seconds": 0.0}
+        self._begin = time.monotonic() - before["seconds"], time.process_time() - before["cpu_seconds"]
+        self._judged = {**physics_of(config), "threads": threads}
+        self.returns: list[float] = []  # of the episodes that have ended since the last row
 
-    def _on_training_start(self) -> None:
-        self._signals.enter_context(stops_by(self._interrupt))
-        super()._on_training_start()
+    @property
+    def seconds(self) -> float:
+        """Training time so far [s], earlier parts of the run included."""
+        return time.monotonic() - self._begin[0]
+
+    @property
+    def cpu_seconds(self) -> float:
+        """CPU time of this process so far [s], of all threads and of earlier parts of the run."""
+        return time.process_time() - self._begin[1]
+
+    def share(self, steps: float) -> float:
+        """Return the share of the budget that is spent: of steps or of time, whichever is further."""
+        return max(steps / self.config["steps"], self.seconds / (60.0 * self.config["minutes"]))
+
+    def judge(
+        self, who: LearnedPolicy | LearnedController, steps: float, checkpoint: Callable[[], None], *, cpu: float = 0.0
+    ) -> dict[str, float]:
+        """Judge what has been learned and return its row of the curve.
+
+        Parameters
+        ----------
+        checkpoint : writes from where training goes on, before the curve says that it can.
+        cpu : s, spent in other processes.
+        """
+        place, runs = judged_place(self.config), self.config["eval_runs"]
+        result = evaluate(who, place, runs=runs, first_seed=VALIDATION_SEED, **self._judged)
+        spent = {"steps": steps, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds + cpu}
+        row = curve_row(result, spent, self.returns)
+        self.returns.clear()
+        best_before = min(map(score, self.curve), default=(np.inf, np.inf))
+        self.curve.append(row)
+        checkpoint()
+        if len(self.curve) == 1:
+            who.save(self.folder / START)
+        if score(row) < best_before:
+            who.save(self.folder / NETWORK)
+        write_curve(self.folder / CURVE, self.curve)
+        if not notes.is_terminal:  # says in a line what a bar would show
+            notes.print(
+                f"{row['steps']:.0f} of {self.config['steps']} steps, {row['seconds']:.0f} s: evacuation "
+                f"{row['evacuation_time']:.2f} ± {row['standard_error']:.2f} (standard error) s, "
+                f"{row['unfinished']:.0f} left inside"
+            )
+        return row
+
+
+def trained_in(
+    env: CrowdEnv | RoutingVectorEnv, network: Network, config: Mapping[str, Any], spread: list[float] | None = None
+) -> LearnedPolicy | LearnedController:
+    """Return the policy or controller that a network is, after training in ``env``."""
+    facts = facts_of(config)
+    if isinstance(env, CrowdEnv):
+        return LearnedPolicy(network, env_options_of(env), facts, spread)
+    return LearnedController(network, env.batch.choices, config["routing"], facts)
+
+
+def env_options_of(env: CrowdEnv) -> dict[str, Any]:
+    """Return what a policy trained in ``env`` must know of it."""
+    return {"frame": env.action_kind.frame, "action": env.action_kind, "observation": env.layout}
+
+
+class TrainingCallback(BaseCallback):
+    """Accompanies a training: a bar, an evaluation with a checkpoint now and then, and a stop in time.
+
+    It stops when the time is over, or at the first Ctrl-C or SIGTERM; a second one stops at once.
+    """
+
+    def __init__(self, keeper: Keeper, env: CrowdEnv | RoutingVectorEnv) -> None:
+        super().__init__()
+        self.keeper, self.env = keeper, env
+        self.interrupted = False
+        self._due = 0  # steps of the next evaluation; set when training starts
+        self._signals = ExitStack()
+        self._bar = Progress(  # on the error stream: the table goes to standard output
+            TextColumn("training"),
+            BarColumn(),
+            TextColumn("{task.percentage:3.0f} %"),
+            TextColumn("{task.fields[figures]}"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=notes,
+        )
 
     def close(self) -> None:
         """Take the bar away and handle signals as before; also after an error."""
-        super().close()
+        self._bar.stop()
         self._signals.close()
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
@@ -84,38 +161,92 @@ class PolicyCallback(TrainingCallback):
         self.interrupted = True
         notes.print("stopping: saving what there is (Ctrl-C again stops at once)")
 
-    def _on_step(self) -> bool:
-        infos = self.locals["infos"]
-        self._returns.extend(infos[slot]["episode"]["r"] for slot in np.flatnonzero(self.locals["dones"]))
-        return super()._on_step() and not self.interrupted
-
-    def _on_rollout_end(self) -> None:
-        super()._on_rollout_end()
-        if self.num_timesteps < self.model._total_timesteps and self._due():  # the end is evaluated anyway
+    def _on_training_start(self) -> None:
+        self._signals.enter_context(stops_by(self._interrupt))
+        self._first = time.monotonic(), self.num_timesteps
+        self._due = self.num_timesteps + self.keeper.config["eval_every"]
+        self._task = self._bar.add_task("", total=1.0, figures="")
+        self._bar.start()
+        if not self.keeper.curve:
             self._evaluate()
 
-    def _figures(self) -> str:
-        best = min((row["evacuation_time"] for row in self.curve if row["unfinished"] == 0), default=float("nan"))
-        return f"{self.rate / 1000:.0f}k steps/s, best {best:.2f} s"
+    def _on_step(self) -> bool:
+        infos = self.locals["infos"]
+        self.keeper.returns += [infos[row]["episode"]["r"] for row in np.flatnonzero(self.locals["dones"])]
+        return self.keeper.seconds <= 60.0 * self.keeper.config["minutes"] and not self.interrupted
+
+    def _on_rollout_end(self) -> None:
+        for name, value in saturation(cast(Any, self.model).rollout_buffer, self.model.action_space).items():
+            self.logger.record(f"rollout/{name}", value)
+        cast(FallingRate, self.model.learning_rate).time_spent = self.keeper.share(0.0)
+        rate = (self.num_timesteps - self._first[1]) / max(time.monotonic() - self._first[0], 1e-9)
+        best = min((row["evacuation_time"] for row in self.keeper.curve if row["unfinished"] == 0), default=np.nan)
+        done = min(self.keeper.share(self.num_timesteps), 1.0)
+        self._bar.update(self._task, completed=done, figures=f"{rate:.0f} steps/s, best {best:.2f} s")
+        if self._due <= self.num_timesteps < self.model._total_timesteps:  # the end is evaluated anyway
+            self._evaluate()
+            self._due = self.num_timesteps + self.keeper.config["eval_every"]
+
+    def _on_training_end(self) -> None:
+        self._evaluate()
+        self.close()
 
     def _evaluate(self) -> None:
-        policy = LearnedPolicy(network_of(self.model), env_options_of(self.env), self.trained, spread_of(self.model))
-        result = evaluate(policy, self.scenario, runs=self.eval_runs, first_seed=VALIDATION_SEED, **self.judged)
-        spent = {"steps": self.model.num_timesteps, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds}
-        row = curve_row(result, spent, self._returns)
-        self._returns.clear()
-        best_before = min(map(score, self.curve), default=(np.inf, np.inf))
-        self.curve.append(row)
+        who = trained_in(self.env, network_of(self.model), self.keeper.config, spread_of(self.model))
+        path = self.keeper.folder / "checkpoint.pt"
+        row = self.keeper.judge(who, self.num_timesteps, partial(write_checkpoint, path, self.model))
         for name, value in row.items():
             self.logger.record(f"eval/{name}", value)
         self.logger.dump(self.num_timesteps)
-        write_checkpoint(self.folder / "checkpoint.pt", self.model)
-        if len(self.curve) == 1:
-            policy.save(self.folder / START)
-        if score(row) < best_before:
-            policy.save(self.folder / "best.safetensors")
-        write_curve(self.folder / "learning_curve.csv", self.curve)
-        self._note(curve_line(row, self.model._total_timesteps))
+
+
+def train_here(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
+    """Train, or go on training, in ``folder`` on so many threads of this machine; False if it was interrupted."""
+    notes.print("compiling the physics (half a minute the first time, cached afterwards) ...")
+    env = make_env(config, threads=threads)
+    model = make_ppo(env, PPOSettings(**config["ppo"]), config["seed"], folder / "tensorboard")
+    keeper = Keeper(folder, config, threads)
+    if keeper.curve:
+        read_checkpoint(folder / "checkpoint.pt", model)
+        # The learning loop resets the environment with the seed of the VecEnv.
+        venv: Any = model.get_env()
+        venv.seed((config["seed"] + model.num_timesteps) % HELD_OUT_SEED)  # other draws
+        notes.print(f"going on at {model.num_timesteps} steps")
+    elif config["start"] != RULE:
+        notes.print(f"cloning {config['start']}, a fraction of a minute ...")
+        clone(model, start_of(config), config["seed"])
+    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
+    callback = TrainingCallback(keeper, env)
+    left = config["steps"] - model.num_timesteps
+    if left > 0 and (not keeper.curve or keeper.curve[-1]["seconds"] < 60.0 * config["minutes"]):
+        try:
+            model.learn(left, callback=callback, reset_num_timesteps=False)
+        finally:
+            callback.close()
+    return not callback.interrupted
+
+
+def saturation(buffer: Any, space: gymnasium.Space[Any]) -> dict[str, float]:
+    """Return how far a Gaussian policy runs into the bounds of its actions; nothing of other spaces than a Box.
+
+    A mean beyond the bound says that the policy explores nothing on the other side of it any more.
+
+    Parameters
+    ----------
+    buffer : a full rollout; of one with a ``mask`` the masked samples alone.
+
+    Returns
+    -------
+    ``clipped_share``, of the actions of which a component lay beyond its bounds, and ``raw_action_<k>``, the mean of each
+    component as it was drawn, before it was clipped.
+    """
+    if not isinstance(space, gymnasium.spaces.Box):
+        return {}
+    drawn = buffer.actions.reshape(*buffer.actions.shape[:2], -1)
+    drawn = drawn[getattr(buffer, "mask", np.ones(drawn.shape[:2], dtype=np.bool_))]
+    beyond = (drawn < space.low.ravel()) | (drawn > space.high.ravel())
+    means = {f"raw_action_{k}": float(value) for k, value in enumerate(drawn.mean(axis=0))}
+    return {"clipped_share": float(beyond.any(axis=1).mean()), **means}
 
 
 def curve_row(result: Evaluation, spent: Mapping[str, float], returns: Sequence[float]) -> dict[str, float]:
@@ -133,26 +264,13 @@ def curve_row(result: Evaluation, spent: Mapping[str, float], returns: Sequence[
     return {name: float(values[name]) for name in CURVE_COLUMNS}
 
 
-def curve_line(row: Mapping[str, float], steps: float) -> str:
-    """Return a row of a learning curve in words, for a training of so many steps."""
-    return (
-        f"{row['steps']:.0f} of {steps} steps, {row['seconds']:.0f} s: evacuation {row['evacuation_time']:.2f} ± "
-        f"{row['standard_error']:.2f} (standard error) s, {row['unfinished']:.0f} left inside"
-    )
-
-
-def env_options_of(env: CrowdEnv) -> dict[str, Any]:
-    """Return what a policy trained in ``env`` must know of it."""
-    return {"frame": env.action_kind.frame, "action": env.action_kind, "observation": env.layout}
-
-
-def score(row: dict[str, float]) -> tuple[float, float]:
+def score(row: Mapping[str, float]) -> tuple[float, float]:
     """Fewer people left behind first, then sooner out."""
     return row["unfinished"], row["evacuation_time"]
 
 
-def write_curve(path: Path, curve: list[dict[str, float]]) -> None:
-    """Write the learning curve as CSV, whole or not at all."""
+def write_curve(path: Path, curve: Sequence[Mapping[str, float]]) -> None:
+    """Write a learning curve as CSV, whole or not at all."""
     write_csv(path, CURVE_COLUMNS, ([row[name] for name in CURVE_COLUMNS] for row in curve))
 
 

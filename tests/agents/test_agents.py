@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import looped
 from rich.console import Console
 
 from crowd_env import SCHEMES, make_scenario
@@ -24,7 +25,7 @@ def judge(policy, **options):
     return evaluate(make_policy(policy), SMALL, **{"runs": 4, **options})
 
 
-@pytest.mark.parametrize("policy", POLICIES)
+@looped("policy", POLICIES)
 def test_the_same_draws_give_the_same_results_and_others_do_not(policy):
     first, again, other = judge(policy), judge(policy), judge(policy, first_seed=HELD_OUT_SEED + 100)
     assert repr(first.episodes) == repr(again.episodes)
@@ -50,7 +51,7 @@ def test_every_policy_meets_the_same_people_in_the_same_places():
     np.testing.assert_array_equal(first, met[0])
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
+@looped("scheme", SCHEMES)
 def test_the_shortest_path_is_the_rule_of_the_command_line(scheme):
     rule = run_episodes(SMALL, 5, scheme=scheme, seed=HELD_OUT_SEED)
     assert repr(evaluate(make_policy("shortest"), SMALL, scheme=scheme, runs=5).episodes) == repr(
@@ -120,7 +121,7 @@ def test_an_unknown_policy_is_refused_with_the_known_ones():
         make_policy("dance")
 
 
-@pytest.mark.parametrize(("runs", "seed"), [(0, 0), (-1, 0), (1, -1)])
+@looped(("runs", "seed"), [(0, 0), (-1, 0), (1, -1)])
 def test_impossible_numbers_of_runs_are_refused(runs, seed):
     with pytest.raises(ValueError, match="it must be"):
         run_episodes(SMALL, runs, seed=seed)
@@ -157,7 +158,7 @@ def test_two_processes_that_write_one_file_do_not_meet(tmp_path, monkeypatch):
     assert read_json(path) == {"a": 1} and [p.name for p in tmp_path.iterdir()] == ["a.json"]
 
 
-@pytest.mark.parametrize("name", ["", ".", "..", "../x", "a/b", "/x", "a\\b"])
+@looped("name", ["", ".", "..", "../x", "a/b", "/x", "a\\b"])
 def test_a_run_is_named_by_one_folder_below_the_root(tmp_path, name):
     with pytest.raises(ValueError, match="cannot name a run"):
         new_folder(tmp_path / "runs", name)

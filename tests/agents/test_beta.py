@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.stats
 import torch
+from cases import looped
 
 from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.agents.learned import PPOSettings, make_ppo
@@ -49,7 +50,7 @@ def test_the_mode_is_where_the_density_is_largest_and_can_be_a_bound():
     np.testing.assert_allclose(network(raw)[:, 0], mode, atol=1e-6)
 
 
-@pytest.mark.parametrize("action", [[1.0, 0.0], [-1.0, 1.0], [0.3, -0.7]])
+@looped("action", [[1.0, 0.0], [-1.0, 1.0], [0.3, -0.7]])
 def test_the_likeliest_action_at_first_is_the_one_that_is_wanted(action):
     np.testing.assert_allclose(BetaActions().proba_distribution(at(action)).mode()[0], action, atol=1e-12)
 
@@ -102,7 +103,7 @@ def test_what_beta_cannot_do_is_refused():
         make_ppo(CrowdEnv("room-v0", autoreset=True, action="speeds"), PPOSettings(distribution="beta"), 0)
 
 
-@pytest.mark.parametrize("terms", [USUAL, ("lead", *USUAL, "ahead")], ids=["usual", "with lead"])
+@looped("terms", [USUAL, ("lead", *USUAL, "ahead")], ids=["usual", "with lead"])
 def test_attention_without_torch_is_attention_with_torch_also_from_a_file(terms, tmp_path):
     torch.manual_seed(0)
     layout = ObservationLayout(terms=terms, neighbors=4)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import looped
 
 pytest.importorskip("stable_baselines3")
 
@@ -23,7 +24,7 @@ def small_env(**changes):
     return make_env(task_config("competitive-door", people=12, start="follow", envs=4) | changes)
 
 
-@pytest.mark.parametrize("action", ["speeds", SPEEDS, "speeds-directions"])
+@looped("action", ["speeds", SPEEDS, "speeds-directions"])
 def test_labels_are_shares_of_choices_whose_mean_is_what_the_rule_wants(action):
     env = CrowdEnv("room-v0", action=action, people=2)
     choices = env.action_kind.decode.commands
@@ -45,7 +46,7 @@ def test_a_rule_that_is_cloned_into_choices_of_exits_keeps_to_the_own_way():
     assert (ways == -1).all() and (labels[:, len(choices) :] == 0.0).all()
 
 
-@pytest.mark.parametrize("action", [SPEEDS, "continuous"])
+@looped("action", [SPEEDS, "continuous"])
 def test_a_clone_acts_as_its_rule_where_it_was_never_trained(action, monkeypatch):
     for name, value in (("ROUNDS", 4), ("DECISIONS", 120), ("EPOCHS", 12), ("_BATCH", 256)):
         monkeypatch.setattr(cloning, name, value)
@@ -98,7 +99,7 @@ def test_a_beta_policy_is_no_clone():
         cloning.clone(model, make_policy("evolution"), seed=0)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("options", "words"),
     [
         (("--start", "nobody"), "unknown start 'nobody'; known: rule, rule-best-speed"),
@@ -108,6 +109,6 @@ def test_a_beta_policy_is_no_clone():
     ],
 )
 def test_a_start_that_cannot_be_is_refused_before_anything_is_written(tmp_path, options, words):
-    result = call("--root", tmp_path / "runs", *options)
+    result = call("--out", tmp_path / "runs" / "one", *options)
     assert result.exit_code == 2 and words in result.stderr.replace("\n", " "), result.stderr
     assert not (tmp_path / "runs").exists()

@@ -8,8 +8,8 @@ from evaluations import hall, made_up, run
 
 from crowd_env.agents.controllers import FixedSplit
 from crowd_env.agents.evaluation.comparison import kendall_tau, last_times, mean_times, paired, ranking, ratio
+from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.report import ranking_lines
-from crowd_env.agents.evaluation.routing import evaluate_controller
 
 
 def test_paired_differences_by_hand():
@@ -57,9 +57,8 @@ def test_who_leaves_people_inside_is_never_faster_than_who_does_not():
     assert last_times(result)[left] == pytest.approx(4.1)
 
 
-@pytest.mark.parametrize("controller", [FixedSplit(5.0), "nearest exit"])
-def test_judging_a_controller_counts_them_alike(controller):
-    judged = evaluate_controller(controller, "two-exit-hall-v0", runs=8, first_seed=0, grid=(4, 2), time_limit=25.05)
+def test_judging_a_controller_counts_them_alike():
+    judged = evaluate(FixedSplit({"grid": (4, 2)}), "two-exit-hall-v0", runs=8, first_seed=0, time_limit=25.05)
     left = judged.column("unfinished") > 0
     out = judged.times_of_all()[np.isfinite(np.array(judged.exit_times))]
     assert left.any()

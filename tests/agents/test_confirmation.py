@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from cases import looped
 
 pytest.importorskip("stable_baselines3")
 
@@ -43,7 +44,7 @@ def held(folder):
     return {path.name: path.read_bytes() for path in folder.glob("*.safetensors")}
 
 
-@pytest.mark.parametrize(("mean", "looks"), [(-5.0, 1), (-0.5, None), (5.0, 1)])
+@looped(("mean", "looks"), [(-5.0, 1), (-0.5, None), (5.0, 1)])
 def test_what_is_plain_is_decided_at_once_and_only_what_is_sooner_is_kept(run, monkeypatch, mean, looks):
     asked = []
     answer(monkeypatch, mean, 1.0, asked)
@@ -69,7 +70,7 @@ def test_what_is_not_beyond_doubt_is_refused_after_all_looks(run, monkeypatch):
     }
 
 
-@pytest.mark.parametrize(
+@looped(
     ("mean", "impulse", "kept"),
     [(-0.05, -1.0, "trained"), (-0.05, -0.25, "start"), (0.12, -1.0, "start"), (5.0, -9.0, "start")],
 )

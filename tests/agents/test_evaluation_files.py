@@ -14,9 +14,8 @@ import crowd_env
 from crowd_env import SCHEMES, DoorEvent, Groups, Normal, SpeedZone, Uniform, make_scenario
 from crowd_env.agents.evaluation import evaluation
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of, source_stamp
-from crowd_env.agents.evaluation.routing import evaluate_controller
 from crowd_env.agents.trained import LearnedController
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.envs.routing.batch import RoutingBatch
@@ -33,7 +32,7 @@ def everything(folder):
     return told, (folder / "runs.csv").read_text()
 
 
-ASKED = ("--scenario", "hall", "--policies", "shortest", "east", "--schemes", "nsm2", "dem", "--runs", 2)
+ASKED = ("--scenario", "hall", "--policies", "shortest", "east", "--physics", "nsm2", "dem", "--runs", 2)
 
 
 def test_the_folder_holds_rows_runs_curves_and_maps(small, tmp_path):
@@ -231,11 +230,11 @@ def test_a_learned_controller_is_a_policy_for_the_place_it_was_trained_for(tmp_p
     batch = RoutingBatch(SMALL, **options)
     network = random_network(batch.layout.size, int(batch.choices.sum()))
     path = tmp_path / "leader.safetensors"
-    LearnedController(network, batch.choices, {"scenario": "hall", **options, "threads": 2}).save(path)
+    LearnedController(network, batch.choices, {**options, "threads": 2}, {"scenario": "hall"}).save(path)
     result = run(str(path), runs=2)
     loaded = LearnedController.load(path)
-    assert loaded.options == {"scenario": "hall", "grid": [2, 1], "interval": 1.0}
-    theirs = evaluate_controller(loaded, SMALL, runs=2, first_seed=HELD_OUT_SEED, scheme="nsm2", **options)
+    assert loaded.options == {"grid": [2, 1], "interval": 1.0}
+    theirs = evaluate(loaded, SMALL, runs=2)
     assert result.policy == "leader" and result.column("mean_exit_time") == pytest.approx(
         theirs.column("mean_exit_time")
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from cases import looped
 from evaluations import random_network, random_policy
 from typer import Typer
 from typer.testing import CliRunner
@@ -59,7 +60,7 @@ def rows(columns, count=2000):
     return found
 
 
-@pytest.mark.parametrize(("action", "outputs"), [("continuous", 2), ("discrete", 9), (SPEEDS, 3)])
+@looped(("action", "outputs"), [("continuous", 2), ("discrete", 9), (SPEEDS, 3)])
 def test_an_exported_policy_acts_as_it_does_here(tmp_path, action, outputs):
     found = policy(action, outputs)
     runs, _ = exported(found, tmp_path)
@@ -118,7 +119,7 @@ main({(tmp_path / "a.safetensors").as_posix()!r}, Path({(tmp_path / "a.onnx").as
     assert done.returncode == 0 and (tmp_path / "a.onnx").exists(), done.stderr
 
 
-@pytest.mark.parametrize(
+@looped(
     ("network", "onnx", "words"),
     [
         ("nobody", "a.onnx", "unknown trained policy 'nobody'; shipped:"),

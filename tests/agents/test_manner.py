@@ -10,8 +10,8 @@ from crowd_env import MANNERS
 from crowd_env.agents.controllers import RandomController
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
-from crowd_env.agents.evaluation.routing import evaluate_controller
 from crowd_env.agents.rules import StrategyPolicy
+from crowd_env.core.files.json_file import write_json
 
 CALM = hall(manner="calm")
 
@@ -27,11 +27,11 @@ def test_policies_and_controllers_are_evaluated_in_a_manner():
     policy = StrategyPolicy("shortest", rules=False)
     in_calm, calm = evaluate(policy, CALM, **shared), evaluate(policy, SMALL, manner="calm", **shared)
     assert repr(in_calm.episodes) == repr(calm.episodes) != repr(evaluate(policy, SMALL, **shared).episodes)
-    for controller in (RandomController(), "fastest path"):
-        place = evaluate_controller(controller, CALM, **shared)
-        option = evaluate_controller(controller, SMALL, manner="calm", **shared)
-        back = evaluate_controller(controller, CALM, manner="competitive", **shared)
-        usual = evaluate_controller(controller, SMALL, **shared)
+    for controller in (RandomController(),):
+        place = evaluate(controller, CALM, **shared)
+        option = evaluate(controller, SMALL, manner="calm", **shared)
+        back = evaluate(controller, CALM, manner="competitive", **shared)
+        usual = evaluate(controller, SMALL, **shared)
         assert repr(place.episodes) == repr(option.episodes) != repr(usual.episodes) == repr(back.episodes)
 
 
@@ -40,16 +40,16 @@ def test_a_folder_holds_one_manner(tmp_path):
     assert (usual["manner"], calm["manner"]) == ("competitive", "calm") and usual["digest"] != calm["digest"]
     assert settings_of(hall(manner="competitive"), 3, 0) == usual
     assert settings_of(hall(manner=MANNERS["calm"]), 3, 0) == calm
-    EvaluationFolder(tmp_path, calm)
+    write_json(tmp_path / "evaluation.json", calm)
     EvaluationFolder(tmp_path, settings_of(hall(manner=MANNERS["calm"]), 3, 0))
-    with pytest.raises(ValueError, match=r"another manner \(calm, now competitive\)"):
+    with pytest.raises(ValueError, match="manner is calm there and competitive here"):
         EvaluationFolder(tmp_path, usual)
 
 
 def test_the_command_takes_a_manner_and_prints_it():
-    code, out, _ = call("--policies", "shortest", "--runs", 2, "--manner", "calm", "--json")
+    code, out, _ = call("--policies", "shortest", "--runs", 2, "--crowd", "calm", "--json")
     assert code == 0 and json.loads(out)["manner"] == "calm"
-    code, _, err = call("--manner", "slow")
+    code, _, err = call("--crowd", "slow")
     assert code == 2 and f"unknown manner 'slow'; known: {', '.join(MANNERS)}" in err
 
 
@@ -63,7 +63,7 @@ def test_training_keeps_its_manner():
     assert (usual["manner"], calm["manner"]) == ("competitive", "calm") and PPOSettings(**calm["ppo"])
     check_config(calm)
     assert make_env(usual).simulation.manner is None and make_env(calm).simulation.manner == MANNERS["calm"]
-    with pytest.raises(ValueError, match="--manner is hurried, but x was begun with calm"):
+    with pytest.raises(ValueError, match="--crowd is hurried, but x was begun with calm"):
         extended(calm, {"manner": "hurried"}, [], "x")
     with pytest.raises(ValueError, match="unknown manner 'slow'"):
         default_config("room-v0", "nsm2", 0, 2, 100, 1.0, manner="slow")

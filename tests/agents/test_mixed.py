@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from cases import looped
 from evaluations import SMALL, call, hall, random_network, run
 
 from crowd_env.agents.drivers import learned_people
@@ -73,7 +74,7 @@ def test_a_kept_result_says_who_has_learned(tmp_path):
 
 
 def test_rows_hold_the_share(small):
-    asked = ("--scenario", "hall", "--policies", "shortest", "follow", "--learned-share", 0.5, "--runs", 2)
+    asked = ("--scenario", "hall", "--policies", "shortest", "follow", "--set", "learned=0.5", "--runs", 2)
     code, out, _ = call(*asked, "--json")
     assert code == 0
     assert [row["learned_share"] for row in json.loads(out)["rows"]] == [0.5, 0.5]
@@ -81,13 +82,13 @@ def test_rows_hold_the_share(small):
     assert code == 0 and "50 % learned" in " ".join(out.split())
 
 
-@pytest.mark.parametrize(
+@looped(
     ("arguments", "message"),
     [
-        (("--learned-share", "0"), r"--learned-share is 0\.0; it must be above 0 and at most 1"),
-        (("--learned-share", "1.5"), r"--learned-share is 1\.5; it must be above 0"),
-        (("--learned-share", "0.5", "--policies", "nearest"), "'nearest' cannot move a part of the people: it chooses"),
-        (("--learned-share", "0.5", "--policies", "headway"), "'headway' cannot move a part .* a manner"),
+        (("--set", "learned=0"), r"--set learned is 0\.0; it must be above 0 and at most 1"),
+        (("--set", "learned=1.5"), r"--set learned is 1\.5; it must be above 0"),
+        (("--set", "learned=0.5", "--policies", "nearest"), "'nearest' cannot move a part of the people: it chooses"),
+        (("--set", "learned=0.5", "--policies", "headway"), "'headway' cannot move a part .* a manner"),
     ],
 )
 def test_what_cannot_be_mixed_is_said_in_one_line(small, arguments, message):

@@ -9,8 +9,8 @@ from crowd_env import OUTLINES
 from crowd_env.agents.controllers import RandomController
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
-from crowd_env.agents.evaluation.routing import evaluate_controller
 from crowd_env.agents.rules import StrategyPolicy
+from crowd_env.core.files.json_file import write_json
 
 
 def test_a_folder_holds_one_outline(tmp_path):
@@ -18,8 +18,8 @@ def test_a_folder_holds_one_outline(tmp_path):
     assert (usual["outline"], torso["outline"]) == ("disc", "torso") and usual["digest"] != torso["digest"]
     assert settings_of(hall(outline="disc"), 3, 0) == usual
     assert settings_of(hall(outline=OUTLINES["torso"]), 3, 0) == torso
-    EvaluationFolder(tmp_path, torso)
-    with pytest.raises(ValueError, match=r"another outline \(torso, now disc\)"):
+    write_json(tmp_path / "evaluation.json", torso)
+    with pytest.raises(ValueError, match="outline is torso there and disc here"):
         EvaluationFolder(tmp_path, usual)
 
 
@@ -30,9 +30,9 @@ def test_policies_and_controllers_are_evaluated_with_an_outline():
     found = repr(evaluate(policy, place, **shared).episodes)
     assert found == repr(evaluate(policy, usual, outline="torso", **shared).episodes)
     assert found != repr(evaluate(policy, usual, **shared).episodes)
-    for controller in (RandomController(), "fastest path"):
-        own = evaluate_controller(controller, place, **shared)
-        option = evaluate_controller(controller, usual, outline="torso", **shared)
+    for controller in (RandomController(),):
+        own = evaluate(controller, place, **shared)
+        option = evaluate(controller, usual, outline="torso", **shared)
         assert repr(own.episodes) == repr(option.episodes)
 
 
@@ -49,7 +49,7 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
     assert (usual["outline"], torso["outline"]) == ("disc", "torso")
     check_config(torso)
     assert make_env(usual).simulation.outline is None and make_env(torso).simulation.outline == OUTLINES["torso"]
-    with pytest.raises(ValueError, match="--outline is disc, but x was begun with torso"):
+    with pytest.raises(ValueError, match="--set outline is disc, but x was begun with torso"):
         extended(torso, {"outline": "disc"}, [], "x")
     with pytest.raises(ValueError, match="nsm2 does not turn bodies"):
         check_config(default_config("room-v0", "nsm2", 0, 2, 100, 1.0, outline="torso"))
@@ -66,7 +66,7 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
 
 
 def test_the_command_takes_an_outline_and_refuses_it_before_anything_is_run():
-    code, out, _ = call("--policies", "shortest", "--schemes", "hertz", "--runs", 1, "--outline", "torso", "--json")
+    code, out, _ = call("--policies", "shortest", "--physics", "hertz", "--runs", 1, "--set", "outline=torso", "--json")
     assert code == 0 and json.loads(out)["outline"] == "torso"
-    code, _, err = call("--schemes", "hertz", "nsm2", "--outline", "torso")
+    code, _, err = call("--physics", "hertz", "nsm2", "--set", "outline=torso")
     assert code == 2 and "nsm2 does not turn bodies, so it cannot have the outline 'torso'" in err

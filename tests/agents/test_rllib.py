@@ -8,6 +8,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from cases import looped
 from repository import ROOT
 
 ray = pytest.importorskip("ray", reason="Ray is not installed: an environment of its own has it, see docs/ray.md")
@@ -112,7 +113,7 @@ def test_an_interrupted_training_goes_on_from_its_checkpoint(nodes, tmp_path, mo
     assert whole and more[0][0] > rows[-1][0] and check_folder(tmp_path)[-1] >= 2_000
 
 
-@pytest.mark.parametrize("kind", ["speeds", "continuous"])
+@looped("kind", ["speeds", "continuous"])
 def test_it_begins_as_the_native_training(kind):
     from ray.rllib.algorithms.ppo.torch.default_ppo_torch_rl_module import DefaultPPOTorchRLModule
     from ray.rllib.core.rl_module.rl_module import RLModuleSpec

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from cases import looped
 from evaluations import call
 
 from crowd_env.agents.tasks import PRESETS, TASKS, Task
@@ -19,7 +20,7 @@ def small(monkeypatch):
     monkeypatch.setitem(TASKS, "small", SMALL)
 
 
-@pytest.mark.parametrize("name", TASKS)
+@looped("name", TASKS)
 def test_every_variation_of_a_task_can_be_drawn_and_is_another_place(name):
     task = TASKS[name]
     asked = variations(task)
@@ -78,13 +79,13 @@ def test_an_interrupted_one_goes_on_in_its_folder_and_says_what_it_left_out(smal
     assert (tmp_path / "twice/kept/rule-nsm2.npz").stat().st_mtime_ns == first
 
 
-@pytest.mark.parametrize(
+@looped(
     ("arguments", "message"),
     [
         ((), "--robustness varies a task; name one by --task"),
         (("--task", "small", "--people", "5"), "--robustness says itself what it varies, --people among it"),
-        (("--task", "small", "--schemes", "dem"), "says itself what it varies, --schemes among it"),
-        (("--task", "small", "--learned-share", "0.2"), "--learned-share among it"),
+        (("--task", "small", "--physics", "dem"), "says itself what it varies, --physics among it"),
+        (("--task", "small", "--set", "learned=0.2"), "--set learned among it"),
         (("--task", "small", "--policies", "dance"), "unknown policy 'dance'"),
         (("--task", "small", "--runs", "0"), "--runs is 0"),
     ],

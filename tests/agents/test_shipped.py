@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import looped
 from evaluations import call as evaluate
 from evaluations import random_network
 from typer import Typer
@@ -73,7 +74,7 @@ def changed(run, **changes):
 # ---------------------------------------------------------------------------------------------------- what is shipped
 
 
-@pytest.mark.parametrize("name", PRETRAINED)
+@looped("name", PRETRAINED)
 def test_a_shipped_policy_fits_its_task_as_it_stands(name):
     """Its network, its card and the task are of one version, and people walk by it."""
     task, found, card = make_task(name.partition("/")[0]), load(name), read_json(PRETRAINED[name].with_suffix(".json"))
@@ -150,7 +151,7 @@ def test_a_name_is_taken_once_unless_it_is_to_be_replaced(run, folder):
     assert (folder / "room/mine.safetensors").read_bytes() == (run / "best.safetensors").read_bytes()
 
 
-@pytest.mark.parametrize(
+@looped(
     ("name", "harm", "words"),
     [
         ("room", lambda run: None, "--as room: it must be TASK/POLICY"),

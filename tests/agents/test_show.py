@@ -1,6 +1,7 @@
 """``crowd-env show`` films the rule beside what was learned."""
 
 import pytest
+from cases import looped
 from commands import call
 
 PIL_Image = pytest.importorskip("PIL.Image")
@@ -30,7 +31,7 @@ def test_without_a_shipped_policy_the_rule_is_shown_alone(tmp_path):
     assert (tmp_path / "a.png").exists()
 
 
-@pytest.mark.parametrize(
+@looped(
     ("line", "words"),
     [
         ("show no-such-task", "no-such-task competitive-door"),

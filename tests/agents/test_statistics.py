@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from cases import looped
 
 from crowd_env.envs.metrics import share_interval, summarise, t_quantile
 
 
-@pytest.mark.parametrize("freedom", [*range(1, 40), 99, 100, 499, 999, 1000, 1001, 5000, 100_000])
+@looped("freedom", [*range(1, 40), 99, 100, 499, 999, 1000, 1001, 5000, 100_000])
 def test_the_t_quantile_is_that_of_scipy(freedom):
     stats = pytest.importorskip("scipy.stats")
     assert t_quantile(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-8)
@@ -22,7 +23,7 @@ def test_the_interval_of_a_mean_is_that_of_scipy():
         assert summarise(sample).ci95 == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("count", [2, 3, 5, 10, 20, 50])
+@looped("count", [2, 3, 5, 10, 20, 50])
 def test_the_interval_of_few_runs_covers_the_true_mean_as_often_as_it_says(count):
     """4000 trials: a share of 0.95 has a standard error of 0.0034."""
     samples = np.random.default_rng(count).normal(3.0, 2.0, (4000, count))
@@ -30,7 +31,7 @@ def test_the_interval_of_few_runs_covers_the_true_mean_as_often_as_it_says(count
     assert 0.938 < np.mean(covered) < 0.962
 
 
-@pytest.mark.parametrize(("count", "least"), [(5, 0.90), (10, 0.915), (50, 0.93)])
+@looped(("count", "least"), [(5, 0.90), (10, 0.915), (50, 0.93)])
 def test_skewed_times_are_covered_nearly_as_often(count, least):
     samples = np.random.default_rng(1).gamma(4.0, 2.0, (3000, count))  # mean 8, skewness 1: times of evacuations
     covered = [low < 8.0 < high for low, high in (summarise(sample).ci95 for sample in samples)]
@@ -45,14 +46,14 @@ def test_there_is_no_interval_of_one_value_and_none_of_equal_ones():
             t_quantile(freedom, coverage)
 
 
-@pytest.mark.parametrize(("count", "of"), [(0, 1), (0, 20), (1, 8), (9, 40), (14, 50), (50, 50), (3, 1000)])
+@looped(("count", "of"), [(0, 1), (0, 20), (1, 8), (9, 40), (14, 50), (50, 50), (3, 1000)])
 def test_the_interval_of_a_share_is_wilsons_of_scipy(count, of):
     stats = pytest.importorskip("scipy.stats")
     expected = stats.binomtest(count, of).proportion_ci(0.95, method="wilson")
     assert share_interval(count, of) == pytest.approx((expected.low, expected.high), abs=1e-12)
 
 
-@pytest.mark.parametrize("share", [0.05, 0.2, 0.5, 0.9])
+@looped("share", [0.05, 0.2, 0.5, 0.9])
 def test_the_interval_of_a_share_covers_it_about_as_often_as_it_says(share):
     seen = np.random.default_rng(3).binomial(20, share, 4000)
     intervals = {count: share_interval(int(count), 20) for count in np.unique(seen)}

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import looped
 from evaluations import call, made_up, random_network, random_policy, run
 from rich.console import Console
 
@@ -34,7 +35,7 @@ def small_task(monkeypatch):
 # --------------------------------------------------------------------------------------------------------- what is frozen
 
 
-@pytest.mark.parametrize("name", TASKS)
+@looped("name", TASKS)
 def test_a_task_is_what_it_was_when_it_was_frozen(name):
     task = TASKS[name]
     assert task.digest() == task.frozen, (
@@ -44,7 +45,7 @@ def test_a_task_is_what_it_was_when_it_was_frozen(name):
     )
 
 
-@pytest.mark.parametrize("name", TASKS)
+@looped("name", TASKS)
 def test_a_task_says_what_the_package_would_say(name):
     task = TASKS[name]
     assert task.name == name and task.version >= 1 and task.seeds.start >= HELD_OUT_SEED
@@ -55,7 +56,7 @@ def test_a_task_says_what_the_package_would_say(name):
     assert [entry.name for entry in make_entries(["rule"], place, task)] == ["rule"]
 
 
-@pytest.mark.parametrize(
+@looped(
     "change",
     [
         {"options": {"side": 4.0, "door_width": 1.25}},
@@ -166,7 +167,7 @@ def test_a_task_is_a_named_set_of_options(small_task):
 
 
 def test_people_runs_and_scheme_of_a_task_can_be_others(small_task):
-    code, out, _ = call("--task", "small", "--people", 6, "--runs", 1, "--schemes", "dem", "--json")
+    code, out, _ = call("--task", "small", "--people", 6, "--runs", 1, "--physics", "dem", "--json")
     assert code == 0
     told = json.loads(out)
     (row,) = told["rows"]
@@ -197,7 +198,7 @@ def test_a_folder_holds_one_task_of_one_version(tmp_path):
             EvaluationFolder(tmp_path, settings_of(place, 3, 0, other))
 
 
-@pytest.mark.parametrize(
+@looped(
     ("arguments", "message"),
     [
         (("--task", "moon"), r"unknown task 'moon'; known: competitive-door, narrow-door"),

@@ -8,6 +8,7 @@ import time
 import gymnasium
 import numpy as np
 import pytest
+from cases import looped
 
 pytest.importorskip("stable_baselines3")
 
@@ -20,9 +21,8 @@ from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
 from crowd_env.agents import make_policy
 from crowd_env.agents.evaluation.comparison import last_times, minus_first
 from crowd_env.agents.evaluation.evaluation import evaluate
-from crowd_env.agents.learned.callback import saturation
 from crowd_env.agents.learned.rate import FallingRate
-from crowd_env.agents.learned.training import CURVE_COLUMNS, PolicyCallback
+from crowd_env.agents.learned.training import CURVE_COLUMNS, Keeper, TrainingCallback, saturation
 from crowd_env.agents.networks import read_network
 from crowd_env.agents.tasks import PRESETS, TASKS
 from crowd_env.agents.training_config import make_env
@@ -38,7 +38,7 @@ def job(tmp_path_factory):
     """A whole run from the command line, as small as can be."""
     root = tmp_path_factory.mktemp("runs")
     options = ("--scenario", "room-v0", "--minutes", 0.2, "--steps", 3000, "--envs", 2, "--runs", 2, "--seed", 7)
-    result = call(*options, "--root", root, "--name", "tiny")
+    result = call(*options, "--out", root / "tiny")
     assert result.exit_code == 0, result.output
     return root, result
 
@@ -103,19 +103,19 @@ def test_the_same_name_twice_overwrites_nothing(job, monkeypatch):
     root, _ = job
     monkeypatch.setitem(learn.BACKENDS, "native", lambda *args: False)  # as if interrupted at once
     before = {path: path.stat().st_mtime_ns for path in (root / "tiny").rglob("*")}
-    result = call("--root", root, "--name", "tiny", "--scenario", "room-v0")
+    result = call("--out", root / "tiny", "--scenario", "room-v0")
     assert result.exit_code == 130
     assert (root / "tiny-2" / "config.json").exists()
     assert {path: path.stat().st_mtime_ns for path in (root / "tiny").rglob("*")} == before
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
+@looped("scheme", SCHEMES)
 def test_the_physics_step_is_that_of_the_scheme(scheme):
     assert learn.default_config("room-v0", scheme, 0, 2, 100, 1.0)["dt"] == make_scheme(scheme).info.default_dt
     assert learn.default_config("room-v0", scheme, 0, 2, 100, 1.0, dt=0.005)["dt"] == 0.005
 
 
-@pytest.mark.parametrize(("asked", "dt"), [(("--scheme", "dem", "--dt", 0.005), 0.005), (("--scheme", "hertz"), 0.001)])
+@looped(("asked", "dt"), [(("--physics", "dem", "--set", "dt=0.005"), 0.005), (("--physics", "hertz"), 0.001)])
 def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monkeypatch, asked, dt):
     seen, init = set(), Simulation.__init__
     default = learn.default_config
@@ -134,7 +134,7 @@ def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monke
     monkeypatch.setattr("crowd_env.agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
     monkeypatch.setattr(learn, "default_config", smaller)
     monkeypatch.setattr("crowd_env.agents.training_config.default_config", smaller)
-    result = call(*asked, "--scenario", "room-v0", "--steps", 20, "--envs", 1, "--runs", 1, "--root", tmp_path)
+    result = call(*asked, "--scenario", "room-v0", "--steps", 20, "--envs", 1, "--runs", 1, "--out", tmp_path / str(dt))
     assert result.exit_code == 0, result.output
     assert seen == {dt}
 
@@ -189,7 +189,7 @@ def test_choices_have_no_bounds_to_run_into():
 def test_a_finished_run_can_be_judged_again(job):
     root, _ = job
     before = (root / "tiny" / "learning_curve.csv").read_bytes()
-    result = call("--root", root, "--resume", "tiny", "--runs", 1)
+    result = call("--resume", root / "tiny", "--runs", 1)
     assert result.exit_code == 0, result.output
     assert (root / "tiny" / "learning_curve.csv").read_bytes() == before
     assert json.loads((root / "tiny" / "results.json").read_text())["rows"][0]["runs"] == 1
@@ -220,11 +220,11 @@ def test_the_same_seed_trains_the_same_policy(tmp_path):
 # ----------------------------------------------------------------------------------------------------------- mistakes
 
 
-@pytest.mark.parametrize(
+@looped(
     ("args", "words"),
     [
         (("--scenario", "hall"), "hall room-v0"),
-        (("--scheme", "glue"), "glue nsm2"),
+        (("--physics", "glue"), "glue nsm2"),
         (("--seed", -1), "seed -1"),
         (("--seed", 1_000_000), "seed 999999"),
         (("--minutes", 0), "--minutes > 0"),
@@ -233,26 +233,27 @@ def test_the_same_seed_trains_the_same_policy(tmp_path):
         (("--steps", 0), "--steps > 0"),
         (("--envs", -2), "--envs > 0"),
         (("--runs", 0), "--runs 0 999999"),
-        (("--resume", "nothing"), "nothing config.json"),
-        (("--resume", ""), "cannot name a run"),
         (("--runs", 1_000_000), "--runs 999999"),
-        (("--dt", 1e-9), "--dt 1e-09 1e-05"),
-        (("--dt", "nan"), "--dt nan"),
-        (("--resume", "../x"), "../x cannot name a run"),
-        (("--name", "../x"), "../x cannot name a run"),
-        (("--dt", 0), "--dt 0.0 1e-05"),
-        (("--dt", 0.03), "0.03 0.1"),
+        (("--set", "dt=1e-9"), "--set dt 1e-09 1e-05"),
+        (("--set", "dt=nan"), "--set dt nan"),
+        (("--set", "dt=0"), "--set dt 0.0 1e-05"),
+        (("--set", "dt=0.03"), "0.03 0.1"),
         (("--scenario", "room-v0", "--envs", 10_000_000), "--envs 200000000 at most 200000 --envs 10000"),
-        (("--task", "hall"), "unknown task hall competitive-door"),
+        (("--decides", "pushing"), "unknown --decides pushing walking routing"),
+        (("--set", "grid=2,1"), "--set grid --decides routing"),
+        (("--set", "runners=2"), "--set runners=2 --backend rllib"),
+        (("--set", "tolerance=2"), "tolerance dt outline"),
+        (("--decides", "routing", "--start", "follow"), "--start follow nearest exits"),
+        (("--decides", "routing", "--scenario", "room-v0"), "nothing to choose"),
+        (("--decides", "routing", "--set", "grid=1000,1000"), "--grid 10000"),
         (("--task", "floor"), "no preset floor competitive-door"),
-        (("--task", "room", "--scenario", "room-v0"), "--scenario room-v0 --task room leave one out"),
         (("--scenario", "room-v0", "--people", 5), "--people 5 scenario says"),
         (("--people", 5000), "5000 people do not fit"),
         (("--threads", 0), "--threads 0"),
     ],
 )
 def test_a_mistake_is_answered_plainly_before_anything_is_written(tmp_path, args, words):
-    result = call("--root", tmp_path / "runs", *args)
+    result = call("--out", tmp_path / "runs" / "one", *args)
     assert result.exit_code == 2, result.output
     assert result.exception is None or isinstance(result.exception, SystemExit)
     for word in words.split():
@@ -273,9 +274,10 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
     monkeypatch.setattr("crowd_env.agents.drivers.SHARES", (1.0,))
     monkeypatch.setattr("crowd_env.agents.drivers.SEARCH_RUNS", 1)
     options = ("--task", "literal-room", "--people", 6, "--steps", 700, "--envs", 1, "--runs", 1, "--threads", 1)
-    result = call(*options, "--root", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    result = call(*options)
     assert result.exit_code == 0, result.output
-    (folder,) = tmp_path.iterdir()
+    (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name == "literal-room-hertz-literal-seed0"
     config = json.loads((folder / "config.json").read_text())
     assert (config["task"], config["people"], config["dt"], config["action"]) == ("literal-room", 6, 0.01, "speeds")
@@ -289,7 +291,7 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
     assert "literal-room, version 1" in result.stdout
 
 
-@pytest.mark.parametrize("task", PRESETS)
+@looped("task", PRESETS)
 def test_presets_train_in_the_place_of_their_task(task):
     config = learn.task_config(task)
     judged = TASKS[task]
@@ -300,15 +302,15 @@ def test_presets_train_in_the_place_of_their_task(task):
     assert env.action_kind.name == make_action(config["action"]).name
 
 
-def test_a_root_that_cannot_hold_folders_is_named(tmp_path):
+def test_a_place_that_cannot_hold_folders_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    result = call("--root", tmp_path / "file", "--envs", 1)
+    result = call("--out", tmp_path / "file" / "one", "--envs", 1)
     assert result.exit_code == 2 and "cannot make the folder" in result.stderr and "Traceback" not in result.stderr
 
 
-@pytest.mark.parametrize("library", ["stable_baselines3", "torch", "matplotlib"])
+@looped("library", ["stable_baselines3", "torch", "matplotlib"])
 def test_a_library_that_is_missing_is_named_before_anything_is_written(tmp_path, library):
-    program = f"import sys; sys.modules['{library}'] = None; sys.argv[1:] = ['--root', {str(tmp_path / 'runs')!r}]; "
+    program = f"import sys; sys.modules['{library}'] = None; sys.argv[1:] = ['--out', {str(tmp_path / 'runs/one')!r}]; "
     program += "import train; train.app()"
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and not (tmp_path / "runs").exists()
@@ -321,7 +323,8 @@ def test_the_run_of_a_scenario_file_is_named_after_it(tmp_path, monkeypatch):
     file.parent.mkdir()
     plan = "geometry = { walkable = { box = [0, 0, 5, 5] }, exits = { door = [[5, 2], [5, 3]] } }"
     file.write_text(plan + "\npopulation = { people = 5 }\n")
-    assert call("--root", tmp_path / "runs", "--scenario", file, "--envs", 1).exit_code == 130
+    monkeypatch.chdir(tmp_path)
+    assert call("--scenario", file, "--envs", 1).exit_code == 130
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["hut-nsm2-seed0"]
     assert [path.name for path in file.parent.iterdir()] == ["hut.toml"]
 
@@ -336,14 +339,17 @@ def test_the_learning_rate_never_falls_below_zero_and_follows_the_larger_spent_s
 
 
 def test_the_learning_rate_falls_with_the_time_where_that_runs_out_first(tmp_path, monkeypatch):
-    rates, update = [], PPO._update_learning_rate
+    rates, update, steps = [], PPO._update_learning_rate, [0]
 
     def watched(self, optimizers):
         update(self, optimizers)
         rates.append(optimizers.param_groups[0]["lr"])
 
     monkeypatch.setattr(PPO, "_update_learning_rate", watched)
-    monkeypatch.setattr(PolicyCallback, "seconds", property(lambda self: self.model.num_timesteps / 100.0))
+    monkeypatch.setattr(Keeper, "seconds", property(lambda self: steps[-1] / 100.0))
+    monkeypatch.setattr(
+        TrainingCallback, "_on_step", lambda self: steps.append(self.num_timesteps) or steps[-1] <= 6000
+    )
     folder = tmp_path / "run"
     config = tiny(folder, steps=10**6, minutes=1.0, eval_every=10**9)  # 60 s are over after 6000 of the steps
     assert learn.train(folder, config)

@@ -9,6 +9,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from cases import looped
 from evaluations import SMALL, call, random_network, random_policy
 from safetensors import safe_open
 from safetensors.numpy import save
@@ -124,7 +125,7 @@ def _reaches(path):
     return _header(path, lambda header: json.dumps({"__metadata__": header["__metadata__"], "weight0": weight}))
 
 
-@pytest.mark.parametrize(
+@looped(
     "harm",
     [
         lambda path: b"",
@@ -197,16 +198,6 @@ def test_a_file_too_large_is_not_opened(tmp_path, monkeypatch):
         make_policy(str(tmp_path / "a.safetensors"))
 
 
-def test_a_network_of_an_earlier_version_is_refused_with_what_to_do(tmp_path):
-    np.savez(tmp_path / "best.npz", weight0=np.ones((2, 2)))
-    with pytest.raises(
-        ValueError, match=r"best\.npz is a network of an earlier version.*\.safetensors.*train it again"
-    ):
-        make_policy(str(tmp_path / "best.npz"))
-    code, _, told = call("--runs", 1, "--policies", tmp_path / "best.npz")
-    assert code == 2 and "earlier version" in told and len(told.splitlines()) == 1
-
-
 def test_a_tensor_is_written_as_it_is_however_it_lies_in_memory(tmp_path):
     weight = np.arange(6.0).reshape(2, 3)
     for k, same in enumerate((weight, np.asfortranarray(weight), np.repeat(weight, 2, axis=1)[:, ::2])):
@@ -216,7 +207,7 @@ def test_a_tensor_is_written_as_it_is_however_it_lies_in_memory(tmp_path):
     assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1  # the same network is the same file
 
 
-@pytest.mark.parametrize("name", ["none.safetensors", "none.zip"])
+@looped("name", ["none.safetensors", "none.zip"])
 def test_a_missing_file_is_refused_by_name(tmp_path, name):
     with pytest.raises(ValueError, match=rf"cannot read the network .*{name}: no such file"):
         make_policy(str(tmp_path / name))
@@ -281,10 +272,10 @@ def test_what_is_in_a_pickle_is_not_executed(model, tmp_path):
     path, mark = tmp_path / "evil.zip", tmp_path / "executed"
     pickled(model, path, Payload(mark))
     for read in (make_policy, load_trained, LearnedPolicy.load, LearnedController.load):
-        with pytest.raises(ValueError, match=r"evil\.zip .*run any code.* --trust-pickle"):
+        with pytest.raises(ValueError, match=r"evil\.zip .*run any code.* evil\.zip:trusted"):
             read(str(path))
     code, _, told = call("--runs", 1, "--policies", path)
-    assert code == 2 and "--trust-pickle" in told and not mark.exists()
+    assert code == 2 and ":trusted" in told and not mark.exists()
     path.rename(tmp_path / "evil.safetensors")  # under another name it is no network
     with pytest.raises(ValueError, match="is not a network"):
         make_policy(str(tmp_path / "evil.safetensors"))
@@ -304,16 +295,14 @@ def test_a_trusted_pickle_is_read_and_can_be_saved_as_numbers(model, tmp_path):
     expected = model.predict(rows, deterministic=True)[0]
     for one in (policy, make_policy(str(tmp_path / "new.safetensors"))):
         np.testing.assert_allclose(one.act(rows, NARROW, None), expected, atol=1e-6)
-    code, told, _ = call("--runs", 1, "--policies", path, "--trust-pickle", "--json")
+    code, told, _ = call("--runs", 1, "--policies", f"{path}:trusted", "--json")
     assert code == 0 and json.loads(told)["rows"][0]["policy"] == "old"
     path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(ValueError, match=r"old\.zip is not a model saved by crowd_env"):
         make_policy(str(path), trust_pickle=True)
 
 
-@pytest.mark.parametrize(
-    "action", ["continuous", "discrete", {"name": "speeds", "speeds": [0, 0.5, 1]}, "speeds-exits"]
-)
+@looped("action", ["continuous", "discrete", {"name": "speeds", "speeds": [0, 0.5, 1]}, "speeds-exits"])
 def test_the_numbers_act_as_the_model_does(action, tmp_path):
     """Without torch, to 1e-6; weights far from zero, so that tanh bends and bounds cut."""
     torch = pytest.importorskip("torch")

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from cases import looped
 from evaluations import call, hall, run
 
 from crowd_env import CrowdEnv, ObservationLayout
@@ -41,13 +42,13 @@ def ids(policy):
 # ------------------------------------------------------------------------------------------------------------- the laws
 
 
-@pytest.mark.parametrize("policy", RULES, ids=ids)
+@looped("policy", RULES, ids=ids)
 def test_who_is_alone_walks_the_way_at_full_speed(policy):
     _, action = decided(policy, hall(1), steps=5)
     np.testing.assert_array_equal(action, [[1.0, 0.0]])
 
 
-@pytest.mark.parametrize("policy", RULES, ids=ids)
+@looped("policy", RULES, ids=ids)
 def test_nobody_wants_to_be_faster_than_the_own_desired_speed(policy):
     env, observation = observed(policy, hall(30, speed=1.8), seeds=(0, 1))
     slowest = 1.0
@@ -60,7 +61,7 @@ def test_nobody_wants_to_be_faster_than_the_own_desired_speed(policy):
     assert policy.name in ("rule-best-speed", "headway") or slowest < 0.9
 
 
-@pytest.mark.parametrize("policy", FOLLOWING, ids=ids)
+@looped("policy", FOLLOWING, ids=ids)
 def test_the_first_of_a_row_walks_freely_and_the_others_do_not_walk_into_it(policy):
     scenario = hall(starts=[(1.0 + 0.45 * k, 3.0) for k in range(6)], speed=1.5)
     _, action = decided(policy, scenario)
@@ -70,7 +71,7 @@ def test_the_first_of_a_row_walks_freely_and_the_others_do_not_walk_into_it(poli
     assert np.argsort(result.exit_times[0]).tolist() == list(range(6)) and result.column("contact_impulse")[0] == 0.0
 
 
-@pytest.mark.parametrize("scheme", ["dem", "nsm2"])
+@looped("scheme", ["dem", "nsm2"])
 def test_the_headway_policy_is_the_manner_bit_by_bit(scheme):
     place, shared = hall(30, speed=1.8), {"scheme": scheme, "runs": 2}
     policy = evaluate(HeadwayRule(), place, **shared)
@@ -135,7 +136,7 @@ def assert_alike(policy, env, observation, expected):
     np.testing.assert_allclose(policy.act(observation, env.layout, RNG)[inside], expected[inside], atol=2e-5)
 
 
-@pytest.mark.parametrize("policy", FOLLOWING, ids=ids)
+@looped("policy", FOLLOWING, ids=ids)
 def test_following_of_all_is_the_following_of_each(policy):
     env, observation = crowd(policy)
     state, bodies, ways = env.simulation.state, env.simulation.bodies, env._ahead.direction
@@ -156,7 +157,7 @@ def test_following_of_all_is_the_following_of_each(policy):
     assert_alike(policy, env, observation, one_by_one(env, decide))
 
 
-@pytest.mark.parametrize("policy", RULES, ids=ids)
+@looped("policy", RULES, ids=ids)
 def test_what_is_decided_in_one_environment_depends_on_no_other(policy):
     place = hall(20, speed=1.6)
     both, alone = decided(policy, place, 12, seeds=(3, 4))[1], decided(policy, place, 12, seeds=(4,))[1]
@@ -166,7 +167,7 @@ def test_what_is_decided_in_one_environment_depends_on_no_other(policy):
 # ------------------------------------------------------------------------------------------------- what is asked for
 
 
-@pytest.mark.parametrize(
+@looped(
     ("policy", "words"),
     [
         (Zipper(), "policy 'zipper' needs the full state.*predecessor is not among"),
@@ -181,7 +182,7 @@ def test_a_rule_without_what_it_sees_is_refused(policy, words):
         policy.act(observation, env.layout, RNG)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("rule", "constants", "words"),
     [
         (RuleAtShare, {"share": 1.2}, "share is 1.2"),

@@ -77,9 +77,13 @@ def test_scaling(monkeypatch):
     assert {value for (who, _), value in alone.items() if who.endswith(", 1 threads")} == {1.0}
 
 
-def test_memory_counts_every_array_once(monkeypatch):
+def test_memory_counts_every_array_once():
     big = np.zeros((10, 2))
     assert sum(array.nbytes for array in memory.arrays([big, big[:5], {"x": big}, (np.ones(3), 4)])) == 160 + 24
+
+
+@pytest.mark.more
+def test_memory(monkeypatch):
     monkeypatch.setattr(memory, "WAYS", scaling.WAYS[:1])
     monkeypatch.setattr(memory, "jam", lambda people: small_jam())
     found = check(memory.rows(Effort(0.001, 1, max_people=1000)))

@@ -44,27 +44,6 @@ def test_the_page_lies_beside_the_recording_and_holds_it(recorded: Path) -> None
     assert parsed.about()["recordings"][0]["outcome"] == f"all out after {np.max(recording.exit_time):.1f} s"
 
 
-def test_a_run_makes_the_page_of_its_first_evacuation(tmp_path: Path) -> None:
-    page = tmp_path / "room.html"
-    words = ["run", "room-v0", "--people", "6", "--runs", "2", "--seed", "7", "--html", str(page)]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.stderr
-    assert f"page: {page} (" in " ".join(result.stderr.split())
-    recording = record(
-        make_scenario("room-v0", population=make_scenario("room-v0").population.changed(people=6)), seed=7
-    )
-    (found,) = read_page(page)
-    np.testing.assert_allclose(found["exit_time"], recording.exit_time, atol=0.51e-4)
-    assert "contact_force" in found
-    assert ["seed", "7"] in Parsed(page.read_text("utf-8")).about()["recordings"][0]["facts"]
-
-
-def test_a_run_refuses_a_page_that_cannot_be_written_before_it_runs(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["run", "room-v0", "--html", str(tmp_path / "room.pdf")])
-    assert result.exit_code == 2 and not result.stdout
-    assert "must end in .html" in result.stderr
-
-
 def test_a_folder_of_runs_is_filmed_replayed_and_its_forces_drawn(recorded: Path, tmp_path: Path) -> None:
     (tmp_path / "recordings").mkdir()
     (tmp_path / "recordings" / "000.sqlite").write_bytes(recorded.read_bytes())

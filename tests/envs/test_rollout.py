@@ -7,8 +7,8 @@ from evacuations import evacuated
 from crowd_env import CrowdEnv, make_scenario
 from crowd_env.analysis.figures import report
 from crowd_env.core.executors import Processes, Serial
-from crowd_env.envs.rollout import Driver, RunsInterrupted, Together, rollout, run_episodes
-from crowd_env.recording import RunRecorder, record
+from crowd_env.envs.rollout import Driver, RunsInterrupted, rollout, run_episodes
+from crowd_env.recording import record
 
 
 def room(count=3, **options):
@@ -90,12 +90,6 @@ def test_a_recorder_sees_every_moment_of_every_evacuation(two_at_once):
         moments, inside = episode.record
         assert moments == 1 + decisions(episode.end)
         assert inside == decisions(episode.exit_time).sum()
-
-
-def test_several_recorders_each_keep_their_own(two_at_once):
-    for episode in run_episodes(room(), 3, scheme="dem", recorder=Together([Counts(), RunRecorder(runs=3), Counts()])):
-        (moments, _), film, (again, _) = episode.record
-        assert moments == again == len(film.times) - 1  # one frame more shows who got out in the last
 
 
 def test_some_of_the_runs_are_those_of_all(two_at_once):

@@ -10,7 +10,7 @@ from recordings import CASES
 
 from crowd_env import CrowdEnv, contact_pressure, make_scenario
 from crowd_env.core.executors import Processes
-from crowd_env.envs.rollout import Together, run_episodes
+from crowd_env.envs.rollout import run_episodes
 from crowd_env.recording import RunRecorder, load, record
 from crowd_env.recording.exits import APRON, places_beyond
 
@@ -112,17 +112,19 @@ def test_recorded_runs_are_the_same_bit_by_bit(executor, tmp_path):
         assert (kept.facts["run"], kept.facts["seed"]) == (k, 7 + k)
 
 
-class Received:
-    """Keeps what everyone has received by contacts in each decision [N s]."""
+class Received(RunRecorder):
+    """Also keeps what everyone has received by contacts in each decision [N s]."""
 
     def begin(self, env, runs):
+        super().begin(env, runs)
         self.impulse = []
 
     def add(self, env, step):
+        super().add(env, step)
         self.impulse.append(env.simulation.results.impulse.copy())
 
     def record(self, env, e):
-        return self.impulse
+        return super().record(env, e), self.impulse
 
 
 @pytest.mark.parametrize("every", [1, 3])
@@ -131,9 +133,9 @@ def test_mean_forces_add_up_to_the_impulse_that_people_received(scheme, every):
     """Action and reaction: over the time between frames, the contacts of a person bring what that one has received."""
     room = make_scenario("room-v0", people=30, side=5.0, door_width=0.8, time_limit=4.0)
     place = replace(room, outline="torso" if scheme == "torso" else None)
-    recorder, received = RunRecorder(contacts=True, every=every / 10), Received()
+    recorder = Received(contacts=True, every=every / 10)
     options = {"scheme": scheme.replace("torso", "hertz"), "seed": 3}
-    (episode,) = run_episodes(place, 1, recorder=Together([recorder, received]), **options)
+    (episode,) = run_episodes(place, 1, recorder=recorder, **options)
     kept, impulse = episode.record
     compared = 0
     for k in range(1, int((kept.times <= episode.end + 1e-9).sum())):  # one frame more may show who got out last

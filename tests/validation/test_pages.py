@@ -104,14 +104,18 @@ def test_rows_can_be_chosen_one_stands_upright_and_none_is_said(folder):
 def test_what_cannot_be_made_is_refused_and_changes_nothing(folder, monkeypatch):
     with pytest.raises(ValueError, match="no table 'u'; known: made_by, t"):
         read_table("u", folder)
-    with pytest.raises(ValueError, match=r"python -m crowd_env run nowhere --json failed: .*nowhere"):
-        tables.run("crowd_env run nowhere")
     before = {path: path.read_bytes() for path in TABLES.glob("*.csv")}
     for words, said in ((("speeds",), "unknown table 'speeds'; known: schemes, halls"), (("training",), "name it by --from"),
                         (("measured", "--from", str(folder)), "holds no finished rows of gate")):  # fmt: skip
         found = CliRunner().invoke(app, ["pages", *words])
         assert found.exit_code == 2 and said in found.stderr.replace("\n", ""), words
     assert {path: path.read_bytes() for path in TABLES.glob("*.csv")} == before
+
+
+@pytest.mark.more
+def test_a_command_that_fails_is_named():
+    with pytest.raises(ValueError, match=r"python -m crowd_env run nowhere --json failed: .*nowhere"):
+        tables.run("crowd_env run nowhere")
 
 
 # ----------------------------------------------------------------------------------------------------------------- cells

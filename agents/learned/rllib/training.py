@@ -8,18 +8,13 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-import numpy as np
-
 from crowd_env.core.console import notes, progress_bar, stops_by
 from crowd_env.core.executors import RayCluster
 
 from ...evaluation.entries import RULE
-from ...evaluation.evaluation import VALIDATION_SEED, evaluate
-from ...networks import NETWORK
-from ...trained import LearnedPolicy
-from ...training_config import facts_of, judged_place, make_env, physics_of
+from ...training_config import make_env
 from ..rate import FallingRate
-from ..training import START, curve_line, curve_row, env_options_of, read_curve, score, write_curve
+from ..training import Keeper, trained_in
 
 CHECKPOINT = "rllib"  # folder below that of the run
 _LEARNER = 1  # cores that runners leave to the learner
@@ -62,39 +57,28 @@ class _Training:
         from .algorithm import make_algorithm
 
         self.folder, self.config, self.interrupted = folder, config, False
-        self.judged = {**physics_of(config), "threads": threads}
-        self.options = env_options_of(make_env(config, envs=1))
-        self.curve = read_curve(folder / "learning_curve.csv")
+        self.keeper, self.env = Keeper(folder, config, threads), make_env(config, envs=1)
         notes.print(
             f"{runners} runners simulate; compiling the physics takes half a minute of each node the first time"
         )
         self.algorithm = make_algorithm(config, runners)
         self.rate = FallingRate(config["ppo"]["learning_rate"])
         self.steps = 0.0
-        self._returns: list[float] = []
-        before = self.curve[-1] if self.curve else {"seconds": 0.0, "cpu_seconds": 0.0}
-        self._begin = time.monotonic() - before["seconds"], time.process_time() - before["cpu_seconds"]
         self._cpu_far = 0.0
         self._alive = time.monotonic()  # when a runner last made a step
 
     @property
-    def spent(self) -> dict[str, float]:
-        """Steps of all pedestrian slots, time, and processor time of learner and runners [s]."""
-        here = time.process_time() - self._begin[1]
-        return {"steps": self.steps, "seconds": time.monotonic() - self._begin[0], "cpu_seconds": here + self._cpu_far}
-
-    @property
     def share(self) -> float:
-        """Share of the budget that is spent: of steps or of time, whichever is further."""
-        return max(self.steps / self.config["steps"], self.spent["seconds"] / (60.0 * self.config["minutes"]))
+        """Share of the budget that is spent."""
+        return self.keeper.share(self.steps)
 
     def run(self) -> bool:
         """Train to the end of the budget; False if it was interrupted."""
         try:
             with stops_by(self._interrupt), progress_bar("training", _PARTS) as progress:
-                if self.curve:
+                if self.keeper.curve:
                     self.algorithm.restore_from_path(str((self.folder / CHECKPOINT).absolute()))
-                    self.steps = self.curve[-1]["steps"]
+                    self.steps = self.keeper.curve[-1]["steps"]
                     notes.print(f"going on at {self.steps:.0f} steps")
                 else:
                     self._start()
@@ -143,7 +127,7 @@ class _Training:
             raise ValueError(f"no runner has made a step for {_PATIENCE:.0f} s; the last checkpoint is kept")
         self.steps += made
         self._cpu_far += float(found.get("cpu_seconds", 0.0))
-        self._returns += [float(found["episode_return_mean"])] if "episode_return_mean" in found else []
+        self.keeper.returns += [float(found["episode_return_mean"])] if "episode_return_mean" in found else []
         now = self.algorithm.env_runner_group.num_healthy_remote_workers()
         if now < healthy:
             notes.print(f"a runner has died: {now} go on until it is begun again")
@@ -152,21 +136,8 @@ class _Training:
         """Evaluate the network as it is on validation draws, write curve and checkpoint, and keep it if it is the best."""
         from .algorithm import policy_of
 
-        policy = LearnedPolicy(policy_of(self.algorithm), self.options, facts_of(self.config))
-        place, runs = judged_place(self.config), self.config["eval_runs"]
-        result = evaluate(policy, place, runs=runs, first_seed=VALIDATION_SEED, **self.judged)
-        row = curve_row(result, self.spent, self._returns)
-        self._returns.clear()
-        best_before = min(map(score, self.curve), default=(np.inf, np.inf))
-        self.curve.append(row)
-        self._write_checkpoint()
-        if len(self.curve) == 1:
-            policy.save(self.folder / START)
-        if score(row) < best_before:
-            policy.save(self.folder / NETWORK)
-        write_curve(self.folder / "learning_curve.csv", self.curve)
-        if not notes.is_terminal:
-            notes.print(curve_line(row, self.config["steps"]))
+        who = trained_in(self.env, policy_of(self.algorithm), self.config)
+        self.keeper.judge(who, self.steps, self._write_checkpoint, cpu=self._cpu_far)
 
     def _write_checkpoint(self) -> None:
         """Write what RLlib needs to go on; a new checkpoint takes the place of the old one when it is whole."""

@@ -12,7 +12,6 @@ from typer.core import TyperGroup
 COMMANDS: Mapping[str, str] = MappingProxyType(
     {
         "train": "learn",
-        "train-routing": "train_routing",
         "evaluate": "evaluate",
         "show": "show",
         "submit": "submit",

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from contextlib import closing, nullcontext
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import typer
 
 from crowd_env import SCHEMES, Scenario, make_scheme
-from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.agents.evaluation.entries import RULE, make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
@@ -32,27 +31,23 @@ from crowd_env.agents.evaluation.robustness import (
     summary_of_trials,
 )
 from crowd_env.agents.evaluation.same_draws import compare, summary
-from crowd_env.agents.tasks import TASKS, Task, make_task
+from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.agents.training_config import RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.console import MannerName, OutlineOption, complete_from
-from crowd_env.cli.place import PLACES, Exits, Unit, complete_scenario, read_place
+from crowd_env.cli.agents.options import People, Place, Policies, changes
+from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_RUNS, AsJson, complete_from
+from crowd_env.cli.place import CrowdName, Exits, Unit, read_place
 from crowd_env.core.checks import Range, number, whole
 from crowd_env.core.console import friendly_errors, notes
 from crowd_env.core.executors import Executor, Serial, make_executor
 from crowd_env.core.files.json_file import write_json
 from crowd_env.physics import check_outline
 from crowd_env.rendering.libraries import require_libraries
-from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios.titles import run_title, with_manner
 
-_POLICIES, _POLICY, _SCHEMES = "--policies", "--policy", "--schemes"
-_SCENARIO, _NAMED, _SCHEME, _RUNS = (
-    "room-v0",
-    ("shortest", "fastest"),
-    "nsm2",
-    100,
-)  # unless a task or an option says otherwise
+# Unless a task or an option says otherwise.
+_SCENARIO, _NAMED, _SCHEME, _RUNS = "room-v0", ("shortest", "fastest"), "nsm2", 100
+_SET = {"outline": str, "learned": float, "threads": int}
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -60,156 +55,127 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command(cls=ListsOfNames)
 def main(
-    task: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            autocompletion=complete_from(TASKS),
-            help=f"What the policies are judged on: {', '.join(TASKS)}.  It says scenario, people, scheme, steps and draws.",
-        ),
-    ] = None,
-    scenario: Annotated[
-        str | None,
-        typer.Option(
-            show_default=_SCENARIO, autocompletion=complete_scenario, help=f"{PLACES}  Where there is no task."
-        ),
-    ] = None,
+    place: Place = None,
     exit: Exits = None,
     unit: Unit = None,
-    policies: Annotated[
+    people: People = None,
+    crowd: CrowdName = None,
+    set: Annotated[
         list[str] | None,
         typer.Option(
-            _POLICIES,
-            _POLICY,
-            metavar="POLICY ...",
-            show_default="shortest fastest; of a task rule",
-            autocompletion=complete_from((RULE, *STRATEGIES, *POLICIES, *PRETRAINED)),
-            help="rule: the strategy of a task; shortest, nearest, fastest, comfortable; the name of a route or exit; rules: "
-            "the shortest path with the scenario's control rules in force, which are off for all others; random, stand-still; "
-            "rules of walking: rule-best-speed, density-cap, headway (the manner hurried), follow, evolution, zipper; a "
-            "shipped policy (TASK/NAME), or a learned network (.safetensors).  The others are compared with the first.",
+            "--set",
+            metavar="NAME=VALUE",
+            rich_help_panel=OF_PEOPLE,
+            help="outline=NAME, the shape of bodies; learned=SHARE, so many of the people follow the policy, the others the "
+            "rule (--crowd is then theirs alone); threads=N of the simulation, which results do not depend on.",
         ),
     ] = None,
-    schemes: Annotated[
+    physics: Annotated[
         list[str] | None,
         typer.Option(
-            _SCHEMES,
-            metavar="SCHEME ...",
+            "--physics",
+            metavar="NAME ...",
             autocompletion=complete_from(SCHEMES),
             show_default=f"{_SCHEME}; of a task its own",
-            help=", ".join(SCHEMES) + ".",
+            rich_help_panel=OF_PHYSICS,
+            help=f"Contact schemes: {', '.join(SCHEMES)}.",
         ),
     ] = None,
-    people: Annotated[
-        int | None,
-        typer.Option(help="Another number of people of the same kinds; on a task they have as much time each."),
-    ] = None,
-    manner: MannerName = None,
-    learned_share: Annotated[
-        float | None,
-        typer.Option(
-            metavar="SHARE",
-            help="Mixed crowds: only this share of the people, drawn anew in every run but the same for every policy, follows "
-            "the policy; the others follow the rule, and --manner is theirs alone.",
-        ),
-    ] = None,
-    outline: OutlineOption = None,
+    policies: Policies = None,
     runs: Annotated[
         int | None,
-        typer.Option(help="Evacuations of each policy and scheme.", show_default=f"{_RUNS}; those of a task"),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Other draws; all are held out from training.")] = 0,
-    threads: Annotated[int, typer.Option(help="Of the simulation; results do not depend on it.")] = 1,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for tables, curves and maps; an interrupted one goes on there.")
-    ] = None,
-    trust_pickle: Annotated[
-        bool,
         typer.Option(
-            "--trust-pickle",
-            help="Open networks of stable-baselines3 (.zip) too: opening one runs whatever code its maker put in.",
+            help="Evacuations of each policy and scheme.",
+            show_default=f"{_RUNS}; those of a task",
+            rich_help_panel=OF_RUNS,
         ),
-    ] = False,
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(help="Other draws; all are held out from training.", rich_help_panel=OF_RUNS)
+    ] = 0,
     ray: Annotated[
         bool,
         typer.Option(
             "--ray",
-            help="Spread the draws over a Ray cluster, see docs/ray.md; results do not depend on it.",
+            help="Spread the draws over a Ray cluster; results do not depend on it.",
+            rich_help_panel=OF_RUNS,
         ),
     ] = False,
     robustness: Annotated[
         bool,
         typer.Option(
             "--robustness",
+            rich_help_panel=OF_RUNS,
             help="Also judge on the held-out variations of the task (twice the people, other doors, other schemes, other "
-            "people, half of them learned), by default on a fifth of its draws; rows carry the variation.",
+            "people, half of them learned), by default on a fifth of its draws.",
         ),
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for tables, curves and maps; an interrupted one goes on there.", rich_help_panel=OF_OUTPUT
+        ),
+    ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Compare ways to lead people out, on a task or under any contact schemes, on the same draws.
+
+    The others are compared with the first policy.
 
     Examples
     --------
     crowd-env evaluate --task competitive-door --policies rule density-cap follow --runs 40
 
-    crowd-env evaluate --task competitive-door --policies rule follow competitive-door/ppo --people 200
-
     crowd-env evaluate --task competitive-door --policies rule follow competitive-door/ppo --robustness
 
-    crowd-env evaluate --scenario two-exit-hall-v0 --policies shortest fastest --schemes dem nsm2 --runs 20
+    crowd-env evaluate --scenario two-exit-hall-v0 --policies shortest fastest --physics dem nsm2 --runs 20
 
     crowd-env evaluate --scenario my_plan.wkt --exit 6,2,6,3 --people 40 --policies shortest --runs 20
-
-    crowd-env evaluate --scenario my_hall.toml --policies rules north runs/x/best.safetensors --out comparison
     """
     with friendly_errors("" if out is None else "the same command goes on"):
-        chosen = None if task is None else make_task(task)
+        task = TASKS.get(place or "")
+        changed = changes(set, _SET)
+        threads = whole("--set threads", changed.get("threads", 1))
         if robustness:
-            given: dict[str, Any] = {
-                "--scenario": scenario,
-                "--schemes": schemes,
-                "--people": people,
-                "--manner": manner,
-            }
-            given |= {"--learned-share": learned_share, "--outline": outline, "--exit": exit, "--unit": unit}
-            _refuse_beside_robustness(chosen, given)
-            assert chosen is not None
+            given = {"--physics": physics, "--people": people, "--crowd": crowd, "--exit": exit, "--unit": unit}
+            given |= {f"--set {name}": changed[name] for name in changed if name != "threads"}
+            _refuse_beside_robustness(task, given)
+            assert task is not None
             with closing(_executor(ray, threads)) as executor:
-                _vary(chosen, policies or [RULE], runs, seed, threads, out, trust_pickle, as_json, executor)
+                _vary(task, policies or [RULE], runs, seed, threads, out, as_json, executor)
             return
-        place = with_manner(_place(chosen, scenario, people, exit, unit), manner, outline)
-        policies = policies or list(_NAMED if chosen is None else (RULE,))
-        schemes = list(dict.fromkeys(schemes or [_SCHEME if chosen is None else chosen.scheme]))
-        count = _RUNS if chosen is None else chosen.runs
+        where = with_manner(_place(task, place, people, exit, unit), crowd, changed.get("outline"))
+        policies = policies or list(_NAMED if task is None else (RULE,))
+        schemes = list(dict.fromkeys(physics or [_SCHEME if task is None else task.scheme]))
+        count = _RUNS if task is None else task.runs
         runs = whole("--runs", count if runs is None else runs, RUNS)
         whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
-        whole("--threads", threads)
-        if learned_share is not None:
-            learned_share = number("--learned-share", learned_share, Range(0.0, 1.0, above=True))
+        learned = changed.get("learned")
+        if learned is not None:
+            learned = number("--set learned", learned, Range(0.0, 1.0, above=True))
         for scheme in schemes:
-            check_outline(place.outline_of_run(), make_scheme(scheme))
-        entries = make_entries(policies, place, chosen, trust_pickle=trust_pickle, learned_share=learned_share)
-        if "rules" in policies and not place.rules:
-            notes.print(f"note: {place.name} has no control rules; rules is shortest there", markup=False)
-        settings = settings_of(place, runs, seed, chosen, learned_share)
+            check_outline(where.outline_of_run(), make_scheme(scheme))
+        entries = make_entries(policies, where, task, learned_share=learned)
+        if "rules" in policies and not where.rules:
+            notes.print(f"note: {where.name} has no control rules; rules is shortest there", markup=False)
+        settings = settings_of(where, runs, seed, task, learned)
         folder = None
         if out is not None:
             require_libraries(".png")  # says now, not after the work, that the drawing library is missing
             folder = EvaluationFolder(out, settings)
-        with closing(_executor(ray, threads)) as executor, nullcontext() if folder is None else folder.alone():
+        with closing(_executor(ray, threads)) as executor:
             options: dict[str, Any] = {"seed": seed, "threads": threads, "folder": folder, "executor": executor}
-            results = compare(entries, place, schemes, runs=runs, **options)
-        figures = summary(results, place, settings, chosen)
+            results = compare(entries, where, schemes, runs=runs, **options)
+        figures = summary(results, where, settings, task)
         if folder is not None:
-            _write(folder, results, figures, place, HELD_OUT_SEED + seed)
+            _write(folder, results, figures, where, HELD_OUT_SEED + seed)
     if as_json:
         typer.echo(json.dumps(figures, allow_nan=False))
     else:
-        title = run_title(place, people=f"{place.population.people} people", runs=f"{runs} runs each")
-        if learned_share is not None:
-            title += f", {100 * learned_share:g} % learned"
-        _show(results, title, place, chosen)
+        title = run_title(where, people=f"{where.population.people} people", runs=f"{runs} runs each")
+        if learned is not None:
+            title += f", {100 * learned:g} % learned"
+        _show(results, title, where, task)
 
 
 def _executor(ray: bool, threads: int) -> Executor:
@@ -233,15 +199,13 @@ def _vary(
     seed: int,
     threads: int,
     out: Path | None,
-    trust_pickle: bool,
     as_json: bool,
     executor: Executor,
 ) -> None:
     """Judge policies on a task and its variations, and say what came out."""
     runs = whole("--runs", few_runs(task) if runs is None else runs, RUNS)
     whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
-    whole("--threads", threads)
-    trials = make_trials(task, policies, trust_pickle=trust_pickle)
+    trials = make_trials(task, policies)
     how: dict[str, Any] = {"runs": runs, "seed": seed, "threads": threads, "out": out}
     found = [(one, judge_trial(task, one, partial(compare, executor=executor), **how)) for one in trials]
     figures = summary_of_trials(task, found, runs, seed)
@@ -261,14 +225,12 @@ def _place(
     task: Task | None, scenario: str | None, people: int | None, exits: list[str] | None, unit: str | None
 ) -> Scenario:
     """Return the scenario of a task, or the one that is named, with so many people if a number is given."""
-    count = None if people is None else whole("--people", people)
     if task is None:
-        return read_place(_SCENARIO if scenario is None else scenario, exits=exits, unit=unit, people=count)
-    for name, value in (("--scenario", scenario), ("--exit", exits), ("--unit", unit)):
+        return read_place(_SCENARIO if scenario is None else scenario, exits=exits, unit=unit, people=people)
+    for name, value in (("--exit", exits), ("--unit", unit)):
         if value:
-            said = value if isinstance(value, str) else " ".join(value)
-            raise ValueError(f"{name} is {said}, but --task {task.name} says where people walk; leave one out")
-    return task.place(count)
+            raise ValueError(f"{name} is for floor plans in files, but --task {task.name} says where people walk")
+    return task.place(people)
 
 
 def _write(

@@ -10,9 +10,10 @@ import typer
 from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.evaluation.report import table_console
 from crowd_env.agents.evaluation.trained_run import draw, judge, tables
-from crowd_env.agents.runs import check_name, new_folder
-from crowd_env.agents.tasks import PRESETS
+from crowd_env.agents.runs import new_folder
+from crowd_env.agents.tasks import TASKS
 from crowd_env.agents.training_config import (
+    ROUTING_BUDGET,
     RUNS,
     check_budget,
     check_config,
@@ -23,8 +24,9 @@ from crowd_env.agents.training_config import (
     task_config,
     task_of,
 )
-from crowd_env.cli.console import MannerName, OutlineOption, complete_from
-from crowd_env.cli.place import PLACES, Exits, Unit, complete_scenario, plan_options
+from crowd_env.cli.agents.options import People, Place, Threads, changes
+from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_RUNS, complete_from
+from crowd_env.cli.place import CrowdName, Exits, Unit, plan_options
 from crowd_env.core.checks import known, whole
 from crowd_env.core.console import friendly_errors, notes
 from crowd_env.core.executors import check_cluster
@@ -34,13 +36,24 @@ from crowd_env.rendering.libraries import require_libraries
 from crowd_env.scenarios import kind_of_place
 
 _TASK = "competitive-door"
-_OF_THE_MACHINE = ("runs", "root", "resume", "threads", "runners")  # options that do not belong to what is trained
+_OF_LEARNING = "Learning"
+_THREADS = min(2, os.cpu_count() or 1)
+_DECIDES = ("walking", "routing")
 _RUNS = 50  # held-out draws where there is no task
+_ROUTING: dict[str, Any] = {"interval": 2.0, "grid": [4, 2]}
+
+
+def _grid(text: str) -> list[int]:
+    columns, rows = (int(part) for part in text.split(","))
+    return [columns, rows]
+
+
+_SET = {"dt": float, "outline": str, "interval": float, "grid": _grid, "runners": int}
 
 
 def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
     """Train, or go on training, in ``folder`` on so many threads; False if it was interrupted."""
-    from crowd_env.agents.learned.native import train_here
+    from crowd_env.agents.learned.training import train_here
 
     return train_here(folder, config, threads)
 
@@ -60,78 +73,98 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     context: typer.Context,
-    task: Annotated[
+    place: Place = None,
+    exit: Exits = None,
+    unit: Unit = None,
+    people: People = None,
+    crowd: CrowdName = None,
+    set: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            rich_help_panel=OF_PEOPLE,
+            help="Change the step of the physics (dt), the shape of bodies (outline), where a controller decides (grid=4,2), "
+            "how often (interval), or how many processes simulate for rllib (runners); may be repeated.",
+        ),
+    ] = None,
+    physics: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            show_default=_TASK,
-            autocompletion=complete_from(PRESETS),
-            help=f"What to train for, with its preset: {', '.join(PRESETS)}.  It is judged as it stands.",
+            autocompletion=complete_from(SCHEMES),
+            show_default="the task's, or nsm2",
+            rich_help_panel=OF_PHYSICS,
+            help=f"Contact scheme: {', '.join(SCHEMES)}.",
         ),
     ] = None,
-    scenario: Annotated[
-        str | None,
+    decides: Annotated[
+        str,
         typer.Option(
-            autocompletion=complete_scenario, help=f"Instead of a task: the scenario to train and judge in.  {PLACES}"
+            autocompletion=complete_from(_DECIDES),
+            rich_help_panel=_OF_LEARNING,
+            help="walking: a policy of everyone's steps; routing: a controller that sends people to exits.",
         ),
-    ] = None,
-    exit: Exits = None,
-    unit: Unit = None,
-    people: Annotated[
-        int | None,
-        typer.Option(help="How many people to train a task, or on a floor plan, with.", show_default="preset's, or 20"),
-    ] = None,
-    scheme: Annotated[
-        str | None,
-        typer.Option(help="Contact scheme.", autocompletion=complete_from(SCHEMES), show_default="the task's, or nsm2"),
-    ] = None,
-    dt: Annotated[
-        float | None,
-        typer.Option(help="Physics step of training in seconds.", show_default="the preset's, or the scheme's own"),
-    ] = None,
-    manner: MannerName = None,
-    outline: OutlineOption = None,
+    ] = _DECIDES[0],
     start: Annotated[
         str | None,
         typer.Option(
             show_default="the preset's, or rule",
+            rich_help_panel=_OF_LEARNING,
             help="What learning starts from: rule, full speed along the way, or a policy of rules that is cloned: "
             "evolution, follow, density-cap, ...",
         ),
     ] = None,
     minutes: Annotated[
         float | None,
-        typer.Option(help="Training stops after this many minutes, if not by then done.", show_default="15"),
+        typer.Option(help="Training stops after so long.", show_default="the preset's", rich_help_panel=_OF_LEARNING),
     ] = None,
     steps: Annotated[
-        int | None, typer.Option(help="Training steps, summed over all pedestrian slots.", show_default="preset's")
+        int | None,
+        typer.Option(
+            help="Training steps, summed over all pedestrian slots, or over all controllers.",
+            show_default="the preset's",
+            rich_help_panel=_OF_LEARNING,
+        ),
     ] = None,
-    envs: Annotated[int | None, typer.Option(help="Rooms simulated side by side.", show_default="preset's")] = None,
-    seed: Annotated[int, typer.Option(help="Fixes draws and network; below 1000000.")] = 0,
+    envs: Annotated[
+        int | None,
+        typer.Option(
+            help="Evacuations simulated side by side.", show_default="the preset's", rich_help_panel=_OF_LEARNING
+        ),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(help="Fixes draws and network; below 1000000.", rich_help_panel=_OF_LEARNING)
+    ] = 0,
     runs: Annotated[
         int | None,
-        typer.Option(help="Held-out evacuations per policy in the table.", show_default=f"the task's, or {_RUNS}"),
+        typer.Option(
+            help="Held-out evacuations per policy in the table.",
+            show_default=f"the task's, or {_RUNS}",
+            rich_help_panel=OF_RUNS,
+        ),
     ] = None,
-    threads: Annotated[
-        int, typer.Option(help="Of the simulation; results do not depend on it.", show_default="2, or all cores")
-    ] = min(2, os.cpu_count() or 1),
+    threads: Threads = _THREADS,
     backend: Annotated[
         str,
-        typer.Option(help=f"What trains: {', '.join(BACKENDS)} (on the nodes of a Ray cluster, see docs/ray.md)."),
+        typer.Option(
+            help=f"What trains: {', '.join(BACKENDS)} (on the nodes of a Ray cluster).", rich_help_panel=OF_RUNS
+        ),
     ] = "native",
-    runners: Annotated[
-        int | None,
-        typer.Option(help="Processes that simulate for rllib.", show_default="all cores of the cluster but one"),
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the run.", show_default="runs/, named after what is trained", rich_help_panel=OF_OUTPUT
+        ),
     ] = None,
-    name: Annotated[
-        str, typer.Option(help="Folder below runs/; made from task or scenario, scheme and seed if not given.")
-    ] = "",
-    root: Annotated[Path, typer.Option(help="Where the folders of runs are.")] = Path("runs"),
     resume: Annotated[
-        str, typer.Option(help="Name of a run to go on with; --minutes and --steps then are its budget in all.")
-    ] = "",
+        Path | None,
+        typer.Option(
+            help="Folder of a run to go on with; --minutes and --steps then are its budget in all.",
+            rich_help_panel=OF_OUTPUT,
+        ),
+    ] = None,
 ) -> None:
-    """Train a shared policy by PPO and compare it with the rules on the same held-out draws.
+    """Train a policy or a controller by PPO and compare it with the rules on the same held-out draws.
 
     Examples
     --------
@@ -139,16 +172,15 @@ def main(
 
     crowd-env train --task narrow-door --seed 1
 
-    crowd-env train --scenario my_hall.toml --scheme dem --minutes 3
+    crowd-env train --task two-exit-hall --decides routing
 
-    crowd-env train --scenario my_office.dxf --people 40 --scheme dem --minutes 3
+    crowd-env train --scenario my_office.dxf --people 40 --physics dem --minutes 3
     """
     folder: Path | None = None
 
     def kept() -> str:
-        elsewhere = "" if root == Path("runs") else f" --root {root}"
         program = "python train.py" if context.parent is None else context.command_path
-        return "" if folder is None else f"go on with: {program} --resume {folder.name}{elsewhere}"
+        return "" if folder is None else f"go on with: {program} --resume {folder}"
 
     with friendly_errors(kept):
         budget = {"minutes": minutes, "steps": steps, "envs": envs}
@@ -157,24 +189,25 @@ def main(
         if runs is not None:
             whole("--runs", runs, RUNS)
         known("backend", backend, BACKENDS)
-        far = {} if runners is None else {"runners": whole("--runners", runners)}
+        known("--decides", decides, _DECIDES)
         check_libraries()
         require_libraries(".png")
-        given = _given(context)
-        if "resume" in given:
-            folder, config = _resumed(root, resume, given)
+        given = _given(context) | changes(set, _SET)
+        given.pop("set", None)
+        far = {"runners": whole("--set runners", given.pop("runners"))} if "runners" in given else {}
+        if resume is not None:
+            folder, config = _resumed(resume, given)
         else:
             config = _begun(given, seed) | {"backend": backend}
         if config["backend"] == "rllib":
             check_cluster()
+            if config["routing"] is not None:
+                raise ValueError("--backend rllib trains policies of people's own steps; leave out --decides routing")
         elif far:
-            raise ValueError(f"--runners is {runners}: runners belong to --backend rllib; leave them out")
+            raise ValueError(f"--set runners={far['runners']}: runners belong to --backend rllib; leave them out")
         if folder is None:
             check_config(config)
-            who = "".join(f"-{one}" for one in (manner, outline) if one is not None)
-            who += "" if backend == "native" else f"-{backend}"
-            what = config["task"] or Path(config["scenario"]).stem
-            folder = new_folder(root, name or f"{what}-{config['scheme']}{who}-seed{seed}")
+            folder = _new_folder(config, out)
         write_json(folder / "config.json", config)
         notes.print(f"writing to {folder}/")
         if not BACKENDS[config["backend"]](folder, config, threads, **far):
@@ -200,25 +233,35 @@ def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If task and scenario are both given, or something in them is unknown or out of range.
+        If something in them is unknown or out of range.
     """
-    of_run = ("people", "scheme", "dt", "manner", "outline", "start", "minutes", "steps", "envs")
-    options: dict[str, Any] = {option: given[option] for option in of_run if option in given}
-    if "scenario" not in given:
+    asked = _asked(given)
+    routing = given.get("decides") == "routing"
+    own = {name: asked.pop(name) for name in _ROUTING if name in asked}
+    if routing:
+        asked["routing"] = _ROUTING | own
+    elif own:
+        raise ValueError(f"--set {next(iter(own))}: this belongs to --decides routing")
+    place = given.get("place", _TASK)
+    if place in TASKS:
         for name in ("exit", "unit"):
             if name in given:
                 raise ValueError(f"--{name} is for floor plans in files; name one by --scenario")
-        return task_config(given.get("task", _TASK), seed, **options)
-    if "task" in given:
-        raise ValueError(
-            f"--scenario is {given['scenario']}, but --task {given['task']} says where people walk; leave one out"
-        )
-    place = {"options": plan_options(given["scenario"], given.get("exit"), given.get("unit"))}
-    if "people" in given and kind_of_place(given["scenario"]) != "plan":
-        raise ValueError(f"--people is {given['people']}: a scenario says how many there are; leave it out")
+        return task_config(place, seed, **asked)
+    if "people" in asked and kind_of_place(place) != "plan":
+        raise ValueError(f"--people is {asked['people']}: a scenario says how many there are; leave it out")
+    options = plan_options(place, given.get("exit"), given.get("unit"))
     usual: dict[str, Any] = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5}
-    start_with = options.pop("start", RULE)
-    return default_config(given["scenario"], seed=seed, **(usual | options | place)) | {"start": start_with}
+    start = asked.pop("start", RULE)
+    usual |= ROUTING_BUDGET if routing else {}
+    return default_config(place, seed=seed, options=options, **(usual | asked)) | {"start": start}
+
+
+def _asked(given: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a run that options stand for."""
+    names = {"crowd": "manner", "physics": "scheme"}
+    of_run = ("people", "crowd", "outline", "physics", "dt", "start", "minutes", "steps", "envs", *_ROUTING)
+    return {names.get(option, option): given[option] for option in of_run if option in given}
 
 
 def _given(context: typer.Context) -> dict[str, Any]:
@@ -230,17 +273,23 @@ def _given(context: typer.Context) -> dict[str, Any]:
     }
 
 
-def _resumed(root: Path, resume: str, given: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
-    """Return folder and parameters of a run that is gone on with."""
-    from crowd_env.agents.learned.training import read_curve
+def _new_folder(config: dict[str, Any], out: Path | None) -> Path:
+    """Make and return the folder of a run."""
+    if out is not None:
+        return new_folder(out.parent, out.name)
+    parts = [config["task"] or Path(config["scenario"]).stem, config["scheme"]]
+    parts += [] if config["routing"] is None else ["routing"]
+    parts += [] if config["backend"] == "native" else [config["backend"]]
+    return new_folder(Path("runs"), f"{'-'.join(parts)}-seed{config['seed']}")
 
-    check_name(resume)
-    if "name" in given:
-        raise ValueError(f"--name {given['name']} beside --resume {resume}: a run keeps its name; leave --name out")
-    folder = root / resume
+
+def _resumed(folder: Path, given: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
+    """Return folder and parameters of a run that is gone on with."""
+    from crowd_env.agents.learned.training import CURVE, read_curve
+
+    if "out" in given:
+        raise ValueError(f"--out {given['out']} beside --resume {folder}: a run keeps its folder; leave --out out")
+    folder = folder if (folder / "config.json").exists() else Path("runs") / folder
     config = read_config(folder / "config.json")
-    curve = read_curve(folder / "learning_curve.csv")
-    if (folder / "checkpoint.zip").exists() or (folder / "best.npz").exists():
-        raise ValueError(f"{folder} was written by an earlier version, which this one cannot go on with")
-    of_run = {option: value for option, value in given.items() if option not in _OF_THE_MACHINE}
-    return folder, extended(config, of_run, curve, resume)
+    own = {name: given[name] for name in ("place", "exit", "unit", "seed", "backend", "decides") if name in given}
+    return folder, extended(config, own | _asked(given), read_curve(folder / CURVE), folder.name)

@@ -19,7 +19,7 @@ def forces_of(recording: Recording, at: float | None = None) -> ContactForces:
     """
     contacts, times = recording.contacts, recording.times
     if contacts is None:
-        raise ValueError("the recording holds no contacts: record them, with contacts=True or --record-contacts")
+        raise ValueError("the recording holds no contacts; record it with contacts=True, or without --no-contacts")
     if at is not None and not (np.isfinite(at) and at > 0.0):
         raise ValueError(f"the moment of the forces is {at!r} s; it must be > 0 and finite")
     if at is not None and at > recording.end + recording.frame_interval:

@@ -1,7 +1,6 @@
 """`crowd-env report` makes one page of folders of runs, escapes every name, and says what may not be concluded."""
 
 import json
-import re
 import shutil
 from pathlib import Path
 
@@ -9,13 +8,12 @@ import numpy as np
 import pytest
 from cases import looped
 from reported_pages import Parsed, command
-from repository import ROOT
 
 from crowd_env.analysis.results.measurements import CELL, MeasurementRecorder, grid_over
 from crowd_env.cli.report import place_of
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.rendering.report.differences import differences
-from crowd_env.rendering.report.limits import limits_of, validation_map
+from crowd_env.rendering.report.limits import limits_of
 from crowd_env.rendering.report.maps import _worst, measure
 from crowd_env.rendering.report.runs import load_runs
 
@@ -172,30 +170,6 @@ def test_what_is_no_folder_of_runs_is_refused_before_a_page_is_written(
     code, _, said = command("report", copy, "-o", tmp_path / "report.html")
     assert code == 2 and says in said
     assert not (tmp_path / "report.html").exists()
-
-
-def test_the_limits_are_those_of_the_validation_map() -> None:
-    text = (ROOT / "docs" / "validation.md").read_text("utf-8")
-    part = text.split("<!-- table: map -->", 1)[1].split("<!-- end -->", 1)[0]
-    lines = [line for line in part.splitlines() if line.startswith("|")]
-    table = [[cell.strip(" `*") for cell in line.strip("|").split("|")] for line in lines]
-    schemes = table[0][2:]
-    there = {
-        (row[0], row[1], scheme): "reported" if cell == "–" else cell
-        for row in table[2:]
-        for scheme, cell in zip(schemes, row[2:], strict=True)
-    }
-    content = validation_map()
-    here = {
-        (case["case"], manner, scheme): outcome
-        for case in content["cases"]
-        for manner, of_scheme in case["results"].items()
-        for scheme, outcome in of_scheme.items()
-    }
-    assert here == there
-    criteria = dict(re.findall(r"^\* `([^`]+)`(?:, \d+ draws)?: (.*)$", part, re.MULTILINE))
-    assert {case["case"]: case["criterion"] for case in content["cases"]} == criteria
-    assert content["not_supported"] == re.findall(r"^\* Not supported, (.*)$", part, re.MULTILINE)
 
 
 def test_a_scheme_without_a_row_says_so(folders: Path) -> None:

@@ -39,7 +39,7 @@ def test_a_plan_is_drawn(plan, tmp_path):
 
 
 def test_policies_are_compared_on_a_plan(plan):
-    line = f"--scenario {plan} --exit {CM} --unit cm --people 5 --policies shortest --schemes dem --runs 1 --json"
+    line = f"--scenario {plan} --exit {CM} --unit cm --people 5 --policies shortest --physics dem --runs 1 --json"
     result = CliRunner().invoke(evaluate, line.split())
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["people"] == 5
