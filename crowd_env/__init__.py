@@ -3,6 +3,9 @@
 Pedestrians leave buildings under granular contact physics, as PettingZoo, Gymnasium and plain-array environments.
 """
 
+from importlib import import_module
+from typing import Any
+
 import gymnasium
 import pettingzoo
 
@@ -84,6 +87,7 @@ __all__ = [
     "Walking",
     "contact_pressure",
     "crowd_pressure",
+    "evaluate",
     "make_bodies",
     "make_scenario",
     "make_scheme",
@@ -95,6 +99,16 @@ __all__ = [
     "register",
     "rollout",
 ]
+
+
+# What lies above this package: name -> module that has it, loaded when it is first asked for.
+_ABOVE = {"evaluate": "crowd_env.agents.evaluation.evaluation", "record": "crowd_env.recording"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ABOVE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_ABOVE[name]), name)
 
 
 def register() -> None:

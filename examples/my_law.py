@@ -6,8 +6,9 @@
 Try it:  crowd-env run room-v0 --physics examples/my_law.py:MyLaw    or in Python    CrowdEnv(physics=MyLaw())
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
 from crowd_env.physics.driving_force import Influences, regular_forces
 from crowd_env.physics.exits import leave
-from crowd_env.physics.scheme import Call, ContactScheme, SchemeInfo
+from crowd_env.physics.scheme import ContactScheme, SchemeInfo
 from crowd_env.physics.steering import steer
 from crowd_env.physics.step import begin_call, contact_range, detect, record_contacts, tick
 from crowd_env.physics.workspace import Batch
@@ -60,9 +61,14 @@ class MyLaw(ContactScheme):
         """Return an overlap [m] that an impact at twice the desired speed does not exceed."""
         return float(2.0 * bodies.desired_speed.max() * np.sqrt(bodies.mass.max() / self.stiffness))
 
-    def run_kernel(self, call: Call, thread: int, threads: int) -> None:
-        """Hand the call and the parameters to the loop below."""
-        _advance_range(*call, Params(self.stiffness, self.damping))
+    @property
+    def kernel(self) -> Callable[..., None]:
+        """The loop below."""
+        return _advance_range
+
+    def parameters(self) -> tuple[Any, ...]:
+        """Return what the loop takes last."""
+        return (Params(self.stiffness, self.damping),)
 
 
 # ------------------------------------------------------------------------------------------------------------- the law

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import looped
 
 NAN, INF = float("nan"), float("inf")
 
@@ -62,12 +63,10 @@ def numeric(name: str, call: Callable[[Any], Any], kind: str, *, or_none: bool =
     return [(row, bad, (*words, "it must be", ALLOWED.get(kind, ""))) for row, bad, words in found]
 
 
-def table(*parts: list[Row]) -> pytest.MarkDecorator:
-    """Return the parameters ``call, words`` of a test."""
+def table(*parts: list[Row]) -> Any:
+    """Return what runs a test of ``call, words`` for every row, and reports each that fails by its name."""
     found = [row for part in parts for row in part]
-    return pytest.mark.parametrize(
-        ("call", "words"), [(call, words) for _, call, words in found], ids=[r[0] for r in found]
-    )
+    return looped("call,words", [(call, words) for _, call, words in found], ids=[name for name, _, _ in found])
 
 
 def refuses(call: Callable[[], Any], words: Iterable[str]) -> None:

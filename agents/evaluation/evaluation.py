@@ -14,6 +14,7 @@ from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.executors import Executor, Serial, WorkerDied
 from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.rollout import BatchDone, Driver, RunBatch, make_batches, simulate_batch
+from crowd_env.envs.settings import AsPhysics, part_of
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 
 from ..controllers import Controller
@@ -149,9 +150,10 @@ def _mean_of(values: Floats, those: Bools) -> Floats:
 
 
 def evaluate(
-    policy: Policy | Controller,
+    policy: str | Policy | Controller,
     scenario: str | Scenario = "room-v0",
     *,
+    physics: AsPhysics | None = None,
     scheme: str | ContactScheme = "nsm2",
     runs: int = 50,
     first_seed: int = HELD_OUT_SEED,
@@ -162,10 +164,18 @@ def evaluate(
 
     Parameters
     ----------
+    physics : as `CrowdEnv` takes it; it goes before ``scheme``.
     progress : called with the number of runs that have just finished.
-    options : further options of `CrowdEnv`; the options that the policy was trained with override them.
+    options : further arguments of `CrowdEnv`; those that the policy was trained with override them.
     """
+    from .. import make_policy  # which knows this file by its tasks
+
     place = make_scenario(scenario)
+    policy = make_policy(policy) if isinstance(policy, str) else policy
+    if physics is not None:
+        part = part_of(Physics, physics)
+        scheme = part.law
+        options |= {"dt": part.dt, "outline": part.outline, "max_drive": part.max_drive, "threads": part.threads}
     driver = driver_of(policy, place, scheme=scheme, **options)
     return evaluate_driver(driver, place, policy.name, scheme, runs=runs, first_seed=first_seed, progress=progress)
 

@@ -134,4 +134,7 @@ def _plain(value: Any) -> Any:
     names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
     kind = type(value).__name__
     said = {"people": "count"} if kind == "Population" else {}  # as digests in files have it
-    return {"": kind} | {said.get(name, name): _plain(getattr(value, name)) for name in names}
+    held = {said.get(name, name): _plain(getattr(value, name)) for name in names}
+    if held.get("solver") == "accelerated":
+        held["solver"] = "auto"  # as they called it
+    return {"": kind} | held

@@ -56,16 +56,9 @@ for _name, _method in vars(dict).items():
 def write_infos(agents: Iterable[str], slots: Ints | slice, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return for each agent the terms of its reward and, if the episode is over, the metrics."""
     terms = {name: values[slots].tolist() for name, values in info.items() if name.startswith("reward/")}
-    infos: dict[str, dict[str, Any]] = dict(zip(agents, _records(terms), strict=True))
+    rows = (dict(zip(terms, row, strict=True)) for row in zip(*terms.values(), strict=True))
+    infos: dict[str, dict[str, Any]] = dict(zip(agents, rows, strict=True))
     for metrics in info["metrics"].values():
         for agent in agents:
             infos[agent]["metrics"] = metrics._asdict()
     return infos
-
-
-def _records(columns: dict[str, list[float]]) -> list[dict[str, float]]:
-    """Return a dictionary for each row of some columns."""
-    if len(columns) == 4:  # as many as crowd_env's own reward terms: in half the time
-        (a, b, c, d), values = columns, zip(*columns.values(), strict=True)
-        return [{a: one, b: two, c: three, d: four} for one, two, three, four in values]
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

@@ -7,7 +7,9 @@ Equation 5 is printed with the unit vector from i to j and would attract; the si
 With omega = sqrt(k / m_e), 1/m_e = 1/m_i + 1/m_j, a contact lasts pi / omega and the deepest overlap is v / omega.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +40,7 @@ from crowd_env.physics.dem_lanes.stages import (
 )
 from crowd_env.physics.driving_force import Influences
 from crowd_env.physics.narrow_phase import find_contacts, gap_to_feature
-from crowd_env.physics.scheme import Call, ContactScheme, SchemeInfo
+from crowd_env.physics.scheme import ContactScheme, SchemeInfo
 from crowd_env.physics.step import contact_range, tick
 from crowd_env.physics.walking.decide import decide_share
 from crowd_env.physics.workspace import Batch
@@ -93,9 +95,19 @@ class DEM(ContactScheme):
         """Return into how many slabs a crowd of so many is cut; the social force is not shared out."""
         return 1 if self.social is not None and driving else int(count_slabs(people))
 
-    def run_kernel(self, call: Call, thread: int, threads: int) -> None:
-        """Advance the environments of a call in place."""
-        _advance_range(*call, self.stiffness, thread, threads)
+    @property
+    def shares_crowds(self) -> bool:
+        """Yes: threads share the slabs of a large crowd."""
+        return True
+
+    @property
+    def kernel(self) -> Callable[..., None]:
+        """The compiled loop."""
+        return _advance_range
+
+    def parameters(self) -> tuple[Any, ...]:
+        """Return the stiffness."""
+        return (self.stiffness,)
 
 
 # ------------------------------------------------------------------------------------------------------------- the law

@@ -23,8 +23,9 @@ What the paper leaves open about WALLS decides whether the crowd blocks: with th
 freezes above 1 m/s already.  The default wall, mu = 0.1 and a social force of 300 N, is FITTED to the paper's Figure 7.
 """
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from crowd_env.physics.driving_force import Influences, regular_forces
 from crowd_env.physics.exits import leave
 from crowd_env.physics.outlines.contacts import detect_discs
 from crowd_env.physics.outlines.turning import add_turning_torques, begin_to_face, lever
-from crowd_env.physics.scheme import Call, ContactScheme, SchemeInfo
+from crowd_env.physics.scheme import ContactScheme, SchemeInfo
 from crowd_env.physics.social_force import SocialForce
 from crowd_env.physics.steering import steer
 from crowd_env.physics.step import begin_call, contact_range, detect, record_impulses, record_overlaps, tick
@@ -173,8 +174,13 @@ class Hertz(ContactScheme):
         lean = (np.add.reduceat(drive, bodies.env_start[:-1]).max() / stiffness) ** (2.0 / 3.0)
         return float(impact + lean)
 
-    def run_kernel(self, call: Call, thread: int, threads: int) -> None:
-        """Advance the environments of a call in place."""
+    @property
+    def kernel(self) -> Callable[..., None]:
+        """The compiled loop."""
+        return _advance_range
+
+    def parameters(self) -> tuple[Any, ...]:
+        """Return stiffness, damping and friction."""
         params = HertzParams(
             self.normal_stiffness,
             self.tangential_stiffness,
@@ -185,7 +191,7 @@ class Hertz(ContactScheme):
             self.wall_friction,
             self.rotation,
         )
-        _advance_range(*call, params)
+        return (params,)
 
 
 @inner_kernel

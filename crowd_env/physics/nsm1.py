@@ -8,8 +8,9 @@ The trial velocity is either V_trial = u(n) + (h/m) f (inertial: grains, and sec
 inelastic.  The linearised gap bounds the true one from below, so what overlap there is comes from the solver: h * tolerance.
 """
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
 from crowd_env.physics.constraints import assemble_no_overlap, restore_impulses, set_impulses, stash_impulses
 from crowd_env.physics.driving_force import Influences, regular_forces
 from crowd_env.physics.exits import leave
-from crowd_env.physics.scheme import Call, IterativeScheme, SchemeInfo
+from crowd_env.physics.scheme import IterativeScheme, SchemeInfo
 from crowd_env.physics.solvers import Stopping, closing_speed, solve
 from crowd_env.physics.steering import steer
 from crowd_env.physics.step import (
@@ -97,9 +98,14 @@ class NSM1(IterativeScheme):
                 "nsm1: people take their desired velocity at once, by no force that max_drive could limit; use nsm1-inertial"
             )
 
-    def run_kernel(self, call: Call, thread: int, threads: int) -> None:
-        """Advance the environments of a call in place."""
-        _advance_range(*call, self.trial == "spontaneous", self.stopping())
+    @property
+    def kernel(self) -> Callable[..., None]:
+        """The compiled loop."""
+        return _advance_range
+
+    def parameters(self) -> tuple[Any, ...]:
+        """Return whether the trial velocity is the spontaneous one, and when the solver stops."""
+        return self.trial == "spontaneous", self.stopping()
 
 
 @inner_kernel

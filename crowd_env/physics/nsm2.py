@@ -11,8 +11,9 @@ exactly inelastic; tangentially u_T+ = u_T- (2 m_e - K_T) / (2 m_e + K_T).  The 
 order of h times the closing speed remains, and is the scheme's, not the solver's.
 """
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from crowd_env.physics.constraints import assemble_no_overlap, assemble_percussi
 from crowd_env.physics.driving_force import Influences, regular_forces
 from crowd_env.physics.exits import leave
 from crowd_env.physics.neighbors.update import FULL
-from crowd_env.physics.scheme import Call, IterativeScheme, SchemeInfo
+from crowd_env.physics.scheme import IterativeScheme, SchemeInfo
 from crowd_env.physics.solvers import Stopping, solve
 from crowd_env.physics.steering import steer
 from crowd_env.physics.step import (
@@ -120,10 +121,15 @@ class NSM2(IterativeScheme):
         """Return one step of head-on closing at twice the desired speed: elastic contacts can double it."""
         return 4.0 * dt * float(bodies.desired_speed.max())
 
-    def run_kernel(self, call: Call, thread: int, threads: int) -> None:
-        """Advance the environments of a call in place."""
+    @property
+    def kernel(self) -> Callable[..., None]:
+        """The compiled loop."""
+        return _advance_range
+
+    def parameters(self) -> tuple[Any, ...]:
+        """Return the dissipation, when the solver stops, and the share of an overlap that is taken back."""
         params = NSM2Params(self.normal_dissipation, self.tangential_dissipation, self.reaction == "dissipative")
-        _advance_range(*call, params, self.stopping(), self.position_correction or None)
+        return params, self.stopping(), self.position_correction or None
 
 
 @inner_kernel

@@ -1,20 +1,18 @@
 """What a contact scheme is: facts, a frozen dataclass of parameters, and one compiled call that advances a batch of crowds."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Bodies
 from crowd_env.core.checks import COUNT, POSITIVE, number, whole
 from crowd_env.core.kernels.struct_ref import StructRef
-from crowd_env.physics.driving_force import Influences, influences
+from crowd_env.physics.driving_force import influences
 from crowd_env.physics.social_force import SocialForce, make_social
 from crowd_env.physics.solvers import SolverName, Stopping
-
-# What the kernel of every scheme takes first: batch, dt, n_substeps, env_first, env_stop (see `ContactScheme.advance`), acting.
-Call = tuple[StructRef, float, int, int, int, Influences]
 
 
 @dataclass(frozen=True)
@@ -28,7 +26,7 @@ class SchemeInfo:
     conserves_energy_at_contact: bool  # of two bodies, with the default parameters
     overlap: str  # what overlap its default parameters leave, in words
     stable_step: str  # formula of the largest stable time step
-    uses: tuple[str, ...]  # of the arrays in `workspace.OPTIONAL`; a social force adds what it needs
+    uses: tuple[str, ...]  # of what arrays of `workspace` need; a social force adds its own
     contacts_at: Literal["start", "end"] = "start"  # of the step: where the listed contacts are those of the positions
     default_dt: float = 0.01  # s  physics step unless a caller gives one: the paper's
     impulses_are_forces: bool = (
@@ -40,8 +38,9 @@ class SchemeInfo:
 class ContactScheme(ABC):
     """Base of all schemes: a frozen dataclass of parameters; all memory is handed in.
 
-    A scheme has to give `info`, `overlap_bound` and `run_kernel`.  The defaults of the rest are those of a scheme that is
-    unconditionally stable in contact, moves pedestrians and grains, and steps a crowd on one thread.
+    A scheme has to give `info`, `overlap_bound`, `kernel` and `parameters`; ``examples/my_law.py`` is one to begin with.  The
+    defaults of the rest are those of a scheme that is unconditionally stable in contact, moves pedestrians and grains, and
+    steps a crowd on one thread.
 
     Parameters
     ----------
@@ -67,6 +66,11 @@ class ContactScheme(ABC):
     @abstractmethod
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return the overlap [m] below which the scheme stays in a room of people who push at their desired speed."""
+
+    @property
+    def shares_crowds(self) -> bool:
+        """Whether several threads can step one crowd together: the kernel then takes ``thread, threads`` last."""
+        return False
 
     @property
     def turns_bodies(self) -> bool:
@@ -95,11 +99,18 @@ class ContactScheme(ABC):
         `Workspace.substep` says from where.  Other environments are neither read nor written.  With ``threads`` > 1 as many
         threads make this call at once, each with its own number ``thread``, and share the slabs.
         """
-        self.run_kernel((batch, dt, n_substeps, env_first, env_stop, influences(self.social, batch)), thread, threads)
+        acting = influences(self.social, batch)
+        shared = (thread, threads) if self.shares_crowds else ()
+        self.kernel(batch, dt, n_substeps, env_first, env_stop, acting, *self.parameters(), *shared)
+
+    @property
+    @abstractmethod
+    def kernel(self) -> Callable[..., None]:
+        """The compiled loop of the scheme: of the batch, dt, n_substeps, env_first, env_stop, acting and `parameters`."""
 
     @abstractmethod
-    def run_kernel(self, call: Call, thread: int, threads: int) -> None:
-        """Hand a call to the kernel of the scheme, with the scheme's own parameters behind what every kernel takes."""
+    def parameters(self) -> tuple[Any, ...]:
+        """Return the scheme's own parameters as its kernel takes them."""
 
 
 @dataclass(frozen=True)
@@ -112,14 +123,14 @@ class IterativeScheme(ContactScheme):
     relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
         without any impulse.
     max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
-    solver : "gauss-seidel", "accelerated" (with momentum), or "auto": the faster one, here the second.
+    solver : "accelerated" (with momentum) or "gauss-seidel", which is slower.
     """
 
     _: KW_ONLY
     tolerance: float = 1e-4
     relative_tolerance: float | None = None
     max_iterations: int = 20_000
-    solver: SolverName = "auto"
+    solver: SolverName = "accelerated"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -131,11 +142,11 @@ class IterativeScheme(ContactScheme):
     def stopping(self) -> Stopping:
         """Return when the solver stops, as kernels read it."""
         relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
-        return Stopping(self.tolerance, relative, self.max_iterations, self.solver != "gauss-seidel")
+        return Stopping(self.tolerance, relative, self.max_iterations, self.solver == "accelerated")
 
 
 def arrays_of(scheme: ContactScheme, keeps_headway: bool = False, with_outline: bool = False) -> frozenset[str]:
-    """Return which of the arrays in `workspace.OPTIONAL` a scheme works with, and people with a headway or an outline."""
+    """Return what arrays of `workspace` are needed: by a scheme, and by people with a headway or an outline."""
     social = ("desired_velocity", "force", "heading", "social_pairs") if scheme.social is not None else ()
     of_people = (*(("walking",) if keeps_headway else ()), *(("discs",) if with_outline else ()))
     return frozenset((*scheme.info.uses, *social, *of_people))

@@ -16,7 +16,7 @@ from crowd_env.core.arrays.state import Floats, Indices
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.constraints import Constraints, Extent
 
-SolverName = Literal["auto", "gauss-seidel", "accelerated"]
+SolverName = Literal["accelerated", "gauss-seidel"]
 # The momentum may not exceed 1 - this / sqrt(rows): the slowest motions of a jam are as wide as the jam.  Measured from 300 to
 # 5000 people: up to 20 % fewer sweeps to 1e-3 of the first residual.
 _RESISTANCE = 1.5

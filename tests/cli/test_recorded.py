@@ -13,6 +13,8 @@ from crowd_env.cli.main import app
 from crowd_env.recording import load, record
 from crowd_env.scenarios import make_scenario
 
+pytestmark = pytest.mark.more
+
 
 def replay(*arguments: str | Path) -> tuple[int, str]:
     """Return the exit code, and what the command said."""

@@ -180,14 +180,14 @@ ARRAYS = [
 ]
 
 
-@pytest.mark.parametrize(("said", "action"), ARRAYS)
+@looped(("said", "action"), ARRAYS)
 def test_actions_that_are_none_are_refused(env, said, action):
     before = env.simulation.state.copy()
     refuses(lambda: env.step(action), ("action", said))
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(before, env.simulation.state, strict=True))
 
 
-@pytest.mark.parametrize(
+@looped(
     ("action", "said"),
     [
         *[(action, "action") for action in ("no", 1.5, [1j] * PEOPLE, [0])],
@@ -208,12 +208,12 @@ def test_who_is_scripted_is_said_by_flags(env, scripted):
     refuses(lambda: env.step(np.zeros((PEOPLE, 2)), scripted), ("scripted",))
 
 
-@pytest.mark.parametrize("mask", ["no", True, [1, 0], np.zeros(3, bool), [0.5, 0.5], {}, [[True], [True]]])
+@looped("mask", ["no", True, [1, 0], np.zeros(3, bool), [0.5, 0.5], {}, [[True], [True]]])
 def test_masks_that_are_no_flags_are_refused(env, mask):
     refuses(lambda: env.reset(mask=mask), ("mask",))
 
 
-@pytest.mark.parametrize(
+@looped(
     ("seed", "said"),
     [
         *[(seed, "seed") for seed in (1.5, "0", True, NAN, [0, 1, 2], [0, "1"], [0, True], {}, 1j)],
@@ -224,7 +224,7 @@ def test_seeds_that_are_none_are_refused(env, seed, said):
     refuses(lambda: env.reset(seed), ("seed", said))
 
 
-@pytest.mark.parametrize("e", [-1, 2, 0.5, "0", None, NAN, True, [0]])
+@looped("e", [-1, 2, 0.5, "0", None, NAN, True, [0]])
 def test_environments_that_are_not_there_have_no_metrics_and_no_people(env, e):
     refuses(lambda: env.metrics(e), ("environment", "0 to 1"))
     refuses(lambda: env.people(e), ("environment", "0 to 1"))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import looped
 from evacuations import evacuated
 from repository import ROOT
 
@@ -282,8 +283,8 @@ def test_who_follows_the_rule_need_not_have_an_action(frame):
     assert first.observation.any()
 
 
-@pytest.mark.parametrize("frame", ["path", "world"])
-@pytest.mark.parametrize("k", range(9))
+@looped("frame", ["path", "world"])
+@looped("k", range(9))
 def test_each_discrete_action_does_what_it_says(k, frame):
     start = np.array([2.5, 4.0])
     env = lone_walker(start, action={"name": "discrete", "frame": frame})

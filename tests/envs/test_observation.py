@@ -5,6 +5,7 @@ from itertools import islice
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from crowds import cluttered
 
 from crowd_env import CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform, make_scenario
@@ -316,7 +317,7 @@ def test_a_turned_room_is_perceived_as_turned(frame):
 # ------------------------------------------------------------------------------------------------------------ layout
 
 
-@pytest.mark.parametrize("term", TERMS)
+@looped("term", TERMS)
 def test_each_term_can_be_had_alone_and_is_the_same_then(term):
     single = ObservationLayout(terms=(term,), neighbors=7, rays=12)
     for (_, whole), (env, part) in zip(crowds(), crowds(layout=single), strict=True):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import looped
 
 from crowd_env import make_scenario, parallel_env
 
@@ -87,8 +88,8 @@ def test_an_action_along_x_is_along_x_in_the_frame_of_the_world():
     assert moved[1] > 0.01 and moved[0] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("everyone", [False, True])
-@pytest.mark.parametrize(
+@looped("everyone", [False, True])
+@looped(
     ("kind", "action", "words"),
     [
         ("continuous", np.zeros(3), r"_1 .*\(3,\).*\(2,\)"),
@@ -121,7 +122,7 @@ def test_a_malformed_action_is_refused_by_name(kind, action, words, everyone):
     assert env.env.simulation.state.time[0] == 0.0
 
 
-@pytest.mark.parametrize(("kind", "shape"), [("continuous", (1, 2)), ("discrete", (1,))])
+@looped(("kind", "shape"), [("continuous", (1, 2)), ("discrete", (1,))])
 def test_actions_of_as_many_numbers_that_are_all_malformed_alike_are_refused(kind, shape):
     env = parallel_env(action=kind, **SMALL)
     env.reset(seed=0)
@@ -129,7 +130,7 @@ def test_actions_of_as_many_numbers_that_are_all_malformed_alike_are_refused(kin
         env.step(dict.fromkeys(env.agents, np.zeros(shape, dtype=np.float32)))
 
 
-@pytest.mark.parametrize(
+@looped(
     ("actions", "words"),
     [
         (None, "actions is None; it must be a dictionary"),

@@ -176,7 +176,7 @@ def test_max_cycles_is_the_time_limit_in_decisions():
     assert cycles == 7
 
 
-@pytest.mark.parametrize("cycles", [0, -1, float("nan"), float("inf"), 2.5, True, "7", [7]])
+@looped("cycles", [0, -1, float("nan"), float("inf"), 2.5, True, "7", [7]])
 def test_a_number_of_cycles_that_is_none_is_refused(cycles):
     with pytest.raises(ValueError, match=r"max_cycles is .*at least 1"):
         parallel_env(max_cycles=cycles, people=1)

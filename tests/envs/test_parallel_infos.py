@@ -4,7 +4,7 @@ import copy
 import json
 import pickle
 
-import pytest
+from cases import looped
 
 from crowd_env import CrowdEnv, parallel_env
 from crowd_env.envs.lazy_infos import LazyInfos
@@ -35,7 +35,7 @@ def merged(first, second):
     return first
 
 
-@pytest.mark.parametrize(
+@looped(
     "look",
     [
         copy.copy,
@@ -61,7 +61,7 @@ def test_a_copy_of_infos_is_a_plain_dictionary(look):
         assert seen == expected == infos
 
 
-@pytest.mark.parametrize(
+@looped(
     "look",
     [
         lambda infos: infos,

@@ -5,6 +5,7 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from cases import looped
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as wrappers
 
@@ -284,8 +285,8 @@ def test_a_partial_reset_leaves_the_others_as_they_are(kind, mode):
     np.testing.assert_array_equal(rows[1], single.step(action[1])[0])
 
 
-@pytest.mark.parametrize("kind", ["crowd", "routing"])
-@pytest.mark.parametrize(
+@looped("kind", ["crowd", "routing"])
+@looped(
     ("options", "words"),
     [
         ({"reset_mask": [True, False, True]}, r"reset_mask is \[True.*NumPy array of 3 booleans"),
@@ -323,7 +324,7 @@ def test_all_are_reset_before_some_are_and_before_a_step(kind):
         env.step(env.action_space.sample())
 
 
-@pytest.mark.parametrize("kind", ["crowd", "routing"])
+@looped("kind", ["crowd", "routing"])
 def test_an_unknown_way_of_restarting_is_refused(kind):
     with pytest.raises(ValueError, match="unknown autoreset_mode 'later'; known: NextStep, SameStep, Disabled"):
         one(kind)[1](2, autoreset_mode="later")
@@ -339,7 +340,7 @@ def test_an_unknown_way_of_restarting_is_refused(kind):
 # ------------------------------------------------------------------------------------------------------------ actions
 
 
-@pytest.mark.parametrize(
+@looped(
     ("kind", "action", "words"),
     [
         ("crowd", None, r"is None; it must be an array of real numbers of the shape \(3, 5, 2\)"),

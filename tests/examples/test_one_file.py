@@ -21,7 +21,7 @@ LAWS = pytest.mark.parametrize("law", SCHEMES, ids=["dem", "nsm1"])
 
 
 def room(law, decision_dt=one_file.H, **options):
-    return CrowdEnv("room-v0", scheme=SCHEMES[law], decision_dt=decision_dt, **options)
+    return CrowdEnv("room-v0", physics=SCHEMES[law], decision_dt=decision_dt, **options)
 
 
 def copy_of(simulation):
@@ -89,7 +89,7 @@ def test_what_people_see_and_are_paid():
 @LAWS
 def test_exit_times_have_the_same_distribution(law, draws=60):
     """Kolmogorov and Smirnov, over draws: the time by which half are out, and all."""
-    env = CrowdEnv("room-v0", num_envs=draws, scheme=("dem", "nsm1")[law])
+    env = CrowdEnv("room-v0", num_envs=draws, physics=("dem", "nsm1")[law])
     env.reset(seed=0)
     while not env.finished.all():
         env.step()

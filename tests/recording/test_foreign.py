@@ -58,6 +58,7 @@ def test_positions_are_read_and_what_follows_from_them(write, suffix, tmp_path):
         assert kept.walkable == SQUARE
 
 
+@pytest.mark.more
 @looped(
     ("content", "words"),
     [

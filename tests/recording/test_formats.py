@@ -42,6 +42,7 @@ def test_every_format_brings_everything_back(case, suffix, tmp_path):
     assert sorted(tmp_path.iterdir()) == [grown, path]  # nothing is left of how they were made
 
 
+@pytest.mark.more
 def test_the_cases_hold_what_they_are_for(case):
     name, _, _, kept = case
     out = np.isfinite(kept.exit_time)
@@ -59,6 +60,7 @@ def test_the_cases_hold_what_they_are_for(case):
     assert kept.facts["finished"] and kept.facts["scenario"] == "two-doors" and kept.facts["seed"] == 3
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("suffix", WRITTEN)
 def test_what_was_there_is_replaced_only_by_a_whole_recording(suffix, tmp_path, monkeypatch):
     path = tmp_path / f"run{suffix}"
@@ -75,6 +77,7 @@ def test_what_was_there_is_replaced_only_by_a_whole_recording(suffix, tmp_path, 
     assert load(path).facts["seed"] == 3 and list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.more
 def test_a_missing_library_is_one_sentence_before_the_work(tmp_path, monkeypatch):
     suffix, library = ".h5", "h5py"
     monkeypatch.setitem(sys.modules, library, None)
@@ -90,6 +93,7 @@ def _empty(path):
     return path
 
 
+@pytest.mark.more
 @looped("name", ["run.mp4", "run"])
 def test_other_suffixes_are_refused(name, tmp_path):
     for work in (lambda: RunRecorder(tmp_path / name), lambda: load(tmp_path / name)):
@@ -101,6 +105,7 @@ def test_other_suffixes_are_refused(name, tmp_path):
         load(tmp_path / "run.parquet")
 
 
+@pytest.mark.more
 @looped("suffix", FORMATS)
 def test_what_is_no_recording_is_said_to_be_none(suffix, tmp_path):
     for content in (
@@ -136,6 +141,7 @@ def test_a_damaged_file_is_one_sentence(suffix, tmp_path):
             assert str(path) in str(error) and "\n" not in str(error)
 
 
+@pytest.mark.more
 def test_other_tables_are_no_recording(tmp_path):
     import h5py
 
@@ -146,6 +152,7 @@ def test_other_tables_are_no_recording(tmp_path):
             load(tmp_path / f"a{suffix}")
 
 
+@pytest.mark.more
 def test_a_missing_file_points_to_what_is_left_of_it(tmp_path):
     with pytest.raises(ValueError, match=r"there is no recording .*run\.h5$"):
         load(tmp_path / "run.h5")
@@ -154,6 +161,7 @@ def test_a_missing_file_points_to_what_is_left_of_it(tmp_path):
         load(tmp_path / "run.h5")
 
 
+@pytest.mark.more
 def test_a_long_plan_fits_into_every_format(tmp_path):
     """HDF5 keeps attributes of up to 64 kB only, unless told otherwise."""
     place = Geometry.from_polygon(Point(0, 0).buffer(10, quad_segs=1000), exits={"cut": box(9, -2, 11, 2)})

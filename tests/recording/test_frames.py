@@ -91,7 +91,9 @@ def test_everybody_crosses_the_line_between_two_frames():
     assert (np.hypot(*straight.T) < 1e-9).mean() > 0.2  # where nothing is in the way, that is where they are
 
 
-@pytest.mark.parametrize("executor", [None, Processes(2)], ids=["here", "processes"])
+@pytest.mark.parametrize(
+    "executor", [None, pytest.param(Processes(2), marks=pytest.mark.more)], ids=["here", "processes"]
+)
 def test_recorded_runs_are_the_same_bit_by_bit(executor, tmp_path):
     runs = 4
     plain = run_episodes(ROOM, runs, seed=7)
@@ -127,9 +129,8 @@ class Received(RunRecorder):
         return super().record(env, e), self.impulse
 
 
-@pytest.mark.parametrize("every", [1, 3])
 @pytest.mark.parametrize("scheme", ["nsm2", "nsm1-inertial", "dem", "hertz", "torso"])
-def test_mean_forces_add_up_to_the_impulse_that_people_received(scheme, every):
+def test_mean_forces_add_up_to_the_impulse_that_people_received(scheme, every=3):
     """Action and reaction: over the time between frames, the contacts of a person bring what that one has received."""
     room = make_scenario("room-v0", people=30, side=5.0, door_width=0.8, time_limit=4.0)
     place = replace(room, outline="torso" if scheme == "torso" else None)
@@ -171,6 +172,7 @@ def test_a_contact_tells_where_two_touched():
     assert np.hypot(*(contacts.point[rows][pairs] - middle).T).max() < 0.1  # 0.1 s before at most
 
 
+@pytest.mark.more
 def test_a_simulation_that_was_listened_to_goes_on_alone(tmp_path):
     env = CrowdEnv("room-v0", num_envs=2)
     recorder = RunRecorder(tmp_path / "run.sqlite", contacts=True)
@@ -182,6 +184,7 @@ def test_a_simulation_that_was_listened_to_goes_on_alone(tmp_path):
         assert not env.simulation.listeners
 
 
+@pytest.mark.more
 def test_large_crowds_are_the_same_bit_by_bit():
     """They lie in the order of space, which is made anew now and then, never for a listener."""
     place = make_scenario("room-v0", side=40.0, people=1200, door_width=2.0, time_limit=2.5)
@@ -205,6 +208,7 @@ def test_the_number_inside_is_that_of_the_exit_times():
     assert kept.inside([middle - 1e-9, middle]).tolist() == [11, 10]
 
 
+@pytest.mark.more
 def test_a_recorder_travels_while_it_records(tmp_path):
     env = CrowdEnv("room-v0", num_envs=2)
     env.reset(seed=0)

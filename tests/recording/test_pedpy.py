@@ -91,6 +91,7 @@ def test_the_flow_is_the_one_of_our_report(door):
     assert flow.flow.mean() == pytest.approx(episode.metrics.flow, rel=0.15)
 
 
+@pytest.mark.more
 def test_the_voronoi_density_counts_the_people_in_the_room(door):
     """Over all of the area, cells of everybody fill it: N / A, which we know."""
     _, kept, trajectory, area = door

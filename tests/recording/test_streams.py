@@ -16,6 +16,8 @@ from crowd_env.recording import FORMATS, FrameContacts, Recording, load, record
 from crowd_env.recording.recorder import RunningRecording
 from crowd_env.recording.writer import part_of
 
+pytestmark = pytest.mark.more
+
 WRITTEN = [suffix for suffix, one in FORMATS.items() if one.write is not None]
 SCENARIO, OPTIONS = "room-v0", {"scheme": "dem", "seed": 3, "contacts": True}
 KILLED = f"""

@@ -82,6 +82,7 @@ def test_gif_lasts_as_long_as_the_evacuation_and_is_small(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["room.gif"]  # no temporary file is left
 
 
+@pytest.mark.more
 def test_a_long_evacuation_runs_faster_and_the_picture_says_so(tmp_path):
     film = recording(end=4.0, finish=False, times=np.linspace(0.0, 100.0, 41))
     drawn = []
@@ -93,6 +94,7 @@ def test_a_long_evacuation_runs_faster_and_the_picture_says_so(tmp_path):
     assert words.any() and not words[30:].any()  # in the line above the axes
 
 
+@pytest.mark.more
 def test_gif_keeps_flat_colors(tmp_path):
     film = recording(end=1.0, people=5)
     with PIL_Image.open(write_film(tmp_path / "a.gif", film, fps=5.0, width=320)) as gif:
@@ -101,6 +103,7 @@ def test_gif_keeps_flat_colors(tmp_path):
         assert (image == color).all(axis=-1).any(), color
 
 
+@pytest.mark.more
 def test_gif_shows_every_color_nearly_as_it_is(tmp_path):
     film = recording(end=2.0, people=30)
     still = np.asarray(PIL_Image.open(write_still(tmp_path / "a.png", film, 1.5, width=400))).astype(int)
@@ -111,6 +114,7 @@ def test_gif_shows_every_color_nearly_as_it_is(tmp_path):
     assert apart.mean() < 1.0 and np.quantile(apart, 0.999) <= 20  # letters and edges have fewer colors
 
 
+@pytest.mark.more
 def test_mp4_shows_the_evacuations_side_by_side_for_the_time_asked(tmp_path):
     films = [recording(end=2.0), recording(end=3.0)]
     path = write_film(tmp_path / "two.mp4", films, fps=10.0, width=431, max_seconds=2.5, hold=0.5)
@@ -121,6 +125,7 @@ def test_mp4_shows_the_evacuations_side_by_side_for_the_time_asked(tmp_path):
     assert len(list(reader)) == 25 + 1 + 5
 
 
+@pytest.mark.more
 def test_an_evacuation_that_is_over_holds_its_last_frame(tmp_path):
     films = [recording(end=1.0), recording(end=3.0)]
     left = [
@@ -137,6 +142,7 @@ def test_a_still_shows_the_moment_of_most_pressure(tmp_path):
     assert 0.0 < recording(pressure=0 * pressure).peak_time() < 4.0
 
 
+@pytest.mark.more
 def test_a_strip_shows_several_moments(tmp_path):
     path = write_strip(tmp_path / "new" / "strip.png", recording(), [0.0, 1.0, 3.0], width=900)
     assert PIL_Image.open(path).size[0] == 900
@@ -144,6 +150,7 @@ def test_a_strip_shows_several_moments(tmp_path):
         write_strip(tmp_path / "strip.png", recording(), [])
 
 
+@pytest.mark.more
 @looped("name", ["film.avi", "film"])
 def test_unknown_suffixes_are_refused_and_the_known_are_named(tmp_path, name):
     with pytest.raises(ValueError, match=r"\.gif, \.mp4, \.png"):
@@ -154,6 +161,7 @@ def test_unknown_suffixes_are_refused_and_the_known_are_named(tmp_path, name):
         egress_curves(tmp_path / name, {"a": [[1.0]]})
 
 
+@pytest.mark.more
 def test_a_film_that_fails_leaves_the_old_one(tmp_path):
     path = tmp_path / "film.gif"
     path.write_text("the old one")
@@ -168,6 +176,7 @@ def test_a_film_that_fails_leaves_the_old_one(tmp_path):
     assert len(list(tmp_path.iterdir())) == 1
 
 
+@pytest.mark.more
 def test_films_need_recordings_and_a_rate(tmp_path):
     with pytest.raises(ValueError, match="at least one recording"):
         write_film(tmp_path / "a.gif", [])
@@ -177,6 +186,7 @@ def test_films_need_recordings_and_a_rate(tmp_path):
         write_film(tmp_path / "a.gif", recording(), speed=-1.0)
 
 
+@pytest.mark.more
 def test_groups_have_rims_and_names_in_their_colors(tmp_path):
     film = recording(people=12)
     groups = recording(people=12, groups=("quick", "slow"))
@@ -192,6 +202,7 @@ def test_groups_have_rims_and_names_in_their_colors(tmp_path):
 # ------------------------------------------------------------------------------------------------------------- figures
 
 
+@pytest.mark.more
 def test_figures_are_written_and_touch_no_global_setting(tmp_path):
     before = dict(matplotlib.rcParams)
     rng = np.random.default_rng(0)
@@ -219,6 +230,7 @@ def test_figures_are_written_and_touch_no_global_setting(tmp_path):
         assert not sys.modules["matplotlib.pyplot"].get_fignums()
 
 
+@pytest.mark.more
 def test_figures_of_nothing_are_refused(tmp_path):
     with pytest.raises(ValueError, match="'rule' has no evacuation"):
         egress_curves(tmp_path / "a.png", {"rule": []})

@@ -124,6 +124,7 @@ def test_widths_are_proportional_to_forces_and_pulls_are_not_drawn(color):
     assert len(drawn_lines(force_network_figure(forces_in())).get_linewidths()) == 2
 
 
+@pytest.mark.more
 def test_pictures_with_the_same_full_force_can_be_compared():
     weak = drawn_lines(force_network_figure(forces_in(force=(100.0, 50.0, 10.0)), full_force=400.0))
     strong = drawn_lines(force_network_figure(forces_in(force=(400.0, 50.0, 10.0)), full_force=400.0))
@@ -141,6 +142,7 @@ def test_lines_join_centers_and_the_point_of_the_wall():
     assert ((first > 0) & (first < (width, height))).all()
 
 
+@pytest.mark.more
 def test_the_picture_shows_walls_and_the_widths_of_its_legend_are_those_of_the_lines(tmp_path):
     from PIL import Image
 
@@ -154,6 +156,7 @@ def test_the_picture_shows_walls_and_the_widths_of_its_legend_are_those_of_the_l
     assert widths == pytest.approx(max(drawn_lines(figure).get_linewidths()) * np.array([0.2, 0.4, 1.0]))
 
 
+@pytest.mark.more
 def test_a_big_place_is_cut_to_the_exit_at_which_people_press():
     people = np.array([(38.0, 9.0), (38.5, 9.0), (39.0, 9.0)])
     segments = np.array(drawn_lines(force_network_figure(forces_in(LONG, people))).get_segments())
@@ -169,6 +172,7 @@ def test_a_big_place_is_cut_to_the_exit_at_which_people_press():
     assert (x > 0).all() and (x < width).all() and (y > 0).all() and (y < height).all()
 
 
+@pytest.mark.more
 @looped("geometry", [HALL, ROOM, LONG])
 def test_nobody_who_presses_is_a_picture_too(geometry, tmp_path):
     nothing = forces_in(geometry, force=(0.0, 0.0, 0.0), active=[False] * 3)
@@ -176,6 +180,7 @@ def test_nobody_who_presses_is_a_picture_too(geometry, tmp_path):
     assert path.stat().st_size > 1000 and [file.name for file in tmp_path.iterdir()] == ["a.png"]
 
 
+@pytest.mark.more
 def test_a_simulation_is_drawn_as_it_stands(tmp_path):
     env = CrowdEnv("room-v0", physics="hertz")
     env.reset(seed=1)
@@ -184,6 +189,7 @@ def test_a_simulation_is_drawn_as_it_stands(tmp_path):
     assert write_force_network(tmp_path / "a.png", env.simulation).stat().st_size > 1000
 
 
+@pytest.mark.more
 @looped("bad", [{"around": 0.0}, {"around": np.nan}, {"full_force": -1.0}])
 def test_nonsense_is_refused(bad, tmp_path):
     with pytest.raises(ValueError, match="must be > 0"):

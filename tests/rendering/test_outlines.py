@@ -17,6 +17,8 @@ from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.live import draw_env
 from crowd_env.scenarios import make_scenario
 
+pytestmark = pytest.mark.more
+
 ROOM = Geometry.from_polygon(box(0, 0, 4, 3))
 
 

@@ -86,6 +86,7 @@ def test_a_disc_that_touches_a_wall_is_seen_to_touch_it():
     assert (free[int(y), int(x) + 1 : int(x) + 3] == FLOOR).all()
 
 
+@pytest.mark.more
 def test_obstacles_are_shaded_and_courtyards_are_not_floor():
     renderer = Renderer(PLANS["courtyard"], width=500)
     image = renderer.frame(np.empty((0, 2)), [])
@@ -93,12 +94,14 @@ def test_obstacles_are_shaded_and_courtyards_are_not_floor():
     assert tuple(image[0, 0]) == BACKGROUND
 
 
+@pytest.mark.more
 def test_an_exit_that_people_walk_into_is_green_all_over():
     geometry = Geometry.from_polygon([(0, 0), (9, 0), (9, 9), (0, 9)], exits={"lift": box(4, 4, 6, 6)})
     renderer = Renderer(geometry, width=400)
     assert color_at(renderer, renderer.frame(np.empty((0, 2)), []), (5, 5)) == EXIT_MAT
 
 
+@pytest.mark.more
 def test_thin_walls_are_seen_from_both_sides():
     geometry = Geometry.from_polygon(
         [(0, 0), (5, 0), (5, 5), (0, 5)], exits={"door": [(5, 2), (5, 3)]}, thin_walls=[[(1, 2.5), (3, 2.5)]]
@@ -118,12 +121,14 @@ def test_whoever_left_is_not_drawn():
     np.testing.assert_array_equal(empty, elsewhere)
 
 
+@pytest.mark.more
 def test_nan_positions_and_people_beyond_the_image_do_no_harm():
     renderer = Renderer(ROOM, width=300)
     image = renderer.frame([[np.nan, 1.0], [90.0, 1.0], [5.3, 2.5], [-0.4, -0.4]], 0.3, color_value=[0, np.nan, 2, -1])
     assert image.dtype == np.uint8
 
 
+@pytest.mark.more
 def test_the_same_moment_gives_the_same_image_and_leaves_the_next_alone():
     seen = recording().at(2.0)
     kwargs = {"velocity": seen.velocity, "color_value": seen.pressure / FULL_PRESSURE}
@@ -135,6 +140,7 @@ def test_the_same_moment_gives_the_same_image_and_leaves_the_next_alone():
     np.testing.assert_array_equal(first, again.frame(seen.position, 0.22, title="room", clock=2.0, **kwargs))
 
 
+@pytest.mark.more
 def test_text_tells_time_people_and_title():
     renderer = Renderer(ROOM, width=400)
     header = renderer.layout.header
@@ -196,6 +202,7 @@ def test_small_people_are_dots_and_every_one_of_a_thousand_is_seen():
 # ------------------------------------------------------------------------------------------------------------- window
 
 
+@pytest.mark.more
 def test_window_shows_frames_paces_them_and_closes():
     pygame = pytest.importorskip("pygame")
     frame = Renderer(ROOM, width=200).frame([[1.0, 1.0]], 0.2)
@@ -216,6 +223,7 @@ def test_window_shows_frames_paces_them_and_closes():
 # ----------------------------------------------------------------------------------------------------------- libraries
 
 
+@pytest.mark.more
 def test_importing_loads_no_drawing_library_and_frames_need_pillow_alone():
     program = """
 import sys
@@ -236,12 +244,14 @@ print(image.shape)
     assert result.stdout.endswith("200, 3)\n")
 
 
+@pytest.mark.more
 def test_a_missing_library_is_named_with_what_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(ModuleNotFoundError, match=r"pygame.*: pip install pygame matplotlib pillow imageio-ffmpeg"):
         Window().show(np.zeros((60, 80, 3), dtype=np.uint8))
 
 
+@pytest.mark.more
 def test_several_exits_have_their_names_beside_them_and_a_single_one_has_none():
     room, door = box(0, 0, 8, 5), [(8, 2), (8, 3)]
     frames = {}

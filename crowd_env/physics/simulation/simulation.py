@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from crowd_env.core.arrays.headway import Manner, make_manner
-from crowd_env.core.arrays.outline import NO_OUTLINE, BodyShape, make_outline
+from crowd_env.core.arrays.outline import NO_OUTLINE, BodyShape, Outline, make_outline
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state
 from crowd_env.core.checks import known, whole
 from crowd_env.core.kernels.struct_ref import struct_ref
-from crowd_env.geometry.geometry import Geometry, join_boundaries
+from crowd_env.geometry.geometry import Boundary, Geometry, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.geometry.wall_grid import make_wall_grid, no_wall_grid
 from crowd_env.physics import ContactScheme, check_outline, make_scheme
@@ -45,6 +45,7 @@ from crowd_env.physics.spatial_order import SortedCrowd
 from crowd_env.physics.workspace import (
     Batch,
     Command,
+    Control,
     World,
     add_diagnostics,
     allocate_control,
@@ -61,6 +62,32 @@ from crowd_env.routing.replanning import RoutePlanner
 from crowd_env.routing.route_set import RouteSet
 
 _IN_PLACE = ("world", "state", "bodies", "results", "history", "workspace")  # others hold on to their arrays
+
+
+def build(
+    bodies: Bodies,
+    state: CrowdState,
+    control: Control,
+    scheme: ContactScheme,
+    boundary: Boundary,
+    geometry_of_env: Ints,
+    planner: RoutePlanner,
+    doors: int,
+    outline: Outline | None,
+) -> Batch:
+    """Return all that a step of ``scheme`` works on: the world around these people, room for results, history and scratch."""
+    guidance, keeps_headway = planner.guidance, control.keeps_headway
+    count, sight = len(boundary.exit_start) - 1, control.headway.sight
+    walls = make_wall_grid(boundary, sight + 1.0) if keeps_headway else no_wall_grid(count)
+    body = NO_OUTLINE if outline is None else outline.params()
+    uses = arrays_of(scheme, keeps_headway, outline is not None)
+    workspace = allocate_workspace(bodies, uses=uses, discs=len(body.radius))
+    signs = int(np.diff(guidance.rule.start).max(initial=0))
+    history = allocate_history(bodies, workspace.neighbors, signs, doors, uses)
+    history.followed[:] = state.route
+    world = World(boundary, by_reference(planner.field), geometry_of_env, guidance, walls, body)
+    results = allocate_results(len(bodies.radius), len(state.time))
+    return Batch(world, bodies, state, control, results, history, workspace)
 
 
 class Simulation:
@@ -128,41 +155,36 @@ class Simulation:
         check_outline(shape, self.scheme)
         check_step(self.scheme, bodies, dt, allow_unstable, shape)
         self.fields = fields_of(self.geometries, fields, bodies)
-        environments = len(state.time)
-        which = which_geometry(geometry_of_env, environments, len(self.geometries))
+        which = which_geometry(geometry_of_env, len(state.time), len(self.geometries))
         boundary = join_boundaries(self.geometries)
         keep_distance = headway is not None
         self.planner = RoutePlanner(self.fields, which, boundary, replan_every, keep_distance=keep_distance)
-        guidance = self.planner.guidance
-        walls = no_wall_grid(len(self.geometries)) if headway is None else make_wall_grid(boundary, headway.sight + 1.0)
-        body = NO_OUTLINE if shape is None else shape.params()
-        self.world = World(boundary, by_reference(self.planner.field), which, guidance, walls, body)
         self._set_inertia(slice(None))
         plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
         closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
         self._door_schedule = DoorSchedule(self.geometries, closed, events, which)
-        doors = max(len(place.doors) for place in self.geometries)
-        rules = int(np.diff(guidance.rule.start).max(initial=0))
-        uses = arrays_of(self.scheme, headway is not None, shape is not None)
-        self.results = allocate_results(len(bodies.radius), environments)
-        self.workspace = allocate_workspace(bodies, uses=uses, discs=len(body.radius))
-        self.history = allocate_history(bodies, self.workspace.neighbors, rules, doors, uses)
-        routes = (guidance.field_of_route >= 0).sum(axis=1)
+        routes = (self.planner.guidance.field_of_route >= 0).sum(axis=1)
         self._routes_of_person = np.repeat(routes, np.diff(bodies.env_start))
         check_routes(state.route, self._routes_of_person)
-        self.history.followed[:] = state.route
+        control = allocate_control(len(bodies.radius), driving, not allow_unstable, headway, self.max_drive)
+        doors = max(len(place.doors) for place in self.geometries)
+        batch = build(bodies, state, control, self.scheme, boundary, which, self.planner, doors, shape)
+        self.world, self.results, self.history, self.workspace = (
+            batch.world,
+            batch.results,
+            batch.history,
+            batch.workspace,
+        )
         # Overlaps, residuals and solver effort since the start of each environment.
-        self.diagnostics = no_diagnostics(environments)
+        self.diagnostics = no_diagnostics(len(state.time))
         # (P,) who was found outside of the walkable area after any call since the start of the environment: by position
         # alone, whatever the contacts say.  Nobody should be.
         self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
-        control = allocate_control(len(bodies.radius), driving, not allow_unstable, headway, self.max_drive)
-        batch = Batch(self.world, bodies, state, control, self.results, self.history, self.workspace)
         self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
         self._stepper = Stepper(self.scheme, batch, self._sorted, self.threads)
         self.batch = self._stepper.batch  # what kernels work on
-        for e in range(environments):
+        for e in range(len(state.time)):
             self.close_doors(e, self._door_schedule.restart(e))
         self.listeners: list[Callable[[], object]] = []  # called after every physics step; bits stay, speed does not
         self.times_restored = 0  # whoever keeps books beside the simulation sees that they are of another moment

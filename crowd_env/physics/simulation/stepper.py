@@ -1,6 +1,7 @@
 """How a batch is stepped: on several threads, in the order of space, and with more memory when lists are full."""
 
 import itertools
+from functools import partial
 
 import numpy as np
 
@@ -58,7 +59,10 @@ class Stepper:
             if self._order is not None:
                 self._order.gather(self._asked)
             try:  # the kernels hold no lock
-                self._workers.run(lambda *part: self._scheme.advance(self.batch, dt, n_substeps, *part), self._parts)
+                if len(self._parts) == 1:
+                    self._scheme.advance(self.batch, dt, n_substeps, *self._parts[0])
+                else:
+                    self._workers.run(partial(self._scheme.advance, self.batch, dt, n_substeps), self._parts)
             finally:  # after Ctrl-C too, people stand where they have come to
                 if self._order is not None:
                     self._order.scatter()

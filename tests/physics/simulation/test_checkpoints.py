@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from cases import looped
 from shapely.geometry import box
 
 import crowd_env.physics.simulation.simulation
@@ -196,7 +197,7 @@ def test_nothing_can_be_replaced_behind_the_back_of_those_who_look(name):
     assert getattr(env.simulation, name) is before
 
 
-@pytest.mark.parametrize(
+@looped(
     ("change", "what"),
     [
         ({"physics": "nsm1"}, "scheme"),

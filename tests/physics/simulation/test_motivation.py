@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import looped
 from refusals import refuses
 
 from crowd_env import CrowdEnv, make_scenario
@@ -9,8 +10,9 @@ from crowd_env import CrowdEnv, make_scenario
 SIZES = pytest.mark.parametrize(("count", "side"), [(20, 5.0), (1000, 24.0)], ids=["small", "sorted"])
 
 
-def crowd(count, side, **options):
-    env = CrowdEnv(make_scenario("room-v0", side=side), people=count, physics="dem", walking="calm", **options)
+def crowd(count, side, **people):
+    room = make_scenario("room-v0", side=side, population={"people": count, **people})
+    env = CrowdEnv(room, physics="dem", walking="calm")
     env.reset(seed=4)
     return env.simulation
 
@@ -22,7 +24,7 @@ def after(simulation, steps):
 
 @SIZES
 def test_a_motivation_that_is_set_is_the_one_that_people_could_have_had_from_the_start(count, side):
-    drawn = crowd(count, side, population={"people": count, "push": 0.6, "time_gap": 0.5})
+    drawn = crowd(count, side, push=0.6, time_gap=0.5)
     as_usual, told = crowd(count, side), crowd(count, side)
     told.set_motivation(0, push=0.6, time_gap=np.full(count, 0.5))
     usual, pushed = after(as_usual, 30), after(told, 30)
@@ -64,7 +66,7 @@ def test_only_that_environment_and_only_what_is_given_until_it_restarts():
     assert (bodies.push != before).all()  # drawn anew
 
 
-@pytest.mark.parametrize(
+@looped(
     ("environment", "options", "words"),
     [
         (0, {"push": 1.5}, ("push of pedestrian 0 is 1.5", "[0, 1]")),

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from cases import looped
 
 from crowd_env import SCHEMES, CrowdEnv, Geometry, Physics, Population, Scenario, Uniform, make_scenario
 from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
@@ -51,8 +52,8 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("spoil", WRONG, ids=lambda spoil: spoil.__name__)
-@pytest.mark.parametrize("name", [*Bodies._fields, *CrowdState._fields])
+@looped("spoil", WRONG, ids=lambda spoil: spoil.__name__)
+@looped("name", [*Bodies._fields, *CrowdState._fields])
 def test_an_array_that_kernels_cannot_work_on_is_refused(name, spoil):
     bodies, state = crowd()
     if name in Bodies._fields:
@@ -66,8 +67,8 @@ def test_an_array_that_kernels_cannot_work_on_is_refused(name, spoil):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 0.0])
-@pytest.mark.parametrize("name", Bodies._fields[:6])
+@looped("value", [np.nan, np.inf, -1.0, 0.0])
+@looped("name", Bodies._fields[:6])
 def test_a_body_that_cannot_be_is_refused_by_name_and_number(name, value):
     bodies, state = crowd()
     getattr(bodies, name)[1] = value
@@ -78,7 +79,7 @@ def test_a_body_that_cannot_be_is_refused_by_name_and_number(name, value):
         Simulation(ROOM, bodies, state)
 
 
-@pytest.mark.parametrize(
+@looped(
     ("name", "value", "bound"),
     [(name, value, "> 0 and finite") for name in ["time_gap"] for value in (np.inf, -1.0, 0.0)]
     + [("push", value, "in [0, 1]") for value in (np.inf, -0.1, 1.1)],
@@ -123,7 +124,7 @@ def test_recorded_starts_may_come_transposed_and_are_the_populations_own():
     np.testing.assert_array_equal(people.starts, np.column_stack([XS, YS]))
 
 
-@pytest.mark.parametrize(
+@looped(
     ("make", "sentence"),
     [
         (lambda: make_state([XS, YS]), r"^position has the shape \(2, 3\); it must be \(P, 2\)"),

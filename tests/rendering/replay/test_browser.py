@@ -19,7 +19,10 @@ from crowd_env.rendering.replay import write_page
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium to show the page with")
+pytestmark = [
+    pytest.mark.more,
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium to show the page with"),
+]
 
 RECORDING = walk_out(12, stays=2, contacts=True)
 EVIL = '</script><img src="x" onerror="window.evil = 1"><b>'

@@ -12,6 +12,8 @@ from crowd_env.core.arrays.outline import make_outline
 from crowd_env.rendering.palette import pressure_color
 from crowd_env.rendering.replay import write_page
 
+pytestmark = pytest.mark.more
+
 EVIL = '</script><script>alert("1")</script><!-- {{about}} & \u2028'
 
 

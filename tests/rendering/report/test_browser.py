@@ -13,7 +13,10 @@ from crowd_env.cli.main import app
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium to show the page with")
+pytestmark = [
+    pytest.mark.more,
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium to show the page with"),
+]
 
 
 def test_the_page_fits_a_phone_and_asks_for_nothing(tmp_path: Path) -> None:

@@ -14,6 +14,8 @@ from crowd_env.rendering import comparison
 from crowd_env.rendering.report.differences import differences
 from crowd_env.rendering.report.runs import load_runs
 
+pytestmark = pytest.mark.more
+
 HALL = ("run", "two-exit-hall-v0", "--people", 20, "--runs", 3, "--physics", "dem")
 
 

@@ -17,6 +17,8 @@ from crowd_env.rendering.report.limits import limits_of
 from crowd_env.rendering.report.maps import _worst, measure
 from crowd_env.rendering.report.runs import load_runs
 
+pytestmark = pytest.mark.more
+
 EVIL = "<script>alert(1)</script>"
 PLAN = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
 
