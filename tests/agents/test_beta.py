@@ -6,16 +6,14 @@ import scipy.stats
 import torch
 from cases import looped
 
-from crowd_env import CrowdEnv, ObservationLayout
+from crowd_env import CrowdEnv
 from crowd_env.agents.learned import PPOSettings, make_ppo
 from crowd_env.agents.learned.beta import BetaActions, bias_at
-from crowd_env.agents.learned.export import network_of, plain
-from crowd_env.agents.learned.networks import NeighborAttention, layers
+from crowd_env.agents.learned.export import network_of
 from crowd_env.agents.learned.training import env_options_of
-from crowd_env.agents.networks import MLP, Attention, BetaMLP, read_network
+from crowd_env.agents.networks import BetaMLP
 from crowd_env.agents.networks.beta import LEAST
 from crowd_env.agents.trained import LearnedPolicy
-from crowd_env.envs.observation.terms import USUAL
 
 RNG = np.random.default_rng(0)
 
@@ -101,37 +99,5 @@ def test_what_beta_cannot_do_is_refused():
         PPOSettings(distribution="cauchy")
     with pytest.raises(ValueError, match="a Beta distribution is of continuous actions, not of Discrete"):
         make_ppo(CrowdEnv("room-v0", autoreset=True, action="speeds"), PPOSettings(distribution="beta"), 0)
-
-
-@looped("terms", [USUAL, ("lead", *USUAL, "ahead")], ids=["usual", "with lead"])
-def test_attention_without_torch_is_attention_with_torch_also_from_a_file(terms, tmp_path):
-    torch.manual_seed(0)
-    layout = ObservationLayout(terms=terms, neighbors=4)
-    module = NeighborAttention(layout, 5, 8)
-    seen = RNG.uniform(-1.0, 1.0, (30, layout.size)).astype(np.float32)
-    neighbors = seen[:, layout["neighbors"]].reshape(30, 4, 5)  # a view
-    neighbors[RNG.random((30, 4)) < 0.5] = 0.0
-    neighbors[0] = 0.0
-    with torch.no_grad():
-        expected = module(torch.from_numpy(seen)).numpy()
-    options = {"frame": "path", "action": "speeds", "observation": layout}
-    LearnedPolicy(plain(module), options).save(tmp_path / "attention.safetensors")
-    network, _ = read_network(tmp_path / "attention.safetensors")
-    assert isinstance(network, Attention)
-    np.testing.assert_allclose(network(seen), expected, atol=1e-5)
-
-
-def test_attention_whose_parts_do_not_fit_is_refused():
-    parts = {name: plain(layers(*sizes)) for name, sizes in (("query", (3, 4)), ("token", (5, 8)), ("out", (7, 2)))}
-    assert Attention(**parts, neighbors=3, lead=None, count=2).inputs == 13
-    with pytest.raises(ValueError, match="its token turns 5 numbers into 8"):
-        Attention(**parts, neighbors=3, lead=0, count=2)
-    with pytest.raises(ValueError, match="do not lie within its 13 inputs"):
-        Attention(**parts, neighbors=4, lead=None, count=2)
-    with pytest.raises(ValueError, match="do not say where the neighbors are"):
-        Attention.of({}, {"activation": "tanh"})
     with pytest.raises(ValueError, match="end in 3 numbers"):
         BetaMLP((np.zeros((3, 2)),), (np.zeros(3),))
-    with pytest.raises(ValueError, match="not made of linear layers"):
-        plain(torch.nn.Sequential(torch.nn.ReLU()))
-    assert isinstance(parts["query"], MLP)
