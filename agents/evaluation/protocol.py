@@ -62,9 +62,9 @@ def task_figures(
         "clearing_time": _mean(row["evacuation_time"]),
         "mean_exit": _mean(row["mean_exit"]),
         "flow": row["flow"]["mean"],
-        "left": row["unfinished"],
-        **{name: _mean(row[name]) for name in _MEANS if name in row},
         **{name: row[name] for name in _FIGURES if name in row},  # some are of runs that were measured
+        **{name: _mean(row[name]) for name in _MEANS if name in row},
+        "left": row["unfinished"],
         "credible": credibility(row, rows, place),
     }
 

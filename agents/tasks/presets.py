@@ -4,10 +4,12 @@ A preset is a start that was seen to learn, not a part of the task: what is trai
 own physics step and with its own number of people.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
+from pathlib import Path
 from typing import Any
+
+import tomllib
 
 from crowd_env import Scenario, make_scenario
 from crowd_env.core.checks import known, whole
@@ -17,7 +19,6 @@ from .registry import make_task
 
 # What everyone sees: the usual terms, and of those who are nearer the exit the next one and how many they are.
 _WITH_AHEAD = (*USUAL, "ahead")
-_HALF = math.pi / 4  # half left
 
 
 @dataclass(frozen=True)
@@ -103,86 +104,15 @@ def training_place(scenario: str, options: Mapping[str, Any], people: int | None
     return make_scenario(scenario, **options, population=place.population.changed(people=whole("--people", people)))
 
 
-# Everyone alone would rather push in front; who heads the queue pays for those who wait behind.
-_CHARGED = {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}, "team_share": 0.0}
+def _read(name: str, facts: dict[str, Any]) -> Preset:
+    return Preset(name, **(facts | ({"terms": tuple(facts["terms"])} if "terms" in facts else {})))
 
-# Where full speed is nearly best, contacts cost little.
-_NO_HARM: dict[str, Any] = {
-    "reward": {"weights": {"progress": 0.5, "time": 1.0, "contact": 0.1}, "team_share": 0.0},
-    "steps": 3_000_000,
-    "eval_every": 600_000,
-}
 
-# Doors that pass one body at a time: there is an order to find.
-_BY_ORDER: dict[str, Any] = {
-    "start": "evolution",
-    "action": {"name": "speeds", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]},
-    "reward": _CHARGED,
-    "steps": 3_000_000,
-    "eval_every": 300_000,
-}
-
-_ALL = (
-    # A room of 10 m instead of 15 m: the way to the door is shorter, and more of the training happens at the door.
-    Preset("competitive-door", people=60, dt=0.01, options={"side": 10.0}, **_BY_ORDER),
-    Preset("narrow-door", people=80, dt=0.01, **_BY_ORDER | {"envs": 16}),
-    Preset("hertz-room", people=60, dt=0.01, **_BY_ORDER),
-    Preset("literal-room", people=20, dt=0.01, envs=48, reward=_CHARGED),
-    # Both groups have to agree on a side, which takes many updates.  At full speed alone, or where contacts cost a tenth, lanes
-    # form as well, but whoever is slow is pushed along by those behind.
-    Preset(
-        "counter-flow",
-        people=30,
-        dt=0.01,
-        action={
-            "name": "speeds-directions",
-            "speeds": [0.6, 1.0],
-            "headings": [-_HALF, -_HALF / 2, 0.0, _HALF / 2, _HALF],
-        },
-        terms=USUAL,
-        reward={"weights": {"progress": 0.5, "time": 1.0, "contact": 0.6}, "team_share": 0.0},
-        ppo={"gamma": 0.99, "rule_logit": 1.0, "batch_size": 4096},
-        envs=16,
-        steps=8_000_000,
-        eval_every=800_000,
-        eval_runs=100,
-    ),
-    # Doors of 1 m pass two abreast: there is little to gain beside the fastest way.  No progress is paid: it would count the
-    # longer way to the other exit at once, and what is saved there only later.
-    Preset(
-        "two-exit-hall",
-        people=150,
-        dt=0.01,
-        action={"name": "speeds-exits", "speeds": [0.5, 1.0]},
-        terms=(*_WITH_AHEAD, "routes", "queues_shown"),
-        reward={"weights": {"time": 1.0}, "team_share": 0.5},
-        ppo={"gamma": 0.995, "rule_logit": 4.0, "batch_size": 4096},
-        envs=4,
-        steps=2_400_000,
-        eval_every=800_000,
-    ),
-    # Where to go and in which order: people may follow one another to either door.  More steps lead away from the clone.
-    Preset(
-        "two-narrow-exits",
-        people=100,
-        dt=0.01,
-        **_BY_ORDER
-        | {
-            "action": {"name": "speeds-exits", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]},
-            "terms": (*_WITH_AHEAD, "routes", "queues_shown"),
-            "envs": 12,
-            "steps": 2_000_000,
-        },
-    ),
-    Preset("room", people=20, dt=0.01, **_NO_HARM | {"envs": 48, "eval_runs": 100}),
-    Preset("pillar", people=60, dt=0.01, **_NO_HARM),
-    Preset("bottleneck", people=60, dt=0.01, **_NO_HARM),
-    Preset("t-junction", people=60, dt=0.01, **_NO_HARM),
-    Preset("crossing", people=40, dt=0.01, **_NO_HARM | {"envs": 32}),
-)
-
+_FILE = Path(__file__).with_name("presets.toml")
 # Name of the task -> preset.
-PRESETS: Mapping[str, Preset] = {preset.task: preset for preset in _ALL}
+PRESETS: Mapping[str, Preset] = {
+    name: _read(name, facts) for name, facts in tomllib.loads(_FILE.read_text(encoding="utf-8")).items()
+}
 
 
 def make_preset(task: str) -> Preset:

@@ -99,3 +99,5 @@ def test_what_beta_cannot_do_is_refused():
         PPOSettings(distribution="cauchy")
     with pytest.raises(ValueError, match="a Beta distribution is of continuous actions, not of Discrete"):
         make_ppo(CrowdEnv("room-v0", autoreset=True, action="speeds"), PPOSettings(distribution="beta"), 0)
+    with pytest.raises(ValueError, match="end in 3 numbers"):
+        BetaMLP((np.zeros((3, 2)),), (np.zeros(3),))
