@@ -9,16 +9,13 @@ from typing import Any
 
 from crowd_env.analysis.figures import FIGURES, interval, number, spread
 from crowd_env.analysis.plan_check import cells, check_place
-from crowd_env.analysis.results.egress import QUANTILES, egress
 from crowd_env.analysis.results.measurements import INJURY, REACH
-from crowd_env.rendering.comparison import Band, Share, egress_bands, share_bars
+from crowd_env.rendering.figures import Share, egress_curves, share_bars
 from crowd_env.rendering.heat import heat_maps
 from crowd_env.rendering.report.differences import COMPARED, differences
 from crowd_env.rendering.report.maps import Measured, Worst, heat_of
 from crowd_env.rendering.report.runs import Runs
 from crowd_env.rendering.sheet import draw_sheet
-
-_LOW, _HIGH = QUANTILES.index(0.05), QUANTILES.index(0.95)
 
 
 def figures(runs: Sequence[Runs], measured: Sequence[Measured], folder: Path) -> dict[str, Any]:
@@ -75,11 +72,8 @@ def _spot(place: Worst | None, unit: str, digits: int) -> str:
 
 
 def _curves(runs: Sequence[Runs], path: Path) -> str:
-    bands = {}
-    for one in runs:
-        curve = egress([episode.exit_time for episode in one.episodes])
-        bands[one.name] = Band(curve.time, curve.mean, curve.quantiles[:, _LOW], curve.quantiles[:, _HIGH], _known(one))
-    return _taken(egress_bands(path, bands))
+    curves = {one.name: [episode.exit_time for episode in one.episodes] for one in runs}
+    return _taken(egress_curves(path, curves, until={one.name: _known(one) for one in runs}))
 
 
 def _known(runs: Runs) -> float:
