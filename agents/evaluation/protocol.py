@@ -6,13 +6,13 @@ from typing import Any
 from rich.table import Table
 
 from crowd_env import Scenario
-from crowd_env.analysis.figures import named
+from crowd_env.analysis.figures import named, percent
 
 from ..tasks.task import Task
 from .comparison import mean_times, minus_first
 from .credible import credibility
 from .evaluation import Evaluation
-from .report import add_row, new_table, percent, with_first
+from .report import add_row, new_table, with_first
 
 _MEANS = ("contact_impulse", "mean_exit_learned", "mean_exit_others")  # the last two of mixed crowds
 _FIGURES = (

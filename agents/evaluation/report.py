@@ -10,28 +10,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from crowd_env.analysis.figures import number, percent, spread
 from crowd_env.core.arrays.state import Floats
 
 from .comparison import last_times, mean_times, minus_first, ranking
 from .evaluation import Evaluation
 
 _EXITS = 4  # more do not fit side by side
-
-
-def _cell(summary: dict[str, Any], digits: int) -> str:
-    return "-" if summary["mean"] is None else f"{summary['mean']:.{digits}f}"
-
-
-def _with_spread(summary: dict[str, Any], digits: int) -> str:
-    if summary["sd"] is None:
-        return _cell(summary, digits)
-    return f"{_cell(summary, digits)} ± {summary['sd']:.{digits}f}"
-
-
-def percent(share: dict[str, Any]) -> str:
-    """Return a share of runs in percent, with its interval."""
-    low, high = (100.0 * bound for bound in share["ci95"])
-    return f"{100.0 * share['mean']:.0f} ({low:.0f}..{high:.0f})"
 
 
 def table_console() -> Console:
@@ -54,12 +39,12 @@ def comparison_table(results: list[Evaluation], title: str) -> Table:
         add_row(
             table,
             result.policy,
-            _at_least(last_times(result), 2) if row["unfinished"] else _with_spread(row["evacuation_time"], 2),
+            _at_least(last_times(result), 2) if row["unfinished"] else spread(row["evacuation_time"], digits=2),
             "" if result is first else difference(minus_first(result, first)["evacuation_time"], 2),
-            _at_least(mean_times(result), 2) if row["unfinished"] else _cell(row["mean_exit_time"], 2),
+            _at_least(mean_times(result), 2) if row["unfinished"] else number(row["mean_exit_time"]["mean"], digits=2),
             str(row["unfinished"]),
             percent(row["unfinished_share"]),
-            _cell(row["contact_impulse"], 0),
+            number(row["contact_impulse"]["mean"], digits=0),
         )
     return table
 
@@ -82,11 +67,13 @@ def times_table(results: Sequence[Evaluation], title: str) -> Table:
         add_row(
             table,
             result.policy,
-            _at_least(last_times(result)) if row["unfinished"] else _with_spread(row["evacuation_time"], 1),
+            _at_least(last_times(result)) if row["unfinished"] else spread(row["evacuation_time"], digits=1),
             "" if own else difference(longer["evacuation_time"]),
             "" if own else f"{100 * longer['evacuation_time']['faster']:.0f} %",
-            _cell(row["exit_time_95"], 1) if np.isfinite(late).all() else _at_least(result.exit_time_95(counted=True)),
-            _at_least(mean_times(result)) if row["unfinished"] else _cell(row["mean_exit_time"], 1),
+            number(row["exit_time_95"]["mean"], digits=1)
+            if np.isfinite(late).all()
+            else _at_least(result.exit_time_95(counted=True)),
+            _at_least(mean_times(result)) if row["unfinished"] else number(row["mean_exit_time"]["mean"], digits=1),
             "" if own else difference(longer["mean_exit_time"]),
             str(row["unfinished"]),
         )
@@ -146,13 +133,13 @@ def crowding_table(results: Sequence[Evaluation]) -> Table:
         add_row(
             table,
             result.policy,
-            _cell(row["flow"], 2),
+            number(row["flow"]["mean"], digits=2),
             f"{density['mean']:.1f}",
             f"{pressure['mean'] / 1e3:.1f}{star}",
             f"{100.0 * row['crushed_share']['mean']:.0f}{star}",
-            _cell(row["crushed_time"], 1),
+            number(row["crushed_time"]["mean"], digits=1),
             f"{row['contact_impulse']['mean'] / 1e3:.2f}",
-            _cell(row["walked"], 1),
+            number(row["walked"]["mean"], digits=1),
             f"{1e3 * row['max_overlap']:.1f}",
             f"{row['max_speed']:.1f}",
             f"{1e3 * (row['physics_per_simulated_second'] + replanning):.1f}",
@@ -171,7 +158,9 @@ def exits_table(results: Sequence[Evaluation]) -> Table | None:
         cells = []
         for found in result.row()["exits"].values():
             time = found["mean_exit_time"]
-            cells.append(_cell(found["people"], 1) + (f"  {time:6.1f} s" if time is not None else " " * 10))
+            cells.append(
+                number(found["people"]["mean"], digits=1) + (f"  {time:6.1f} s" if time is not None else " " * 10)
+            )
         add_row(table, result.policy, *cells)
     return table
 

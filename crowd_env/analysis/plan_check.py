@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env.analysis.figures import exit_widths, listed
-from crowd_env.analysis.gaps import Gap
-from crowd_env.analysis.passages import Passage, narrowest_passages
+from crowd_env.analysis.passages import Gap, Passage, narrowest_passages
 from crowd_env.analysis.terrain import Terrain, survey
 from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.arrays.state import Floats, Ints

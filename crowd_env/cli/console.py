@@ -9,8 +9,6 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from crowd_env.core.arrays.headway import MANNERS
-from crowd_env.core.arrays.outline import OUTLINES
 from crowd_env.core.console import check_place
 
 # Sections of the help.
@@ -37,26 +35,6 @@ Workers = Annotated[
 ]
 Runs = Annotated[
     int, typer.Option(help="Number of evacuations, each with other people in other places.", rich_help_panel=OF_RUNS)
-]
-MannerName = Annotated[
-    str | None,
-    typer.Option(
-        "--manner",
-        metavar="NAME",
-        autocompletion=complete_from(MANNERS),
-        help=f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's.",
-        rich_help_panel=OF_PEOPLE,
-    ),
-]
-OutlineOption = Annotated[
-    str | None,
-    typer.Option(
-        "--outline",
-        metavar="NAME",
-        autocompletion=complete_from(OUTLINES),
-        help=f"What shape bodies have: {', '.join(OUTLINES)} (hertz alone); default the scenario's.",
-        rich_help_panel=OF_PEOPLE,
-    ),
 ]
 Seed = Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0, rich_help_panel=OF_RUNS)]
 

@@ -21,6 +21,13 @@ from crowd_env.reproduce.settings import flag
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
+# What were options of their own.
+SETTINGS = {
+    f"--{one.name.replace('_', '-')}": f"--set {one.name}=VALUE"
+    for paper in PAPERS.values()
+    for one in fields(paper.settings)
+} | {"--n": "--set people=N"}
+
 _KEPT = "Evacuations, which are kept and shared by figures"
 
 

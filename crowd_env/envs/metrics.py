@@ -97,44 +97,16 @@ def summarise(values: Floats | list[float]) -> Summary:
 
 
 @functools.cache
-def t_quantile(freedom: int, coverage: float = 0.95) -> float:
-    """Return t for which Student's t of whole ``freedom`` lies in [-t, t] with a probability of ``coverage``.
+def t_quantile(freedom: int) -> float:
+    """Return t for which Student's t of so many degrees of freedom lies in [-t, t] with a probability of 95 %.
 
-    The probability has a closed form for whole degrees of freedom (Abramowitz and Stegun 1964, 26.7.3 and 26.7.4), which is
-    inverted by bisection of the angle; above `_MANY` by the expansion 26.7.5 about the normal distribution.
-
-    Raises
-    ------
-    ValueError
-        If there is less than one degree of freedom, or the coverage is not between 0 and 1.
+    That needs scipy, which the extra "analysis" brings; without it there are no intervals: nan.
     """
-    if freedom < 1 or not 0.0 < coverage < 1.0:
-        raise ValueError(f"no t of {freedom} degrees of freedom for a coverage of {coverage:g}")
-    if freedom > _MANY:
-        z = NormalDist().inv_cdf(0.5 + 0.5 * coverage)
-        first, second = (z**3 + z) / 4.0, (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
-        return z + first / freedom + second / freedom**2
-    low, high = 0.0, 0.5 * math.pi
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _within(middle, freedom) < coverage else (low, middle)
-    return math.sqrt(freedom) * math.tan(0.5 * (low + high))
-
-
-_MANY = 1000  # degrees of freedom; the expansion is right to 1e-8 there
-
-
-def _within(angle: float, freedom: int) -> float:
-    """Return the probability that |t| < √freedom tan(angle) for Student's t."""
-    sine, cosine = math.sin(angle), math.cos(angle)
-    odd = freedom % 2
-    term, total = (cosine, cosine) if odd else (1.0, 1.0)
-    if freedom == 1:
-        total = 0.0
-    for k in range(2 + odd, freedom - 1, 2):
-        term *= (k - 1) / k * cosine * cosine
-        total += term
-    return 2.0 / math.pi * (angle + sine * total) if odd else sine * total
+    try:
+        from scipy.special import stdtrit
+    except ModuleNotFoundError:
+        return float("nan")
+    return float(stdtrit(freedom, 0.975))
 
 
 def share_interval(count: int, of: int, coverage: float = 0.95) -> tuple[float, float]:

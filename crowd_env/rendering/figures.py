@@ -1,14 +1,14 @@
-"""Figures of results: egress curves, of simulations and of experiments, and learning curves."""
+"""Figures of results: egress curves, of simulations and of experiments, shares of exits, and learning curves."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure
+from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure, series
 from crowd_env.rendering.palette import INK, QUIET, SERIES, Color
 
 if TYPE_CHECKING:
@@ -19,15 +19,30 @@ _SIZE = (6.4, 4.0)  # inch
 _DPI = 150
 
 
-def egress_curves(path: str | Path, curves: Mapping[str, Iterable[ArrayLike]], *, title: str = "") -> Path:
+class Share(NamedTuple):
+    """A mean share with its interval; nan where there is none."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def egress_curves(
+    path: str | Path,
+    curves: Mapping[str, Iterable[ArrayLike]],
+    *,
+    title: str = "",
+    until: Mapping[str, float] | None = None,
+) -> Path:
     """Draw how many people are inside against time and return the path.
 
-    Each evacuation is a light line, the mean of those with one label a bold one.
+    A line is the mean over the evacuations of a label, the band about it holds nine of ten of them.
 
     Parameters
     ----------
     path : ends in .png.
     curves : label -> exit times (N,) [s] of each evacuation, simulated or recorded; nan for those who did not get out.
+    until : label -> s, beyond which it is not known how many are inside.
 
     Raises
     ------
@@ -38,15 +53,53 @@ def egress_curves(path: str | Path, curves: Mapping[str, Iterable[ArrayLike]], *
     if not runs:
         raise ValueError("egress curves need at least one label with evacuations")
     figure, axes = _axes(title, "time [s]", "people inside")
-    every = [times for of_label in runs.values() for times in of_label]
-    known = np.concatenate(every)
+    known = np.concatenate([times for of_label in runs.values() for times in of_label])
     end = 1.03 * float(np.max(known[np.isfinite(known)], initial=1e-3))
-    for k, (label, times) in enumerate(runs.items()):
-        _draw_egress(axes, times, end, SERIES[k % len(SERIES)])
-        _name_curve(axes, k, _egress_label(label, times), SERIES[k % len(SERIES)])
+    grid = np.linspace(0.0, end, 600)
+    for k, (label, every) in enumerate(runs.items()):
+        time = np.minimum(grid, (until or {}).get(label, np.inf))
+        inside = np.array([len(times) - np.searchsorted(times, time, side="right") for times in every])
+        axes.fill_between(time, *np.quantile(inside, (0.05, 0.95), axis=0), color=series(k), alpha=0.16, linewidth=0)
+        style = ("-", (0, (5, 2)), (0, (1, 1.3)), (0, (6, 2, 1, 2)))[k % 4]  # also told apart in black and white
+        axes.plot(time, inside.mean(axis=0), color=series(k), linewidth=2.0, linestyle=style)
+        axes.lines[-1].set_label(_shown(_egress_label(label, every)))
     axes.set_xlim(0.0, end)
-    axes.set_ylim(0.0, 1.04 * max(map(len, every)))
+    axes.set_ylim(0.0, 1.04 * max(len(times) for every in runs.values() for times in every))
     axes.locator_params(axis="y", integer=True)
+    _legend(figure)
+    return save_figure(figure, path, formulas=False)
+
+
+def share_bars(path: str | Path, shares: Mapping[str, Mapping[str, Share]], exits: Sequence[str]) -> Path:
+    """Draw which share of the people took which exit, a bar for each label and exit, and return the path.
+
+    Parameters
+    ----------
+    path : ends in .png.
+    shares : label -> exit -> share in 0..1; exits that a label does not have are left out.
+    exits : from top to bottom.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another, or there is no exit.
+    """
+    if not exits or not shares:
+        raise ValueError("bars of shares need at least one exit and one label")
+    thick = 0.8 / len(shares)
+    figure = new_figure((_SIZE[0], 0.9 + len(exits) * max(0.34, 0.2 * len(shares)) + 0.22 * len(shares)), dpi=_DPI)
+    axes = quiet_axes(figure.add_subplot(), "share of those who got out [%]", "")
+    for k, (label, of_exit) in enumerate(shares.items()):
+        rows = [row for row, name in enumerate(exits) if name in of_exit]
+        found = 100.0 * np.nan_to_num(np.array([of_exit[exits[row]] for row in rows]).reshape(-1, 3), nan=np.nan)
+        at = np.array(rows) + (k - 0.5 * (len(shares) - 1)) * thick
+        axes.barh(at, np.nan_to_num(found[:, 0]), 0.86 * thick, color=series(k), alpha=0.75, label=_shown(label))
+        around = np.abs(np.nan_to_num(found[:, 1:] - found[:, :1]))
+        axes.errorbar(found[:, 0], at, xerr=around.T, fmt="none", ecolor=hex_of(INK), elinewidth=1.1, capsize=2.5)
+    axes.set_yticks(range(len(exits)), labels=exits)
+    axes.set_ylim(len(exits) - 0.5, -0.5)
+    axes.set_xlim(0.0, 100.0)
+    _legend(figure)
     return save_figure(figure, path, formulas=False)
 
 
@@ -113,23 +166,14 @@ def _exit_times(label: str, curves: Iterable[ArrayLike]) -> list[Floats]:
     return runs
 
 
-def _steps(times: Floats, end: float) -> tuple[Floats, Floats]:
-    """Return corners of N(t) for sorted exit ``times``, from 0 to ``end``."""
-    out = times[np.isfinite(times)]
-    inside = len(times) - np.arange(len(out) + 1)
-    return np.concatenate([[0.0], out, [end]]), np.concatenate([inside, inside[-1:]]).astype(np.float64)
+def _shown(label: str) -> str:
+    """Return a label that a legend leaves out in no case."""
+    return f" {label}" if label.startswith("_") else label
 
 
-def _draw_egress(axes: "Axes", runs: Sequence[Floats], end: float, color: Color) -> None:
-    for times in runs:
-        faint = float(np.clip(3.0 / len(runs), 0.08, 0.35))
-        axes.step(*_steps(times, end), where="post", color=hex_of(color), alpha=faint, linewidth=0.9)
-    if len(runs) > 1:
-        grid = np.linspace(0.0, end, 600)
-        mean = np.mean([len(times) - np.searchsorted(times, grid, side="right") for times in runs], axis=0)
-        axes.plot(grid, mean, color=hex_of(color), linewidth=2.2, zorder=3)
-    else:
-        axes.step(*_steps(runs[0], end), where="post", color=hex_of(color), linewidth=2.2, zorder=3)
+def _legend(figure: Any) -> None:
+    """Name the labels below the axes, where no curve passes."""
+    figure.legend(loc="outside lower left", frameon=False, fontsize=9.5, labelcolor=hex_of(INK), handlelength=2.6)
 
 
 def _egress_label(label: str, runs: Sequence[Floats]) -> str:
@@ -149,23 +193,6 @@ def _axes(title: str, xlabel: str, ylabel: str) -> "tuple[Figure, Axes]":
     axes = quiet_axes(figure.add_subplot(), xlabel, ylabel, grid=True)
     axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11.5, fontweight="bold", pad=10)
     return figure, axes
-
-
-def _name_curve(axes: "Axes", row: int, text: str, color: Color) -> None:
-    """Write ``text`` into the upper right corner, which falling curves leave free."""
-    axes.text(
-        0.99,
-        0.95 - 0.068 * row,
-        text,
-        transform=axes.transAxes,
-        color=hex_of(color),
-        fontsize=9.5,
-        fontweight="bold",
-        ha="right",
-        va="top",
-        zorder=6,
-        bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.2},
-    )
 
 
 def _name_at_right(axes: "Axes", labels: Sequence[tuple[float, str, Color]]) -> None:

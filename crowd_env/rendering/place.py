@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.analysis.gaps import Gap
+from crowd_env.analysis.passages import Gap
 from crowd_env.analysis.plan_check import PlanCheck
 from crowd_env.rendering.canvas import draw_floor, draw_lines, fill_rings, hex_of, mark
 from crowd_env.rendering.palette import EXIT, EXIT_MAT, OBSTACLE, SERIES, WALL, Color

@@ -12,18 +12,7 @@ from crowd_env.reproduce.pecol2011.paper import PAPER as PECOL
 from crowd_env.reproduce.result import RawTable, Result, Row
 from crowd_env.reproduce.settings import Settings
 
-__all__ = [
-    "FIGURES",
-    "PAPERS",
-    "Case",
-    "Figure",
-    "Paper",
-    "RawTable",
-    "Result",
-    "Row",
-    "Settings",
-    "find",
-]
+__all__ = ["FIGURES", "PAPERS", "Case", "Figure", "Paper", "RawTable", "Result", "Row", "Settings", "find"]
 
 PAPERS: dict[str, Paper[Any]] = {
     "pecol": PECOL,

@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from cases import looped
 from clogging_samples import needs_powerlaw, pareto
 from typer.testing import CliRunner
 
@@ -53,7 +54,7 @@ def test_gaps_per_exit_are_those_of_people_who_took_the_same_one():
     assert exit_gaps(run, per_exit=True).open.tolist() == [6.0, 5.5]
 
 
-@pytest.mark.parametrize(
+@looped(
     ("times", "until", "words"),
     [
         ([1.0, np.nan], np.nan, "say when"),
@@ -109,7 +110,7 @@ def test_a_run_is_blocked_when_nobody_got_out_for_long_also_when_nobody_did_at_a
     assert "2 of 4 runs blocked" in found.statement()
 
 
-@pytest.mark.parametrize("bad", [{"pause": 0.0}, {"blocked_after": -1.0}, {"runs": []}])
+@looped("bad", [{"pause": 0.0}, {"blocked_after": -1.0}, {"runs": []}])
 def test_nonsense_is_refused(bad):
     with pytest.raises(ValueError):
         clogging(**{"runs": [run_of([1.0])], **bad})
@@ -119,8 +120,8 @@ def test_nonsense_is_refused(bad):
 
 
 @needs_powerlaw
-@pytest.mark.parametrize("alpha", [1.5, 2.5, 3.5, 6.0])  # powerlaw by itself stops at 3
-@pytest.mark.parametrize("seed", [1, 2])
+@looped("alpha", [1.5, 2.5, 3.5, 6.0])  # powerlaw by itself stops at 3
+@looped("seed", [1, 2])
 def test_gaps_of_a_known_power_law_give_its_exponent(alpha, seed):
     tail, reason = fit_tail(Gaps(pareto(alpha, 600, seed), NONE))
     assert reason == ""
@@ -147,7 +148,7 @@ def test_the_fit_is_that_of_its_formulas():
 
 
 @needs_powerlaw
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@looped("seed", [1, 2, 3])
 def test_exponential_gaps_are_told_apart(seed):
     found = clogging([run_of(np.random.default_rng(seed).exponential(1.0, 1500))])
     assert found.tail.ratio < 0

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from shapely.geometry import Point, Polygon, box
 
 from crowd_env.analysis.passages import narrowest_passages
@@ -58,7 +59,7 @@ PLANS = {
 }
 
 
-@pytest.mark.parametrize("plan", PLANS)
+@looped("plan", PLANS)
 def test_the_narrowest_passage_is_as_wide_as_it_is_drawn(plan):
     geometry, width, middle = PLANS[plan]
     passage = narrowest(geometry)["exit"]

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from cases import looped
 from commands import call, figures
 from repository import ROOT
 from typer.testing import CliRunner
@@ -67,7 +68,8 @@ KEYS = {
 }
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.more
+@looped("scheme", SCHEMES)
 def test_run_prints_one_json_object_with_the_documented_keys(scheme):
     told = figures(f"run room-v0 --physics {scheme} --runs 3 --seed 5 --time-limit 30")
     assert set(told) == set(KEYS)
@@ -137,12 +139,14 @@ def test_list_names_everything():
     assert all(name in table for name in (*SCENARIOS, *SCHEMES))
 
 
+@pytest.mark.more
 def test_warmup_compiles_what_is_asked_for():
     told = json.loads(call("warmup --physics nsm2 --json").stdout)
     assert set(told) == {"seconds"} and set(told["seconds"]) == {"nsm2"} and told["seconds"]["nsm2"] >= 0
     assert call("warmup --physics dem").stdout.startswith("dem")
 
 
+@pytest.mark.more
 def test_help_and_module():
     told = subprocess.run([sys.executable, "-m", "crowd_env", "--help"], capture_output=True, text=True, cwd=ROOT)
     assert told.returncode == 0

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 
+import pytest
 from cases import looped
 from repository import ROOT
 from typer.testing import CliRunner
@@ -44,6 +45,7 @@ def test_all_names_are_proposed_where_nothing_is_begun():
     assert proposed("warmup --physics ") == list(SCHEMES)
 
 
+@pytest.mark.more
 def test_the_program_answers_a_shell_and_loads_nothing_for_drawing_or_learning():
     heavy = ("matplotlib", "PIL", "pygame", "torch", "stable_baselines3", "ray", "pandas")
     program = "import sys; from crowd_env.cli.main import app\ntry: app(prog_name='crowd-env')\n"

@@ -89,6 +89,7 @@ def test_clogging_names_the_crowd():
     assert found["name"].startswith("lin-room-v0, hertz, hurried, torso, 10 people")
 
 
+@pytest.mark.more
 def test_warmup_compiles_the_crowd_that_is_asked_for(monkeypatch):
     seen = []
 

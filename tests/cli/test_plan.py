@@ -6,6 +6,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from commands import call, figures
 from shapely.geometry import box
 
@@ -39,6 +40,7 @@ def test_it_says_how_large_a_plan_is_and_how_wide_its_exits(tmp_path):
     assert head["capacity"] == int(head["area"] / (np.sqrt(12) * 0.225**2))  # a hexagon around each disc
 
 
+@pytest.mark.more
 def test_it_answers_for_the_people_of_the_run(tmp_path):
     """Larger bodies have less room and may not pass; recorded starts and an outline count as they do in a run."""
     narrow = written(
@@ -86,7 +88,7 @@ def test_what_no_exit_reaches_is_told_with_its_area_and_place(tmp_path):
     assert part["area"] == pytest.approx(1.9 * 4, rel=0.05) and 4.1 < part["at"][0] < 6
 
 
-@pytest.mark.parametrize(
+@looped(
     ("exit", "words"),
     [
         ("14,4.5,14,4.8", "0.30 m wide, narrower than the smallest body (0.40 m): nobody passes"),
@@ -101,6 +103,7 @@ def test_an_exit_narrower_than_a_body_is_remarked(tmp_path, exit, words):
     )
 
 
+@pytest.mark.more
 def test_wide_exits_and_passages_narrower_than_bodies_are_remarked(tmp_path):
     area = box(0, 0, 60, 30).difference(box(20, 0, 20.2, 14)).difference(box(20, 14.45, 20.2, 30))
     plan = written(tmp_path / "hall.wkt", area)
@@ -123,6 +126,7 @@ def test_coordinates_of_millions_of_meters_lose_nothing(tmp_path):
     assert door["width"] == pytest.approx(1.2) and door["narrowest_passage"]["width"] == pytest.approx(1.2)
 
 
+@pytest.mark.more
 def test_several_make_a_sheet_and_the_picture_grows_with_them(tmp_path):
     one, sheet = tmp_path / "one.png", tmp_path / "sheet.png"
     assert call(f"plan floor-v0 --out {one}").exit_code == 0
@@ -133,7 +137,7 @@ def test_several_make_a_sheet_and_the_picture_grows_with_them(tmp_path):
     assert height > 1.5 * width
 
 
-@pytest.mark.parametrize(
+@looped(
     ("line", "words"),
     [
         ("floor-v0 --out plan.gif", ".png"),

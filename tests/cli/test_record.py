@@ -26,6 +26,7 @@ def test_the_first_run_is_recorded_and_the_figures_stay(tmp_path):
     assert of_first["time"] == pytest.approx(kept.exit_time)
 
 
+@pytest.mark.more
 def test_runs_are_recorded_wherever_they_are_made(tmp_path, monkeypatch):
     """Those that processes make are recorded there, and are what they are without."""
     monkeypatch.setattr(evacuations, "_WORTH_A_PROCESS", 0.0)

@@ -233,7 +233,6 @@ def test_options_reach_the_room(tmp_path):
     changed = {
         "side": 6.0,
         "target": "centre",
-        "exit_line": -0.1,
         "stiffness": 3e4,
         "k_normal": 100.0,
         "k_tangent": 5.0,

@@ -8,6 +8,8 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from crowd_env.cli.reproduce import SETTINGS
+
 # Command -> module of this folder with its application.
 COMMANDS: Mapping[str, str] = MappingProxyType(
     {
@@ -49,10 +51,11 @@ class WithLearning(TyperGroup):
         name, command, rest = super().resolve_command(ctx, args)
         parameters = command.params if command is not None else ()
         known = {option for parameter in parameters for option in (*parameter.opts, *parameter.secondary_opts)}
+        renamed = {**RENAMED, **(SETTINGS if name == "reproduce" else {})}
         for word in rest:
             option = word.partition("=")[0]
-            if option in RENAMED and option not in known:
-                ctx.fail(f"{option} is no option of {name} any more; give {RENAMED[option]}")
+            if option in renamed and option not in known:
+                ctx.fail(f"{option} is no option of {name} any more; give {renamed[option]}")
         return name, command, rest
 
     def list_commands(self, ctx: Any) -> list[str]:

@@ -7,18 +7,15 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-from crowd_env.analysis.plan_check import PlanCheck, check_plan, spot
-from crowd_env.analysis.results.egress import QUANTILES, egress
+from crowd_env.analysis.figures import FIGURES, interval, number, spread
+from crowd_env.analysis.plan_check import cells, check_place
 from crowd_env.analysis.results.measurements import INJURY, REACH
-from crowd_env.core.arrays.outline import room_of
-from crowd_env.rendering.comparison import Band, Share, egress_bands, share_bars
+from crowd_env.rendering.figures import Share, egress_curves, share_bars
 from crowd_env.rendering.heat import heat_maps
 from crowd_env.rendering.report.differences import COMPARED, differences
 from crowd_env.rendering.report.maps import Measured, Worst, heat_of
 from crowd_env.rendering.report.runs import Runs
 from crowd_env.rendering.sheet import draw_sheet
-
-_LOW, _HIGH = QUANTILES.index(0.05), QUANTILES.index(0.95)
 
 
 def figures(runs: Sequence[Runs], measured: Sequence[Measured], folder: Path) -> dict[str, Any]:
@@ -58,46 +55,13 @@ def _places(runs: Sequence[Runs], path: Path) -> list[dict[str, Any]]:
         of_plan.setdefault(one.draw, []).append(one)
     for group in of_plan.values():
         scenario = group[0].scenario
-        check = check_plan(
-            scenario.name,
-            scenario.geometry,
-            scenario.population,
-            title=scenario.title,
-            room=room_of(scenario.outline_of_run()),
-            seed=group[0].episodes[0].seed,
-        )
+        check = check_place(scenario, group[0].episodes[0].seed)
+        rows = [(label, cell) for label, cell in cells(check).items() if label != "check"]
         draw_sheet(path, [check])
         names = "; ".join(one.name for one in group) if len(of_plan) > 1 else ""
         place = {"names": names, "name": scenario.name, "png": _taken(path)}
-        parts.append({**place, "rows": _plan_rows(check), "remarks": check.remarks})
+        parts.append({**place, "rows": rows, "remarks": check.remarks})
     return parts
-
-
-def _plan_rows(check: PlanCheck) -> list[tuple[str, str]]:
-    x0, y0, x1, y1 = check.geometry.bounds
-    least, most = check.body
-    rows = [
-        ("extent", f"{x1 - x0:.2f} m x {y1 - y0:.2f} m, {check.geometry.area:.1f} m²"),
-        ("exits", "\n".join(f"{name}: {width:.2f} m wide" for name, width in check.widths.items())),
-        ("narrowest passage", "\n".join(_passage(check, name) for name in check.passages)),
-        ("people", f"{check.people.people}, bodies {least:.2f} to {most:.2f} m wide; at most {check.capacity} fit"),
-    ]
-    if check.geometry.doors:
-        rows.append(("doors", ", ".join(check.geometry.doors)))
-    lost = [f"{area:.3g} m²" for _, area in check.unreached]
-    return [*rows, ("no exit reaches", ", ".join(lost))] if lost else rows
-
-
-def _passage(check: PlanCheck, name: str) -> str:
-    passage = check.passages[name]
-    if passage is None:
-        return f"to {name}: nobody who starts has a way"
-    where = (
-        "the exit itself"
-        if passage.is_exit
-        else f"at {spot(passage.gap)}, for {100 * passage.behind:.0f} % of the people"
-    )
-    return f"to {name}: {passage.gap.width:.2f} m, {where}"
 
 
 def _spot(place: Worst | None, unit: str, digits: int) -> str:
@@ -108,11 +72,8 @@ def _spot(place: Worst | None, unit: str, digits: int) -> str:
 
 
 def _curves(runs: Sequence[Runs], path: Path) -> str:
-    bands = {}
-    for one in runs:
-        curve = egress([episode.exit_time for episode in one.episodes])
-        bands[one.name] = Band(curve.time, curve.mean, curve.quantiles[:, _LOW], curve.quantiles[:, _HIGH], _known(one))
-    return _taken(egress_bands(path, bands))
+    curves = {one.name: [episode.exit_time for episode in one.episodes] for one in runs}
+    return _taken(egress_curves(path, curves, until={one.name: _known(one) for one in runs}))
 
 
 def _known(runs: Runs) -> float:
@@ -166,15 +127,12 @@ def _gap(figure: Mapping[str, Any]) -> str:
     return f"{figure['mean']:+.2f} s ({interval}), {figure['pairs']} {'pair' if figure['pairs'] == 1 else 'pairs'}"
 
 
-def _time(name: str, unit: str) -> Callable[[Runs], str]:
+def _time(name: str) -> Callable[[Runs], str]:
     def words(runs: Runs) -> str:
-        found = runs.figures[name]
-        if found["mean"] is None:
-            return "–"
-        if found["sd"] is None:
-            return f"{found['mean']:.2f} {unit}"
-        low, high = found["ci95"]
-        return f"{found['mean']:.2f} ({low:.2f} to {high:.2f}) {unit}\n± {found['sd']:.2f} {unit}"
+        found, unit = runs.figures[name], FIGURES[name].unit
+        if not (bounds := interval(found)):
+            return spread(found, unit)
+        return f"{number(found['mean'])} ({bounds}) {unit}\n± {number(found['sd'], unit)}"
 
     return words
 
@@ -182,7 +140,7 @@ def _time(name: str, unit: str) -> Callable[[Runs], str]:
 def _evacuation_time(runs: Runs) -> str:
     whole = runs.figures["runs"] - runs.figures["unfinished_runs"]
     of = f"\nof the {whole} of {runs.figures['runs']} runs in which everyone got out"
-    return _time("evacuation_time", "s")(runs) + (of if 0 < whole < runs.figures["runs"] else "")
+    return _time("evacuation_time")(runs) + (of if 0 < whole < runs.figures["runs"] else "")
 
 
 def _runs_in(kind: str) -> Callable[[Runs], str]:
@@ -200,9 +158,9 @@ def _blocked(runs: Runs) -> str:
 _ROWS: dict[str, Callable[[Runs], str]] = {
     "runs": lambda runs: str(runs.figures["runs"]),
     "evacuation time": _evacuation_time,
-    "95 % of the people out (T95)": _time("t95", "s"),
-    "mean exit time": _time("mean_exit_time", "s"),
-    "flow": _time("flow", "1/s"),
+    "95 % of the people out (T95)": _time("t95"),
+    "mean exit time": _time("mean_exit_time"),
+    "flow": _time("flow"),
     "runs in which someone was left inside": _runs_in("unfinished"),
     "people left inside, all runs": lambda runs: str(runs.figures["unfinished"]),
     "runs in which the exits blocked": _blocked,

@@ -10,7 +10,7 @@ from cases import looped
 from reported_pages import Parsed, command
 
 from crowd_env.cli.report import place_of
-from crowd_env.rendering import comparison
+from crowd_env.rendering import figures
 from crowd_env.rendering.report.differences import differences
 from crowd_env.rendering.report.runs import load_runs
 
@@ -61,13 +61,13 @@ def test_a_curve_ends_where_the_time_limit_ended_a_run(
     folders: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[np.ndarray] = []
-    saved = comparison.save_figure
+    saved = figures.save_figure
 
     def keep(figure, path, **options):
         drawn.extend(line.get_xdata() for axes in figure.axes for line in axes.lines if len(line.get_xdata()) > 4)
         return saved(figure, path, **options)
 
-    monkeypatch.setattr(comparison, "save_figure", keep)
+    monkeypatch.setattr(figures, "save_figure", keep)
     code, _, _ = command("report", folders / "whole", folders / "cut", "-o", tmp_path / "report.html", "--no-maps")
     whole, cut = drawn
     assert code == 0 and cut.max() == pytest.approx(4.0) and whole.max() > 5.0
@@ -102,7 +102,7 @@ def test_a_dollar_in_the_name_of_a_plan_is_no_formula(name: str, tmp_path: Path)
     plan.write_text("POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))", "utf-8")
     place = (plan, "--exit", "6,1,6,2.2", "--people", 3)
     assert command("plan", *place, "--out", tmp_path / "plan.png")[0] == 0
-    code, _, said = command("run", *place, "--runs", 1, "--out", tmp_path / "runs")
+    code, _, said = command("run", *place, "--runs", 1, "--out", tmp_path / f"runs {len(name)}")
     assert code == 0, said
-    code, _, said = command("report", tmp_path / "runs", "-o", tmp_path / "report.html")
+    code, _, said = command("report", tmp_path / f"runs {len(name)}", "-o", tmp_path / "report.html")
     assert code == 0, said

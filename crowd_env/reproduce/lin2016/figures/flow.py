@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.rendering.canvas import hex_of, mark, name_panel, new_figure, quiet_axes, series
-from crowd_env.rendering.palette import INK, QUIET
+from crowd_env.rendering.canvas import hex_of, name_panel, new_figure, quiet_axes, series
+from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.lin2016.figures.clearance import BLOCKED
 from crowd_env.reproduce.lin2016.sample import Samples
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_PAPER = "#efece4"
-_OTHER_DRAWS = "#9fb6bb"
+_PAPER: dict[str, Any] = {"color": "#efece4", "lw": 0.0, "zorder": 0}
+_OTHER_DRAWS: dict[str, Any] = {"color": "#9fb6bb", "lw": 0.7, "zorder": 2}
+_FIRST_DRAW: dict[str, Any] = {"color": series(0), "lw": 1.4, "marker": "o", "ms": 2.6, "mew": 0, "zorder": 4}
 _PAPER_RANGE: dict[str, Any] = {"facecolor": "none", "edgecolor": "#c9c2ae", "hatch": "////", "lw": 0.0}
-_PAPER_MEAN: dict[str, Any] = {"color": "black", "lw": 1.4, "dashes": (4, 3)}
+_STATES = ("#eef5f2", "#f7f4ec", "#f8ebe9")
 
 
 def window_flows(
@@ -43,44 +43,22 @@ def window_flows(
         people, speed = crowds[column], speeds[row]
         draws, lost = flows[people, speed], blocked[people, speed]
         quiet_axes(axes, "time [s]" if row == len(speeds) - 1 else "", "people/s" if column == 0 else "", grid=True)
-        _windows(axes, draws, window, paper[speed])
-        label = f"{speed:g} m/s" + (f", {lost} of {len(draws)} blocked" if lost else "")
-        axes.text(
-            0.995, 0.97, label, transform=axes.transAxes, ha="right", va="top", fontsize=9.5, fontweight="bold",
-            color=BLOCKED if lost else hex_of(INK),
-            bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1},
-        )  # fmt: skip
+        axes.axhspan(*paper[speed], **_PAPER, label="paper, range in its text")
+        for k, flow in enumerate(draws):
+            label = {0: f"first draw, windows of {window:g} s", 1: f"the other {len(draws) - 1}"}.get(k)
+            style = _OTHER_DRAWS if k else _FIRST_DRAW
+            axes.plot(window * (np.arange(len(flow)) + 0.5), flow, label=label, **style)
+        text = f"{speed:g} m/s" + (f", {lost} of {len(draws)} blocked" if lost else "")
+        color = BLOCKED if lost else "black"
+        axes.text(0.995, 0.97, text, transform=axes.transAxes, ha="right", va="top", fontsize=9.5, color=color)
         axes.set_xlim(left=0.0)
         axes.set_ylim(-0.06, 2.0)
-        axes.set_yticks([0.0, 0.5, 1.0, 1.5])
         if row == 0:
             name_panel(axes, f"{'abc'[column]}. {people} people")
-    _name_windows(figure, len(draws), window)
+    figure.legend(
+        *grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=9.5
+    )
     return figure
-
-
-def _windows(axes: "Axes", draws: Sequence[Floats], window: float, paper: tuple[float, float]) -> None:
-    axes.axhspan(*paper, color=_PAPER, lw=0.0, zorder=0)
-    for k, flow in reversed(list(enumerate(draws))):
-        middle = window * (np.arange(len(flow)) + 0.5)
-        strong = k == 0
-        axes.plot(
-            middle, flow, "-o" if strong else "-", color=series(0) if strong else _OTHER_DRAWS, ms=2.6, mew=0,
-            lw=1.4 if strong else 0.7, alpha=1.0 if strong else 0.55, zorder=4 if strong else 2,
-        )  # fmt: skip
-
-
-def _name_windows(figure: "Figure", draws: int, window: float) -> None:
-    from matplotlib.patches import Patch
-
-    marks = [
-        mark(f"first draw, windows of {window:g} s", color=series(0), marker="o", ms=3, lw=1.4),
-        mark(f"the other {draws - 1}", color=_OTHER_DRAWS, lw=1.0),
-        Patch(color=_PAPER, label="paper, range in its text"),
-    ]
-    if draws == 1:
-        del marks[1]
-    figure.legend(handles=marks, loc="outside upper center", ncols=3, frameon=False, fontsize=9.5)
 
 
 def mean_flows(
@@ -101,50 +79,29 @@ def mean_flows(
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3.2, 1.0])
     quiet_axes(upper, "", "mean flow of those that cleared [people/s]", grid=True)
     quiet_axes(lower, "desired speed [m/s]", "draws blocked", grid=True)
-    edge = states[0][1] - 0.08
-    for k, (name, low, high) in enumerate(states):
-        low = low if k else edge
+    for (name, low, high), color in zip(states, _STATES, strict=True):
         for axes in (upper, lower):
-            axes.axvspan(low, high, color=("#eef5f2", "#f7f4ec", "#f8ebe9")[k % 3], lw=0.0, zorder=0)
-        upper.text(
-            0.5 * (low + high), 0.985, name, transform=upper.get_xaxis_transform(), ha="center", va="top", fontsize=10,
-            color=hex_of(QUIET),
-        )  # fmt: skip
+            axes.axvspan(low, high, color=color, lw=0.0, zorder=0)
+        middle, transform = 0.5 * (low + high), upper.get_xaxis_transform()
+        upper.text(middle, 0.985, name, transform=transform, ha="center", va="top", fontsize=10, color=hex_of(QUIET))
     transition = states[1][1:]
-    upper.fill_between(transition, *paper_range, **_PAPER_RANGE, zorder=1)
-    upper.plot(transition, [paper_mean] * 2, **_PAPER_MEAN, zorder=2)
+    upper.fill_between(
+        transition, *paper_range, **_PAPER_RANGE, label=f"paper, {paper_range[0]:g} to {paper_range[1]:g}"
+    )
+    upper.plot(transition, [paper_mean] * 2, "k--", lw=1.4, label=f"paper, average {paper_mean:g}")
     crowds = sorted({people for people, _ in found})
     for k, people in enumerate(crowds):
         draws = {speed: sample for (of, speed), sample in found.items() if of == people}
-        _flows(upper, {speed: sample.mean_flows for speed, sample in draws.items()}, k, len(crowds))
+        aside = 0.022 * (k - 0.5 * (len(crowds) - 1))
+        flows = [(speed + aside, flow) for speed, sample in draws.items() for flow in sample.mean_flows]
+        medians = [(speed + aside, np.median(one.mean_flows)) for speed, one in draws.items() if len(one.cleared)]
+        upper.plot(*np.reshape(flows, (-1, 2)).T, "o", color=series(k), alpha=0.3, ms=4, mew=0)
+        upper.plot(
+            *np.reshape(medians, (-1, 2)).T, "-o", color=series(k), mec="white", label=f"{people} people, median"
+        )
         share = [sample.blocked / len(sample.episodes) for sample in draws.values()]
         lower.bar([speed + 0.032 * (k - 1) for speed in draws], share, width=0.028, color=series(k), zorder=3)
-    highest = max(flow for sample in found.values() for flow in (1.2, *sample.mean_flows))
-    upper.set_ylim(bottom=0.0, top=1.12 * highest)
-    upper.set_xlim(edge, states[-1][2])
+    upper.set_ylim(bottom=0.0)
     lower.set_ylim(0.0, 1.04)
-    lower.set_yticks([0.0, 0.5, 1.0], ["0", "half", "all"])
-    _name_flows(upper, paper_range, paper_mean, crowds)
+    upper.legend(frameon=False, fontsize=9.5, loc="lower left", ncols=2)
     return figure
-
-
-def _flows(axes: "Axes", of_speed: Mapping[float, Floats], k: int, crowds: int) -> None:
-    aside = 0.022 * (k - 0.5 * (crowds - 1))
-    medians = [(speed + aside, float(np.median(flow))) for speed, flow in of_speed.items() if len(flow)]
-    for speed, flow in of_speed.items():
-        axes.plot(np.full(len(flow), speed + aside), flow, "o", color=series(k), alpha=0.3, ms=4, mew=0, zorder=3)
-    if medians:
-        axes.plot(*zip(*medians, strict=True), "-o", color=series(k), lw=1.7, ms=6.5, mec="white", mew=0.9, zorder=5)
-
-
-def _name_flows(axes: "Axes", paper_range: tuple[float, float], paper_mean: float, crowds: Sequence[int]) -> None:
-    from matplotlib.patches import Patch
-
-    marks: list[Any] = [
-        mark(f"{people} people, median", color=series(k), marker="o", ms=6.5, mec="white", lw=1.7)
-        for k, people in enumerate(crowds)
-    ]
-    marks.append(mark("one draw", color=hex_of(QUIET), marker="o", ms=4, mew=0, ls="", alpha=0.5))
-    marks.append(mark(f"paper, average {paper_mean:g}", **_PAPER_MEAN))
-    marks.append(Patch(**_PAPER_RANGE, label=f"paper, {paper_range[0]:g} to {paper_range[1]:g}"))
-    axes.legend(handles=marks, frameon=False, fontsize=9.5, loc="lower left", ncols=2)

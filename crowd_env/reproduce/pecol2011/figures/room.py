@@ -40,21 +40,13 @@ def velocity_error(
     """
     figure = new_figure((6.4, 4.2))
     axes = quiet_axes(figure.add_subplot(), "time step $h$ [s]", r"$|u_x - 2|$ after the contact [m/s]", grid=True)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.plot(*sweep, ".", color="#bcbab5", markersize=4, label=f"{len(sweep[0])} other steps")
     line = np.array([steps.min(), stable])
-    axes.plot(line, 10 ** (fit[1] + fit[0] * np.log10(line)), color=series(0), lw=1.4, label=f"slope {fit[0]:.2f}")
-    axes.plot(steps, error, "o", color=series(0), markersize=6, label="here")
-    axes.plot(steps, printed, "x", color="black", markersize=11, mew=1.4, label="paper, as printed")
-    axes.plot(steps[-1], mended, "+", color="black", markersize=12, mew=1.4, label="paper, a zero put back")
-    axes.axvline(stable, color=hex_of(QUIET), lw=1.0, dashes=(4, 3))
-    axes.text(
-        stable * 0.93, 1e-9, rf"stable up to $2/\omega$ = {stable:.3f} s", rotation=90, ha="right", va="bottom",
-        color=hex_of(QUIET), fontsize=8.5,
-    )  # fmt: skip
-    axes.set_xlim(6e-6, 0.2)
-    axes.set_ylim(5e-10, 60)
+    axes.loglog(*sweep, ".", color="#bcbab5", markersize=4, label=f"{len(sweep[0])} other steps")
+    axes.loglog(line, 10 ** (fit[1] + fit[0] * np.log10(line)), color=series(0), label=f"slope {fit[0]:.2f}")
+    axes.loglog(steps, error, "o", color=series(0), label="here")
+    axes.loglog(steps, printed, "kx", markersize=11, label="paper, as printed")
+    axes.loglog(steps[-1], mended, "k+", markersize=12, label="paper, a zero put back")
+    axes.axvline(stable, color=hex_of(QUIET), dashes=(4, 3), label=rf"stable up to $2/\omega$ = {stable:.3f} s")
     axes.legend(frameon=False, fontsize=9.5, loc="upper left")
     return figure
 
@@ -71,58 +63,35 @@ def collisions(
         that was avoided or None.
     radius : m.
     """
+    from matplotlib.patches import Circle
+
     figure = new_figure((9.6, 8.4))
     grid = figure.subplots(2, 2, sharex=True, sharey=True)
     for axes, (title, positions, phases, avoided) in zip(grid.flat, panels, strict=True):
-        _collision(axes, positions, phases, avoided, radius)
+        axes.axvline(0.0, color="black", lw=2.2, zorder=1)
+        axes.axvspan(-0.28, 0.0, facecolor="none", edgecolor="#d8d6d0", hatch="///", linewidth=0.0, zorder=0)
+        if avoided is not None:
+            axes.add_patch(Circle(avoided, radius, fill=False, ec=_PHASES["during"], ls=":", lw=1.5))
+        for k, ((x, y), phase) in enumerate(zip(positions, phases, strict=True)):
+            axes.add_patch(Circle((x, y), radius, fill=False, ec=_PHASES[phase], lw=1.6, zorder=3 + 0.01 * k))
+            axes.plot(x, y, "o", color=_PHASES[phase], markersize=4.5, zorder=5)
+            if k in (0, len(positions) - 1):
+                axes.text(x + 0.05, y, f"$t$ = {0.1 * k:.1g} s", fontsize=8.5, color=_PHASES[phase], zorder=7)
         name_panel(axes, title)
         axes.set_aspect("equal")
         axes.set_xlim(-0.28, 1.2)
         axes.set_ylim(-0.88, 0.36)
-        _ticks_inside(axes)
-    for axes in grid.flat:
+        _name_axes(axes)
         axes.label_outer()
     marks = [mark(f"{phase} contact", color=color, lw=2) for phase, color in _PHASES.items()]
-    avoided_mark = {"color": _PHASES["during"], "marker": "o", "mfc": "white", "markersize": 4, "lw": 1}
-    marks.append(mark("avoided position (b)", **avoided_mark))
+    marks.append(mark("avoided position (b)", color=_PHASES["during"], ls=":"))
     figure.legend(handles=marks, loc="outside lower center", ncols=4, frameon=False, fontsize=10)
     return figure
 
 
-def _collision(
-    axes: "Axes",
-    positions: Sequence[tuple[float, float]],
-    phases: Sequence[str],
-    avoided: tuple[float, float] | None,
-    radius: float,
-) -> None:
-    from matplotlib.patches import Circle
-
-    axes.axvline(0.0, color="black", lw=2.2, zorder=1)
-    axes.axvspan(-0.28, 0.0, facecolor="none", edgecolor="#d8d6d0", hatch="///", linewidth=0.0, zorder=0)
-    if avoided is not None:
-        angle = np.linspace(0.0, 2 * np.pi, 33)
-        x, y = avoided[0] + radius * np.cos(angle), avoided[1] + radius * np.sin(angle)
-        axes.plot(x, y, "-o", color=_PHASES["during"], lw=1.0, markersize=3.6, mfc="white", zorder=2)
-        axes.plot(*avoided, "o", color=_PHASES["during"], markersize=4, mfc="white", zorder=2)
-    for order, (position, phase) in enumerate(zip(positions, phases, strict=True)):
-        weight = 2.2 if phase == "during" else 1.5
-        axes.add_patch(Circle(position, radius, fill=False, ec=_PHASES[phase], lw=weight, zorder=3 + 0.01 * order))
-    for start, end, phase in zip(positions, positions[1:], phases[1:], strict=False):
-        axes.plot(*zip(start, end, strict=True), color=_PHASES[phase], lw=0.9, zorder=4)
-    for k, (position, phase) in enumerate(zip(positions, phases, strict=True)):
-        axes.plot(*position, "o", color=_PHASES[phase], markersize=4.5, zorder=5)
-        if k in (0, len(positions) - 1):
-            axes.annotate(
-                f"$t$ = {0.1 * k:.1g} s", position, (8, 2), textcoords="offset points", fontsize=8.5,
-                color=_PHASES[phase], zorder=7, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
-            )  # fmt: skip
-
-
-def _ticks_inside(axes: "Axes") -> None:
+def _name_axes(axes: "Axes") -> None:
     axes.set_xlabel("$x$ [m]", fontsize=10)
     axes.set_ylabel("$y$ [m]", fontsize=10)
-    axes.tick_params(labelsize=9, direction="in", top=True, right=True)
 
 
 def meetings(
@@ -158,25 +127,18 @@ def meetings(
 def _meeting(axes: "Axes", taus: Sequence[float], trajectories: Sequence[Floats], radius: float) -> None:
     from matplotlib.patches import Circle
 
-    reach, touch = 1.35, trajectories[0][0]
-    for who, name, side in ((0, "i", -1.0), (1, "j", 1.0)):
-        x, y = touch[who]
+    for name, side, (x, y) in zip("ij", (-1.0, 1.0), trajectories[0][0], strict=True):
         axes.add_patch(Circle((x, y), radius, fc="#f3f1ec", ec="#9b9890", lw=1.1, zorder=1))
-        axes.plot([side * 0.74, x], [y, y], color="black", lw=1.3, zorder=4)
-        arrow = {"arrowstyle": "-|>", "color": "black", "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
-        axes.annotate("", (side * 0.72, y), (side * 1.2, y), arrowprops=arrow, zorder=6)
-        axes.text(side * (reach - 0.08), y, f"${name}$", ha="center", va="center", fontsize=13)
+        axes.plot([1.2 * side, x], [y, y], "ko-", lw=1.3, ms=4.5, markevery=[1], zorder=4)
+        axes.text(1.27 * side, y, f"${name}$", ha="center", va="center", fontsize=13)
     for k, (tau, positions) in enumerate(zip(taus, trajectories, strict=True)):
-        color = shade(k / max(len(taus) - 1, 1))
         for who in (0, 1):
-            axes.plot(
-                *positions[:, who].T, color=color, lw=1.7, zorder=3, label=None if who else rf"$\tau$ = {tau:g} s"
-            )
-    axes.plot(*touch.T, "o", color="black", markersize=4.5, zorder=5)
-    axes.set_xlim(-reach, reach)
+            label = None if who else rf"$\tau$ = {tau:g} s"
+            axes.plot(*positions[:, who].T, color=shade(k / max(len(taus) - 1, 1)), lw=1.7, zorder=3, label=label)
+    axes.set_xlim(-1.35, 1.35)
     axes.set_aspect("equal", adjustable="box")
     axes.set_ylim(-0.86, 0.86)
-    _ticks_inside(axes)
+    _name_axes(axes)
     axes.legend(frameon=False, fontsize=9.5, loc="lower left", handlelength=1.6)
 
 
@@ -191,33 +153,21 @@ def exits_against_time(exit_times: Floats, slope: float, start: float, title: st
     """
     figure = new_figure((6.6, 4.6))
     axes = quiet_axes(figure.add_subplot(), "time [s]", "pedestrians out", title=title)
-    people = exit_times.shape[1]
-    known = exit_times[np.isfinite(exit_times)]
-    end = _end_of_time(exit_times)
+    people, known = exit_times.shape[1], exit_times[np.isfinite(exit_times)]
+    # By then nearly all who got out were out: one stray at the time limit must not squeeze the rest.
+    end = 1.04 * float(min(known.max(), 2.0 * np.percentile(known, 99.0))) if len(known) else 1.0
     for k, times in enumerate(np.sort(exit_times, axis=1)):
-        out = times[np.isfinite(times)]
-        count = np.arange(1.0, len(out) + 1.0)
-        if len(out) < people:  # people inside at the end stay
-            out, count = np.append(out, end), np.append(count, len(out))
+        out = np.append(times[np.isfinite(times)], end)  # people inside at the end stay
+        count = np.minimum(np.arange(1.0, len(out) + 1.0), len(out) - 1)
         label = f"{len(exit_times)} simulations" if k == 0 else None
         axes.plot(out, count, color="#b4b9bf", lw=0.9, alpha=0.8, label=label, zorder=2)
-    if np.isfinite(slope) and len(known):
-        at = np.clip(np.array([(0.0 - start) / slope, (people - start) / slope]), 0.0, end)
+    if np.isfinite(slope):
         label = f"linear regression, {slope:.2f} /s ({printed} /s)"
-        axes.plot(at, start + slope * at, color="black", lw=2.0, label=label, zorder=3)
+        axes.plot([0.0, end], [start, start + slope * end], color="black", lw=2.0, label=label, zorder=3)
     axes.set_xlim(0.0, end)
     axes.set_ylim(0.0, 1.04 * people)
-    axes.locator_params(axis="y", integer=True)
     axes.legend(frameon=False, fontsize=9.5, loc="lower right")
     return figure
-
-
-def _end_of_time(exit_times: Floats) -> float:
-    """Return the time by which nearly all who got out were out: one stray at the time limit must not squeeze the rest."""
-    known = exit_times[np.isfinite(exit_times)]
-    if len(known) == 0:
-        return 1.0
-    return 1.04 * float(min(known.max(), 2.0 * np.percentile(known, 99.0)))
 
 
 def flows(done: Mapping[str, Evacuations], title: str) -> "Figure":
@@ -225,35 +175,28 @@ def flows(done: Mapping[str, Evacuations], title: str) -> "Figure":
     figure = new_figure((7.6, 5.0))
     axes = quiet_axes(figure.add_subplot(), "", "flow through the door [persons/s]", title=title, grid=True)
     rng = np.random.default_rng(0)  # for offsets sideways, which keep points of similar value apart
-    experiment, grey = float(EXPERIMENT), hex_of(QUIET)
-    axes.axhline(experiment, color=grey, lw=1.2, dashes=(4, 3), zorder=1)
-    axes.annotate(
-        f"experiment {experiment:g}", (1.0, experiment), (4, 0), xycoords=("axes fraction", "data"),
-        textcoords="offset points", color=grey, fontsize=9, va="center", annotation_clip=False,
-    )  # fmt: skip
+    axes.axhline(float(EXPERIMENT), color=hex_of(QUIET), dashes=(4, 3), zorder=1, label=f"experiment {EXPERIMENT}")
     for k, (name, evacuations) in enumerate(done.items()):
         color, slopes = series(k), evacuations.slopes[np.isfinite(evacuations.slopes)]
+        labels = (
+            ("one draw", "mean of the draws, 95 % interval", "other estimators", "paper, Table 5")
+            if k == 0
+            else (None,) * 4
+        )
         aside = k - 0.16 + rng.uniform(-0.13, 0.13, len(slopes))
-        axes.plot(aside, slopes, ".", color=color, alpha=0.45, markersize=6, mew=0, zorder=2)
+        axes.plot(aside, slopes, ".", color=color, alpha=0.45, markersize=6, mew=0, zorder=2, label=labels[0])
         others = dict(evacuations.estimates)
         mean = others.pop("per run")
         if mean.value is not None:
             low, high = mean.ci95 or (mean.value, mean.value)
             bar = [[mean.value - low], [high - mean.value]]
-            axes.errorbar(k + 0.12, mean.value, bar, fmt="o", color=color, ms=7, capsize=4, lw=1.8, zorder=4)
+            axes.errorbar(k + 0.12, mean.value, bar, fmt="o", color=color, ms=7, capsize=4, zorder=4, label=labels[1])
         values = [estimate.value for estimate in others.values() if estimate.value is not None]
-        axes.plot(np.full(len(values), k + 0.24), values, "_", color=color, markersize=11, mew=1.3, zorder=3)
-        axes.plot(k + 0.37, float(PRINTED[name]), **PAPER_MARK, zorder=5)
+        axes.plot(np.full(len(values), k + 0.24), values, "_", color=color, markersize=11, zorder=3, label=labels[2])
+        axes.plot(k + 0.37, float(PRINTED[name]), **PAPER_MARK, zorder=5, label=labels[3])
     axes.set_xticks(range(len(done)), [_SPOKEN[name] for name in done], fontsize=10, color=hex_of(INK))
-    axes.set_xlim(-0.5, len(done) - 0.4)
     axes.set_ylim(bottom=0.0)
-    marks = [
-        mark("one draw", marker=".", ms=6, mew=0, color=grey, ls=""),
-        mark("mean of the draws, 95 % interval", marker="o", ms=7, color=grey, ls=""),
-        mark("other estimators", marker="_", ms=11, mew=1.3, color=grey, ls=""),
-        mark("paper, Table 5", **PAPER_MARK),
-    ]
-    figure.legend(handles=marks, loc="outside lower center", ncols=4, frameon=False, fontsize=9, columnspacing=1.4)
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     return figure
 
 

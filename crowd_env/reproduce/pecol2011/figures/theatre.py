@@ -6,9 +6,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.rendering.canvas import hex_of, mark, new_figure, quiet_axes, series
-from crowd_env.rendering.palette import EXIT, FLOOR, INK, OBSTACLE, QUIET, WALL
+from crowd_env.rendering.canvas import (
+    draw_floor,
+    draw_lines,
+    hex_of,
+    mark,
+    name_panel,
+    new_figure,
+    quiet_axes,
+    series,
+    show_plan,
+)
+from crowd_env.rendering.palette import EXIT, INK, QUIET, WALL
 from crowd_env.reproduce.pecol2011.figures.room import PAPER_MARK
+from crowd_env.reproduce.pecol2011.flow import mean_of_runs
 from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED, ROUTES, Egress
 from crowd_env.routing.fields.field import NavigationField
 from crowd_env.scenarios.scenario import Scenario
@@ -17,11 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_ROUTE_COLORS = {"A": series(0), "B": series(1)}
 _EXERCISE: dict[str, Any] = {"color": "black", "marker": "D", "ls": "", "ms": 7}
 _RUN = "#b4b9bf"  # the curve of one of many
-_STAIR = 0.35  # m, from one drawn step to the next
-_LIGHT, _DARK = "#9aa1a8", "#000000"  # arrows, as in the paper: the usual way, and the other
 
 
 # ------------------------------------------------------------------------------------------------------------- Table 7
@@ -40,99 +48,53 @@ def theatre_table(scenario: Scenario, done: Mapping[str, Egress]) -> "Figure":
 
 
 def _plan(axes: "Axes", scenario: Scenario) -> None:
-    from matplotlib.collections import LineCollection, PatchCollection
-    from matplotlib.patches import Circle, Polygon, Rectangle
+    from matplotlib.collections import PatchCollection
+    from matplotlib.patches import Circle
 
     geometry, people = scenario.geometry, scenario.population.parts[0]
-    route_set = {route.name: route.field for route in scenario.route_set().routes}
-    shells = [np.asarray(geometry.walkable.exterior.coords)]
-    holes = [np.asarray(ring.coords) for ring in geometry.walkable.interiors]
-    axes.add_collection(PatchCollection([Polygon(ring) for ring in shells], facecolor=hex_of(FLOOR), lw=0.0, zorder=0))
-    axes.add_collection(
-        PatchCollection([Polygon(ring) for ring in holes], facecolor=hex_of(OBSTACLE), lw=0.0, zorder=1)
-    )
-    for zone in scenario.zones:
-        x0, y0, x1, y1 = geometry.regions[zone.region].bounds
-        steps = np.arange(x0, x1 + 1e-9, _STAIR)
-        lines = [[(x, y0), (x, y1)] for x in steps]
-        axes.add_collection(LineCollection(lines, colors="#dcd8cf", linewidths=0.8, zorder=1))
-    axes.add_collection(
-        LineCollection(list(geometry.walls), colors=hex_of(WALL), linewidths=1.6, capstyle="projecting", zorder=3)
-    )
-    axes.add_collection(LineCollection(list(geometry.exits), colors=hex_of(EXIT), linewidths=3.0, zorder=4))
+    draw_floor(axes, geometry)
+    draw_lines(axes, geometry.walls, WALL, 1.6, 3, capstyle="projecting")
+    draw_lines(axes, geometry.exits, EXIT, 3.0, 4)
     assert people.starts is not None
-    nearer = np.array([[_time(route_set[name], at) for name in _ROUTE_COLORS] for at in people.starts]).argmin(axis=1)
-    for k, (name, color) in enumerate(_ROUTE_COLORS.items()):
+    fields = {route.name: route.field for route in scenario.route_set().routes}
+    nearer = np.argmin([[_time(fields[name], at) for name in ROUTES] for at in people.starts], axis=1)
+    for k, name in enumerate(ROUTES):
         mine = [Circle((x, y), people.radius.low) for x, y in people.starts[nearer == k]]
-        axes.add_collection(PatchCollection(mine, facecolor=color, edgecolor="white", lw=0.4, zorder=2))
-        exits = geometry.exits[[exit_name == name for exit_name in geometry.exit_names]]
-        middle = exits.mean(axis=(0, 1))
-        aside = 0.9 if name == "B" else -0.9
-        text = f"{name}: {len(mine)}" if name == "B" else f"{len(mine)}: {name}"
-        axes.text(
-            middle[0] + aside, middle[1], text, color=color, fontsize=13, fontweight="bold", va="center",
-            ha="left" if name == "B" else "right",
-        )  # fmt: skip
+        axes.add_collection(PatchCollection(mine, facecolor=series(k), edgecolor="white", lw=0.4, zorder=2))
+        x, y = geometry.exits[[exit_name == name for exit_name in geometry.exit_names]].mean(axis=(0, 1))
+        axes.text(x, y, f" {name}: {len(mine)} ", color=series(k), fontsize=13, ha="left" if name == "B" else "right")
     for rule in scenario.rules:
         x0, y0, x1, y1 = geometry.regions[rule.region].bounds
-        axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, ec=_DARK, lw=1.1, ls=(0, (3, 2)), zorder=5))
-        axes.text(x0 + 0.14, y1 - 0.1, rule.region, fontsize=10.5, fontweight="bold", va="top", zorder=6)
-        middle, usual = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)]), "A" if rule.route == "B" else "B"
-        for name, color in ((usual, _LIGHT), (rule.route, _DARK)):
-            _arrow(axes, middle, _direction(route_set[name], middle), color)
-    low, high = geometry.walls.min(axis=(0, 1)), geometry.walls.max(axis=(0, 1))
-    axes.plot([low[0] + 0.12] * 2, [2.8, 8.4], color="#b9b5ab", lw=4.0, solid_capstyle="butt", zorder=2)
-    axes.text(low[0] + 0.5, 5.6, "screen", rotation=90, va="center", fontsize=9, color=hex_of(QUIET))
-    axes.set_xlim(low[0] - 0.6, high[0] + 0.6)
-    axes.set_ylim(low[1] - 0.5, high[1] + 0.5)
-    axes.set_aspect("equal")
-    axes.axis("off")
-    axes.set_title(
-        f"Synthetic theatre: {len(people.starts)} people by their shortest way; where people are counted (dashed), the usual "
-        "way (light) and the other (dark)", loc="left", color=hex_of(INK), fontsize=9.5,
-    )  # fmt: skip
-
-
-def _node(field: NavigationField, at: Floats) -> tuple[int, int]:
-    j, i = np.rint((np.asarray(at) - field.origin) / field.spacing).astype(int)
-    return int(i), int(j)
+        axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], "k--", lw=1.1, zorder=5)
+        axes.text(x0 + 0.14, y1 - 0.1, rule.region, fontsize=10.5, va="top", zorder=6)
+    show_plan(axes, geometry, 0.03)
+    name_panel(
+        axes, f"Synthetic theatre: {len(people.starts)} people by their shortest path; dashed: where people are counted"
+    )
 
 
 def _time(field: NavigationField, at: Floats) -> float:
-    return float(field.travel_time[_node(field, at)])
-
-
-def _direction(field: NavigationField, at: Floats) -> Floats:
-    return np.asarray(field.direction[_node(field, at)])
-
-
-def _arrow(axes: "Axes", at: Floats, direction: Floats, color: str) -> None:
-    (x0, y0), (x1, y1) = at + 0.1 * direction, at + 0.95 * direction
-    style = {"arrowstyle": "-|>", "color": color, "lw": 1.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 13}
-    axes.annotate("", (x1, y1), (x0, y0), arrowprops=style, zorder=6)
+    j, i = np.rint((np.asarray(at) - field.origin) / field.spacing).astype(int)
+    return float(field.travel_time[i, j])
 
 
 def _times(axes: "Axes", done: Mapping[str, Egress]) -> None:
     quiet_axes(axes, "", "time [s]", grid=True)
-    colors = (series(3), series(2))
     rng = np.random.default_rng(0)  # for the offsets of the points sideways
-    for x, (name, (exercise, simulation)) in enumerate(PRINTED.items()):
-        for egress, color, aside in zip(done.values(), colors, (-0.12, 0.14), strict=True):
-            values = egress.quantities[name][np.isfinite(egress.quantities[name])]
+    at = np.arange(len(PRINTED))
+    for (label, egress), color, aside in zip(done.items(), (series(3), series(2)), (-0.12, 0.14), strict=True):
+        for x, name in enumerate(PRINTED):
+            values = egress.quantities[name]
             columns = x + aside + rng.uniform(-0.07, 0.07, len(values))
             axes.plot(columns, values, ".", color=color, alpha=0.3, ms=4.5, mew=0, zorder=2)
-            if len(values):
-                axes.plot(x + aside, values.mean(), "o", color=color, mec="white", mew=1.0, ms=8, zorder=4)
-        axes.plot(x - 0.32, float(exercise), **_EXERCISE, zorder=5)
-        axes.plot(x + 0.33, float(simulation), **PAPER_MARK, zorder=5)
-    axes.set_xticks(range(len(PRINTED)), list(PRINTED), fontsize=10, color=hex_of(INK))
+        means = [mean_of_runs(egress.quantities[name]).value or np.nan for name in PRINTED]
+        axes.plot(at + aside, means, "o", color=color, mec="white", ms=8, zorder=4, label=label)
+    exercise, simulation = np.array([[float(time) for time in times] for times in PRINTED.values()]).T
+    axes.plot(at - 0.32, exercise, **_EXERCISE, zorder=5, label="exercise, as the paper prints it")
+    axes.plot(at + 0.33, simulation, **PAPER_MARK, zorder=5, label="the paper's simulation")
+    axes.set_xticks(at, list(PRINTED), fontsize=10, color=hex_of(INK))
     axes.set_ylim(bottom=0.0)
-    marks = [
-        mark("exercise, as the paper prints it", **_EXERCISE),
-        *(mark(label, color=color, marker="o", ls="", ms=8) for label, color in zip(done, colors, strict=True)),
-        mark("the paper's simulation", **PAPER_MARK),
-    ]
-    axes.legend(handles=marks, frameon=False, fontsize=9.5, loc="lower right", ncols=2)
+    axes.legend(frameon=False, fontsize=9.5, loc="lower right", ncols=2)
 
 
 # ------------------------------------------------------------------------------------------------------------ Figure 6
