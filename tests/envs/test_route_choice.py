@@ -1,6 +1,7 @@
 """Exits that people choose: choices are followed, cost nothing when unused, pay nothing to and fro, and see what they say."""
 
 import pickle
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -17,6 +18,7 @@ from crowd_env import (
     CrowdGymEnv,
     Geometry,
     ObservationLayout,
+    Physics,
     Population,
     Scenario,
     Uniform,
@@ -47,6 +49,10 @@ def hall(people=8, length=8.0, depth=5.0, **options):
     return CrowdEnv(place(people, length, depth), **{"action": "speeds-exits", "observation": SEES, **options})
 
 
+def step_of(name):
+    return 0.01 if name != "hertz-literal" else None
+
+
 def steps(env, actions, seed=0):
     """Return all that the environment says after each of some actions."""
     observation, _ = env.reset(seed)
@@ -59,7 +65,7 @@ def steps(env, actions, seed=0):
 
 @every_scheme
 def test_everyone_leaves_by_the_chosen_exit(name):
-    env = hall(scheme=name, dt=0.01 if name != "hertz-literal" else None, strategy="nearest")
+    env = hall(physics=Physics(name, dt=step_of(name)), routing="nearest")
     env.reset(seed=0)
     east = np.arange(8) % 2 == 1
     while not env.finished.all():
@@ -73,11 +79,11 @@ def test_everyone_leaves_by_the_chosen_exit(name):
 def test_the_same_bits_in_any_place_of_any_batch_and_on_any_number_of_threads(name):
     rng = np.random.default_rng(1)
     choices = rng.integers(0, 15, (12, 3, 30))
-    options = {"people": 30, "scheme": name, "dt": 0.01 if name != "hertz-literal" else None}
-    together, too = (hall(num_envs=3, threads=threads, **options) for threads in (1, 3))
+    physics = Physics(name, dt=step_of(name))
+    together, too = (hall(30, num_envs=3, physics=replace(physics, threads=threads)) for threads in (1, 3))
     one = steps(together, choices.reshape(12, -1), [4, 5, 6])
     other = steps(too, choices.reshape(12, -1), [4, 5, 6])
-    alone = steps(hall(**options), choices[:, 2], [6])
+    alone = steps(hall(30, physics=physics), choices[:, 2], [6])
     for a, b, c in zip(one, other, alone, strict=True):
         np.testing.assert_array_equal(a, b)
         np.testing.assert_array_equal(a[60:], c)
@@ -85,7 +91,7 @@ def test_the_same_bits_in_any_place_of_any_batch_and_on_any_number_of_threads(na
 
 @pytest.mark.parametrize("strategy", ["shortest", "fastest", "nearest", "east"])
 def test_who_keeps_to_the_own_way_follows_the_rule_to_the_last_bit(strategy):
-    env, ruled = hall(people=20, strategy=strategy), hall(people=20, strategy=strategy, action="speeds")
+    env, ruled = hall(people=20, routing=strategy), hall(people=20, routing=strategy, action="speeds")
     keep = np.full(20, KEEP)
     assert env.action_kind.neutral == ruled.action_kind.neutral == KEEP
     for a, b in zip(steps(env, [keep] * 15), steps(ruled, [None] * 15), strict=True):
@@ -149,7 +155,7 @@ def test_nothing_is_made_for_those_who_choose_none():
 
 def test_turning_to_and_fro_pays_nothing():
     """Everyone stands: each switch pays the difference of the ways, and what comes back to the first way sums to nothing."""
-    env = hall(scheme="nsm1", length=12.0)
+    env = hall(physics="nsm1", length=12.0)
     env.reset(seed=0)
     env.step(np.full(8, SPEEDS + STAND))
     position, paid = env.simulation.state.position.copy(), []
@@ -163,7 +169,7 @@ def test_turning_to_and_fro_pays_nothing():
 
 
 def test_whatever_is_chosen_progress_sums_to_the_way_at_the_start():
-    env = hall(people=20, strategy="fastest")
+    env = hall(people=20, routing="fastest")
     env.reset(seed=3)
     first, rng, paid = env._ahead.potential.copy(), np.random.default_rng(0), 0.0
     while not env.finished.all():
@@ -219,7 +225,7 @@ def test_ways_and_queues_are_those_of_the_crowd():
 
 
 def test_who_takes_the_fastest_way_is_seen_to_head_for_an_exit():
-    env = hall(people=60, strategy="fastest", length=14.0)
+    env = hall(people=60, routing="fastest", length=14.0)
     observation, _ = env.reset(seed=0)
     heads, direction = observation[:, env.layout["routes"]][:, 1::2], observation[:, env.layout["direction"]]
     assert (heads.sum(axis=1) == 1.0).all()
