@@ -49,7 +49,7 @@ def test_every_page_is_in_the_site():
         "crowd_env.envs.adapters.sb3",
         "crowd_env.recording",
         "crowd_env.rendering.replay",
-        "agents",
+        "crowd_env.agents",
         "crowd_env.agents.tasks",
     ],
 )
