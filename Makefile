@@ -63,7 +63,7 @@ map: $(VENV)/.dev
 # even imported: some make their plans as they are, which takes a minute uncompiled.
 kernels: $(VENV)/.dev
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "kernels and not nightly" --cov=crowd_env --cov-report= $(ARGS) \
-	  $$(grep -rlE --include='*.py' 'pytest\.mark\.kernels$$' tests)
+	  $$(grep -rlE --include='*.py' 'pytest\.mark\.kernels' tests)
 	$(BIN)/python -m coverage report --fail-under=85 \
 	  --include="$$(grep -rlE --include='*.py' '^@(inner_|allocating_)?kernel$$' crowd_env | paste -sd, -)"
 

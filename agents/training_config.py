@@ -118,9 +118,10 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
     scheme = given.get("scheme", judged.scheme)
     if "routing" in given:
         own = {"dt": judged.dt} if scheme == judged.scheme else {}
+        start = {"start": given.pop("start")} if "start" in given else {}
         usual = {**ROUTING_BUDGET, **own, "people": judged.people, "manner": judged.manner, "scheme": scheme}
         config = default_config(judged.scenario, seed=seed, options=judged.options, **(usual | given))
-        return {**config, "task": task, "strategy": judged.rule, "decision_dt": judged.decision_dt}
+        return {**config, **start, "task": task, "strategy": judged.rule, "decision_dt": judged.decision_dt}
     preset = make_preset(task)
     config = default_config(judged.scenario, scheme, seed, preset.envs, preset.steps, MINUTES)
     place, start = preset.place(given.get("people")), given.get("start", preset.start)

@@ -22,14 +22,14 @@ CEILINGS = {
     "rooms": 18,
     "floors": 11,
     "arrows between rooms": 90,
-    "code lines of crowd_env, commands of agents within": 22_000,
-    "code lines of agents": 3_700,
-    "code lines of validation": 2_400,
-    "code lines of benchmarks": 900,
-    "words of docs, tables that programs write left out": 38_000,
+    "code lines of crowd_env, commands of agents within": 24_300,
+    "code lines of agents": 3_950,
+    "code lines of validation": 3_200,
+    "code lines of benchmarks": 1_000,
+    "words of docs, tables that programs write left out": 33_000,
     "arguments of CrowdEnv": 12,
     "arguments of parallel_env": 12,
-    "arguments of make_vec": 12,
+    "arguments of make_vec": 13,  # render_mode, which Gymnasium asks for
     "options of run": 20,
     "options of any command": 20,
 }
@@ -73,10 +73,11 @@ def rooms() -> dict[str, set[str]]:
         return package if package != "crowd_env" or not parts else parts[0]
 
     graph = grimp.build_graph("crowd_env", "validation", "benchmarks", cache_dir=None)
-    # The one look up, as in the contract of the layers: an environment loads what draws it when it is drawn.
+    # The looks up, as in the contract of the layers: what draws an environment or a recording is loaded when it is drawn.
     for module in ("crowd_env.envs.parallel", "crowd_env.envs.single_env"):
         for drawing in ("crowd_env.rendering", "crowd_env.rendering.live"):
             graph.remove_import(importer=module, imported=drawing)
+    graph.remove_import(importer="crowd_env.recording.recording", imported="crowd_env.rendering")
     found: dict[str, set[str]] = {"train": {"cli"}}
     for module in graph.modules:
         names = {room(other) for other in graph.find_modules_directly_imported_by(module)}

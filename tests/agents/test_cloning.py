@@ -87,7 +87,7 @@ def test_the_same_seed_clones_the_same_network(monkeypatch):
 
 
 def test_rules_act_in_the_frame_of_the_path():
-    env = small_env(action={"name": "continuous", "frame": "world"})
+    env = small_env(action="continuous", frame="world")
     with pytest.raises(ValueError, match="'evolution' cannot be cloned: it acts in the frame 'path', not in 'world'"):
         cloning.clone(make_ppo(env, PPOSettings(n_steps=4), seed=0), make_policy("evolution"), seed=0)
 

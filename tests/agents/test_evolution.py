@@ -10,13 +10,14 @@ from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.learned import evolution
 from crowd_env.agents.learned.evolution import SEARCHED, EvolutionSettings, clearing_times, decisions, evolve
 from crowd_env.envs.rollout import run_episodes
+from crowd_env.envs.settings import arguments_of
 
 OPTIONS = {"scheme": "nsm2", "dt": 0.01, "decision_dt": 0.1}
 
 
 def test_the_rule_of_all_is_its_law_for_each():
     policy = Evolved(spacing=0.4, crowd=0.3, far=-0.2, time=0.25, match=1.2, damping=0.7, side=0.3, back=0.6)
-    env = CrowdEnv(hall(40, speed=1.6), num_envs=2, **policy.env_options)
+    env = CrowdEnv(hall(40, speed=1.6), num_envs=2, **arguments_of(policy.env_options))
     env.reset([3, 4])
     observation = [env.step(None).observation for _ in range(25)][-1]
     state, bodies, view = env.simulation.state, env.simulation.bodies, env._observer._view.fields

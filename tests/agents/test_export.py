@@ -124,7 +124,6 @@ main({(tmp_path / "a.safetensors").as_posix()!r}, Path({(tmp_path / "a.onnx").as
     [
         ("nobody", "a.onnx", "unknown trained policy 'nobody'; shipped:"),
         ("none.safetensors", "a.onnx", "cannot read the network none.safetensors"),
-        ("old.npz", "a.onnx", "earlier version"),
         ("a.safetensors", "a.pt", "'a.pt' ends in '.pt'; it must end in .onnx"),
         ("a.safetensors", "file/a.onnx", "is not a folder"),
     ],

@@ -151,7 +151,7 @@ def test_a_name_is_taken_once_unless_it_is_to_be_replaced(run, folder):
     assert (folder / "room/mine.safetensors").read_bytes() == (run / "best.safetensors").read_bytes()
 
 
-@looped(
+@pytest.mark.parametrize(
     ("name", "harm", "words"),
     [
         ("room", lambda run: None, "--as room: it must be TASK/POLICY"),

@@ -107,7 +107,7 @@ def test_what_resume_cannot_honour_is_refused_and_nothing_is_written(root, args,
     assert {path: path.stat().st_mtime_ns for path in root.rglob("*")} == before
 
 
-@looped(
+@pytest.mark.parametrize(
     ("file", "harm", "words"),
     [
         ("config.json", lambda text: b"[1]", "config.json does not hold"),

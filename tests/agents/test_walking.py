@@ -14,6 +14,7 @@ from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.envs.rollout import run_episodes
+from crowd_env.envs.settings import arguments_of
 
 RULES = (RuleAtShare(1.0), DensityCap(), HeadwayRule(), Follow(), Evolved(), Zipper())
 FOLLOWING = (Follow(), Zipper())
@@ -22,7 +23,7 @@ RNG = np.random.default_rng(0)
 
 def observed(policy, scenario, steps=0, seeds=(0,)):
     """Return an environment in which people have walked by a rule for so many steps, and what is observed then."""
-    env = CrowdEnv(scenario, num_envs=len(seeds), **policy.env_options)
+    env = CrowdEnv(scenario, num_envs=len(seeds), **arguments_of(policy.env_options))
     observation, _ = env.reset(list(seeds))
     for _ in range(steps):
         observation = env.step(policy.act(observation, env.layout, RNG)).observation
@@ -116,7 +117,7 @@ def test_a_zipper_lets_two_streams_through_a_door_in_turn():
 
 def crowd(policy, steps=25):
     """Return the environment and observation of people who have walked into a jam at a door, in two halls."""
-    env = CrowdEnv(hall(40, speed=1.6), num_envs=2, **policy.env_options)
+    env = CrowdEnv(hall(40, speed=1.6), num_envs=2, **arguments_of(policy.env_options))
     env.reset([3, 4])
     return env, [env.step(None).observation for _ in range(steps)][-1]
 
@@ -238,7 +239,7 @@ def test_the_command_takes_the_rules_by_name_and_tells_their_constants(small):
 
 def test_a_driver_of_a_rule_goes_on_after_a_reset():
     policy = Zipper()
-    driver = PolicyDriver(policy, CrowdEnv(hall(5), num_envs=2, **policy.env_options))
+    driver = PolicyDriver(policy, CrowdEnv(hall(5), num_envs=2, **arguments_of(policy.env_options)))
     first = []
     for _ in range(2):
         driver.reset([1, 2])

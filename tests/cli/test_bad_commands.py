@@ -26,7 +26,7 @@ CASES = [
     ("run floor-v0 --people 400000", "people do not fit 'south-offices'"),
     ("run floor-v0 --people 1", "1 person for groups at least 1"),
     ("run --set radius=wide", "--set radius=wide 0.2,0.25"),
-    ("run --set radius=0.1,0.2,0.3", "--set radius=0.2,0.25"),
+    ("run --set radius=0.1,0.2,0.3", "--set 0.2,0.25"),
     ("run --set radius=0.3,0.2", "0.3 0.2 not be larger"),
     ("run --set radius=0", "radius > 0"),
     ("run --set radius=-0.2", "radius > 0"),
@@ -303,7 +303,7 @@ def test_a_malformed_command_is_a_usage_error(line, folder, monkeypatch):
 @pytest.mark.more
 @looped(("line", "words"), NOTES)
 def test_what_is_mended_is_said(line, words, folder, monkeypatch):
-    runs = "" if "--times" in line else " --runs 1 --n 3"
+    runs = "" if "--times" in line else " --runs 1 --people 3"
     result = call(f"{line}{runs} --json", folder, monkeypatch)
     assert result.exit_code == 0, result.output
     (note,) = result.stderr.splitlines()
@@ -315,6 +315,6 @@ def test_what_is_mended_is_said(line, words, folder, monkeypatch):
 @pytest.mark.more
 @looped("line", QUIET)
 def test_what_people_have_is_understood(line, folder, monkeypatch):
-    count = "" if "--starts" in line or "--n" in line else " --n 3"
+    count = "" if "--starts" in line or "--people" in line else " --people 3"
     result = call(f"{line} --runs 1{count} --json", folder, monkeypatch)
     assert result.exit_code == 0 and result.stderr == "", result.output

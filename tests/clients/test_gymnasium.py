@@ -32,7 +32,7 @@ def test_returns_and_lengths_are_those_of_the_crowd(small):
     """`RecordEpisodeStatistics` counts what an own sum over the arrays counts, in each room until it has ended."""
     rooms = 3
     told = example.first_episodes(example.make_rooms(NATIVE, rooms), True, seed=5)
-    env = CrowdEnv("room-v0", num_envs=rooms, **example.ROOM)
+    env = CrowdEnv(num_envs=rooms, **example.ROOM)
     observation, _ = env.reset(seed=[5, 6, 7])
     earned, steps = np.zeros(rooms), np.zeros(rooms, int)
     while not env.finished.all():

@@ -11,7 +11,7 @@ example = client_example("pettingzoo")
 
 
 def test_it_is_the_evacuation_of_agents_that_act_at_once():
-    env = parallel_env("room-v0", **example.ROOM)
+    env = parallel_env(**example.ROOM)
     observations, _ = env.reset(seed=3)
     out_after, steps = {}, 0
     while env.agents:
@@ -42,7 +42,7 @@ def test_who_is_out_is_told_once_and_asked_no_more():
         env.step(None if terminated else example.speed(observation))
     assert sorted(told) == sorted(env.possible_agents)
     assert inside[0] == 8 and inside[-1] == 1 and (np.diff(inside) <= 0).all()
-    parallel = parallel_env("room-v0", **example.ROOM | {"people": 8})
+    parallel = parallel_env(**example.ROOM | {"people": 8})
     observations, _ = parallel.reset(seed=0)
     while parallel.agents:
         acting = parallel.agents

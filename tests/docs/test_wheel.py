@@ -28,7 +28,7 @@ def test_the_description_for_an_index_has_no_picture_or_link_that_leads_nowhere_
     for rule in rules["substitutions"]:
         text = re.sub(rule["pattern"], rule["replacement"], text)
     assert not re.search(LOCAL, text) and "<img" not in text
-    assert text.startswith("# crowd_env\n\nPedestrian evacuation") and "## Three doors" in text
+    assert text.startswith("# crowd_env\n\nReinforcement learning in crowds") and "## Three doors" in text
     assert "https://doi.org/10.3166/EJCM.20.189-206" in text
 
 

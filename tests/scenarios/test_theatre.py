@@ -170,7 +170,8 @@ def test_other_thresholds():
 
 
 def exits_of(options, rules=True):
-    env = evacuated("theatre-v0", physics=SCHEME, routing=Routing(signs=rules), time_limit=14.0, **options)
+    place = make_scenario("theatre-v0", **options)
+    env = evacuated(place, physics=SCHEME, routing=Routing(signs=rules), time_limit=14.0)
     return env.simulation.state.exit_time.copy(), env.simulation.state.position.copy()
 
 
@@ -194,7 +195,7 @@ def test_everybody_gets_out(scheme):
 
 @pytest.mark.more
 def test_rules_turn_nobody_away_from_the_fastest_way_which_is_faster_than_the_shortest():
-    options = {"scheme": "dem", "num_envs": 3, "seed": [1, 2, 3]}
+    options = {"physics": "dem", "num_envs": 3, "seed": [1, 2, 3]}
     shortest = evacuated("theatre-v0", **options).simulation.state.exit_time
     quick, free = (
         evacuated("theatre-v0", routing=Routing("fastest", signs=rules), **options).simulation.state.exit_time

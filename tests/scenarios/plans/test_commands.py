@@ -27,7 +27,7 @@ def plan(tmp_path):
 
 @looped("command", ["run {} --physics dem --runs 1 --json", "clogging {} --physics dem --runs 1 --json"])
 def test_a_plan_and_its_options_are_understood(command, plan):
-    result = call(command.format(f"{plan} --exit {CM} --unit cm --n 6"))
+    result = call(command.format(f"{plan} --exit {CM} --unit cm --people 6"))
     assert result.exit_code == 0 and result.stderr == "", result.output
     told = json.loads(result.stdout)
     assert 6 in (told.get("people"), told.get("sets", [{}])[0].get("exits"))
@@ -46,7 +46,7 @@ def test_policies_are_compared_on_a_plan(plan):
 
 
 def test_policies_are_trained_on_a_plan(plan):
-    given = {"scenario": str(plan), "exit": [CM], "unit": "cm", "people": 9, "scheme": "dem"}
+    given = {"place": str(plan), "exit": [CM], "unit": "cm", "people": 9, "scheme": "dem"}
     config = _begun(given, seed=0)
     assert config["options"] == {"exits": [CM], "unit": "cm"} and config["people"] == 9
     place = place_of(json.loads(json.dumps(config)))
@@ -61,8 +61,8 @@ def test_policies_are_trained_on_a_plan(plan):
     ("given", "words"),
     [
         ({"exit": ["1,2,3,4"]}, "--exit is for floor plans"),
-        ({"scenario": "room-v0", "unit": "cm"}, "--unit is for floor plans"),
-        ({"scenario": "room-v0", "people": 5}, "a scenario says how many"),
+        ({"place": "room-v0", "unit": "cm"}, "--unit is for floor plans"),
+        ({"place": "room-v0", "people": 5}, "a scenario says how many"),
     ],
 )
 def test_options_of_plans_belong_to_plans(given, words):
