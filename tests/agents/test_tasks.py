@@ -207,10 +207,6 @@ def test_a_folder_holds_one_task_of_one_version(tmp_path):
             r"unknown policy 'evolve'; known: rule, .*zipper, .*or the path of",
         ),
         (("--policies", "rule"), "'rule' is the strategy of a task; give --task"),
-        (
-            ("--task", "small", "--scenario", "room-v0"),
-            "--scenario is room-v0, but --task small says where people walk",
-        ),
         (("--task", "small", "--people", "2000"), "task small cannot have 2000 people: 2000 people do not fit"),
         (("--task", "theatre", "--people", "102"), "task theatre cannot have 102 people: "),
         (("--task", "small", "--runs", "0"), "--runs is 0"),
