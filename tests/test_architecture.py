@@ -107,7 +107,7 @@ def test_tests_mirror_the_rooms():
 
 def test_the_wheel_ships_crowd_env_alone():
     found = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
-    assert found == {"packages": ["crowd_env"], "force-include": {"agents": "crowd_env/agents"}}
+    assert found == {"packages": ["crowd_env"]}
 
 
 def test_agents_have_one_name():
