@@ -21,14 +21,17 @@ def load_own(option: str, text: str) -> Any:
     Raises
     ------
     ValueError
-        If there is no such file, or nothing in it has the name.
+        If there is no such file, it cannot be imported, or nothing in it has the name.
     """
     file, _, name = text.rpartition(":")
     path = Path(file).resolve()
     if not path.is_file():
         raise ValueError(f"{option} {text}: there is no file {file}")
     sys.path.insert(0, str(path.parent))  # also of the processes that compute runs
-    module = importlib.import_module(path.stem)
+    try:
+        module = importlib.import_module(path.stem)
+    except Exception as error:  # whatever the user's file does at its top
+        raise ValueError(f"{option} {text}: {file} cannot be imported: {type(error).__name__}: {error}") from error
     if Path(module.__file__ or "").resolve() != path:
         raise ValueError(f"{option} {text}: another module is called {path.stem}; rename the file")
     if not hasattr(module, name):

@@ -13,6 +13,13 @@ def test_objects_of_a_file_are_found(tmp_path):
     assert names_own(f"{file}:Thing") and not names_own("nsm2")
     made, ready = load_own("--physics", f"{file}:Thing"), load_own("--physics", f"{file}:ready")
     assert made.size == ready.size == 3 and made is not ready
-    for text, answer in ((f"{file}:Other", "has no Other"), (f"{tmp_path}/none.py:Thing", "there is no file")):
+    broken = tmp_path / "a_broken_law_of_a_test.py"
+    broken.write_text("import a_library_that_nobody_has\n")
+    unimported = "cannot be imported: ModuleNotFoundError"
+    for text, answer in (
+        (f"{file}:Other", "has no Other"),
+        (f"{tmp_path}/none.py:Thing", "there is no file"),
+        (f"{broken}:Law", unimported),
+    ):
         with pytest.raises(ValueError, match=answer):
             load_own("--physics", text)
