@@ -63,4 +63,4 @@ def film_file(option: str, path: Path, name: str = "film") -> Path:
 
 def said_of(path: Path) -> str:
     """Return the line that says where a film is, and how large."""
-    return f"film: {path}, {path.stat().st_size / 1e6:.1f} MB"
+    return f"film: {path}, {path.stat().st_size / 1e3:.0f} kB"
