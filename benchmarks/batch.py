@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.measuring import Effort, Row, Sample, Stopwatch, in_turn, timed
+from benchmarks.measuring import NOTHING, Effort, Row, Sample, Stopwatch, in_turn, timed
 from benchmarks.peers import batch_rivals
 from crowd_env import SCHEMES, CrowdEnv, Physics, make_scenario, parallel_env
 
@@ -34,22 +34,22 @@ class Rooms:
         self._forward = np.tile(np.array([1.0, 0.0], dtype=np.float32), (self.env.num_people, 1))
         for _ in range(settle):
             self.env.step(self._forward)
-        self.physics, self.spent, self.inside, self.slots = Stopwatch(self.env.simulation, "advance"), 0.0, 0, 0
+        self.physics, self.all = Stopwatch(self.env.simulation, "advance"), NOTHING
 
     def block(self, effort: Effort) -> Sample:
         """Make decisions for about ``effort.seconds`` of CPU time."""
-        cpu = clock = 0.0
-        decisions = inside = 0
-        while cpu < effort.seconds:
-            inside += int(self.env.active.sum())
-            more = timed(lambda: self.env.step(self._forward))
-            cpu, clock, decisions = cpu + more[0], clock + more[1], decisions + 1
-        self.spent, self.inside, self.slots = (
-            self.spent + cpu,
-            self.inside + inside,
-            self.slots + decisions * self.env.num_people,
-        )
-        return Sample(cpu, clock, decisions * self.env.decision_dt, inside)
+        found = effort.repeat(self._decide)
+        self.all = self.all.plus(found)
+        return found
+
+    def _decide(self) -> Sample:
+        inside = int(self.env.active.sum())
+        return Sample(*timed(lambda: self.env.step(self._forward)), self.env.decision_dt, inside)
+
+    @property
+    def inside(self) -> float:
+        """Share of the slots in which someone was inside."""
+        return self.all.steps / (self.all.simulated / self.env.decision_dt * self.env.num_people)
 
 
 class Dictionaries:
@@ -65,17 +65,15 @@ class Dictionaries:
 
     def block(self, effort: Effort) -> Sample:
         """Step for about ``effort.seconds`` of CPU time."""
-        cpu = clock = 0.0
-        agents = decisions = 0
-        while cpu < effort.seconds:
-            if self._left == 0 or not self._env.agents:
-                self._env.reset(seed=0)
-                self._left = _EPISODE
-            actions = {agent: self._actions[agent] for agent in self._env.agents}
-            more = timed(lambda actions=actions: self._env.step(actions))  # type: ignore[misc]
-            cpu, clock, agents = cpu + more[0], clock + more[1], agents + len(actions)
-            decisions, self._left = decisions + 1, self._left - 1
-        return Sample(cpu, clock, 0.1 * decisions, agents)
+        return effort.repeat(self._decide)
+
+    def _decide(self) -> Sample:
+        if self._left == 0 or not self._env.agents:
+            self._env.reset(seed=0)
+            self._left = _EPISODE
+        actions = {agent: self._actions[agent] for agent in self._env.agents}
+        self._left -= 1
+        return Sample(*timed(lambda: self._env.step(actions)), 0.1, len(actions))
 
 
 def rows(
@@ -90,8 +88,8 @@ def rows(
         samples = in_turn([*ours, *theirs], effort)
         found += [Row(one.name, RATE, sample.rate) for one, sample in zip([*ours, *theirs], samples, strict=True)]
         for one, mine in zip(ours, samples, strict=False):
-            found.append(Row(one.name, "physics, of CPU time", min(1.0, one.physics.seconds / one.spent)))
-            found.append(Row(one.name, "inside, of slots", one.inside / one.slots))
+            found.append(Row(one.name, "physics, of CPU time", min(1.0, one.physics.seconds / one.all.cpu)))
+            found.append(Row(one.name, "inside, of slots", one.inside))
             for other, sample in zip(theirs, samples[len(ours) :], strict=True):
                 found.append(Row(one.name, f"times {other.name.partition(',')[0]}", mine.rate / sample.rate))
     return found

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from benchmarks import batch, cold, crowds, memory, scaling, train
 from benchmarks.measuring import Effort, Row, grid
+from crowd_env.core.checks import known
 from crowd_env.core.console import friendly_errors, notes
 from validation.pages import TABLES, fill_pages, write_table
 
@@ -63,8 +64,7 @@ def run(
     with friendly_errors():
         chosen = case or list(CASES)
         for name in chosen:
-            if name not in CASES:
-                raise ValueError(f"unknown case {name!r}; known: {', '.join(CASES)}")
+            known("case", name, CASES)
         for name in chosen:
             with notes.status(f"{name} ...") as status:
                 tell = lambda what, name=name, status=status: status.update(f"{name}: {what}")  # noqa: E731

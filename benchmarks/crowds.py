@@ -90,18 +90,18 @@ class Crowd:
 
     def block(self, effort: Effort) -> Sample:
         """Go on for about ``effort.seconds`` of CPU time, at least an eighth of a run."""
-        sums = Sample(0.0, 0.0, 0.0, 0.0)
-        while sums.cpu < effort.seconds:
-            if not self._left or not self.simulation.inside[0]:
-                self._start()
-            steps = min(self._left, -(-round(self.whole / self.simulation.dt) // _PARTS))
-            before, begin = int(self.simulation.inside[0]), float(self.simulation.state.time[0])
-            cpu, clock = timed(lambda steps=steps: self._advance(steps))  # type: ignore[misc]
-            simulated = float(self.simulation.state.time[0]) - begin
-            inside = 0.5 * (before + int(self.simulation.inside[0]))
-            now = Sample(cpu, clock, simulated, inside * round(simulated / self.simulation.dt))
-            sums, self._left = Sample(*map(sum, zip(sums, now, strict=True))), self._left - steps
-        return sums
+        return effort.repeat(self._go_on)
+
+    def _go_on(self) -> Sample:
+        if not self._left or not self.simulation.inside[0]:
+            self._start()
+        steps = min(self._left, -(-round(self.whole / self.simulation.dt) // _PARTS))
+        before, begin = int(self.simulation.inside[0]), float(self.simulation.state.time[0])
+        spent = timed(lambda: self._advance(steps))
+        simulated = float(self.simulation.state.time[0]) - begin
+        inside = 0.5 * (before + int(self.simulation.inside[0]))
+        self._left -= steps
+        return Sample(*spent, simulated, inside * round(simulated / self.simulation.dt))
 
     def now(self) -> tuple[Bodies, Floats]:
         """Return those who are inside and where."""

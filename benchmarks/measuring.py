@@ -3,7 +3,10 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, NamedTuple, Protocol
+
+from validation.pages import pivoted
 
 
 class Row(NamedTuple):
@@ -40,18 +43,29 @@ class Effort:
             if not 0 < getattr(self, name) < float("inf"):
                 raise ValueError(f"--{name.replace('_', '-')} is {getattr(self, name)}; it must be > 0 and finite")
 
+    def repeat(self, once: Callable[[], "Sample"]) -> "Sample":
+        """Return what calls come to that take about ``seconds`` of CPU time together."""
+        found = NOTHING
+        while found.cpu < self.seconds:
+            found = found.plus(once())
+        return found
+
     def sizes(self, known: Sequence[int]) -> list[int]:
         """Return those of the known numbers of people that are not too large; the smallest in any case."""
         return [size for size in known if size <= self.max_people] or [min(known)]
 
 
 class Sample(NamedTuple):
-    """One block of a contender, or several together."""
+    """One block of a contender, a part of it, or several together."""
 
     cpu: float  # s    of all threads of the process
     clock: float  # s
     simulated: float  # s
     steps: float  # people inside x physics steps, or decisions
+
+    def plus(self, other: "Sample") -> "Sample":
+        """Return both together."""
+        return Sample(*map(sum, zip(self, other, strict=True)))
 
     @property
     def cost(self) -> float:
@@ -62,6 +76,9 @@ class Sample(NamedTuple):
     def rate(self) -> float:
         """Steps per CPU second."""
         return self.steps / self.cpu
+
+
+NOTHING = Sample(0.0, 0.0, 0.0, 0.0)
 
 
 class Contender(Protocol):
@@ -95,7 +112,7 @@ def in_turn(contenders: Sequence[Contender], effort: Effort) -> list[Sample]:
 def fastest(blocks: Sequence[Sample], whole: float) -> Sample:
     """Return the block with the highest rate, or all together if one of them is shorter than a ``whole`` run."""
     if min(block.simulated for block in blocks) < 0.999 * whole:
-        return Sample(*(sum(column) for column in zip(*blocks, strict=True)))
+        return reduce(Sample.plus, blocks)
     return max(blocks, key=lambda block: block.rate)
 
 
@@ -124,11 +141,8 @@ class Stopwatch:
 
 def grid(rows: Sequence[Row]) -> list[list[str]]:
     """Return figures as a table, the head first: a line for each who is measured, a column for each quantity."""
-    cells: dict[str, dict[str, str]] = {}
-    for row in rows:
-        cells.setdefault(row.who, {})[row.quantity] = number(row.value)
-    columns = list(dict.fromkeys(row.quantity for row in rows))
-    return [["", *columns], *([who, *(found.get(column, "") for column in columns)] for who, found in cells.items())]
+    shown = [{**row._asdict(), "value": number(row.value)} for row in rows]
+    return pivoted(shown, {"": "{who}"}, "{quantity}", "{value}")
 
 
 def number(value: float) -> str:

@@ -53,24 +53,20 @@ class Scene(NamedTuple):
 
 def room20(people: int = 20, seed: int = 0) -> Scene:
     """Return the room of Pécol et al.: 5 m, a door of 0.82 m, 20 people; measured until it is empty."""
-    scenario = make_scenario("room-v0", people=people)
-    bodies, position = scenario.population.draw(np.random.default_rng(seed), scenario.geometry)
-    return Scene("room", scenario, bodies, position, 5.0, 0.82, 0.0, 30.0)
+    return _drawn("room", make_scenario("room-v0", people=people), seed, 5.0, 0.82, 30.0)
 
 
 def big(count: int, seed: int = 0) -> Scene:
     """Return a room of 15 m with a door of 1 m; the first 20 s, in which the crowd packs in front of the door."""
     scenario = make_scenario("room-v0", side=15.0, door_width=1.0, population=_walkers(count))
-    bodies, position = scenario.population.draw(np.random.default_rng(seed), scenario.geometry)
-    return Scene("room", scenario, bodies, position, 15.0, 1.0, 0.0, 20.0)
+    return _drawn("room", scenario, seed, 15.0, 1.0, 20.0)
 
 
 def hall(count: int, seed: int = 0) -> Scene:
     """Return a square hall at 1.33 people/m2 with an exit of 4 m: people walk, few touch."""
     side = float(np.sqrt(count / HALL_DENSITY))
     scenario = make_scenario("room-v0", side=side, door_width=min(4.0, 0.5 * side), population=_walkers(count))
-    bodies, position = scenario.population.draw(np.random.default_rng(seed), scenario.geometry)
-    return Scene("hall", scenario, bodies, position, side, min(4.0, 0.5 * side), 0.0, 4.0)
+    return _drawn("hall", scenario, seed, side, min(4.0, 0.5 * side), 4.0)
 
 
 def jam(count: int, seed: int = 0) -> Scene:
@@ -85,12 +81,14 @@ def jam(count: int, seed: int = 0) -> Scene:
     return Scene("jam", scenario, bodies, position, side, door, 0.1, 1.0 if count <= 10_000 else 0.2)
 
 
+def _drawn(place: str, scenario: Scenario, seed: int, side: float, door: float, horizon: float) -> Scene:
+    bodies, position = scenario.population.draw(np.random.default_rng(seed), scenario.geometry)
+    return Scene(place, scenario, bodies, position, side, door, 0.0, horizon)
+
+
 def _walkers(count: int) -> Population:
     return Population(
-        count,
-        Uniform(0.20, 0.25),
-        desired_speed=Normal(1.34, 0.1, 1.0, 1.7),
-        relaxation_time=Uniform(0.5, 0.5),
+        count, Uniform(0.20, 0.25), desired_speed=Normal(1.34, 0.1, 1.0, 1.7), relaxation_time=Uniform(0.5, 0.5)
     )
 
 

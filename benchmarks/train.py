@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.measuring import Effort, Row, Sample, Stopwatch, in_turn, timed
+from benchmarks.measuring import NOTHING, Effort, Row, Sample, Stopwatch, in_turn, timed
 from crowd_env import CrowdEnv
 
 if TYPE_CHECKING:
@@ -41,18 +41,19 @@ class Training:
         for _ in range(_SETTLE if inside is None else 1):  # compile, and let the rooms fall out of step
             self.model.learn(self.rollout, reset_num_timesteps=False)
         self.environment, self.learning = Stopwatch(self.venv, "step_wait"), Stopwatch(self.model, "train")
-        self.spent, self.slots, self.inside = 0.0, 0, 0
+        self.all, self.slots = NOTHING, 0
 
     def block(self, effort: Effort) -> Sample:
         """Collect rollouts and learn from them for about ``effort.seconds`` of CPU time."""
-        cpu = clock = 0.0
-        inside = slots = 0
-        while cpu < effort.seconds:
-            more = timed(lambda: self.model.learn(self.rollout, reset_num_timesteps=False))
-            cpu, clock, slots = cpu + more[0], clock + more[1], slots + self.rollout
-            inside += int(self.model.rollout_buffer.mask.sum())  # type: ignore[attr-defined]
-        self.spent, self.slots, self.inside = self.spent + cpu, self.slots + slots, self.inside + inside
-        return Sample(cpu, clock, 0.1 * slots / self.venv.num_envs, inside)
+        found = effort.repeat(self._learn)
+        self.all = self.all.plus(found)
+        return found
+
+    def _learn(self) -> Sample:
+        spent = timed(lambda: self.model.learn(self.rollout, reset_num_timesteps=False))
+        self.slots += self.rollout
+        inside = int(self.model.rollout_buffer.mask.sum())  # type: ignore[attr-defined]
+        return Sample(*spent, 0.1 * self.rollout / self.venv.num_envs, inside)
 
 
 def _empty(venv: Any, inside: np.ndarray) -> None:
@@ -91,10 +92,10 @@ def rows(effort: Effort, rooms: int = 64, n_steps: int | None = None) -> list[Ro
     mask = real.model.rollout_buffer.mask.copy()  # type: ignore[attr-defined]
     nothing = Training(f"{rooms} x 20, empty", rooms, settings, mask)
     mine, empty = in_turn([real, nothing], effort)
-    share, learning = real.environment.seconds / real.spent, real.learning.seconds / real.spent
+    share, learning = real.environment.seconds / real.all.cpu, real.learning.seconds / real.all.cpu
     return [
         Row(real.name, RATE, mine.rate),
-        Row(real.name, "inside, of slots", real.inside / real.slots),
+        Row(real.name, "inside, of slots", real.all.steps / real.slots),
         Row(real.name, "environment, of CPU time", share),
         Row(real.name, "actions and storing, of CPU time", 1.0 - share - learning),
         Row(real.name, "learning, of CPU time", learning),

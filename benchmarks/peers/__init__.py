@@ -7,7 +7,7 @@ them bring pygame-ce, which overwrites the pygame of the extra ``render``.
 import contextlib
 import importlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -40,17 +40,13 @@ def batch_rivals(rooms: int, people: int, effort: Effort) -> list[Any]:
     """Return other batch environments, none unless asked for."""
     found: list[Any] = []
     for package in BATCHES if effort.peers else ():
-        if installed(package):
-            found += _made(importlib.import_module("benchmarks.peers.batches").BATCHES[package](rooms, people))
+        makers = importlib.import_module("benchmarks.peers.batches").BATCHES[package] if installed(package) else None
+        for make in makers(rooms, people) if makers else ():
+            try:
+                found.append(make())
+            except (RuntimeError, ValueError) as error:
+                say(f"a peer is left out: {error}")
     return found
-
-
-def _made(makers: Iterator[Callable[[], Any]]) -> Iterator[Any]:
-    for make in makers:
-        try:
-            yield make()
-        except (RuntimeError, ValueError) as error:
-            say(f"a peer is left out: {error}")
 
 
 @cache

@@ -4,11 +4,11 @@ They do other work than ours in a step, so ratios compare what an agent-step cos
 the time; drawing actions would cost more than some of these steps.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from benchmarks.measuring import Effort, Sample, timed
+from benchmarks.measuring import NOTHING, Effort, Sample, timed
 from benchmarks.peers import named, quiet
 
 _EPISODE = 200  # steps after which a PettingZoo environment is reset, which is not counted
@@ -26,7 +26,7 @@ class Stepped:
 
     def block(self, effort: Effort) -> Sample:
         """Step for about ``effort.seconds`` of CPU time, at most for ``effort.peer_seconds`` on the clock."""
-        sums = Sample(0.0, 0.0, 0.0, 0.0)
+        sums = NOTHING
         with quiet():
             while sums.cpu < effort.seconds and sums.clock < effort.peer_seconds:
                 if self._left == 0:
@@ -34,30 +34,26 @@ class Stepped:
                     self._left = _EPISODE
                 cpu, clock = timed(self._step)
                 self._left -= 1
-                sums = Sample(*map(sum, zip(sums, (cpu, clock, 0.1, self._agents), strict=True)))
+                sums = sums.plus(Sample(cpu, clock, 0.1, self._agents))
         return sums
 
 
-def vmas_batches(rooms: int, people: int) -> Iterator[Callable[[], Stepped]]:
-    """Yield navigation, dispersion and flocking with as many agents; spaced so that they fit into their world."""
+def _vmas(scenario: str, rooms: int, people: int) -> Stepped:
+    """Return navigation, dispersion or flocking with as many agents; spaced so that they fit into their world."""
+    import torch
+    import vmas
+
     reach = max(1.0, 0.35 * people**0.5)
-    scenarios: dict[str, dict[str, Any]] = {
+    spaced: dict[str, dict[str, Any]] = {
         "navigation": {"world_spawning_x": reach, "world_spawning_y": reach},
-        "dispersion": {},
         "flocking": {"min_dist_between_entities": 0.05},
     }
-
-    def make(scenario: str) -> Stepped:
-        import torch
-        import vmas
-
-        torch.set_num_threads(1)
-        env = vmas.make_env(scenario, num_envs=rooms, device="cpu", seed=0, n_agents=people, **scenarios[scenario])
-        actions = [torch.full((rooms, 2), 0.5) for _ in env.agents]
-        name = f"{scenario}, {rooms} x {people}"
-        return Stepped(name, "vmas", lambda: env.step(actions), rooms * people, env.reset)
-
-    yield from (partial(make, scenario) for scenario in scenarios)
+    torch.set_num_threads(1)
+    options = {"num_envs": rooms, "device": "cpu", "seed": 0, "n_agents": people, **spaced.get(scenario, {})}
+    env = vmas.make_env(scenario, **options)
+    actions = [torch.full((rooms, 2), 0.5) for _ in env.agents]
+    name = f"{scenario}, {rooms} x {people}"
+    return Stepped(name, "vmas", lambda: env.step(actions), rooms * people, env.reset)
 
 
 def _pettingzoo(name: str, package: str, env: Any, action: int) -> Stepped:
@@ -66,32 +62,27 @@ def _pettingzoo(name: str, package: str, env: Any, action: int) -> Stepped:
     return Stepped(name, package, step, len(env.agents), partial(env.reset, seed=0))
 
 
-def magent2_batches(rooms: int, people: int) -> Iterator[Callable[[], Stepped]]:
-    """Yield the battle, on a map for 162 agents or, beside larger rooms, 648; everyone stands still."""
+def _battle(people: int) -> Stepped:
+    """Return the battle, on a map for 162 agents or, beside larger rooms, 648; everyone stands still."""
+    from magent2.environments import battle_v4
 
-    def make() -> Stepped:
-        from magent2.environments import battle_v4
-
-        env = battle_v4.parallel_env(map_size=45 if people <= 20 else 90)
-        return _pettingzoo(f"battle, {162 if people <= 20 else 648} agents", "magent2", env, 6)
-
-    yield make
+    env = battle_v4.parallel_env(map_size=45 if people <= 20 else 90)
+    return _pettingzoo(f"battle, {162 if people <= 20 else 648} agents", "magent2", env, 6)
 
 
-def mpe2_batches(rooms: int, people: int) -> Iterator[Callable[[], Stepped]]:
-    """Yield simple_spread with as many agents as one of our rooms."""
+def _spread(people: int) -> Stepped:
+    """Return simple_spread with as many agents as one of our rooms."""
+    from mpe2 import simple_spread_v3
 
-    def make() -> Stepped:
-        from mpe2 import simple_spread_v3
-
-        env = simple_spread_v3.parallel_env(N=people, max_cycles=_EPISODE + 1)
-        return _pettingzoo(f"simple_spread, {people} agents", "mpe2", env, 1)
-
-    yield make
+    env = simple_spread_v3.parallel_env(N=people, max_cycles=_EPISODE + 1)
+    return _pettingzoo(f"simple_spread, {people} agents", "mpe2", env, 1)
 
 
-BATCHES: dict[str, Callable[[int, int], Iterator[Callable[[], Stepped]]]] = {
-    "vmas": vmas_batches,
-    "magent2": magent2_batches,
-    "mpe2": mpe2_batches,
+# Package -> what makes its environments, beside so many rooms of so many people.
+BATCHES: dict[str, Callable[[int, int], list[Callable[[], Stepped]]]] = {
+    "vmas": lambda rooms, people: [
+        partial(_vmas, name, rooms, people) for name in ("navigation", "dispersion", "flocking")
+    ],
+    "magent2": lambda rooms, people: [partial(_battle, people)],
+    "mpe2": lambda rooms, people: [partial(_spread, people)],
 }

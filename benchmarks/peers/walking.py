@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from benchmarks.measuring import Effort, Sample, timed
+from benchmarks.measuring import NOTHING, Effort, Sample, timed
 from benchmarks.peers import named, quiet, say
 from benchmarks.scenes import Floats, Scene, chosen
 from crowd_env import Bodies
@@ -62,7 +62,7 @@ class PeerCrowd(ABC):
 
     def block(self, effort: Effort) -> Sample:
         """Make whole runs of ``effort.seconds`` of CPU time or more, or as much as ``effort.peer_seconds`` allow."""
-        sums = Sample(0.0, 0.0, 0.0, 0.0)
+        sums = NOTHING
         while sums.clock < effort.peer_seconds and (sums.cpu < effort.seconds or sums.simulated < self.whole - 1e-9):
             if self._left <= 0 or not self.inside:
                 if self._failed and sums.simulated:
@@ -71,5 +71,5 @@ class PeerCrowd(ABC):
             people = self.inside
             with quiet():
                 cpu, clock = timed(self._one)
-            sums = Sample(*map(sum, zip(sums, (cpu, clock, DT, people), strict=True)))
+            sums = sums.plus(Sample(cpu, clock, DT, people))
         return sums
