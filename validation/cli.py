@@ -18,6 +18,7 @@ from typer.core import TyperGroup
 from crowd_env import SCHEMES, make_scheme
 from crowd_env.core.arrays.headway import MANNERS, make_manner
 from crowd_env.core.arrays.outline import OUTLINES, Outline, make_outline
+from crowd_env.core.checks import known
 from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.physics import check_outline
 from validation.bits import chosen, report
@@ -28,9 +29,19 @@ from validation.cases.case import row as row_of
 from validation.finished import Finished, complete_rows, of_bodies
 from validation.pages import ROOT, fill_pages
 from validation.positions import STORED, write
-from validation.tables import MAKERS, Source, make, run
+from validation.sources import Source, run
+from validation.tables import MAKERS, make
 
 _WIDTH = 140  # characters, where there is no terminal
+_SCHEMES = f"Contact scheme: {', '.join(SCHEMES)}; may be repeated; default {', '.join(COMPARED)}, of these."
+_MANNER = f"How people walk: {', '.join(MANNERS)}; may be repeated; default those of the case."
+_OUTLINE = f"Shape of all bodies: {', '.join(OUTLINES)}; other than discs under schemes that turn bodies alone."
+_DATA = "Folder with the recordings, which are not part of the repository."
+_DRAWS = "Crowds of each experiment; default as many as the case takes."
+_SEED = "Of the crowds, which are the same for every scheme and manner."
+_QUICK = "The case laws under dem alone, in a minute or two: what runs with the tests."
+_OUT = "Folder for CASE/SCHEME-MANNER.json, and for pictures; what is finished there is not run again."
+_PASSED = {True: "yes", False: "NO", None: "–"}
 
 
 class _CasesUnlessNamed(TyperGroup):
@@ -55,42 +66,15 @@ def _about() -> None:
 @app.command()
 def cases(
     case: Annotated[list[str] | None, typer.Argument(help=f"Cases: {', '.join(CASES)}; default all.")] = None,
-    schemes: Annotated[
-        list[str] | None,
-        typer.Option(
-            help=f"Contact scheme: {', '.join(SCHEMES)}; may be repeated; default {', '.join(COMPARED)}, of these."
-        ),
-    ] = None,
-    manner: Annotated[
-        list[str] | None,
-        typer.Option(help=f"How people walk: {', '.join(MANNERS)}; may be repeated; default those of the case."),
-    ] = None,
-    outline: Annotated[
-        str,
-        typer.Option(
-            help=f"Shape of all bodies: {', '.join(OUTLINES)}; other than discs under schemes that turn bodies alone."
-        ),
-    ] = DISC,
-    data: Annotated[
-        Path | None, typer.Option(help="Folder with the recordings, which are not part of the repository.")
-    ] = None,
-    draws: Annotated[
-        int | None, typer.Option(help="Crowds of each experiment; default as many as the case takes.", min=1)
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(help="Of the crowds, which are the same for every scheme and manner.", min=0)
-    ] = 0,
-    quick: Annotated[
-        bool,
-        typer.Option("--quick", help="The case laws under dem alone, in a minute or two: what runs with the tests."),
-    ] = False,
+    schemes: Annotated[list[str] | None, typer.Option(help=_SCHEMES)] = None,
+    manner: Annotated[list[str] | None, typer.Option(help=_MANNER)] = None,
+    outline: Annotated[str, typer.Option(help=_OUTLINE)] = DISC,
+    data: Annotated[Path | None, typer.Option(help=_DATA)] = None,
+    draws: Annotated[int | None, typer.Option(help=_DRAWS, min=1)] = None,
+    seed: Annotated[int, typer.Option(help=_SEED, min=0)] = 0,
+    quick: Annotated[bool, typer.Option("--quick", help=_QUICK)] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a case, each on a line.")] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder for CASE/SCHEME-MANNER.json, and for pictures; what is finished there is not run again."
-        ),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help=_OUT)] = None,
 ) -> None:
     """Hold simulations against recordings, laws and bounds: rows for each scheme and manner; exit code 1 if one does not pass.
 
@@ -105,8 +89,7 @@ def cases(
         if quick:
             case, schemes = ["laws"], ["dem"]
         for name in case or ():
-            if name not in CASES:
-                raise ValueError(f"unknown case {name!r}; known: {', '.join(CASES)}")
+            known("case", name, CASES)
         for name in schemes or ():
             make_scheme(name)
         for name in manner or ():
@@ -117,8 +100,7 @@ def cases(
             check_folder("--out", out)
         shape = make_outline(outline)
         names = _names(case, shape, outline)
-        common = Setting(seed=seed, data=data, outline=outline)
-        under = _schemes(schemes, shape)
+        common, under = Setting(seed=seed, data=data, outline=outline), _schemes(schemes, shape)
         asked = {name: _settings(CASES[name], under, manner, draws, common) for name in names}
         finished = None if out is None else Finished(out)
         if finished is not None:  # before anything is run
@@ -128,9 +110,9 @@ def cases(
             with notes.status(f"{name} ...") as status:
                 notify = _teller(name, status)
                 for k, setting in enumerate(asked[name]):
-                    known = None if finished is None else before[name, k]
-                    notify(f"{setting.scheme}, {setting.manner}" + (": finished before" if known is not None else ""))
-                    found += _run(name, replace(setting, notify=notify), finished) if known is None else known
+                    there = None if finished is None else before[name, k]
+                    notify(f"{setting.scheme}, {setting.manner}" + (": finished before" if there is not None else ""))
+                    found += _run(name, replace(setting, notify=notify), finished) if there is None else there
             draw = CASES[name].draw
             if out is not None and draw is not None:
                 place = of_bodies(out, outline)
@@ -207,17 +189,11 @@ def _case_table(name: str, outline: str, found: list[Row]) -> Table:
     caption = "\n".join(next(iter(criteria))) if shared else CASES[name].source
     title = f"{name}: {CASES[name].title}" + (f"; bodies: {outline}" if outline != DISC else "")
     table = Table(title=title, caption=escape(caption), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for column in ("scheme", "manner", "passed"):
-        table.add_column(column, no_wrap=True)
-    if not shared:
-        table.add_column("test")
-    table.add_column("figure")
-    if not shared:
-        table.add_column("criterion")
+    for column in ("scheme", "manner", "passed", *(("figure",) if shared else ("test", "figure", "criterion"))):
+        table.add_column(column, no_wrap=column in ("scheme", "manner", "passed"))
     for one in found:
-        passed = {True: "yes", False: "NO", None: "–"}[one.passed]
-        test, criterion = ([one.source], [one.criterion]) if not shared else ([], [])
-        table.add_row(one.scheme, one.manner, passed, *(escape(cell) for cell in (*test, one.figure, *criterion)))
+        words = (one.figure,) if shared else (one.source, one.figure, one.criterion)
+        table.add_row(one.scheme, one.manner, _PASSED[one.passed], *map(escape, words))
     return table
 
 
@@ -269,10 +245,7 @@ def _bits_table(found: dict[str, Any]) -> Table:
     count = sum(row["equal"] is False for row in found["rows"])
     caption = f"{count} of {len(found['rows'])} scenes differ" if count else "no scene differs"
     table = Table(
-        title=f"working tree and commit {found['against'][:12]}",
-        caption=caption,
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+        title=f"working tree and commit {found['against'][:12]}", caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
     )
     for name in ("scene", "bits", "digest", ""):
         table.add_column(name)

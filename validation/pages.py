@@ -7,8 +7,11 @@ this value and leaves out columns that are empty then, and the command; a single
 
 import csv
 import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
+from crowd_env.analysis.figures import cell
 from crowd_env.core.files.atomic import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -17,6 +20,21 @@ MADE_BY = "made_by"  # table, command, note
 _MARK = re.compile(r"(<!-- table: ([\w-]+)((?: [\w-]+=[\w.-]+)*) -->\n).*?(?=<!-- end -->)", re.DOTALL)
 
 Grid = list[list[str]]  # rows of cells, the head first
+Rows = Iterable[Mapping[str, Any]]
+
+
+def grid(rows: Rows, **columns: str) -> Grid:
+    """Return a table with a row for each of ``rows``; ``columns`` are format strings by the heads of the columns."""
+    return [list(columns), *([cell(text, row) for text in columns.values()] for row in rows)]
+
+
+def pivoted(rows: Rows, index: Mapping[str, str], across: str, text: str) -> Grid:
+    """Return a table with a row for each index and a column for each value of ``across``."""
+    found: dict[tuple[str, ...], dict[str, str]] = {}
+    for row in rows:
+        found.setdefault(tuple(cell(one, row) for one in index.values()), {})[cell(across, row)] = cell(text, row)
+    heads = list(dict.fromkeys(head for cells in found.values() for head in cells))
+    return [[*index, *heads], *([*names, *(cells.get(head, "") for head in heads)] for names, cells in found.items())]
 
 
 def read_table(name: str, folder: Path = TABLES) -> Grid:

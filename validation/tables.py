@@ -4,119 +4,19 @@
 that --from names.  Verdicts of the table ``lin`` are written by hand, beside what ``crowd-env reproduce`` prints.
 """
 
-import json
-import string
-import subprocess
-import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache
-from pathlib import Path
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 from crowd_env import SCHEMES
-from crowd_env.core.files.atomic import write_text
-from crowd_env.core.files.json_file import read_json
+from crowd_env.core.checks import known
 from crowd_env.reproduce.pecol2011.evacuations import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import PRINTED as TIMES
 from validation import task_tables
-from validation.cases.case import COMPARED, DISC, share
-from validation.finished import complete_rows, draws, of_bodies
-from validation.pages import ROOT, Grid, read_table, write_table
-
-LIMITS = ROOT / "crowd_env/rendering/report/page_parts/limits.json"
-
-Rows = Iterable[Mapping[str, Any]]
-
-
-class Source:
-    """What a table is made of: what commands print, or the files of the folder that a finished run has written."""
-
-    def __init__(self, command: Callable[[str], dict[str, Any]], folder: Path | None = None) -> None:
-        self._command, self._folder = cache(command), folder
-
-    def __call__(self, line: str) -> dict[str, Any]:
-        """Return the object that ``python -m LINE --json`` prints."""
-        return self._command(line)
-
-    @property
-    def folder(self) -> Path:
-        """Folder of the finished run; ValueError if none is named."""
-        if self._folder is None:
-            raise ValueError("this table is made of the folder that a finished run has written; name it by --from")
-        return self._folder
-
-    def read(self, file: str) -> Any:
-        """Return the content of a JSON file of the finished run; ValueError if there is none."""
-        return read_json(self.folder / file)
-
-    def rows(self, *cases: str, outline: str = DISC) -> list[dict[str, Any]]:
-        """Return the finished rows of cases, with how often each was drawn; ValueError if there are none."""
-        folder, found = of_bodies(self.folder, outline), []
-        for case in cases:
-            if some := complete_rows(folder, case):
-                least, most = draws(folder, case)
-                times = str(least) if least == most else f"{least} to {most}"
-                found += [{**row._asdict(), "draws": times} for row in some]
-        if not found:
-            raise ValueError(f"{folder} holds no finished rows of {', '.join(cases)}")
-        return found
-
-
-def run(line: str) -> dict[str, Any]:
-    """Run ``python -m LINE --json`` and return the object that it prints; ValueError if the command fails."""
-    words = [sys.executable, "-m", *line.split(), "--json"]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise ValueError(f"python -m {line} --json failed: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
-    return dict(json.loads(done.stdout))
-
-
-# --------------------------------------------------------------------------------------------------------- rows to cells
-
-
-_SCALED = {"%": (100.0, ".0f"), "kN": (1e-3, ".1f")}
-
-
-class _Cells(string.Formatter):
-    """Format strings over what JSON holds: a dash for what is missing, `_SCALED` units, a minus of its own for differences."""
-
-    def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
-        try:
-            return super().get_field(field_name, args, kwargs)
-        except (KeyError, TypeError, IndexError):
-            return None, field_name
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        if value is None:
-            return "–"
-        if format_spec in _SCALED:
-            scale, format_spec = _SCALED[format_spec]
-            value = scale * value
-        text = super().format_field(value, format_spec)
-        return text.replace("-", "−") if format_spec.startswith("+") else text
-
-
-def cell(text: str, row: Mapping[str, Any]) -> str:
-    """Return a format string filled from a row; a dash if nothing of it is known."""
-    found = _Cells().vformat(text, (), row)
-    return "–" if "–" in found and not any(sign.isdigit() for sign in found) else found
-
-
-def grid(rows: Rows, **columns: str) -> Grid:
-    """Return a table with a row for each of ``rows``; ``columns`` are format strings by the heads of the columns."""
-    return [list(columns), *([cell(text, row) for text in columns.values()] for row in rows)]
-
-
-def pivoted(rows: Rows, index: Mapping[str, str], across: str, text: str) -> Grid:
-    """Return a table with a row for each index and a column for each value of ``across``."""
-    found: dict[tuple[str, ...], dict[str, str]] = {}
-    for row in rows:
-        found.setdefault(tuple(cell(one, row) for one in index.values()), {})[cell(across, row)] = cell(text, row)
-    heads = list(dict.fromkeys(head for cells in found.values() for head in cells))
-    return [[*index, *heads], *([*names, *(cells.get(head, "") for head in heads)] for names, cells in found.items())]
-
-
-# ------------------------------------------------------------------------------------------------------------ the tables
+from validation.cases.case import DISC, share
+from validation.map import CASES_OF_MAP, criteria, measured, passed, write_limits
+from validation.pages import Grid, grid, pivoted, read_table, write_table
+from validation.sources import Source
 
 _SPREAD = "{evacuation_time[mean]:.2f} ± {evacuation_time[sd]:.2f}"
 _FLOW = "{flow[mean]:.2f} ± {flow[sd]:.2f}"
@@ -253,7 +153,7 @@ def training(source: Source) -> Grid:
         "policy": "`{policy}`", "exits blocked (Wilson interval)": "{blocked} of {runs} (" + _BLOCKED + ")",
         "last person out, of the runs that ended, s": _INTERVAL("clearing_time"), "mean exit time, s": _INTERVAL("mean_exit"),
         "flow, 1/s": "{flow:.2f}", "contact impulse, N s per person": "{contact_impulse[mean]:.0f}",
-        "worst pressure, kN/m": "{max_pressure[mean]:kN}", "above 1600 N/m": "{crushed_share[mean]:%} %",
+        "worst pressure, kN/m": "{max_pressure[mean]:k}", "above 1600 N/m": "{crushed_share[mean]:%} %",
         "for, s": "{crushed_time[mean]:.1f}",
     })  # fmt: skip
 
@@ -308,48 +208,38 @@ def theatre(source: Source) -> Grid:
 
 def variants(source: Source) -> Grid:
     """Return the flows of Table 5 with other readings of the room, and in how many runs people were left inside."""
-    options = [
-        "",
-        *(f"--set door_width={width}" for width in (0.78, 0.86, 0.9)),
-        *(f"--set target={target}" for target in ("centre", "nearest", "width")),
+    changes = (
         *(
-            "--set side=8",
-            "--set dt=0.005",
-            "--set dt=0.001 --set stiffness=1.2e6",
-            "--set stiffness=1.2e4",
-            "--set k_normal=80",
-            "--seed 50",
+            "",
+            "door_width=0.78",
+            "door_width=0.86",
+            "door_width=0.9",
+            "target=centre",
+            "target=nearest",
+            "target=width",
         ),
-    ]
+        *("side=8", "dt=0.005", "dt=0.001 --set stiffness=1.2e6", "stiffness=1.2e4", "k_normal=80"),
+    )
+    options = [*(f"--set {change}" if change else "" for change in changes), "--seed 50"]
     rows = [
         {"options": f"`{one}`" if one else "(none)", "r": _report(source, f"table5 {one}".strip())} for one in options
     ]
     flows = {f"`{scheme}`": f"{{r[flow, {scheme}, per run][here]:.2f}}" for scheme in FLOWS}
     stuck = "/".join(f"{{r[unfinished, {scheme}][here]}}" for scheme in FLOWS)
     order = "{r[draws with nsm1 > dem > nsm2-printed][here]:.2f}"
-    return [
-        *grid(rows, options="{options}", **flows, order=order, stuck=stuck),
-        ["the paper", *FLOWS.values(), "–", "–"],
-    ]
+    found = grid(rows, options="{options}", **flows, order=order, stuck=stuck)
+    return [*found, ["the paper", *FLOWS.values(), "–", "–"]]
 
 
 def clearance(source: Source) -> Grid:
     """Return the median clearance times of 200 and 300 people by their desired speed, and how many draws blocked."""
-    rows = [
-        {
-            "people": people,
-            "name": name,
-            "speed": speed,
-            "time": found[f"clearance, {speed}"],
-            "blocked": found[f"blocked, {speed}"],
-        }
-        for people, name in ((200, "lin-fig7"), (300, "lin-fig8"))
-        for found in (_report(source, name),)
-        for speed in (key.removeprefix("blocked, ") for key in found if key.startswith("blocked, "))
-    ]
-    return pivoted(
-        rows, {"desired speed": "{people} people (`{name}`)"}, "{speed}", "{time[here]:.0f} b{blocked[here]}"
-    )
+    rows = []
+    for people, name in ((200, "lin-fig7"), (300, "lin-fig8")):
+        found, crowd = _report(source, name), f"{people} people (`{name}`)"
+        for speed in (key.removeprefix("blocked, ") for key in found if key.startswith("blocked, ")):
+            figures = {"time": found[f"clearance, {speed}"], "blocked": found[f"blocked, {speed}"]}
+            rows.append({"crowd": crowd, "speed": speed, **figures})
+    return pivoted(rows, {"desired speed": "{crowd}"}, "{speed}", "{time[here]:.0f} b{blocked[here]}")
 
 
 def flows(source: Source) -> Grid:
@@ -357,80 +247,6 @@ def flows(source: Source) -> Grid:
     found = [row | dict(zip(("people", "speed"), name.removeprefix("flow, ").split(" at "), strict=True))
              for name, row in _report(source, "lin-fig10").items() if name.startswith("flow, ") and " at " in name]  # fmt: skip
     return pivoted(found, {"desired speed": "{people} people"}, "{speed}", "{here:.2f}; {reading}")
-
-
-# --------------------------------------------------------------------------------------------------------------- the map
-
-_MAP = (
-    "gate",
-    "doors",
-    "corridor",
-    "ring",
-    "counterflow",
-    "crossing",
-    "corner",
-    "faster",
-    "clogging",
-    "row",
-    "standards",
-)
-_SAID = {True: "yes", False: "**no**", None: "–"}
-_OUTCOME = {"yes": "yes", "**no**": "no", "–": "reported"}
-
-
-def measured(source: Source, *cases: str, manner: str = "") -> Grid:
-    """One row a case or test, manner and scheme: whether it passed, and the figures."""
-    rows = [
-        {**row, "said": _SAID[row["passed"]]}
-        for row in source.rows(*(cases or _MAP))
-        if row["case"] != "not supported" and manner in ("", row["manner"])
-    ]
-    order = list(dict.fromkeys(row["case"] for row in rows)).index
-    manners = list(dict.fromkeys(row["manner"] for row in rows)).index
-    rows.sort(key=lambda row: (order(row["case"]), manners(row["manner"])))
-    columns = {
-        "case or test": "`{case}`",
-        "manner": "{manner}",
-        "scheme": "`{scheme}`",
-        "passed": "{said}",
-        "figures": "{figure}",
-    }
-    return grid(rows, **columns)
-
-
-def criteria(source: Source) -> Grid:
-    """One row a case or test: what it asks for, and where that comes from."""
-    rows = {row["case"]: row for row in source.rows(*_MAP) if row["case"] != "not supported"}
-    columns = {"case or test": "`{case}`", "draws": "{draws}", "criterion": "{criterion}", "source": "{source}"}
-    return grid(rows.values(), **columns)
-
-
-def passed(rows: Grid) -> Grid:
-    """Return the map of what `measured` has found: one row a case or test and manner, one column a scheme."""
-    found = [dict(zip(("case", "manner", "scheme", "passed"), row, strict=False)) for row in rows[1:]]
-    order = [f"`{scheme}`" for scheme in (*COMPARED, "hertz-literal")].index
-    found.sort(key=lambda row: order(row["scheme"]) if row["case"] == rows[1][0] else 0)  # columns as in the first case
-    head, *lines = pivoted(found, {"case or test": "{case}", "manner": "{manner}"}, "{scheme}", "{passed}")
-    first = [row[0] for row in rows[1:]].index
-    return [head, *sorted(lines, key=lambda line: first(line[0]))]
-
-
-def limits(rows: Grid, asked: Grid, unsupported: Grid) -> dict[str, Any]:
-    """Return the map as reports have it: what each case and test asks for, and what came out by manner and scheme."""
-    results: dict[str, dict[str, dict[str, str]]] = {}
-    for case, manner, scheme, said, _ in rows[1:]:
-        results.setdefault(case, {}).setdefault(manner, {})[scheme.strip("`")] = _OUTCOME[said]
-    cases = [
-        {"case": case.strip("`"), "criterion": f"{criterion} ({origin}).", "results": results[case]}
-        for case, _, criterion, origin in asked[1:]
-    ]
-    return {"cases": cases, "not_supported": [f"{test}: {why}." for test, why in unsupported[1:]]}
-
-
-def write_limits() -> None:
-    """Write what reports say of the map, from the tables; what is written by hand beside it stays."""
-    made = limits(*(read_table(name) for name in ("measured", "criteria", "not-supported")))
-    write_text(LIMITS, json.dumps({**read_json(LIMITS), **made}, indent=1, ensure_ascii=False) + "\n")
 
 
 class Table(NamedTuple):
@@ -441,11 +257,11 @@ class Table(NamedTuple):
     note: str = ""
 
 
-def _of_tasks(name: str) -> Callable[[Source], Grid]:
-    return lambda _: task_tables.MAKERS[name]()
+def _of_tasks(make: Callable[[], Grid], source: Source) -> Grid:
+    return make()
 
 
-_MAP_BY = f"python -m validation {' '.join(_MAP)} --data DATA --out DIR"
+_MAP_BY = f"python -m validation {' '.join(CASES_OF_MAP)} --data DATA --out DIR"
 _FULL_SPEED = "python -m validation gate doors --manner competitive --data DATA --out DIR"
 _BODIES = "python -m validation {} --schemes hertz --manner hurried --draws {} --out DIR"
 _TWICE = "also with `--manner competitive`, and all of it with `--outline torso`"
@@ -471,16 +287,14 @@ MAKERS: dict[str, Table] = {
     "criteria": Table(criteria, _MAP_BY),
     "full-speed": Table(lambda source: measured(source, "gate", "doors", manner="competitive"), _FULL_SPEED),
     "map": Table(lambda source: passed(read_table("measured")), _MAP_BY),
-    **{name: Table(_of_tasks(name)) for name in task_tables.MAKERS},
+    **{name: Table(partial(_of_tasks, make)) for name, make in task_tables.MAKERS.items()},
 }  # fmt: skip
 
 
 def make(names: Iterable[str], source: Source) -> None:
     """Make tables anew; ValueError if one is unknown, a command fails or a finished run is missing: it stays as it was then."""
     for name in names:
-        if name not in MAKERS:
-            raise ValueError(f"unknown table {name!r}; known: {', '.join(MAKERS)}")
-        table = MAKERS[name]
+        table = MAKERS[known("table", name, MAKERS)]
         write_table(name, table.make(source), table.command or f"python -m validation pages {name}", table.note)
         if name in ("measured", "criteria"):
             write_limits()

@@ -11,6 +11,7 @@ from crowd_env.agents.evaluation.submission import REFERENCES, read_submission
 from crowd_env.agents.tasks import PRESETS, TASKS
 from crowd_env.agents.tasks.floors import RECORDED_FLOW, exit_widths, free_walk_time, touching_flow
 from crowd_env.agents.tasks.variations import variations
+from crowd_env.analysis.figures import cell
 from validation.pages import ROOT, Grid
 
 SUBMISSIONS = ROOT / "docs/tasks/submissions"
@@ -138,27 +139,25 @@ def submissions(folder: Path = SUBMISSIONS) -> Grid:
 
 def _judged(content: dict[str, Any], policy: str) -> dict[str, str]:
     row, best = _row(content, policy), REFERENCES[1]
-    low, high = (100.0 * value for value in row["blocked_share"]["ci95"])
-    star = "" if row["pressure_is_force"] else " (no forces)"
-    crushed = f"{100.0 * row['crushed_share']['mean']:.0f} %{star}"
+    later = paired(_times(content, policy), _times(content, best))
+    row["star"] = "" if row["pressure_is_force"] else " (no forces)"
+    crushed = "{crushed_share[mean]:%} %{star}"
     if row["crushed_time"]["mean"] is not None:
-        crushed += f", {row['crushed_time']['mean']:.1f} s"
+        crushed += ", {crushed_time[mean]:.1f} s"
     credible = {True: "yes", False: "**no**: " + "; ".join(row["credible"]["reasons"]), None: "not tried"}
     network = "" if policy in REFERENCES else content["policy"]["sha256"]
     return {
         "policy": f"`{policy}`" + (f", {row['constants']['share']:g}" if policy == best else ""),
         "network": f"`{network[:12]}`" if network else "" if policy in REFERENCES else "–",
-        "exits blocked": f"{row['blocked']} of {row['runs']} ({low:.0f} to {high:.0f} %)",
+        "exits blocked": cell("{blocked} of {runs} ({blocked_share[ci95][0]:%} to {blocked_share[ci95][1]:%} %)", row),
         "left inside": str(row["left"] or "nobody"),
         "last person, s": _spread(row["clearing_time"]),
-        f"beside `{best}`, s": ""
-        if policy == best
-        else _spread(paired(_times(content, policy), _times(content, best)), "+"),
+        f"beside `{best}`, s": "" if policy == best else _spread(later, "+"),
         "mean exit, s": _spread(row["mean_exit"]),
-        "flow, 1/s": "–" if row["flow"] is None else f"{row['flow']:.2f}",
-        "impulse, N s": f"{row['contact_impulse']['mean']:.0f}",
-        "greatest pressure, kN/m": f"{row['max_pressure']['mean'] / 1e3:.1f}{star}",
-        "above 1.6 kN/m": crushed,
+        "flow, 1/s": cell("{flow:.2f}", row),
+        "impulse, N s": cell("{contact_impulse[mean]:.0f}", row),
+        "greatest pressure, kN/m": cell("{max_pressure[mean]:k}{star}", row),
+        "above 1.6 kN/m": cell(crushed, row),
         "blocks more than the rule on": "" if policy in REFERENCES else _worse(content),
         "credible": credible[row["credible"]["ok"]],
     }
@@ -178,10 +177,8 @@ def _worse(content: dict[str, Any]) -> str:
         return "not tried"
     blocked = {(row["variation"], row["policy"]): row["blocked"] for row in content["robustness"]["rows"]}
     mine = content["policy"]["name"]
-    worse = [
-        name for (name, policy), count in blocked.items() if policy == mine and count > blocked[name, REFERENCES[0]]
-    ]
-    return ", ".join(worse) or "none"
+    tried = [name for name, policy in blocked if policy == mine]
+    return ", ".join(name for name in tried if blocked[name, mine] > blocked[name, REFERENCES[0]]) or "none"
 
 
 def varied(folder: Path = SUBMISSIONS) -> Grid:
@@ -191,12 +188,9 @@ def varied(folder: Path = SUBMISSIONS) -> Grid:
         about = {one.name: one.about for one in variations(TASKS[name])}
         tried = [one for one in those if one["robustness"] is not None]
         for row in (row for one in tried for row in one["robustness"]["rows"]):
-            time, lost = (
-                row["clearing_time"]["mean"],
-                f", {row['blocked']} of {row['runs']} blocked" if row["blocked"] else "",
-            )
+            lost = ", {blocked} of {runs} blocked" if row["blocked"] else ""
             cells = found.setdefault((name, about[row["variation"]]), {})
-            cells[f"`{row['policy']}`"] = ("–" if time is None else f"{time:.1f}") + lost
+            cells[f"`{row['policy']}`"] = cell("{clearing_time[mean]:.1f}", row) + cell(lost, row)
     policies = list(dict.fromkeys(policy for cells in found.values() for policy in cells))
     lines = ([*names, *(cells.get(policy, "") for policy in policies)] for names, cells in found.items())
     return [["task", "variation", *policies], *lines]

@@ -4,6 +4,7 @@ Every table of figures takes its cells from here, so that a figure looks the sam
 comparison of policies.
 """
 
+import string
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -195,6 +196,32 @@ def percent(share: Mapping[str, Any]) -> str:
     """Return "12 (3..20)": a share of runs in percent with its interval."""
     low, high = (100.0 * bound for bound in share["ci95"])
     return f"{100.0 * share['mean']:.0f} ({low:.0f}..{high:.0f})"
+
+
+_SCALED = {"%": (100.0, ".0f"), "k": (1e-3, ".1f"), "m": (1e3, ".1f")}  # percent, and units with a prefix
+
+
+class _Cells(string.Formatter):
+    """Format strings over what JSON holds: a dash for what is missing, `_SCALED` units, a minus of its own for differences."""
+
+    def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+        try:
+            return super().get_field(field_name, args, kwargs)
+        except (KeyError, TypeError, IndexError):
+            return None, field_name
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if value is None:
+            return "–"
+        scale, format_spec = _SCALED.get(format_spec, (None, format_spec))
+        text = str(super().format_field(value if scale is None else scale * value, format_spec))
+        return text.replace("-", "−") if format_spec.startswith("+") else text
+
+
+def cell(text: str, row: Mapping[str, Any]) -> str:
+    """Return a format string such as "{flow[mean]:.2f}" filled from a row of figures; a dash if nothing of it is known."""
+    found = _Cells().vformat(text, (), row)
+    return "–" if "–" in found and not any(sign.isdigit() for sign in found) else found
 
 
 def cells(place: Scenario, figures: Mapping[str, Any]) -> dict[str, str]:

@@ -16,7 +16,8 @@ from validation.cases.crowds import draw_crowds
 from validation.cases.standards import TESTS
 from validation.cli import app
 from validation.finished import Finished, complete_rows
-from validation.tables import MAKERS, Source
+from validation.sources import Source
+from validation.tables import MAKERS
 
 TORSOS = Setting("hertz", "hurried", draws=1, outline="torso")
 ROOM = room_of(OUTLINES["torso"])

@@ -9,13 +9,16 @@ from repository import ROOT
 from typer.testing import CliRunner
 
 from crowd_env.agents.tasks import TASKS
+from crowd_env.analysis.figures import cell
 from crowd_env.core.files.json_file import read_json
-from validation import pages, tables, task_tables
+from validation import pages, task_tables
 from validation.cases.case import Setting, row
 from validation.cli import app
 from validation.finished import Finished
-from validation.pages import TABLES, filled, read_table, write_table
-from validation.tables import MAKERS, Source, cell, grid, limits, passed, pivoted
+from validation.map import LIMITS, limits, passed
+from validation.pages import TABLES, filled, grid, pivoted, read_table, write_table
+from validation.sources import Source, run
+from validation.tables import MAKERS
 
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
 STORED = {path.stem for path in TABLES.glob("*.csv")} - {pages.MADE_BY}
@@ -43,7 +46,7 @@ def test_every_file_is_used_says_what_made_it_and_is_written_as_it_lies(tmp_path
 def test_the_map_and_what_reports_say_of_it_follow_from_the_figures():
     assert passed(read_table("measured")) == read_table("map"), "run python -m validation pages map"
     found = limits(*(read_table(name) for name in ("measured", "criteria", "not-supported")))
-    assert {**read_json(tables.LIMITS), **found} == read_json(tables.LIMITS)
+    assert {**read_json(LIMITS), **found} == read_json(LIMITS)
 
 
 @pytest.mark.more
@@ -115,7 +118,7 @@ def test_what_cannot_be_made_is_refused_and_changes_nothing(folder, monkeypatch)
 @pytest.mark.more
 def test_a_command_that_fails_is_named():
     with pytest.raises(ValueError, match=r"python -m crowd_env run nowhere --json failed: .*nowhere"):
-        tables.run("crowd_env run nowhere")
+        run("crowd_env run nowhere")
 
 
 # ----------------------------------------------------------------------------------------------------------------- cells

@@ -35,10 +35,7 @@ def corridor(two_ways: bool) -> Scenario:
     place = Geometry.from_polygon(
         box(low, -_HALF, high, _HALF),
         exits={"west": [(low, -_HALF), (low, _HALF)], "east": [(high, -_HALF), (high, _HALF)]},
-        regions={
-            "in west": box(low, -_HALF, 0.0, _HALF),
-            "in east": box(_SECTION, -_HALF, high, _HALF),
-        },
+        regions={"in west": box(low, -_HALF, 0.0, _HALF), "in east": box(_SECTION, -_HALF, high, _HALF)},
     )
     if not two_ways:
         people: Any = adults(2 * _PEOPLE, start_region="in west", route="east")

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env import Bodies, Scenario, Simulation, make_state
+from crowd_env import Bodies, CrowdState, Geometry, Scenario, Simulation, make_state
 from crowd_env.envs.metrics import flow_slope
 from validation.cases.case import Setting
 
@@ -67,6 +67,13 @@ class Crowds:
             yield before, now
             before = now
 
+    def walk(self, limit: float, *lines: "Passages") -> CrowdState:
+        """Let everyone walk for ``limit`` seconds past lines, and return the state at the end."""
+        for before, now in self.moments(limit):
+            for line in lines:
+                line.see(before, now)
+        return self.simulation.state
+
 
 def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
     """Return every draw of every scenario; draw ``d`` comes from `generator`, whatever the scheme and the manner.
@@ -83,32 +90,36 @@ def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
         for each in scenarios
         for d in range(setting.draws)
     ]
-    simulation = Simulation(
-        [each.geometry for each in scenarios],
-        join_bodies([bodies for bodies, _ in drawn]),
-        make_state(np.concatenate([position for _, position in drawn]), environments=len(drawn)),
-        scheme=setting.scheme,
-        fields=[each.route_set(setting.strategy) for each in scenarios],
-        geometry_of_env=np.repeat(np.arange(len(scenarios)), setting.draws),
-        manner=setting.manner,
-        outline=setting.outline,
-    )
+    fields = [each.route_set(setting.strategy) for each in scenarios]
+    which = np.repeat(np.arange(len(scenarios)), setting.draws)
+    places = [each.geometry for each in scenarios]
+    crowds = crowds_at(places, drawn, setting, setting.draws, fields=fields, geometry_of_env=which)
     for e, (_, position) in enumerate(drawn):
-        route_set = simulation.planner.route_set(e)
+        route_set = crowds.simulation.planner.route_set(e)
         assert route_set is not None  # every scenario has an exit
-        simulation.send(e, scenarios[e // setting.draws].choose(route_set, setting.strategy, position))
-    return Crowds(simulation, setting.draws)
+        crowds.simulation.send(e, scenarios[e // setting.draws].choose(route_set, setting.strategy, position))
+    return crowds
+
+
+def crowds_at(
+    place: Geometry | list[Geometry],
+    drawn: Sequence[tuple[Bodies, Floats]],
+    setting: Setting,
+    draws: int,
+    **options: Any,
+) -> Crowds:
+    """Return crowds of bodies at positions (N, 2) [m], side by side; the options are those of `Simulation`."""
+    bodies, position = zip(*drawn, strict=True)
+    columns = [np.concatenate(column) for column in zip(*(part[:-1] for part in bodies), strict=True)]
+    every = Bodies._make([*columns, np.cumsum([0, *map(len, position)])])
+    state = make_state(np.concatenate(position), environments=len(drawn))
+    how: dict[str, Any] = {"scheme": setting.scheme, "manner": setting.manner, "outline": setting.outline}
+    return Crowds(Simulation(place, every, state, **how, **options), draws)
 
 
 def generator(setting: Setting, draw: int) -> np.random.Generator:
     """Return the generator of a draw."""
     return np.random.default_rng([setting.seed, draw])
-
-
-def join_bodies(parts: Sequence[Bodies]) -> Bodies:
-    """Return the bodies of several crowds as those of one batch."""
-    columns = [np.concatenate(column) for column in zip(*(part[:-1] for part in parts), strict=True)]
-    return Bodies._make([*columns, np.cumsum([0, *(len(part.radius) for part in parts)])])
 
 
 class Passages:

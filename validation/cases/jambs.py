@@ -39,9 +39,8 @@ def run(setting: Setting) -> Iterator[Row]:
             more: dict[str, float] = {"door, m": door, "draws": setting.draws}
             for radius in _RADII:
                 setting.notify(f"{name}, {setting.manner}, door {door:g} m, jambs of {radius:g} m")
-                place, seed = narrow_door(door, radius), setting.seed
-                walking: dict[str, Any] = {"manner": setting.manner, "outline": setting.outline}
-                episodes = run_episodes(place, setting.draws, seed=seed, scheme=scheme, **walking)
+                how: dict[str, Any] = {"scheme": scheme, "manner": setting.manner, "outline": setting.outline}
+                episodes = run_episodes(narrow_door(door, radius), setting.draws, seed=setting.seed, **how)
                 more[f"stuck, radius {radius:g} m"] = sum(episode.metrics.unfinished > 0 for episode in episodes)
             stuck = ", ".join(f"{more[f'stuck, radius {radius:g} m']} with {radius:g} m" for radius in _RADII)
             figure = f"door of {door:g} m: stuck in {stuck} of {setting.draws}"

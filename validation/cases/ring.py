@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import shapely
 
-from crowd_env import Geometry, Simulation, make_state
+from crowd_env import Geometry
 from validation.cases.case import Row, Setting, adults, row
-from validation.cases.crowds import Crowds, Floats, Moment, generator, join_bodies, mean_of
+from validation.cases.crowds import Floats, Moment, crowds_at, generator, mean_of
 
 SOURCE = (
     "12 single-file experiments, each weighted alike (Zenodo 10.5281/zenodo.8378592), in place of the bands of RiMEA 16"
@@ -37,8 +37,12 @@ _FROM, _UNTIL = 20.0, 60.0  # s, when speeds are measured: the start from rest i
 
 def ring() -> Geometry:
     """Return the lane, with no way out."""
-    center = shapely.Point(0.0, 0.0)
-    outer, inner = (center.buffer(_RADIUS + side * 0.5 * _WIDTH, quad_segs=24) for side in (1.0, -1.0))
+    return annulus(_RADIUS, _WIDTH)
+
+
+def annulus(radius: float, width: float) -> Geometry:
+    """Return the floor around a circle of ``radius`` [m], ``width`` [m] wide."""
+    outer, inner = (shapely.Point(0.0, 0.0).buffer(radius + side * 0.5 * width, quad_segs=24) for side in (1.0, -1.0))
     return Geometry.from_polygon(outer.difference(inner))
 
 
@@ -54,19 +58,13 @@ def onward(moment: Moment) -> Floats:
 def speeds(setting: Setting, densities: tuple[float, ...] = tuple(BANDS)) -> dict[float, float]:
     """Return the mean speed [m/s] along the lane at each line density [1/m]."""
     numbers = [round(density * _LENGTH) for density in densities]
-    drawn = [adults(n).draw_bodies(generator(setting, d)) for n in numbers for d in range(setting.draws)]
-    angles = [2.0 * np.pi / n * np.arange(n) for n in numbers for _ in range(setting.draws)]
-    position = _RADIUS * np.concatenate([np.column_stack([np.cos(angle), np.sin(angle)]) for angle in angles])
-    simulation = Simulation(
-        ring(),
-        join_bodies(drawn),
-        make_state(position, environments=len(drawn)),
-        scheme=setting.scheme,
-        manner=setting.manner,
-        outline=setting.outline,
-    )
-    crowds = Crowds(simulation, setting.draws)
-    walked, counted = np.zeros(len(position)), 0.0
+    drawn = []
+    for n in numbers:
+        angle = 2.0 * np.pi / n * np.arange(n)
+        position = _RADIUS * np.column_stack([np.cos(angle), np.sin(angle)])
+        drawn += [(adults(n).draw_bodies(generator(setting, d)), position) for d in range(setting.draws)]
+    crowds = crowds_at(ring(), drawn, setting, setting.draws)
+    walked, counted = np.zeros(len(crowds.simulation.state.active)), 0.0
     for before, now in crowds.moments(_UNTIL, onward):
         if before.time >= _FROM - 1e-9:
             walked += _RADIUS * turned(before.position, now.position)

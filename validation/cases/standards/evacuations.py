@@ -18,9 +18,7 @@ _FAR = 3.0  # m, free space behind an exit at which a flow is measured
 def last_out(setting: Setting, scenarios: list[Scenario], limit: float) -> list[float]:
     """Return the mean time [s] at which the last is out of each scenario; nan if somebody is left inside."""
     crowds = draw_crowds(scenarios, setting)
-    for _ in crowds.moments(limit):
-        pass
-    out = crowds.simulation.state.exit_time
+    out = crowds.walk(limit).exit_time
     times = [float(np.max(out[crowds.people(e)])) for e in range(crowds.count)]
     return [float(np.mean([times[e] for e in crowds.of(k)])) for k in range(len(scenarios))]
 
@@ -85,12 +83,8 @@ def rooms(setting: Setting) -> Verdict:
         regions=regions,
     )
     crowds = draw_crowds([Scenario("rooms", place, Groups(tuple(groups)), 120.0)], setting)
-    for _ in crowds.moments(120.0):
-        pass
-    taken = crowds.simulation.state.exit_index.reshape(setting.draws, -1)
-    wanted = np.repeat(
-        [place.exit_names.index(str(group.route)) for group in groups], [group.people for group in groups]
-    )
+    taken = crowds.walk(120.0).exit_index.reshape(setting.draws, -1)
+    wanted = [place.exit_names.index(str(group.route)) for group in groups for _ in range(group.people)]
     right = float((taken == wanted).mean())
     return Verdict(right == 1.0, f"{100 * right:.0f} % of {len(wanted)} people took their exit", {"share": right})
 
@@ -105,9 +99,7 @@ def near_exit(setting: Setting) -> Verdict:
     )
     one = replace(setting, draws=1)
     crowds = draw_crowds([Scenario("two exits", place, adults(1000, start_region="left"), 900.0)], one)
-    for _ in crowds.moments(900.0):
-        pass
-    taken = crowds.simulation.state.exit_index
+    taken = crowds.walk(900.0).exit_index
     near, far = (int((taken == place.exit_names.index(name)).sum()) for name in ("near", "far"))
     return Verdict(near > far > 0, f"{near} by the near exit, {far} by the other", {"near": near, "far": far})
 
@@ -122,9 +114,7 @@ def neck(setting: Setting) -> Verdict:
     )
     crowds = draw_crowds([Scenario("neck", place, adults(150, start_region="left"), 300.0)], setting)
     lines = [Passages(crowds, 0, at) for at in (15.0, 25.3)]
-    for before, now in crowds.moments(300.0):
-        for line in lines:
-            line.see(before, now)
+    crowds.walk(300.0, *lines)
     through, out = (mean_of([steady_flow(line.times(e)) for e in range(crowds.count)]) for line in lines)
     figure = f"{through:.2f} /s through the neck, {out:.2f} /s through the exit"
     return Verdict(bool(out <= through + 0.05), figure, {"neck": through, "exit": out})
@@ -139,8 +129,7 @@ def exit_flow(setting: Setting) -> Verdict:
     )
     crowds = draw_crowds([Scenario("exit", place, adults(100, start_region="room"), 240.0)], setting)
     line = Passages(crowds, 0, 8.3)
-    for before, now in crowds.moments(240.0):
-        line.see(before, now)
+    crowds.walk(240.0, line)
     flow = mean_of([steady_flow(line.times(e)) for e in range(crowds.count)])
     return Verdict(None, f"{flow:.2f} /(m s); people in experiments: 1.6 to 2.8", {"flow": flow})
 
@@ -156,9 +145,7 @@ def closing_exit(setting: Setting) -> Verdict:
     people = adults(20, start_region="left")
     scenario = Scenario("closing", place, people, 120.0, door_events=(DoorEvent("door", False, at=1.0),))
     crowds = draw_crowds([scenario], setting)
-    for _ in crowds.moments(120.0):
-        pass
-    share = float((crowds.simulation.state.exit_index == place.exit_names.index("second")).mean())
+    share = float((crowds.walk(120.0).exit_index == place.exit_names.index("second")).mean())
     return Verdict(share == 1.0, f"{100 * share:.0f} % left by the exit that stayed open", {"share": share})
 
 
@@ -176,9 +163,7 @@ def slow_person(setting: Setting) -> Verdict:
         special = {"desired_speed": Uniform(speed, speed), "radius": Uniform(radius, radius)}
         people = Groups((others, adults(1, start_region="front", name="one", **special)))
         crowds = draw_crowds([Scenario("passage", place, people, 120.0)], setting)
-        for _ in crowds.moments(120.0):
-            pass
-        out = crowds.simulation.state.exit_time.reshape(setting.draws, 25)[:, :24]
+        out = crowds.walk(120.0).exit_time.reshape(setting.draws, 25)[:, :24]
         times.append(float(out.max(axis=1).mean()))
     slow, usual = times
     figure = f"the 24 others are out after {slow:.1f} s, after {usual:.1f} s with an adult in place of the slow person"

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from crowd_env import Geometry, LogNormal, Normal, Population, Scenario, Simulation, SpeedZone, Uniform, make_state
+from crowd_env import Geometry, LogNormal, Normal, Population, Scenario, SpeedZone, Uniform
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Setting, adults
-from validation.cases.crowds import Crowds, Floats, Moment, Passages, draw_crowds, generator, join_bodies, mean_of
+from validation.cases.crowds import Floats, Moment, Passages, crowds_at, draw_crowds, generator, mean_of
+from validation.cases.ring import annulus
 from validation.cases.standards.verdict import Verdict
 
 _ALL_AT = (1.33, 1.0)  # m/s, of the tests in a corridor of 40 m
@@ -31,10 +32,7 @@ def alone(setting: Setting, scenario: Scenario, first: float, last: float) -> tu
     """Return what people who walk alone, one a draw, want [m/s], their speed between two lines, and when they are out [s]."""
     crowds = draw_crowds([scenario], replace(setting, strategy="shortest"))  # there is one way
     lines = [Passages(crowds, 0, at) for at in (first, last)]
-    for before, now in crowds.moments(scenario.time_limit):
-        for line in lines:
-            line.see(before, now)
-    state = crowds.simulation.state
+    state = crowds.walk(scenario.time_limit, *lines)
     return crowds.simulation.bodies.desired_speed, (last - first) / (lines[1].time - lines[0].time), state.exit_time
 
 
@@ -113,24 +111,13 @@ def corner(setting: Setting) -> Verdict:
 
 def fundamental_diagram(setting: Setting) -> Verdict:
     """RiMEA 4, ISO 13: speed and flow by density, in a ring 2.4 m wide in place of a corridor of 1000 m."""
-    center = shapely.Point(0.0, 0.0)
-    outer, inner = (center.buffer(_RADIUS + side * 0.5 * _WIDTH, quad_segs=24) for side in (1.0, -1.0))
-    place = Geometry.from_polygon(outer.difference(inner))
+    place = annulus(_RADIUS, _WIDTH)
     densities = [density for density in _DENSITIES if density * setting.room**2 <= _DENSITIES[-1]]  # that fit
     numbers = [round(density * place.area) for density in densities]
-    drawn = [
-        adults(n, desired_speed=Uniform(1.2, 1.4)).draw(generator(setting, 0), place, setting.room) for n in numbers
-    ]
-    simulation = Simulation(
-        place,
-        join_bodies([bodies for bodies, _ in drawn]),
-        make_state(np.concatenate([position for _, position in drawn]), environments=len(drawn)),
-        scheme=setting.scheme,
-        manner=setting.manner,
-        outline=setting.outline,
-    )
-    crowds = Crowds(simulation, 1)
-    walked = np.zeros(len(simulation.state.active))
+    people = [adults(n, desired_speed=Uniform(1.2, 1.4)) for n in numbers]
+    drawn = [some.draw(generator(setting, 0), place, setting.room) for some in people]
+    crowds = crowds_at(place, drawn, setting, 1)
+    walked = np.zeros(len(crowds.simulation.state.active))
     for before, now in crowds.moments(30.0, along):
         if before.time >= 10.0 - 1e-9:
             walked += np.einsum("ij,ij->i", now.position - before.position, along(before)) / 20.0

@@ -1,0 +1,65 @@
+"""The map: which case and test is passed under which manner and scheme, as tables of docs/, and as reports have it."""
+
+import json
+from typing import Any
+
+from crowd_env.core.files.atomic import write_text
+from crowd_env.core.files.json_file import read_json
+from validation.cases import CASES
+from validation.cases.case import COMPARED
+from validation.pages import ROOT, Grid, grid, pivoted, read_table
+from validation.sources import Source
+
+LIMITS = ROOT / "crowd_env/rendering/report/page_parts/limits.json"
+CASES_OF_MAP = tuple(name for name in CASES if name not in ("frozen", "jambs", "laws", "halls", "great-halls"))
+_SAID = {True: "yes", False: "**no**", None: "–"}
+_OUTCOME = {"yes": "yes", "**no**": "no", "–": "reported"}
+
+
+def measured(source: Source, *cases: str, manner: str = "") -> Grid:
+    """One row a case or test, manner and scheme: whether it passed, and the figures."""
+    rows = [
+        {**row, "said": _SAID[row["passed"]]}
+        for row in source.rows(*(cases or CASES_OF_MAP))
+        if row["case"] != "not supported" and manner in ("", row["manner"])
+    ]
+    order = list(dict.fromkeys(row["case"] for row in rows)).index
+    manners = list(dict.fromkeys(row["manner"] for row in rows)).index
+    rows.sort(key=lambda row: (order(row["case"]), manners(row["manner"])))
+    columns = {"case or test": "`{case}`", "manner": "{manner}", "scheme": "`{scheme}`", "passed": "{said}"}
+    return grid(rows, **columns, figures="{figure}")
+
+
+def criteria(source: Source) -> Grid:
+    """One row a case or test: what it asks for, and where that comes from."""
+    rows = {row["case"]: row for row in source.rows(*CASES_OF_MAP) if row["case"] != "not supported"}
+    columns = {"case or test": "`{case}`", "draws": "{draws}", "criterion": "{criterion}", "source": "{source}"}
+    return grid(rows.values(), **columns)
+
+
+def passed(rows: Grid) -> Grid:
+    """Return the map of what `measured` has found: one row a case or test and manner, one column a scheme."""
+    found = [dict(zip(("case", "manner", "scheme", "passed"), row, strict=False)) for row in rows[1:]]
+    order = [f"`{scheme}`" for scheme in (*COMPARED, "hertz-literal")].index
+    found.sort(key=lambda row: order(row["scheme"]) if row["case"] == rows[1][0] else 0)  # columns as in the first case
+    head, *lines = pivoted(found, {"case or test": "{case}", "manner": "{manner}"}, "{scheme}", "{passed}")
+    first = [row[0] for row in rows[1:]].index
+    return [head, *sorted(lines, key=lambda line: first(line[0]))]
+
+
+def limits(rows: Grid, asked: Grid, unsupported: Grid) -> dict[str, Any]:
+    """Return the map as reports have it: what each case and test asks for, and what came out by manner and scheme."""
+    results: dict[str, dict[str, dict[str, str]]] = {}
+    for case, manner, scheme, said, _ in rows[1:]:
+        results.setdefault(case, {}).setdefault(manner, {})[scheme.strip("`")] = _OUTCOME[said]
+    cases = [
+        {"case": case.strip("`"), "criterion": f"{criterion} ({origin}).", "results": results[case]}
+        for case, _, criterion, origin in asked[1:]
+    ]
+    return {"cases": cases, "not_supported": [f"{test}: {why}." for test, why in unsupported[1:]]}
+
+
+def write_limits() -> None:
+    """Write what reports say of the map, from the tables; what is written by hand beside it stays."""
+    made = limits(*(read_table(name) for name in ("measured", "criteria", "not-supported")))
+    write_text(LIMITS, json.dumps({**read_json(LIMITS), **made}, indent=1, ensure_ascii=False) + "\n")
