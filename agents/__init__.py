@@ -21,13 +21,12 @@ POLICIES: dict[str, type[Policy]] = {
 }
 
 
-def make_policy(policy: str | Policy, *, trust_pickle: bool = False) -> Policy:
+def make_policy(policy: str | Policy) -> Policy:
     """Return a policy by name or from a trained network, or the policy itself.
 
     Parameters
     ----------
     policy : a name in `POLICIES`, that of a shipped policy in `PRETRAINED`, or a path that ends in .safetensors.
-    trust_pickle : open a file of stable-baselines3 (.zip) too.  Opening one runs whatever code its maker put in.
 
     Raises
     ------
@@ -37,7 +36,7 @@ def make_policy(policy: str | Policy, *, trust_pickle: bool = False) -> Policy:
     if not isinstance(policy, str):
         return policy
     if names_file(policy) or policy in PRETRAINED:
-        found = load(policy, trust_pickle=trust_pickle)
+        found = load(policy)
         if not isinstance(found, LearnedPolicy):
             raise ValueError(f"{policy} is a {found.what}, no {LearnedPolicy.what}")
         return found

@@ -18,10 +18,9 @@ from crowd_env.envs.routing.batch import RoutingBatch
 
 from .networks import Network, read_network, write_network
 
-PICKLE, NUMBERS = ".zip", ".safetensors"
+NUMBERS = ".safetensors"
 # Options of `RoutingBatch` that belong to a controller; the others say where it was trained.
 _OF_CONTROLLER = ("interval", "regions", "grid", "routes", "doors", "observation", "reward", "rules", "signs")
-TRUSTED = ":trusted"  # behind the name of a file of stable-baselines3: its maker is trusted
 SAMPLED = ":sampled"  # behind the name of a policy: it draws its actions
 Kind = TypeVar("Kind", bound="_Learned")
 
@@ -42,9 +41,9 @@ class _Learned:
         write_network(_checked(path), self.network, self.facts())
 
     @classmethod
-    def load(cls: type[Kind], path: str | Path, *, trust_pickle: bool = False) -> Kind:
-        """Read what `save` wrote, or with ``trust_pickle`` a stable-baselines3 file; see `load_trained`."""
-        found = load_trained(path, trust_pickle=trust_pickle)
+    def load(cls: type[Kind], path: str | Path) -> Kind:
+        """Read what `save` wrote."""
+        found = load_trained(path)
         if not isinstance(found, cls):
             raise ValueError(f"{path} is a {found.what}, no {cls.what}")
         return found
@@ -196,31 +195,18 @@ class LearnedController(_Learned):
         }
 
 
-def load_trained(path: str | Path, *, trust_pickle: bool = False) -> LearnedPolicy | LearnedController:
-    """Read a trained network: numbers (.safetensors), or what stable-baselines3 saved (.zip) if that is trusted.
-
-    Parameters
-    ----------
-    trust_pickle : open a .zip although it is a pickle: opening it runs whatever code its maker put in.
+def load_trained(path: str | Path) -> LearnedPolicy | LearnedController:
+    """Read a trained network.
 
     Raises
     ------
     ValueError
-        If the file is missing, no such network, or a pickle that is not trusted.
+        If the file is missing, or no such network.
     """
-    path = Path(path) if Path(path).suffix == PICKLE else _checked(path)
+    path = _checked(path)
     if not path.is_file():
         raise ValueError(f"cannot read the network {path}: no such file")
-    if path.suffix == NUMBERS:
-        return made_from(path, *read_network(path))
-    if not trust_pickle:
-        raise ValueError(
-            f"{path} is a stable-baselines3 file: opening it would run any code that is in it; if you trust who made "
-            f"it, name it {path.name}{TRUSTED} (in Python trust_pickle=True); networks in {NUMBERS} files need no trust"
-        )
-    from .learned.pickled import read_pickled
-
-    return made_from(path, *read_pickled(path))
+    return made_from(path, *read_network(path))
 
 
 def made_from(path: Path, network: Network, facts: dict[str, Any]) -> LearnedPolicy | LearnedController:
@@ -247,7 +233,7 @@ def made_from(path: Path, network: Network, facts: dict[str, Any]) -> LearnedPol
 
 def names_file(name: str) -> bool:
     """Return whether this is the path of a network, and no name of a policy."""
-    return name.endswith((NUMBERS, PICKLE))
+    return name.endswith(NUMBERS)
 
 
 def _checked(path: str | Path) -> Path:

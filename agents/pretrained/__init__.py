@@ -16,13 +16,12 @@ FOLDER = Path(__file__).parent
 PRETRAINED: dict[str, Path] = {f"{path.parent.name}/{path.stem}": path for path in sorted(FOLDER.glob(f"*/*{NUMBERS}"))}
 
 
-def load(name: str, *, trust_pickle: bool = False) -> LearnedPolicy | LearnedController:
+def load(name: str) -> LearnedPolicy | LearnedController:
     """Return a trained policy; of a task that decides exits it is a controller.
 
     Parameters
     ----------
     name : of a shipped policy in `PRETRAINED`, or the path of a network (.safetensors).
-    trust_pickle : open a path of stable-baselines3 (.zip) too, see `crowd_env.agents.trained.load_trained`.
 
     Raises
     ------
@@ -30,7 +29,7 @@ def load(name: str, *, trust_pickle: bool = False) -> LearnedPolicy | LearnedCon
         If the name is unknown (the message lists the shipped ones), or the network cannot be read.
     """
     if names_file(name):
-        return load_trained(name, trust_pickle=trust_pickle)
+        return load_trained(name)
     if name not in PRETRAINED:
         shipped = ", ".join(PRETRAINED) or "none"
         raise ValueError(f"unknown trained policy {name!r}; shipped: {shipped}, or the path of a network ({NUMBERS})")

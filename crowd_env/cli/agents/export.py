@@ -157,9 +157,6 @@ def main(
         str, typer.Argument(help="A shipped policy (TASK/NAME), or the path of a network (.safetensors).")
     ],
     onnx: Annotated[Path, typer.Option(metavar="FILE", help="File to write (.onnx).")],
-    trust_pickle: Annotated[
-        bool, typer.Option("--trust-pickle", help="Open a stable-baselines3 file (.zip) too: that runs the code in it.")
-    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object about the file instead of a line.")
     ] = False,
@@ -171,7 +168,7 @@ def main(
     with friendly_errors():
         check_suffix(onnx, (".onnx",))
         check_folder("--onnx", onnx.parent)
-        found = load(network, trust_pickle=trust_pickle)
+        found = load(network)
         content = to_onnx(found).SerializeToString()
         with written(onnx) as part:
             part.write_bytes(content)
